@@ -17,8 +17,8 @@ from gimbalcal.effects.baseline import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
-from gimbalcal.estimate.added import added
 from gimbalcal.estimate.cross_check import CrossCheck, cross_check
+from gimbalcal.estimate.extra_effects import extra_effects
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
 from gimbalcal.estimate.gyroscopes.rate_table import gyroscopes_on_a_table
@@ -70,7 +70,7 @@ def calibrate(
     and estimates `states`: "30", "51" or "EFFECT[:AXIS],...". Pointing runs, one or several of a mount, have a method
     of their own, "pointing".
 
-    `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5" (`added`);
+    `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5";
     `grade` names that of a unit on gimbals.
     Returns the calibration with its provenance, and the recordings; of several sensors side by side those of the
     first. Raises InputError for what it cannot take.
@@ -163,7 +163,7 @@ def _estimated(
     elif method == "multiposition":
         tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
         recordings = tuple(graded(recordings).of(recordings))
-        also = added(more, recordings, (*LINEAR, *GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS))
+        also = extra_effects(more, recordings, (*LINEAR, *GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS))
         alone = len(recordings) == 1
         made = inertial_unit(recordings[0], terms, also) if alone else unit_of_sessions(recordings, terms, also)
         for told in made.provenance["options"].get("sessions", ()):
@@ -187,7 +187,7 @@ def _estimated(
             f"--terms {','.join(terms)} goes with --method multiposition; three-stage has its own, leave it out"
         )
     else:
-        made = three_stage(recordings, tell, added(more, recordings, _modelled(recordings)), grade)
+        made = three_stage(recordings, tell, extra_effects(more, recordings, _modelled(recordings)), grade)
         if any(r.has("angular_rate") for r in recordings):
             why = (
                 "the three stages calibrate accelerometers; --method multiposition takes both triads, and "
@@ -209,8 +209,8 @@ def _navigated(
     if terms:
         raise InputError(f"--terms {','.join(terms)} goes with --method multiposition; a navigator has --states")
     if len(recordings) == 1:
-        return systematic(recordings[0], asked, added(more, recordings), tell)
-    made = calibrate_jointly(recordings, asked, added(more, recordings), tell)
+        return systematic(recordings[0], asked, extra_effects(more, recordings), tell)
+    made = calibrate_jointly(recordings, asked, extra_effects(more, recordings), tell)
     for told in made.provenance["options"]["sessions"]:
         tell(f"{told['title']}: {told['in_words']}")
     return made

@@ -13,18 +13,16 @@ from pathlib import Path
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.checks.table import refuse_implausible
-from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
-from gimbalcal.estimate.accelerometers.joint import information_of, joint
-from gimbalcal.estimate.accelerometers.positions import trusted_positions
-from gimbalcal.estimate.added import Added, with_told
-from gimbalcal.estimate.asked import Asked, asked
-from gimbalcal.estimate.fusion import fuse
+from gimbalcal.estimate.accelerometers.joint import joint
+from gimbalcal.estimate.accelerometers.positions import Positions, misfit_of_positions, trusted_positions
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension
+from gimbalcal.estimate.fusion import both_levels, fuse
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.static_run.run import static_parameters, static_readings
-from gimbalcal.estimate.static_run.system import static, static_information
+from gimbalcal.estimate.static_run.system import misfit_of_run, static
 from gimbalcal.recording import Recording, completed, dwells, read
 from gimbalcal.recording.header import read_header
 
@@ -61,7 +59,7 @@ def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, 
 
 
 def three_stage(
-    recordings: Sequence[Recording], tell: Tell = silent, more: Sequence[Added] = (), grade: str = "",
+    recordings: Sequence[Recording], tell: Tell = silent, more: Sequence[ExtraEffect] = (), grade: str = "",
     judged: bool = True,
 ) -> Calibration:  # fmt: skip
     """Calibrate the accelerometers of a space-stable platform from a multi-position recording, a static run, or both.
@@ -83,11 +81,13 @@ def three_stage(
     return replace(made, provenance={**made.provenance, "options": options})
 
 
-def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[Added], judged: bool) -> Calibration:
+def _three_stages(
+    recordings: Sequence[Recording], tell: Tell, more: Sequence[ExtraEffect], judged: bool
+) -> Calibration:
     device, run = _one_of_each(recordings)
     if device is None and run is not None:
         tell("system level: static run alone")
-        return with_told(*_static_with(run, asked(more, None, run))) if more else static(run)
+        return _static(run, _extension(more, None, run))
     if device is None:
         raise InputError("`calibrate` needs a multi-position recording, a static run, or one of each")
 
@@ -98,26 +98,41 @@ def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[Ad
     tell("stage 2: fine, from the norm of the force at every position")
     second = fine(positions, first)
     tell("stage 2: all 18 coefficients jointly, with the setting error of each position")
-    also = asked(more, positions, run) if more else Asked((), (), {})
-    positions = trusted_positions(device, *also.of(device)) if more else positions
+    extra = _extension(more, positions, run)
+    if more:
+        shown = extra.shown_by(device)
+        positions = trusted_positions(device, shown.effects, shown.parameters)
     both = joint(positions, second, judged)
     stages = (*first.stages, *second.stages, *both.stages)
     if run is None:
-        return with_told(replace(both, method="three-stage", stages=stages), also.constants)
+        return extra.complete(replace(both, method="three-stage", stages=stages))
 
     tell("stage 3: system level, force, gimbals and attitude error of the static run")
-    wanted = (*static_parameters(static_readings(run)), *also.of(run)[1]) if more else None
-    start = (*both.effects, *(e for e in also.effects if e.id not in {o.id for o in both.effects}))
-    device_level = information_of(positions, both.effects)
-    third = fuse(device_level, static_information(run, start, wanted, device_level), both)
+    readings = static_readings(run)
+    wanted = (*static_parameters(readings), *extra.shown_by(run).parameters)
+    absent = tuple(e for e in extra.effects if e.id not in {o.id for o in both.effects})
+    both = replace(both, effects=(*both.effects, *absent))
+    device_level, system_level, solution = both_levels(positions, readings, both.effects, wanted)
+    third = fuse(device_level, system_level, both, solution)
     alone = static(run).stages
-    return with_told(replace(third, method="three-stage", stages=(*stages, *alone, *third.stages)), also.constants)
+    return extra.complete(replace(third, method="three-stage", stages=(*stages, *alone, *third.stages)))
 
 
-def _static_with(run: Recording, also: Asked) -> tuple[Calibration, dict[Parameter, tuple[float, float]]]:
-    """A static run with added effects."""
-    effects, wanted = also.of(run)
-    return static(run, effects, (*static_parameters(static_readings(run)), *wanted)), also.constants
+def _extension(more: Sequence[ExtraEffect], positions: Positions | None, run: Recording | None) -> Extension:
+    """The extra effects, with constants that start where all recordings together fit best."""
+    parts = [misfit_of_positions(positions, more)] if positions is not None and more else []
+    parts += [misfit_of_run(run, more)] if run is not None and more else []
+    if not parts:
+        return NO_EXTENSION
+    stimulus = parts[0][1]
+    sizes = [p for e in more for p in e.parameters(stimulus.axis_names)]
+    return extension(more, sizes, stimulus, lambda effects: sum(cost(effects) for cost, _ in parts))
+
+
+def _static(run: Recording, extra: Extension) -> Calibration:
+    """A static run with extra effects."""
+    wanted = (*static_parameters(static_readings(run)), *extra.parameters)
+    return extra.complete(static(run, extra.effects, wanted))
 
 
 def _refuse_too_little(device: Recording) -> None:

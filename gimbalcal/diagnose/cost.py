@@ -24,7 +24,7 @@ from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import constants, follows, lacking
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.systematic.calibrate import calibrated
 from gimbalcal.estimate.systematic.iterate import iterate
 from gimbalcal.navigate.mechanisations import navigated, usual
@@ -106,9 +106,9 @@ def _settled(recording: Recording, made: Calibration, effect: str) -> Calibratio
     return calibrated(iterate(recording, wanted, (*(e for e in made.effects if e.id not in fitted), *fresh)))
 
 
-def _as_found(e: Effect) -> Added:
+def _as_found(e: Effect) -> ExtraEffect:
     stated = tuple((f.name, float(getattr(e, f.name))) for f in constants(type(e)))
-    return Added(e.id, (), stated, str(getattr(e, "covariate", "")) if follows(type(e)) == "" else "")
+    return ExtraEffect(e.id, (), stated, str(getattr(e, "covariate", "")) if follows(type(e)) == "" else "")
 
 
 def _costs(unit: _Unit) -> Mapping[str, Cost]:

@@ -178,7 +178,10 @@ def effect(cls: type[E]) -> type[E]:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One scalar unknown: which effect, which field, which axis; `sigma` is its prior scale in SI."""
+    """One scalar unknown: which effect, which field, which axis; prior `sigma` and `mean` in SI.
+
+    Every size has prior mean zero; a nonlinear constant has the value from which its fit starts.
+    """
 
     effect: str
     field: str
@@ -187,6 +190,7 @@ class Parameter:
     index: int
     unit: str
     sigma: float
+    mean: float = 0.0
 
     @property
     def label(self) -> str:
@@ -239,9 +243,9 @@ def parameters(cls: type[Effect], gimbals: Sequence[str] = (), *, constants: boo
 
 
 def values(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Array:
-    """Return the current values (p,) in SI of the wanted parameters; an effect that is not there counts as zero."""
+    """Return the current values (p,) in SI of the wanted parameters, the prior mean where absent."""
     by_id = {e.id: e for e in effects}
-    out = [np.atleast_1d(getattr(by_id[p.effect], p.field))[p.index] if p.effect in by_id else 0.0 for p in wanted]
+    out = [np.atleast_1d(getattr(by_id[p.effect], p.field))[p.index] if p.effect in by_id else p.mean for p in wanted]
     return np.array(out)
 
 

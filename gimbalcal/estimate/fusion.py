@@ -11,27 +11,61 @@ level base the turn of the triad about z would seem to be determined, and it is 
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Sequence
 from dataclasses import replace
 
 from gimbalcal.calibration import Calibration, Residual, StageResult
-from gimbalcal.effects import with_values
+from gimbalcal.effects import Effect, Parameter, values, with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.static_run.system import outcome
+from gimbalcal.estimate.accelerometers.joint import information_of
+from gimbalcal.estimate.accelerometers.positions import Positions
+from gimbalcal.estimate.fit import gauss_newton, range_of_constants
+from gimbalcal.estimate.static_run.run import information_of_rows
+from gimbalcal.estimate.static_run.system import linearisation_point, outcome
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.inference.p_value import probability
+from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
+from gimbalcal.readings import Readings
 
 CONTRADICTION = 1e-4  # probability below which two stages that are both right would differ so much
 
 
-def fuse(device: Information, static: Information, before: Calibration) -> Calibration:
-    """Device-level and static-run information about common parameters, added and solved.
+def both_levels(
+    positions: Positions, run: Readings, effects: Sequence[Effect], wanted: Sequence[Parameter]
+) -> tuple[Information, Information, Solution]:
+    """Information of positions and of a static run about their parameters, and the solution of both together.
+
+    The positions are linearised at `effects`, the run at what it adds to them: products of a bias and a turn that only
+    the positions see come out right. With nonlinear constants both are linearised at the joint minimum.
+    """
+    device = information_of(positions, effects)
+    stimuli = positions.problem.stimulus, run.stimulus
+    union = tuple(dict.fromkeys((*device.parameters, *wanted)))
+    bounds = range_of_constants(union, *stimuli)
+    if bounds is None:
+        static = information_of_rows(run, linearisation_point(run, effects, wanted, device), wanted)
+        return device, static, solve(device + static)
+
+    def at(x: Array) -> tuple[Information, Information]:
+        there = with_values(effects, union, x, run.recording.platform.axis_names)
+        return information_of(positions, there), information_of_rows(run, there, wanted)
+
+    together = gauss_newton(lambda x: operator.add(*at(x)), values(effects, union), bounds).solution
+    return *at(together.x), together
+
+
+def fuse(
+    device: Information, static: Information, before: Calibration, together: Solution | None = None
+) -> Calibration:
+    """Add device-level and static-run information about common parameters, and solve, unless the solution is given.
 
     device, static: linearised at the same effects; `before` is the device-level calibration, from which effects that
     neither informs about, and the provenance, are kept. `outcome` says so where the two stages contradict each other.
     """
-    together = solve(device + static)
     names = tuple(axis.name for axis in SPACE_STABLE.axes)
+    together = together or solve(device + static)
     alone = solve(device), solve(static)
     return replace(
         before,

@@ -19,7 +19,7 @@ from gimbalcal.calibration import Calibration, StageResult
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import joined
-from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.support import DIFFER
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
@@ -57,7 +57,7 @@ class Session:
 
 
 def unit_of_sessions(
-    sessions: Sequence[Recording], terms: Sequence[str] = (), more: Sequence[Added] = ()
+    sessions: Sequence[Recording], terms: Sequence[str] = (), more: Sequence[ExtraEffect] = ()
 ) -> Calibration:
     """Calibrate a unit from several sessions together, and say which of them does not agree with the others.
 
@@ -66,7 +66,7 @@ def unit_of_sessions(
     return with_agreement(inertial_unit(join(sessions), terms, more), sessions, more)
 
 
-def with_agreement(made: Calibration, sessions: Sequence[Recording], more: Sequence[Added] = ()) -> Calibration:
+def with_agreement(made: Calibration, sessions: Sequence[Recording], more: Sequence[ExtraEffect] = ()) -> Calibration:
     """The common calibration with what each session alone says of the same terms, and an outcome if one differs."""
     apart = {"gyro_bias", *(a.effect for a in more)}
     taken = tuple(dict.fromkeys(p.effect for p in made.parameters if p.effect not in apart))
@@ -86,7 +86,7 @@ def with_agreement(made: Calibration, sessions: Sequence[Recording], more: Seque
     )
 
 
-def _judged(sessions: Sequence[Recording], k: int, terms: tuple[str, ...], more: Sequence[Added]) -> Session:
+def _judged(sessions: Sequence[Recording], k: int, terms: tuple[str, ...], more: Sequence[ExtraEffect]) -> Session:
     try:
         alone = inertial_unit(sessions[k], terms, more)
         others = inertial_unit(join([r for i, r in enumerate(sessions) if i != k]), terms, more)

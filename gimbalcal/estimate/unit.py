@@ -22,7 +22,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.account import joined
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.strays import strays_in_words, without_strays
-from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
 from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
@@ -36,7 +36,7 @@ from gimbalcal.units import from_si
 MOVED = 0.1  # of gravity's direction: a turn that moves it less, a whole revolution, says nothing of the triads
 
 
-def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequence[Added] = ()) -> Calibration:
+def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequence[ExtraEffect] = ()) -> Calibration:
     """Calibrate what a unit turned from rest to rest holds: accelerometers by the norm, gyroscopes by the turns.
 
     A recording of rates alone is calibrated by its revolutions. terms: ids of effects of either triad (default: those
@@ -58,7 +58,7 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     )
 
 
-def _both(recording: Recording, terms: Sequence[str], more: Sequence[Added]) -> Calibration:
+def _both(recording: Recording, terms: Sequence[str], more: Sequence[ExtraEffect]) -> Calibration:
     """Accelerometers, and gyroscopes where the turns suffice."""
     turning = tuple(a for a in more if CATALOGUE[a.effect].stage in GYROSCOPE_STAGES)
     of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage in GYROSCOPE_STAGES)
@@ -78,7 +78,7 @@ def _both(recording: Recording, terms: Sequence[str], more: Sequence[Added]) -> 
 
 
 def with_gyroscopes(
-    recording: Recording, accelerometers: Calibration, terms: Sequence[str] = (), more: Sequence[Added] = ()
+    recording: Recording, accelerometers: Calibration, terms: Sequence[str] = (), more: Sequence[ExtraEffect] = ()
 ) -> Calibration:
     """Both triads in one calibration: the accelerometers', and the gyroscopes between the same rests beside it.
 

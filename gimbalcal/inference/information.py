@@ -9,7 +9,7 @@ less than the prior does. Such directions are *named*, held at the prior mean, a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,6 +52,15 @@ class Information:
         rows = np.concatenate([_widen(part, union) for part in (self, other)])
         return Information(union, _triangle(rows), self.count + other.count)
 
+    def at(self, values: Mapping[Parameter, float]) -> Information:
+        """The same of the other parameters, where these have known values in SI."""
+        out = [self.parameters.index(p) for p in values]
+        rest = [i for i in range(len(self.parameters)) if i not in out]
+        mean, scale = prior([self.parameters[i] for i in out])
+        known = self.rows[:, out] @ ((np.array(list(values.values())) - mean) / scale)
+        rows = np.concatenate([self.rows[:, rest], (self.rows[:, -1] - known)[:, None]], axis=1)
+        return Information(tuple(self.parameters[i] for i in rest), rows, self.count)
+
     def without(self, nuisance: Sequence[Parameter]) -> Information:
         """The same of the other parameters, whatever these are: they take up their share of the rows.
 
@@ -88,15 +97,21 @@ def information(J: Array, r: Array, parameters: Sequence[Parameter]) -> Informat
 
     r is the observation minus its prediction at zero parameters: linearise elsewhere with r = y - h(x0) + J x0.
     """
-    scale = np.array([p.sigma for p in parameters])
-    rows = np.concatenate([np.asarray(J).reshape(-1, len(parameters)) * scale, np.reshape(r, (-1, 1))], axis=1)
+    mean, scale = prior(parameters)
+    J = np.asarray(J).reshape(-1, len(parameters))
+    rows = np.concatenate([J * scale, (np.ravel(r) - J @ mean)[:, None]], axis=1)
     return Information(tuple(parameters), _triangle(rows), len(rows))
+
+
+def prior(parameters: Sequence[Parameter]) -> tuple[Array, Array]:
+    """Prior mean (p,) and prior sigma (p,) of parameters, SI."""
+    return np.array([p.mean for p in parameters]), np.array([p.sigma for p in parameters])
 
 
 def solve(info: Information, seen: float = SEEN) -> Solution:
     """Estimate, covariance and unobservable directions: those below `seen` stay at the prior (module docstring)."""
     p = len(info.parameters)
-    scale = np.array([q.sigma for q in info.parameters])
+    mean, scale = prior(info.parameters)
     R, z = info.rows[:, :p], info.rows[:, p]
     if not np.isfinite(info.rows).all():
         raise InputError(
@@ -113,15 +128,15 @@ def solve(info: Information, seen: float = SEEN) -> Solution:
     residual = float(np.sum((z - R @ x) ** 2))
     unobservable = name_directions(Vt[~keep].T, info.parameters, R)
     return Solution(
-        info.parameters, x * scale, covariance * np.outer(scale, scale), unobservable, residual,
+        info.parameters, mean + x * scale, covariance * np.outer(scale, scale), unobservable, residual,
         info.count - int(keep.sum()),
     )  # fmt: skip
 
 
 def keeps_prior(parameters: Sequence[Parameter], x: Array, sigma: Array) -> Array:
     """Whether each parameter, with estimate (p,) and sigma (p,) in SI, is as its prior has it: no row says anything."""
-    prior = np.array([q.sigma for q in parameters])
-    return np.asarray((np.abs(sigma / prior - 1) < AT_PRIOR) & (np.abs(x) < AT_PRIOR * prior))
+    mean, scale = prior(parameters)
+    return np.asarray((np.abs(sigma / scale - 1) < AT_PRIOR) & (np.abs(x - mean) < AT_PRIOR * scale))
 
 
 def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> tuple[Unobservable, ...]:

@@ -20,7 +20,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Effect
-from gimbalcal.estimate.added import added
+from gimbalcal.estimate.extra_effects import extra_effects
 from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE
 from gimbalcal.navigate.space_stable import Aids
 from gimbalcal.navigate.uncertainty import before_and_after
@@ -76,7 +76,7 @@ def perfect(truth: tuple[Effect, ...]) -> Calibration:
 def largest(seed: int, damping: float = 0.5) -> Array:
     """Largest errors (5, 8) before and after each stage: seven channels in SI, and position [m]."""
     device, run, later, truth = unit(seed)
-    more = added(("gyro_drift",), (device, run), ())
+    more = extra_effects(("gyro_drift",), (device, run), ())
     made = (three_stage([device]), three_stage([device, run]), three_stage([device, run], more=more), perfect(truth))
     runs = before_and_after(later, tuple(zip(STAGES, made, strict=True)), Aids(damping=damping))
     return np.array([[*r.largest, r.position.max()] for r in runs])

@@ -13,7 +13,7 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.cost import _swung, in_words, with_cost
 from gimbalcal.diagnose.result import Finding
 from gimbalcal.effects import CATALOGUE, parameters
-from gimbalcal.estimate.added import added
+from gimbalcal.estimate.extra_effects import extra_effects
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.pipeline import three_stage
@@ -38,7 +38,7 @@ def static_run(truth: dict[str, Any]) -> Recording:
 
 def diagnosed(recording: Recording, *words: str) -> Diagnosis:
     """A diagnosis that has found these effects, with their refit."""
-    made = three_stage([recording], more=added(words, [recording], ()))
+    made = three_stage([recording], more=extra_effects(words, [recording], ()))
     findings = tuple(named(w.partition(":")[0].partition(",")[0], "x") for w in words)
     return Diagnosis("missing-physics", (), findings, (), FIT, calibration=made)
 
@@ -99,7 +99,7 @@ def test_of_a_unit_turned_in_its_place_a_still_unit_is_navigated() -> None:
     """30 states take a g-sensitivity for a bias, which is wrong as soon as the unit stands still."""
     wanted = [p for p in parameters(CATALOGUE["gyro_g_sensitivity_rate"]) if p.axis == "yz"]
     run = turning_unit(parameters=wanted, values=[1e-6], stop=12.0, speed=30.0, ramp=0.5, rate=10.0, seed=3)
-    made = systematic(run, "30", more=added(("gyro_g_sensitivity_rate:yz",), [run], ()))
+    made = systematic(run, "30", more=extra_effects(("gyro_g_sensitivity_rate:yz",), [run], ()))
     d = Diagnosis("missing-physics", (), (named("gyro_g_sensitivity_rate", "yz"),), (), FIT, calibration=made)
     (found,) = with_cost([run], d).findings
     cost = found["cost"]

@@ -20,7 +20,6 @@ def larger_noise_in_words(p: Problem, fit: PositionFit) -> str:
     s = fit.solution
     if not fit.steps or acceptable(s.chi2, s.dof):
         return ""
-    scale = np.array([q.sigma for q in p.parameters])
     found = []
     opened = {
         "setting": replace(fit.noise, setting_from=RESIDUAL),
@@ -33,7 +32,7 @@ def larger_noise_in_words(p: Problem, fit: PositionFit) -> str:
         free = fit_with_noise(p, noise, s.x)
         times = getattr(free.noise, name) / stated
         if free.steps and times > 1 and acceptable(free.solution.chi2, free.solution.dof):
-            found.append((deviance(free.linear, free.noise, scale), name, times))
+            found.append((deviance(free.linear, free.noise, p.parameters), name, times))
     if not found:
         return ""
     _, name, times = min(found)

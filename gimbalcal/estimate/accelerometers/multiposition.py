@@ -18,14 +18,15 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, Parameter
+from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import noise_record, rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.neglected import in_words, neglected
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, scaled_by_gravity, unknowns
+from gimbalcal.estimate.accelerometers.setting import misfit_with_sizes
 from gimbalcal.estimate.accelerometers.unsteady import noise_of_a_mean, scatter_in_words
-from gimbalcal.estimate.added import Added, Beside, unfit, with_constants, with_told
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, unfit
 from gimbalcal.estimate.support import coefficients, needed, refusal
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
 from gimbalcal.recording import Recording, dwell_means
@@ -34,7 +35,7 @@ from gimbalcal.recording.record import FORCE
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 
 
-def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequence[Added] = ()) -> Calibration:
+def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequence[ExtraEffect] = ()) -> Calibration:
     """Calibrate an accelerometer triad from rest positions of unknown attitude.
 
     terms: ids of effects that act on the force along an axis (default bias, scale_factor, misalignment,
@@ -49,12 +50,12 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     means = dwell_means(dwell_means(recording))  # a rest that a row on the way cuts in two is one
     means, counts = scaled_by_gravity(means)
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
-    beside, constants = _added(means, base, more)
-    best = norm_fit(means, base, beside)
+    extra = _extension(means, base, more)
+    best = norm_fit(means, base, extra)
     tried, declined, left = [(base, best)], dict[str, str](), [t for t in wanted if t not in base]
     while left:
         term = left.pop(0)
-        candidate = _attempt(means, (*tried[-1][0], term), beside)
+        candidate = _attempt(means, (*tried[-1][0], term), extra)
         why = _refusal(term, best, candidate, coefficients(wanted) - coefficients(base))
         if why:
             declined[term] = why
@@ -68,24 +69,18 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     wider = in_words(more_sigma, best.fit.solution.covariance)
     told = [(term, why + wider) for term, why in declined.items()]
     made = _calibration(recording, best, tried, told, counts)
-    return with_told(replace(made, covariance=made.covariance + more_sigma), constants)
+    return extra.complete(replace(made, covariance=made.covariance + more_sigma))
 
 
-def _added(
-    means: Recording, base: tuple[str, ...], more: Sequence[Added]
-) -> tuple[Beside, dict[Parameter, tuple[float, float]]]:
-    """What is added to a fit, with the constants that leave the smallest misfit, and these with their sigma."""
-    wanted = tuple(p for a in more for p in a.parameters(()))
-
-    def misfit(effects: Sequence[Effect]) -> float:
-        made = norm_fit(means, base, (wanted, tuple(effects)))
-        return float(((made.misfit / made.sigma) ** 2).sum())
-
+def _extension(means: Recording, base: Sequence[str], more: Sequence[ExtraEffect]) -> Extension:
+    """What is added to the fits, with constants that start where they leave the smallest misfit of the base terms."""
     if not more:
-        return ((), ()), {}
+        return NO_EXTENSION
+    sizes = tuple(p for e in more for p in e.parameters(()))
     at_rest = stimulus_from_readings(means) if not means.platform.axes else stimulus_from_angles(means)
-    effects, told = with_constants(more, at_rest.at(axis_names=()), misfit)
-    return (wanted, effects), told
+    without = norm_fit(means, base)
+    cost = misfit_with_sizes(without.problem, without.fit.solution.x, without.fit.setting, without.fit.noise, sizes)
+    return extension(more, sizes, at_rest.at(axis_names=()), cost)
 
 
 def _check(terms: Sequence[str], recording: Recording, option: str) -> None:
@@ -110,9 +105,9 @@ def _without_angles(cls: type[Effect]) -> bool:
     return cls.stage in SENSOR_STAGES and cls.channel == FORCE
 
 
-def _attempt(means: Recording, terms: Sequence[str], beside: Beside) -> NormFit | None:
+def _attempt(means: Recording, terms: Sequence[str], extra: Extension) -> NormFit | None:
     try:
-        return norm_fit(means, terms, beside)
+        return norm_fit(means, terms, extra)
     except InputError:
         return None
 

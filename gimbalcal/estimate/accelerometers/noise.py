@@ -9,12 +9,15 @@ parameters integrated out (REML),
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from gimbalcal.earth import G0
+from gimbalcal.effects import Parameter
 from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, VisitRows, gauss_newton, whiten
+from gimbalcal.inference.information import prior
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -64,7 +67,6 @@ def residual_noise(p: Problem, fit: PositionFit) -> Noise:
     """The noise that makes the residual of a fit most likely, over what header and samples left open."""
     from scipy.optimize import minimize
 
-    scale = np.array([q.sigma for q in p.parameters])
     opened = [
         name
         for name, source in (("accelerometer", fit.noise.accelerometer_from), ("setting", fit.noise.setting_from))
@@ -73,7 +75,7 @@ def residual_noise(p: Problem, fit: PositionFit) -> Noise:
     start = np.log([getattr(fit.noise, name) for name in opened])
 
     def cost(logs: Array) -> float:
-        return deviance(fit.linear, _with(fit.noise, opened, logs), scale)
+        return deviance(fit.linear, _with(fit.noise, opened, logs), p.parameters)
 
     # two starts: the likelihood has a second, flat mode where all is put down to the other noise
     found = [minimize(cost, start + shift, method="Nelder-Mead", options={"xatol": 1e-3}) for shift in (0.0, 4.0)]
@@ -85,11 +87,13 @@ def _with(noise: Noise, names: list[str], logs: Array) -> Noise:
     return replace(noise, **dict(zip(names, np.exp(np.clip(logs, -28, 0)).tolist(), strict=True)))
 
 
-def deviance(linear: VisitRows, noise: Noise, scale: Array) -> float:
-    """-2 ln of the restricted likelihood, parameters under a prior of `scale` (p,), up to a constant."""
+def deviance(linear: VisitRows, noise: Noise, parameters: Sequence[Parameter]) -> float:
+    """Return -2 ln of the restricted likelihood with the parameters under their prior, up to a constant."""
     w = whiten(linear, noise)
-    rows = np.concatenate([w.J.reshape(-1, scale.size), w.J_inside.reshape(-1, scale.size)]) * scale
-    r = np.concatenate([w.r.ravel(), w.r_inside.ravel(), np.zeros(scale.size)])
+    mean, scale = prior(parameters)
+    J = np.concatenate([w.J.reshape(-1, scale.size), w.J_inside.reshape(-1, scale.size)])
+    r = np.concatenate([np.concatenate([w.r.ravel(), w.r_inside.ravel()]) - J @ mean, np.zeros(scale.size)])
+    rows = J * scale
     R = np.linalg.qr(np.column_stack([np.concatenate([rows, np.eye(scale.size)]), r]), mode="r")
     diagonal = np.abs(np.diag(R))
     sigma = w.sigma[np.isfinite(w.sigma)]

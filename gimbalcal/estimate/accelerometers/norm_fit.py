@@ -17,7 +17,7 @@ from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, gauss_newton, problem
-from gimbalcal.estimate.added import Beside
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
 from gimbalcal.estimate.pulses.gravity_norm import ellipsoid
 from gimbalcal.estimate.support import scatter
 from gimbalcal.number import Array
@@ -64,9 +64,9 @@ def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
     return tuple(replace(p, sigma=WIDE * p.sigma) for p in tied(found))
 
 
-def norm_fit(means: Recording, terms: Sequence[str], beside: Beside = ((), ())) -> NormFit:
+def norm_fit(means: Recording, terms: Sequence[str], extra: Extension = NO_EXTENSION) -> NormFit:
     """Fit the terms to one row per dwell in SI. The scatter beyond the noise of the means is estimated with it."""
-    wanted = (*unknowns(terms), *beside[0])
+    wanted = (*unknowns(terms), *extra.parameters)
     y, g = means.triad(FORCE), means.site.gravity
     if len(y) < len(wanted):
         raise InputError(
@@ -75,7 +75,7 @@ def norm_fit(means: Recording, terms: Sequence[str], beside: Beside = ((), ())) 
             "--terms bias,scale_factor, which takes six"
         )
     bench = replace(means, platform=BENCH, channels={k: v for k, v in means.channels.items() if k[0] != "gimbal_angle"})
-    p = problem(bench, wanted, beside[1])
+    p = problem(bench, wanted, extra.effects)
     towards = y / np.linalg.norm(y, axis=1, keepdims=True)
     p = replace(p, readings=replace(p.readings, stimulus=p.stimulus.at(force=g * towards)))
     sample = means.sigma("accelerometer") or 1e-6 * g  # no scatter known: far below any rig, the excess takes over
@@ -87,12 +87,12 @@ def _start(y: Array, wanted: Sequence[Parameter], g: float) -> Array:
     """Linear start [SI] from the ellipsoid through the readings y (m, 3), turned to the direction of the effects."""
     found = ellipsoid(y[None] / g)[0] if len(y) >= 9 else np.full(9, np.nan)
     if not np.isfinite(found).all():
-        return np.zeros(len(wanted))
+        return np.array([q.mean for q in wanted])
     K1, bias, (yx, zx, zy) = found[:3], found[3:6], found[6:]
     start = {("scale_factor", i): K1[i] - 1 for i in range(3)} | {("bias", i): -g * bias[i] / K1[i] for i in range(3)}
     inverse = {"yz": yx, "zy": -(zx - zy * yx), "zx": zy}  # the inverse of Eq. (5), in the betas of Wu et al.'s Eq. (5)
     return np.array(
-        [inverse[q.axis] if q.effect == "misalignment" else start.get((q.effect, q.index), 0.0) for q in wanted]
+        [inverse[q.axis] if q.effect == "misalignment" else start.get((q.effect, q.index), q.mean) for q in wanted]
     )
 
 

@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gimbalcal.effects import Effect, Parameter, parameters
+import numpy as np
+
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters
+from gimbalcal.effects.card import happens_once
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.misset import Fault, fit_without_faults
 from gimbalcal.estimate.accelerometers.noise import stated_noise
@@ -17,10 +20,12 @@ from gimbalcal.estimate.accelerometers.setting import (
     Noise,
     PositionFit,
     Problem,
+    misfit_with_sizes,
     position_parameters,
     problem,
     starting_values,
 )
+from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
 from gimbalcal.recording import Recording
 
 
@@ -37,6 +42,17 @@ class Positions:
     def noise(self) -> Noise:
         """Noise of a sample and of a gimbal setting, as stated or as the residual of the fit shows."""
         return self.fit.noise
+
+
+def misfit_of_positions(positions: Positions, more: Sequence[ExtraEffect]) -> tuple[Cost, Stimulus]:
+    """Chi^2 of every row about the fit with the sizes of extra effects beside it, and what the rows experienced."""
+    p, e = problem(positions.recording, positions.problem.parameters, averaged=False), positions.fit.setting
+    if any(happens_once(CATALOGUE[a.effect]) for a in more):  # a fault of one position may be what is asked for
+        e = np.zeros((p.visits, p.turns))
+    else:
+        p = p.without([visit for fault in positions.faults for visit in fault.visits])
+    sizes = sizes_shown_by(more, positions.recording)
+    return misfit_with_sizes(p, positions.fit.solution.x, e, positions.noise, sizes), p.stimulus
 
 
 def trusted_positions(

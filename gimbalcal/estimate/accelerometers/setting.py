@@ -21,7 +21,10 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.grade import GRADES, Grade
 from gimbalcal.effects.process import Process, SettingError, WhiteNoise
-from gimbalcal.inference.information import Information, Solution, information, solve
+from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
+from gimbalcal.estimate.fit import gauss_newton as iterate
+from gimbalcal.estimate.fit import range_of_constants
+from gimbalcal.inference.information import Information, Solution, information, prior, solve
 from gimbalcal.number import Array, apply_matrix, complex_step
 from gimbalcal.platform import Platform
 from gimbalcal.readings import Readings, readings
@@ -272,25 +275,55 @@ class PositionFit:
 
 
 def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
-    """Iterate the whitened linear solution until a step is below 1e-3 of the noise; give up where it runs away."""
-    far, least = FAR * np.array([q.sigma for q in p.parameters]), ROUNDING * p.stimulus.gravity
-    x = start if start is not None and np.all(np.abs(start) <= far) else np.zeros(len(p.parameters))
+    """Fit parameters and setting errors until a step is below 1e-3 of the noise; give up where it runs away."""
+    mean, scale = prior(p.parameters)
+    far, least = FAR * scale, ROUNDING * p.stimulus.gravity
+    x = start if start is not None and np.all(np.abs(start - mean) <= far) else mean
     e = aim(p, x, noise)
-    for step in range(1, ROUNDS + 1):
+    linear: VisitRows | None = None
+    w: Whitened
+
+    def recovered(x: Array) -> Array:
+        return e if linear is None else apply_matrix(w.gain, linear.r - linear.J @ x)
+
+    def linearise(x: Array) -> Information:
+        nonlocal e, linear, w
+        e = recovered(x)
         linear = by_visit(p, x, e)
         w = whiten(linear, noise)
-        solution = solve(w.information(p.parameters))
-        e_new = apply_matrix(w.gain, linear.r - linear.J @ solution.x)
-        moved_x, moved_e = np.abs(solution.x - x), np.abs(apply_matrix(linear.G, e_new - e))
-        x, e = solution.x, e_new
+        return w.information(p.parameters)
+
+    def arrived(x: Array, target: Array, solution: Solution) -> bool:
+        assert linear is not None
+        moved = np.abs(apply_matrix(linear.G, recovered(target) - e))
         quiet = noise.accelerometer / np.sqrt(linear.weight)[:, None]
-        if np.all(moved_x <= 1e-3 * solution.sigma + ROUNDING * far) and np.all(moved_e <= 1e-2 * quiet + least):
-            return PositionFit(solution, e, linear, w, noise, step)
-        if not np.all(np.abs(x) <= far):  # nor where it is no number any more
-            break
-    return PositionFit(solution, e, linear, w, noise, 0)
+        close = np.abs(target - x) <= 1e-3 * solution.sigma + ROUNDING * far
+        return bool(np.all(close) and np.all(moved <= 1e-2 * quiet + least))
+
+    def diverged(x: Array) -> bool:
+        return not np.all(np.abs(x - mean) <= far)  # nor where it is no number any more
+
+    bounds = range_of_constants(p.parameters, p.stimulus)
+    found = iterate(linearise, x, bounds, limit=ROUNDS, arrived=arrived, diverged=diverged)
+    assert linear is not None
+    return PositionFit(found.solution, recovered(found.solution.x), linear, w, noise, found.steps)
+
+
+def misfit_with_sizes(p: Problem, x: Array, e: Array, noise: Noise, sizes: Sequence[Parameter]) -> Cost:
+    """Chi^2 of the rows about a fit (x, e) with the sizes of absent effects free beside its parameters."""
+    wanted = (*p.parameters, *sizes)
+    effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
+    rows = set_off(p, e).rows(effects, dict.fromkeys(CATALOGUE[q.effect].stage for q in wanted))
+    J, G = rows.jacobian(p.parameters), by_turns(p, x, e)
+    r = rows.residual + J @ x + apply_matrix(G, e[p.visit])
+
+    def misfit(effects: Sequence[Effect]) -> float:
+        every = np.concatenate([J, columns_of_sizes(rows, effects, sizes)], axis=-1)
+        return solve(whiten(visit_rows(p, every, r, G), noise).information(wanted)).chi2
+
+    return misfit
 
 
 def starting_values(p: Problem, effects: Sequence[Effect]) -> Array:
-    """Values (p,) of the problem's parameters in `effects`, zero where absent."""
+    """Values (p,) of the problem's parameters in `effects`, the prior mean where absent."""
     return np.asarray(values(effects, p.parameters), dtype=float)

@@ -19,23 +19,22 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
 from gimbalcal.effects.baseline import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.account import joined
-from gimbalcal.estimate.added import Added, Beside, with_constants, with_told
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension
 from gimbalcal.estimate.gyroscopes.borrowed import with_accelerometers
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.outcome import rests_in_words, singular_in_words, sizes_in_words, turns_in_words
 from gimbalcal.estimate.gyroscopes.rests import (
     BIAS,
     G_SENSITIVITY,
-    Extra,
     RestFit,
     Rests,
-    apart,
+    by_motion,
     fit_rests,
     level_of,
     rests,
@@ -52,7 +51,7 @@ FURTHER = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temper
 
 
 def gyroscopes_between_rests(
-    recording: Recording, accelerometers: Calibration, terms: Sequence[str] = (), more: Sequence[Added] = ()
+    recording: Recording, accelerometers: Calibration, terms: Sequence[str] = (), more: Sequence[ExtraEffect] = ()
 ) -> Calibration:
     """Calibrate gyroscopes against accelerometers from a recording of rests with turns between them.
 
@@ -66,19 +65,18 @@ def gyroscopes_between_rests(
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or _default(recording)) if t not in asked)
     _check(wanted, recording)
     turns, _, scale = turns_between_rests(recording, accelerometers)
-    moving = tuple(t for t in wanted if t != G_SENSITIVITY)
-    base = tuple(t for t in moving if t in LINEAR) or moving[:1]
+    terms_moving = tuple(t for t in wanted if t != G_SENSITIVITY)
+    base = tuple(t for t in terms_moving if t in LINEAR) or terms_moving[:1]
     tried = coefficients([t for t in wanted if t not in base])
     still = rests(recording, accelerometers, scale, turns)
-    extra = apart(more, still)
-    effects, constants = _chosen(more, extra, still, turns, base)
+    extra = _extension(more, still, turns, base)
+    at_rest, moving = by_motion(extra, still)
     level, why = level_of(still, recording.site.latitude, recording.site.gravity, G_SENSITIVITY in wanted, tried,
-                          extra[0], effects)  # fmt: skip
+                          at_rest)  # fmt: skip
     if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
         turns = turns_between_rests(recording, accelerometers, level.effects)[0]
-    beside = extra[1], effects
-    further = [t for t in moving if t not in base]
-    fits, declined = _taken_up(turns, base, further, tried, beside) if base or extra[1] else ([], {})
+    further = [t for t in terms_moving if t not in base]
+    fits, declined = _taken_up(turns, base, further, tried, moving) if base or moving.parameters else ([], {})
     if why:
         declined[G_SENSITIVITY] = why
     said = rests_in_words(recording, still, level.misfit)
@@ -90,23 +88,25 @@ def gyroscopes_between_rests(
             + sizes_in_words(turns, with_values(fit.effects, fit.parameters, fit.x))
         )
     made = replace(_calibration(recording, level, fits, declined, scale), outcome=joined(said))
-    return with_told(made, constants)
+    return extra.complete(made)
 
 
-def _chosen(
-    more: Sequence[Added], extra: Extra, still: Rests, turns: Turns, base: tuple[str, ...]
-) -> tuple[tuple[Effect, ...], dict[Parameter, tuple[float, float]]]:
-    """The added effects with the constants that rests and turns together fit best, and these with their sigma."""
+def _extension(more: Sequence[ExtraEffect], still: Rests, turns: Turns, base: tuple[str, ...]) -> Extension:
+    """The extra effects, with constants that start where rests and turns together fit best."""
+    if not more:
+        return NO_EXTENSION
+    sizes = tuple(p for e in more for p in e.parameters(()))
 
     def misfit(effects: Sequence[Effect]) -> float:
-        rest = fit_rests(still, (BIAS,), extra[0], effects)
+        at_rest, moving = by_motion(Extension(tuple(effects), sizes), still)
+        rest = fit_rests(still, (BIAS,), at_rest)
         total = float(((rest.misfit / np.maximum(still.sigma, 1e-300)) ** 2).sum())
-        if extra[1]:
-            turned = fit_turns(turns, base, (extra[1], tuple(effects)))
+        if moving.parameters:
+            turned = fit_turns(turns, base, moving)
             total += float((turned.misfit**2).sum() / turned.rms**2)
         return total
 
-    return with_constants(more, still.stimulus, misfit) if more else ((), {})
+    return extension(more, sizes, still.stimulus, misfit)
 
 
 def _default(recording: Recording) -> tuple[str, ...]:
@@ -126,14 +126,14 @@ Fits = list[tuple[tuple[str, ...], TurnFit]]
 
 
 def _taken_up(
-    turns: Turns, base: tuple[str, ...], further: Sequence[str], coefficients_tried: int, beside: Beside
+    turns: Turns, base: tuple[str, ...], further: Sequence[str], coefficients_tried: int, extra: Extension
 ) -> tuple[Fits, dict[str, str]]:
     """Fits of base and of ever one term more, the one that tells left-out turns best; and why others were declined."""
-    fits, left = [(base, fit_turns(turns, base, beside))], list(further)
+    fits, left = [(base, fit_turns(turns, base, extra))], list(further)
     declined: dict[str, str] = {}
     while left:
         terms, best = fits[-1]
-        tried = {t: _attempt(turns, (*terms, t), best, coefficients_tried, beside) for t in left}
+        tried = {t: _attempt(turns, (*terms, t), best, coefficients_tried, extra) for t in left}
         declined = {t: found for t, found in tried.items() if isinstance(found, str)}
         good = {t: found for t, found in tried.items() if not isinstance(found, str)}
         if not good:
@@ -144,10 +144,10 @@ def _taken_up(
     return fits, declined
 
 
-def _attempt(turns: Turns, terms: tuple[str, ...], without: TurnFit, tried: int, beside: Beside) -> TurnFit | str:
+def _attempt(turns: Turns, terms: tuple[str, ...], without: TurnFit, tried: int, extra: Extension) -> TurnFit | str:
     """The fit with the last of the terms, or why the turns do not support it."""
     try:
-        fit = fit_turns(turns, terms, beside)
+        fit = fit_turns(turns, terms, extra)
     except InputError as problem:
         return f"{terms[-1]} is left out: {problem}"
     sigma = np.maximum(np.sqrt(np.diag(fit.covariance)), fit.jackknife)

@@ -27,6 +27,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.noise import SAMPLES
+from gimbalcal.estimate.extra_effects import Extension
 from gimbalcal.estimate.gyroscopes.heading import horizontal_sigma
 from gimbalcal.estimate.gyroscopes.outcome import UNSTEADY_RATE
 from gimbalcal.estimate.gyroscopes.rests import RestFit, Rests, fit_rests
@@ -193,7 +194,7 @@ def _settled(found: Rests, wanted: tuple[Parameter, ...]) -> RestFit:
     """The fit near its own solution: scale factors and misalignments multiply each other."""
     x = np.zeros(len(wanted))
     for _ in range(ROUNDS):
-        fit = fit_rests(found, (), wanted, about=x)
+        fit = fit_rests(found, (), Extension((), wanted), about=x)
         x = fit.x
     return fit
 

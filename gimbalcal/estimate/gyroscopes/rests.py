@@ -14,14 +14,15 @@ rests, what is horizontal is two unknowns beside the effects (`heading`), and sc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
-from gimbalcal.estimate.added import Added
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
+from gimbalcal.estimate.fit import MAX_STEPS, TOLERANCE, range_of_constants
 from gimbalcal.estimate.gyroscopes.heading import horizontal_rate
 from gimbalcal.estimate.gyroscopes.turns import Turns
 from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
@@ -84,8 +85,8 @@ def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0,
 
 
 def fit_rests(
-    found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY), more: Sequence[Parameter] = (),
-    effects: Sequence[Effect] = (), about: Array | None = None,
+    found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY), extra: Extension = NO_EXTENSION,
+    about: Array | None = None,
 ) -> RestFit:  # fmt: skip
     """Weighted least squares of gyroscope effects, which are linear at rest; the excess of each axis with it.
 
@@ -93,11 +94,13 @@ def fit_rests(
     turns. The Earth's horizontal rate, as far as it is known, is fitted
     beside them within what it can be.
     """
-    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *more)
+    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *extra.parameters)
+    if extra.constants and about is None:
+        return _with_constants(found, terms, extra)
     rate = found.stimulus.rate
 
     def read(x: Array) -> Array:
-        return gyroscopes(rate, found.stimulus, with_values(effects, wanted, x))
+        return gyroscopes(rate, found.stimulus, with_values(extra.effects, wanted, x))
 
     x0 = np.zeros(len(wanted)) if about is None else about
     J = complex_step(read, x0)
@@ -120,27 +123,44 @@ def fit_rests(
     A = A[:, :p]
     slack = 1 - (U**2).sum(1).reshape(misfit.shape)
     size = np.sqrt((A**2).sum(0))
-    return RestFit(with_values(effects, wanted, x), wanted, x, covariance, misfit,
+    return RestFit(with_values(extra.effects, wanted, x), wanted, x, covariance, misfit,
                    float(np.sqrt(np.mean((misfit / slack) ** 2))), float(np.linalg.cond(A / size)),
                    float(dof.min()) if np.any(excess > 0) else np.inf)  # fmt: skip
 
 
+def _with_constants(found: Rests, terms: Sequence[str], extra: Extension) -> RestFit:
+    """The fit with nonlinear constants free, from where the sizes alone fit."""
+    sizes = replace(extra, parameters=tuple(p for p in extra.parameters if p not in extra.constants))
+    fit = fit_rests(found, terms, sizes)
+    wanted = (*fit.parameters[: len(fit.parameters) - len(sizes.parameters)], *extra.parameters)
+    bounds = range_of_constants(wanted, found.stimulus)
+    x = values(fit.effects, wanted)
+    for _ in range(MAX_STEPS):
+        fit = fit_rests(found, terms, extra, x)
+        target = np.clip(fit.x, *bounds) if bounds is not None else fit.x
+        arrived = np.all(np.abs(target - x) <= TOLERANCE * np.sqrt(np.diag(fit.covariance)))
+        x = target
+        if arrived:
+            break
+    return replace(fit, effects=with_values(extra.effects, wanted, x), x=x)
+
+
 def level_of(
     found: Rests, latitude: float | None, gravity: float, g_sensitivity: bool, tried: int = 0,
-    more: Sequence[Parameter] = (), effects: Sequence[Effect] = (),
+    extra: Extension = NO_EXTENSION,
 ) -> tuple[RestFit, str]:  # fmt: skip
     """Bias, and g-sensitivity if the rests support it; the second value says why not, if they do not.
 
-    tried: coefficients that were asked for in all, those of the g-sensitivity with them (left out: these alone); more:
-    parameters of absent `effects` that are fitted in any case.
+    tried: coefficients that were asked for in all, those of the g-sensitivity with them (left out: these alone); extra:
+    effects that are fitted in any case.
     """
-    plain = fit_rests(found, (BIAS,), more, effects)
+    plain = fit_rests(found, (BIAS,), extra)
     if not g_sensitivity:
         return plain, ""
     data = f"{len(found.rate)} rests"
     if len(found.rate) < 6:  # four unknowns an axis, and something to test them on
         return plain, f"{G_SENSITIVITY} is left out: {data} are too few for it"
-    fit = fit_rests(found, (BIAS, G_SENSITIVITY), more, effects)
+    fit = fit_rests(found, (BIAS, G_SENSITIVITY), extra)
     if latitude is None:  # the Earth's vertical rate, between -15 and 15 deg/h, is such a G
         common = np.array([float(p.effect == G_SENSITIVITY and p.axis[0] == p.axis[-1]) for p in fit.parameters])
         share = EARTH_RATE / np.sqrt(3) / gravity
@@ -153,17 +173,19 @@ def level_of(
     return (plain, why) if why else (fit, "")
 
 
-Extra = tuple[tuple[Parameter, ...], tuple[Parameter, ...]]
-"""Parameters of added effects: those that rests show, and those that only turning does."""
+def by_motion(extra: Extension, still: Rests) -> tuple[Extension, Extension]:
+    """The part of extra effects that shows in what a unit at rest reads, and the part that only turning shows.
 
+    A constant belongs to the rests where its effect has a size that shows there.
+    """
+    by_id = {e.id: e for e in extra.effects}
 
-def apart(more: Sequence[Added], still: Rests) -> Extra:
-    """The parameters of added effects, told apart by what a unit that does not turn reads."""
-    at_rest: list[Parameter] = []
-    moving: list[Parameter] = []
-    for a in more:
-        for p in a.parameters(()):
-            (probe,) = with_values([a.absent((), dict(a.stated))], (p,), np.array([p.sigma]))
-            shows = np.any(probe.contribution(still.stimulus) != 0)
-            (at_rest if shows else moving).append(p)
-    return tuple(at_rest), tuple(moving)
+    def shows(p: Parameter) -> bool:
+        (probe,) = with_values([by_id[p.effect]], (p,), np.array([p.sigma]))
+        return bool(np.any(probe.contribution(still.stimulus) != 0))
+
+    sizes = [p for p in extra.parameters if p not in extra.constants]
+    at_rest = {p for p in sizes if shows(p)}
+    at_rest |= {c for c in extra.constants if any(p.effect == c.effect for p in at_rest)}
+    rest, moving = (tuple(p for p in extra.parameters if (p in at_rest) is still) for still in (True, False))
+    return Extension(extra.effects, rest), Extension(extra.effects, moving)

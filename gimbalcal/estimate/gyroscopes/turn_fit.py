@@ -17,9 +17,10 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.added import Beside
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
 from gimbalcal.estimate.gyroscopes.turns import Turns, end_of
 from gimbalcal.forward import Rows, gyroscopes, linearise
+from gimbalcal.inference.information import prior
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.inversion import invert
 from gimbalcal.number import Array
@@ -54,29 +55,30 @@ class TurnFit:
         return float(np.sqrt((self.misfit**2).sum() / (2 * len(self.misfit))))
 
 
-def fit_turns(turns: Turns, terms: Sequence[str], beside: Beside = ((), ())) -> TurnFit:
+def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSION) -> TurnFit:
     """Least squares of the terms' parameters, and of those beside them, to gravity after each turn.
 
     Raises InputError where there are fewer turns than parameters ask for, or none that tells some of them apart.
     """
-    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *beside[0])
+    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *extra.parameters)
     m = len(turns.before)
     if 2 * m < len(wanted):
         raise InputError(
             f"{amount(m, 'turn')} for {amount(len(wanted), 'parameter')} that are asked for: turn more often"
         )
-    scale = np.array([p.sigma for p in wanted])
+    mean, scale = prior(wanted)
 
     def model(scaled: Array, _: Array) -> tuple[Array, Array]:
-        r, J = _linear(turns, wanted, scaled[0] * scale, beside[1])
+        r, J = _linear(turns, wanted, mean + scaled[0] * scale, extra.effects)
         return -r[None], (J * scale)[None]
 
     start = np.zeros((1, len(wanted)))
-    if _dark(model(start, np.arange(1))[1][0]):
+    sizes = [p not in extra.constants for p in wanted]  # a constant shows nothing before its effect has a size
+    if _dark(model(start, np.arange(1))[1][0][:, sizes]):
         raise InputError(f"nothing in {amount(m, 'turn')} tells all of {', '.join(terms)} apart")
     found = minimise(model, start, gain=ENOUGH)
-    x = found.x[0] * scale
-    return _judged(wanted, x, *_linear(turns, wanted, x, beside[1]), m, with_values(beside[1], wanted, x))
+    x = mean + found.x[0] * scale
+    return _judged(wanted, x, *_linear(turns, wanted, x, extra.effects), m, with_values(extra.effects, wanted, x))
 
 
 def _dark(J: Array) -> bool:

@@ -8,15 +8,17 @@ star on the sky, in both directions: the stated `gimbal_angle` noise, or where n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gimbalcal.effects import Effect, Parameter, Stimulus, with_values
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
+from gimbalcal.estimate.fit import gauss_newton, range_of_constants
 from gimbalcal.estimate.pointing.run import against_stars, on_stars, read_axes, starting_zeros
-from gimbalcal.inference.information import Solution, information, solve
+from gimbalcal.inference.information import Information, Solution, information
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
@@ -65,23 +67,27 @@ def fit(
             f"{amount(stars, 'star')} cannot tell {amount(len(wanted), 'term')}: observe more, or name fewer --terms"
         )
     seen = [(r, on_stars(r)) for r in runs]
-    x = _start(runs, wanted)
-    for _ in range(STEPS):
+    size = 0.0
+
+    def linearise(x: Array) -> Information:
+        nonlocal size
         J, r = _rows(seen, _effects(runs[0], wanted, x, absent), wanted)
         size = sigma or max(_scatter(J, r), EXACT)
-        solution = solve(information(J / size, (r + J @ x) / size, wanted), SEEN)
-        moved = np.abs(solution.x - x) / np.maximum(solution.sigma, 1e-3 * EXACT)
-        x = solution.x
-        if moved.max(initial=0.0) < SETTLED:
-            break
-    else:
+        return information(J / size, (r + J @ x) / size, wanted)
+
+    def arrived(x: Array, target: Array, solution: Solution) -> bool:
+        return bool(np.all(np.abs(target - x) < SETTLED * np.maximum(solution.sigma, 1e-3 * EXACT)))
+
+    bounds = range_of_constants(wanted, *(s for _, s in seen))
+    found = gauss_newton(linearise, _start(runs, wanted), bounds, seen=SEEN, limit=STEPS, arrived=arrived)
+    if not found.steps:
         raise InputError(
             f"the terms of {runs[0].title!r} do not settle: star and readout disagree by too much for small errors; "
             "check units, signs and the sense of the axes in [platform]"
         )
-    effects = _effects(runs[0], wanted, x, absent)
+    effects = _effects(runs[0], wanted, found.solution.x, absent)
     left = tuple(against_stars(r, s, effects).residual for r, s in seen)
-    return Fit(tuple(runs), effects, tuple(absent), solution, left, size)
+    return Fit(tuple(runs), effects, tuple(absent), found.solution, left, size)
 
 
 def _effects(
@@ -90,19 +96,16 @@ def _effects(
     return with_values(absent, wanted, x, recording.platform.axis_names)
 
 
-def misfit_of(found: Fit, more: Mapping[str, Sequence[Parameter]]) -> Callable[[Sequence[Effect]], float]:
-    """What a fit leaves, as chi^2, with the parameters of absent effects (by id) free beside its own."""
+def misfit_with_sizes(found: Fit, sizes: Sequence[Parameter]) -> Cost:
+    """Chi^2 of the stars about a fit with the sizes of absent effects free beside its terms."""
     seen = [(r, on_stars(r)) for r in found.runs]
     J, r = _rows(seen, found.effects, found.solution.parameters)
     parts = [against_stars(run, s, found.effects) for run, s in seen]
     root = np.repeat(np.sqrt(np.concatenate([run.weight for run in found.runs])), len(parts[0].channels))
 
     def misfit(effects: Sequence[Effect]) -> float:
-        beside = [J]
-        for e in effects:
-            own = np.concatenate([p.columns(e, more[e.id]).reshape(-1, len(more[e.id])) for p in parts])
-            beside.append(own * root[:, None])
-        every = np.concatenate(beside, axis=1)
+        own = np.concatenate([columns_of_sizes(p, effects, sizes).reshape(-1, len(sizes)) for p in parts])
+        every = np.concatenate([J, own * root[:, None]], axis=1)
         every = every / (np.linalg.norm(every, axis=0) + 1e-300)
         best = np.linalg.lstsq(every, r, rcond=1e-8)[0]
         return float(((r - every @ best) ** 2).sum() / found.sigma**2)
@@ -114,7 +117,7 @@ def _start(runs: Sequence[Recording], wanted: Sequence[Parameter]) -> Array:
     """Zeros from the medians, everything else absent."""
     axes = read_axes(runs[0])
     zeros = dict(zip(axes, starting_zeros(runs[0], axes), strict=True))
-    return np.array([zeros.get(p.axis, 0.0) if p.effect == "gimbal_zero" else 0.0 for p in wanted])
+    return np.array([zeros.get(p.axis, 0.0) if p.effect == "gimbal_zero" else p.mean for p in wanted])
 
 
 def _rows(

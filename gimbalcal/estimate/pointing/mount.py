@@ -10,11 +10,10 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.exchange.tpoint import as_record, mount_record, tpoint_terms
-from gimbalcal.effects import Parameter
 from gimbalcal.errors import amount
-from gimbalcal.estimate.added import Added, added, with_constants, with_told
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.pointing.drift import Nights, by_night, record
-from gimbalcal.estimate.pointing.fit import Fit, fit, misfit_of
+from gimbalcal.estimate.pointing.fit import Fit, fit, misfit_with_sizes
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
 from gimbalcal.estimate.pointing.run import CHANNELS, nights, on_stars, read_axes
 from gimbalcal.estimate.pointing.terms import USUAL, wanted_parameters
@@ -32,9 +31,9 @@ def pointing_calibration(
 ) -> Calibration:
     """The terms of one mount from runs with it, in any number of files and nights.
 
-    terms: ids of effects, or "id:axis" (default `USUAL`); more: further ones as `added` reads them. The outcome is a
-    sentence where the stated noise does not explain what is left, or where the nights do not share their terms. Raises
-    InputError for recordings of several mounts, without true angles, or with fewer readings than unknowns.
+    terms: ids of effects, or "id:axis" (default `USUAL`); more: further ones as `extra_effects` reads them. The outcome
+    is a sentence where the stated noise does not explain what is left, or where the nights do not share their terms.
+    Raises InputError for recordings of several mounts, without true angles, or with fewer readings than unknowns.
     """
     join(recordings)  # refuses runs of different mounts, and one that is given twice
     each = [nights(r) for r in recordings]
@@ -42,14 +41,14 @@ def pointing_calibration(
     before = [sum(len(n.time) for n in own[:k]) for own in each for k in range(len(own))]
     held, platform, axes = terms or USUAL, recordings[0].platform, read_axes(recordings[0])
     stated = _stated(recordings)
-    also = added(more, recordings, held)
-    further = {a.effect: wanted_parameters(platform, axes, _named(a)) for a in also}
+    also = extra_effects(more, recordings, held)
+    sizes = tuple(p for e in also for p in wanted_parameters(platform, axes, _named(e)))
     wanted = wanted_parameters(platform, axes, held)
     found = fit(runs, wanted, stated)
-    constants: dict[Parameter, tuple[float, float]] = {}
+    extra = NO_EXTENSION
     if also:
-        effects, constants = with_constants(also, on_stars(join(recordings)), misfit_of(found, further))
-        found = fit(runs, (*wanted, *(p for own in further.values() for p in own)), stated, effects)
+        extra = extension(also, sizes, on_stars(join(recordings)), misfit_with_sizes(found, sizes))
+        found = fit(runs, (*wanted, *extra.parameters), stated, extra.effects)
     several = by_night(found, stated)
     left = pattern(found, axes)
     latitude = next((r.site.latitude for r in recordings if r.site.latitude is not None), None)
@@ -76,10 +75,10 @@ def pointing_calibration(
         },
         readout=Readout(gimbals=recordings[0].platform.axis_names),
     )
-    return with_told(_with_names(made, several), constants)
+    return extra.complete(_with_names(made, several))
 
 
-def _named(one: Added) -> tuple[str, ...]:
+def _named(one: ExtraEffect) -> tuple[str, ...]:
     """What is asked for, as terms: an effect, or its axes one by one."""
     return tuple(f"{one.effect}:{axis}" for axis in one.axes) or (one.effect,)
 

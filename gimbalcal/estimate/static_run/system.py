@@ -14,11 +14,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
-from gimbalcal.effects import Effect, Parameter, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, values, with_values
 from gimbalcal.estimate.accelerometers.account import joined, misfit_in_words
+from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, columns_of_sizes, sizes_shown_by
+from gimbalcal.estimate.fit import gauss_newton, range_of_constants, solve_about
 from gimbalcal.estimate.static_run.combined import Combined, combined
 from gimbalcal.estimate.static_run.run import information_of_rows, noise_from, static_parameters, static_readings
-from gimbalcal.inference.information import Information, Solution, solve
+from gimbalcal.inference.information import Information, Solution, information, prior, solve
+from gimbalcal.number import Array
 from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording
 
@@ -48,34 +51,60 @@ def linearisation_point(
 ) -> tuple[Effect, ...]:
     """Effects with the wanted parameters where part of the rows, and what is known of them, puts them.
 
-    Directions that are seen nowhere end at zero, as they do in the solution: a turn of 100 arcsec that is shared out
-    otherwise there would leave its product with a tilt, 0.05 arcsec, of which a day knows a quarter.
+    A model without nonlinear constants is linear enough for a part of the rows. Directions that are seen nowhere end at
+    zero, as they do in the solution: a turn of 100 arcsec that is shared out otherwise there would leave its product
+    with a tilt, 0.05 arcsec, of which a day knows a quarter.
     """
-    few, names, effects = run.thinned(ENOUGH), run.recording.platform.axis_names, tuple(effects)
-    for _ in range(PASSES):
-        info = information_of_rows(few, effects, wanted)
-        found = solve(info if known is None else known + info)
-        moved = with_values(effects, found.parameters, found.x, names)
-        step = (found.x - values(effects, found.parameters)) / [p.sigma for p in found.parameters]
-        effects = moved
-        if np.max(np.abs(step)) < SETTLED:
-            break
-    return effects
+    bounds = range_of_constants(wanted, run.stimulus)
+    few, names = run.thinned(ENOUGH) if bounds is None else run, run.recording.platform.axis_names
+    union = tuple(wanted) if known is None else tuple(dict.fromkeys((*known.parameters, *wanted)))
+    scale = prior(union)[1]
+
+    def linearise(x: Array) -> Information:
+        info = information_of_rows(few, with_values(effects, union, x, names), wanted)
+        return info if known is None else known + info
+
+    def arrived(x: Array, target: Array, _: Solution) -> bool:
+        return bool(np.max(np.abs(target - x) / scale) < SETTLED)
+
+    start = values(effects, union)
+    if bounds is None:
+        x = gauss_newton(linearise, start, limit=PASSES, arrived=arrived).solution.x
+    else:
+        x = gauss_newton(linearise, start, range_of_constants(union, run.stimulus)).solution.x
+    return with_values(effects, union, x, names)
+
+
+def misfit_of_run(recording: Recording, more: Sequence[ExtraEffect]) -> tuple[Cost, Stimulus]:
+    """Chi^2 of every row with the sizes of extra effects beside the baseline, and what the rows experienced."""
+    run, sizes = static_readings(recording), sizes_shown_by(more, recording)
+    baseline = static_parameters(run)
+    start = linearisation_point(run, (), baseline)
+    wanted = (*baseline, *sizes)
+    rows = run.rows(start, dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted))
+    J = rows.jacobian(baseline)
+    r = (rows.residual + J @ values(start, baseline)) / run.sigma
+
+    def misfit(effects: Sequence[Effect]) -> float:
+        every = np.concatenate([J, columns_of_sizes(rows, effects, sizes)], axis=-1) / run.sigma[..., None]
+        return solve(information(every, r, wanted)).chi2
+
+    return misfit, run.stimulus
 
 
 def static(
-    recording: Recording, prior: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
+    recording: Recording, start: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
 ) -> Calibration:
     """Calibration from a static run alone: the combinations that it sees, the others at zero with their prior sigma.
 
-    prior: effects to linearise at; those whose parameters are not wanted stay as they are. The combined coefficients
-    of the paper, of what the prior leaves, stand in `stages`.
+    start: effects to linearise at; those whose parameters are not wanted stay as they are. The combined coefficients
+    of the paper, of what these effects leave, stand in `stages`.
     """
     run = static_readings(recording)
     wanted = tuple(wanted) if wanted is not None else static_parameters(run)
-    effects = linearisation_point(run, prior, wanted)
-    J = run.jacobian(effects, wanted)
-    solution = solve(information_of_rows(run, effects, wanted, J))
+    effects = linearisation_point(run, start, wanted)
+    J, bounds = run.jacobian(effects, wanted), range_of_constants(wanted, run.stimulus)
+    solution = solve_about(information_of_rows(run, effects, wanted, J), values(effects, wanted), bounds)
     effects = with_values(effects, wanted, solution.x, recording.platform.axis_names)
     return Calibration(
         method="static-run",
@@ -90,7 +119,7 @@ def static(
             "noise": {"from": noise_from(run)},
         },
         readout=Readout(gimbals=recording.platform.axis_names),
-        stages=(stage(run, effects, combined(run, prior, effects, solution, J)),),
+        stages=(stage(run, effects, combined(run, start, effects, solution, J)),),
     )
 
 

@@ -17,7 +17,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.systematic.filter_pass import attitude_covariance
 from gimbalcal.estimate.systematic.innovation_tests import innovation_statistics, outcome
 from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
@@ -33,7 +33,10 @@ LARGE_HEADING_SIGMA_RAD = np.radians(3.0)  # beyond, second order counts
 
 
 def systematic(
-    recording: Recording, asked: str = "51", more: Sequence[Added] = (), tell: Callable[[str], None] = lambda _: None
+    recording: Recording,
+    asked: str = "51",
+    more: Sequence[ExtraEffect] = (),
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
     """Calibrate both triads of a unit that was turned in its place; asked: the states, see `state_lists.states`.
 

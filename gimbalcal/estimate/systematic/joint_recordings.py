@@ -20,7 +20,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.support import DIFFER
 from gimbalcal.estimate.systematic.calibrate import calibrated
 from gimbalcal.estimate.systematic.error_model import rotated
@@ -40,7 +40,7 @@ MAX_ROUNDS = 4  # of all recordings
 
 
 def calibrate_jointly(
-    recordings: Sequence[Recording], asked: str = "51", more: Sequence[Added] = (),
+    recordings: Sequence[Recording], asked: str = "51", more: Sequence[ExtraEffect] = (),
     tell: Callable[[str], None] = lambda _: None,
 ) -> Calibration:  # fmt: skip
     """Calibrate a unit from several rotation recordings, and test each against the others.

@@ -10,7 +10,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError, alternatives
-from gimbalcal.estimate.added import Added, unfit
+from gimbalcal.estimate.extra_effects import ExtraEffect, unfit
 from gimbalcal.recording import Recording
 
 THIRTY = BASELINE["rotation"]
@@ -31,7 +31,7 @@ SAME = {"scale_nonlinearity": "quadratic_nonlinearity", "frame_misalignment": "m
 
 
 def states(
-    asked: str, recording: Recording, more: Sequence[Added] = (), option: str = "--states"
+    asked: str, recording: Recording, more: Sequence[ExtraEffect] = (), option: str = "--states"
 ) -> tuple[Parameter, ...]:
     """Return the parameters of `--states` 30, 51 or EFFECT[:AXIS],..., and of effects of `--with`.
 

@@ -12,7 +12,7 @@ from gimbalcal.calibration.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.added import Added
+from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.systematic import iterate
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.systematic.filter_pass import attitude_covariance
@@ -237,7 +237,9 @@ def test_another_latitude_is_refused() -> None:
 
 def test_a_constant_that_nobody_stated_is_asked_for() -> None:
     with pytest.raises(InputError, match=r"cannot carry its constant .*; state it, --with"):
-        states("30", ANY, [Added(next(i for i, c in CATALOGUE.items() if constants(c) and "rotation" in c.kinds))])
+        states(
+            "30", ANY, [ExtraEffect(next(i for i, c in CATALOGUE.items() if constants(c) and "rotation" in c.kinds))]
+        )
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.added import added
+from gimbalcal.estimate.extra_effects import extra_effects
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.platform import BENCH
@@ -34,7 +34,7 @@ def estimate(made: Calibration, label: str) -> tuple[float, float]:
 
 def test_an_effect_that_is_added_takes_up_what_was_left() -> None:
     r = positions(dwell=12)
-    without, made = three_stage([r]), three_stage([r], more=added(["bias_temperature:y"], [r]))
+    without, made = three_stage([r]), three_stage([r], more=extra_effects(["bias_temperature:y"], [r]))
     assert "the model misses something" in without.outcome
     assert made.outcome == ""
     value, sigma = estimate(made, "b_T:y")
@@ -46,11 +46,11 @@ def test_an_effect_that_is_added_takes_up_what_was_left() -> None:
 
 def test_a_constant_is_the_one_that_fits_best_or_the_one_that_is_stated() -> None:
     r = positions("warm-up", 3000 * UG, dwell=12)
-    made = three_stage([r], more=added(["warm_up:y"], [r]))
+    made = three_stage([r], more=extra_effects(["warm_up:y"], [r]))
     value, sigma = estimate(made, "warm_up.tau")
     assert value == pytest.approx(700, abs=4 * sigma)
     assert 0 < sigma < 200
-    told = three_stage([r], more=added(["warm_up:y,tau=0.25"], [r]))
+    told = three_stage([r], more=extra_effects(["warm_up:y,tau=0.25"], [r]))
     assert estimate(told, "warm_up.tau") == (pytest.approx(900.0), 0.0)
     assert made.residual.chi2 < told.residual.chi2
 
@@ -58,7 +58,7 @@ def test_a_constant_is_the_one_that_fits_best_or_the_one_that_is_stated() -> Non
 def test_a_position_that_was_not_set_is_found_among_all() -> None:
     r = positions("blunder", 40 * ARCSEC, dwell=12)
     assert "mis-set" in three_stage([r]).outcome
-    made = three_stage([r], more=added(["position_blunder"], [r]))
+    made = three_stage([r], more=extra_effects(["position_blunder"], [r]))
     assert made.outcome == ""
     assert estimate(made, "position_blunder.position")[0] == 6  # counted from one
     assert not made.provenance["left_out"]
@@ -67,10 +67,10 @@ def test_a_position_that_was_not_set_is_found_among_all() -> None:
 def test_a_static_run_and_both_together_take_it_too() -> None:
     (run,) = load([DATA / "space_stable_static"])
     table, run = positions(size=0.0, dwell=6), block_means(run, 20)
-    alone = three_stage([run], more=added(["gyro_drift:equatorial"], [run]))
+    alone = three_stage([run], more=extra_effects(["gyro_drift:equatorial"], [run]))
     assert {p.axis for p in alone.parameters if p.effect == "gyro_drift"} == {"equatorial_x", "equatorial_y"}
-    both = three_stage([table, run], more=added(["cross_coupling:z"], [table, run]))
-    singly = [three_stage([r], more=added(["cross_coupling:z"], [r])) for r in (table, run)]
+    both = three_stage([table, run], more=extra_effects(["cross_coupling:z"], [table, run]))
+    singly = [three_stage([r], more=extra_effects(["cross_coupling:z"], [r])) for r in (table, run)]
     sigma = [estimate(made, "K_c:zx")[1] for made in (both, *singly)]
     assert sigma[0] < min(sigma[1:])
     assert "contradict each other" in both.outcome  # they are of two units
@@ -79,7 +79,7 @@ def test_a_static_run_and_both_together_take_it_too() -> None:
 def test_units_turned_by_hand_take_it_at_rest_and_on_the_way() -> None:
     r, truth = simulate("turned-unit")
     r = replace(r, platform=BENCH, channels={k: v for k, v in r.channels.items() if k[0] != "gimbal_angle"})
-    asked = added(["gyro_g_sensitivity_rate:z", "gyro_scale_nonlinearity", "scale_factor_asymmetry:x"], [r])
+    asked = extra_effects(["gyro_g_sensitivity_rate:z", "gyro_scale_nonlinearity", "scale_factor_asymmetry:x"], [r])
     linear = ("bias", "scale_factor", "misalignment", "gyro_scale_factor", "gyro_misalignment")
     made = inertial_unit(r, linear, asked)
     of = {e.id: e for e in truth}
@@ -110,12 +110,12 @@ def test_units_turned_by_hand_take_it_at_rest_and_on_the_way() -> None:
 )
 def test_what_cannot_be_added_is_one_sentence(words: str, sentence: str) -> None:
     with pytest.raises(InputError, match=f"--with {words}: {sentence}"):
-        added([words], [positions(dwell=4)], ("bias",))
+        extra_effects([words], [positions(dwell=4)], ("bias",))
 
 
 def test_what_needs_an_angle_is_refused_where_none_is_known() -> None:
     (r,) = load([DATA / "xsens_positions"])
     with pytest.raises(InputError, match="--with gimbal_flexure: gimbal_flexure is of gimbals, and 'Xsens"):
-        added(["gimbal_flexure"], [r])
+        extra_effects(["gimbal_flexure"], [r])
     with pytest.raises(InputError, match="--with names 'base_tilt_drift', which is not an effect that rest positions"):
-        inertial_unit(r, (), added(["base_tilt_drift"], [r]))
+        inertial_unit(r, (), extra_effects(["base_tilt_drift"], [r]))

@@ -1,15 +1,16 @@
 """Effects of the catalogue that a user adds to a fit by name, `--with EFFECT[:AXIS][,CONSTANT=VALUE]`.
 
-Their linear parameters join the fit under a prior so wide that it holds nothing back. A non-linear constant (a time
-constant, an order) takes the value that is stated, in the unit of the catalogue, or else the one of the catalogue's
-grid that fits best, refined; its sigma is that of the curvature of chi^2 there.
+Their sizes join the fit under a prior so wide that it holds nothing back. A nonlinear constant (a time constant, an
+order) is held where it is stated, in the unit of the catalogue. Else it is one of the parameters of the fit, with all
+correlations, and starts at the value of the catalogue's grid that fits best; a whole number, a position or an instant
+has no derivative and stays there.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Any
 
@@ -18,17 +19,18 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, absent, parameters
 from gimbalcal.effects.effect import Grid, constants, follows, lacking
-from gimbalcal.effects.grids import Constant, between, grid, kind, limits
+from gimbalcal.effects.grids import Constant, grid, kind, limits
 from gimbalcal.errors import InputError
+from gimbalcal.forward import Rows
+from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
 WIDE = 100.0  # times the catalogue's prior: what is asked for is fitted, not held
-ROUNDS, FINE = 3, 5  # refinements of a constant, and values in each, before a parabola goes through three
 
 
 @dataclass(frozen=True)
-class Added:
+class ExtraEffect:
     """One effect to add: its axes (none: all of them), stated constants in SI, and the channel that it follows."""
 
     effect: str
@@ -48,17 +50,19 @@ class Added:
 
     @property
     def free(self) -> tuple[Constant, ...]:
-        """Constants that nobody stated."""
+        """The constants that nobody stated."""
         said = dict(self.stated)
         return tuple(f for f in constants(CATALOGUE[self.effect]) if f.name not in said)
 
 
-def added(words: Sequence[str], recordings: Sequence[Recording], held: Sequence[str] = ()) -> tuple[Added, ...]:
-    """What these words ask for; `held`: effects that the model has anyway.
+def extra_effects(
+    words: Sequence[str], recordings: Sequence[Recording], held: Sequence[str] = ()
+) -> tuple[ExtraEffect, ...]:
+    """Return the effects that these words ask for; `held`: effects that the model has anyway.
 
     Raises InputError for a misspelt effect, axis or constant, and for an effect that none of the recordings can show.
     """
-    out: dict[str, Added] = {}
+    out: dict[str, ExtraEffect] = {}
     for said in words:
         name, *settings = (part.strip() for part in said.split(","))
         effect, _, axis = name.partition(":")
@@ -81,7 +85,7 @@ def _setting(said: str, setting: str) -> tuple[str, str]:
 def _one(
     said: str, effect: str, axis: str, settings: Mapping[str, str], recordings: Sequence[Recording],
     held: Sequence[str],
-) -> Added:  # fmt: skip
+) -> ExtraEffect:  # fmt: skip
     if effect not in CATALOGUE:
         near = get_close_matches(effect, CATALOGUE, 1)
         hint = f"did you mean {near[0]}?" if near else "`gimbalcal catalogue` lists them"
@@ -96,7 +100,7 @@ def _one(
     every = parameters(cls, gimbals)
     if not every:
         raise InputError(f"--with {said}: {effect} is of gimbals, and {recordings[0].title!r} has none")
-    made = Added(effect, (axis,) if axis else (), _stated(said, cls, settings), _followed(said, cls, recordings))
+    made = ExtraEffect(effect, (axis,) if axis else (), _stated(said, cls, settings), _followed(said, cls, recordings))
     if not made.parameters(gimbals):
         axes = ", ".join(dict.fromkeys(p.axis for p in every if p.axis)) or "no axes"
         raise InputError(f"--with {said}: {effect} has no axis {axis!r}; it has {axes}")
@@ -148,85 +152,93 @@ def _belongs(p: Parameter, axes: Sequence[str]) -> bool:
     return any(a in (p.axis, p.axis[0] if pair else p.axis.rpartition("_")[0] or p.axis) for a in axes)
 
 
-Beside = tuple[tuple[Parameter, ...], tuple[Effect, ...]]
-"""Parameters of added effects, and these effects, absent, with their constants."""
+@dataclass(frozen=True)
+class Extension:
+    """What extra effects add to a fit: absent effects with starting constants, free parameters, and held constants.
+
+    parameters: the sizes, and of the constants those that a fit can follow, whose prior mean is where the fit starts.
+    held: constants that were stated, or that have no derivative (a whole number, a position, an instant), in SI.
+    """
+
+    effects: tuple[Effect, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    held: Mapping[Parameter, float] = field(default_factory=dict)
+
+    @property
+    def constants(self) -> tuple[Parameter, ...]:
+        """The free constants among the parameters."""
+        smooth = {(e.id, f.name) for e in self.effects for f in constants(type(e))}
+        return tuple(p for p in self.parameters if (p.effect, p.field) in smooth)
+
+    def shown_by(self, recording: Recording) -> Extension:
+        """The part that a recording can show."""
+        shown = tuple(e for e in self.effects if not unfit(type(e), recording))
+        ids = {e.id for e in shown}
+        return Extension(shown, tuple(p for p in self.parameters if p.effect in ids), self.held)
+
+    def complete(self, result: Calibration) -> Calibration:
+        """The calibration with the held constants among its parameters; a held constant has sigma zero."""
+        parameters = tuple(replace(p, mean=0.0) for p in (*result.parameters, *self.held))
+        P = np.zeros((len(parameters),) * 2)
+        n = len(result.parameters)
+        P[:n, :n] = result.covariance
+        return replace(result, parameters=parameters, covariance=P)
+
+
+NO_EXTENSION = Extension()
 
 Cost = Callable[[Sequence[Effect]], float]
-"""Chi^2 of the best fit with these absent effects' parameters free."""
+"""Chi^2 of the best fit with the sizes of these absent effects free."""
 
 
-def with_constants(
-    more: Sequence[Added], s: Stimulus, cost: Cost
-) -> tuple[tuple[Effect, ...], dict[Parameter, tuple[float, float]]]:
-    """The absent effects with the constants that fit best, and each constant's value and sigma in SI.
+def extension(more: Sequence[ExtraEffect], sizes: Sequence[Parameter], s: Stimulus, cost: Cost) -> Extension:
+    """The extra effects as a fit takes them: constants that nobody stated start at the best value of their grid.
 
-    One effect after the other, the others at what they have: constants of two effects are rarely confounded.
+    sizes: the free linear parameters of the effects. One effect after the other, with the others at what they have:
+    constants of two effects are rarely confounded.
     """
-    chosen: dict[str, dict[str, float]] = {a.effect: {**_first(a, s), **dict(a.stated)} for a in more}
+    values: dict[str, dict[str, float]] = {e.effect: {**_middle_of_grid(e, s), **dict(e.stated)} for e in more}
 
-    def made(trial: Mapping[str, Mapping[str, float]]) -> tuple[Effect, ...]:
-        return tuple(a.absent(s.axis_names, trial[a.effect]) for a in more)
+    def effects(trial: Mapping[str, Mapping[str, float]]) -> tuple[Effect, ...]:
+        return tuple(e.absent(s.axis_names, trial[e.effect]) for e in more)
 
-    sigma: dict[tuple[str, str], float] = {}
-    for a in (a for a in more if a.free):
-
-        def missed(values: Mapping[str, float], effect: str = a.effect) -> float:
-            return cost(made({**chosen, effect: {**chosen[effect], **values}}))
-
-        each = [_tried(f, s) for f in a.free]
-        tried = [dict(zip((f.name for f in a.free), v, strict=True)) for v in itertools.product(*each)]
-        misfits = [missed(t) for t in tried]
-        chosen[a.effect] |= tried[int(np.argmin(misfits))]
-        for f, values in zip(a.free, each, strict=True):
-            if not (kind(f).counts or kind(f).once):
-                chosen[a.effect][f.name], sigma[a.effect, f.name] = _refined(f, values, chosen[a.effect], s, missed)
-    told = {}
-    for a in more:
-        every = {p.field: p for p in parameters(CATALOGUE[a.effect], s.axis_names, constants=True)}
-        for f in constants(CATALOGUE[a.effect]):
-            told[every[f.name]] = (chosen[a.effect][f.name], sigma.get((a.effect, f.name), 0.0))
-    return made(chosen), told
+    for e in (e for e in more if e.free):
+        grids = itertools.product(*(_starting_values(f, s) for f in e.free))
+        trials = [dict(zip((f.name for f in e.free), point, strict=True)) for point in grids]
+        costs = [cost(effects({**values, e.effect: {**values[e.effect], **trial}})) for trial in trials]
+        values[e.effect] |= trials[int(np.argmin(costs))]
+    fitted, held = [], {}
+    for e in more:
+        parameter_of = {p.field: p for p in parameters(CATALOGUE[e.effect], s.axis_names, constants=True)}
+        for f in constants(CATALOGUE[e.effect]):
+            value, (low, high) = values[e.effect][f.name], limits(f, s)
+            if f in e.free and kind(f).smooth and low < high:
+                fitted.append(replace(parameter_of[f.name], mean=value))
+            else:
+                held[parameter_of[f.name]] = value
+    return Extension(effects(values), (*sizes, *fitted), held)
 
 
-def _tried(f: Constant, s: Stimulus) -> list[float]:
-    """Values of a constant that are held against each other: every whole number, as nothing lies between two."""
+def _starting_values(f: Constant, s: Stimulus) -> list[float]:
+    """The grid of a constant; of a whole number all values, as nothing lies between two."""
     if kind(f) is Grid.WHOLE:
         low, high = limits(f, s)
         return np.arange(low, high + 0.5).tolist()
     return grid(f, s).tolist()
 
 
-def _first(a: Added, s: Stimulus) -> dict[str, float]:
-    return {f.name: float(np.median(grid(f, s))) for f in a.free}
+def _middle_of_grid(e: ExtraEffect, s: Stimulus) -> dict[str, float]:
+    return {f.name: float(np.median(grid(f, s))) for f in e.free}
 
 
-def _refined(
-    f: Constant, values: Sequence[float], here: Mapping[str, float], s: Stimulus,
-    missed: Callable[[Mapping[str, float]], float],
-) -> tuple[float, float]:  # fmt: skip
-    """A constant between its neighbours on the grid, and one sigma from three values of chi^2 about the best."""
-    best = here[f.name]
-    at = values.index(best)
-    low, high = values[max(at - 1, 0)], values[min(at + 1, len(values) - 1)]
-    bounds = limits(f, s)
-    for _ in range(ROUNDS):
-        fine = np.clip(between(f, low, high, FINE), *bounds)
-        costs = [missed({f.name: float(v)}) for v in fine]
-        k = int(np.argmin(costs))
-        best, low, high = float(fine[k]), float(fine[max(k - 1, 0)]), float(fine[min(k + 1, len(fine) - 1)])
-    step = 0.05 * (abs(best) or bounds[1] - bounds[0])
-    below, middle, above = (missed({f.name: best + k * step}) for k in (-1, 0, 1))
-    bend = below - 2 * middle + above
-    if bend <= 0:  # at the end of its range
-        return best, 0.0
-    shift = float(np.clip((below - above) / 2 / bend, -1, 1)) * step
-    return float(np.clip(best + shift, *bounds)), float(np.sqrt(2 * step**2 / bend))
+def sizes_shown_by(more: Sequence[ExtraEffect], recording: Recording) -> tuple[Parameter, ...]:
+    """The linear parameters of those effects that a recording can show."""
+    shown = (e for e in more if not unfit(CATALOGUE[e.effect], recording))
+    return tuple(p for e in shown for p in e.parameters(recording.platform.axis_names))
 
 
-def with_told(made: Calibration, told: Mapping[Parameter, tuple[float, float]]) -> Calibration:
-    """The calibration with the constants of its effects among its parameters."""
-    n, sigma = len(made.parameters), [e for _, e in told.values()]
-    P = np.zeros((n + len(told), n + len(told)))
-    P[:n, :n] = made.covariance
-    P[range(n, len(P)), range(n, len(P))] = np.square(sigma)
-    return replace(made, parameters=(*made.parameters, *told), covariance=P)
+def columns_of_sizes(rows: Rows, effects: Sequence[Effect], sizes: Sequence[Parameter]) -> Array:
+    """Derivatives (n, C, p) of rows by the sizes of absent effects, in the order of the sizes."""
+    by_id = {e.id: e for e in effects}
+    own = [rows.columns(by_id[i], [p for p in sizes if p.effect == i]) for i in dict.fromkeys(p.effect for p in sizes)]
+    return np.concatenate([np.zeros((*rows.residual.shape, 0)), *own], axis=-1)
