@@ -26,12 +26,19 @@ from gimbalcal.diagnose.rows.baseline import carried
 from gimbalcal.diagnose.search.about_settings import about_settings
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering
-from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
+from gimbalcal.diagnose.verdict.calibrated import calibrated, found_jointly
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.detection_limits import detection_limits, limits_in_words
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
 from gimbalcal.diagnose.verdict.locate import LEFT, Scan, mismatches, scan
-from gimbalcal.diagnose.verdict.model import FittedCauses, calibration_fit, constant_value, fit_causes
+from gimbalcal.diagnose.verdict.model import (
+    FittedCauses,
+    JointCovariance,
+    calibration_fit,
+    constant_value,
+    fit_causes,
+    joint_covariance,
+)
 from gimbalcal.diagnose.verdict.random_walk import decide_with_walk, repeat_advice, with_walk, without_single_walks
 from gimbalcal.diagnose.verdict.recommend import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
@@ -168,9 +175,16 @@ def _report(
 def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibration | None = None) -> Calibration:
     """The calibration of one recording with the causes of a fit."""
     causes = [s.library.candidates[m] for m in f.members]
-    told = [constant_value(s, f, j) for j in range(len(causes))]
-    found = found_of(causes, told, f.x, f.covariance)
+    joint = joint_covariance(s, f)
+    told = [_constants_of(s, f, joint, j) for j in range(len(causes))]
+    found = found_jointly(causes, told, f.x, joint)
     return calibrated([(s.o, f.projection.node, range(len(causes)))], found, outcome, known)[0]
+
+
+def _constants_of(s: Search, f: FittedCauses, joint: JointCovariance, j: int) -> tuple[tuple[str, float, float], ...]:
+    """Return the constants of member j: name, value and sigma in SI, of continuous ones with all else fitted."""
+    sigma = joint.sigma_of(j)
+    return tuple((name, value, sigma.get(name, spread)) for name, value, spread in constant_value(s, f, j))
 
 
 def measured(
@@ -205,16 +219,16 @@ def measured(
 
 def findings(s: Search, d: Decision, f: FittedCauses) -> tuple[Finding, ...]:
     """Return what is named: effect, axis, probability, significance, sizes, what fits alike and how to separate it."""
-    out, at = [], 0
+    joint, out, at = joint_covariance(s, f), [], 0
     for n, j in enumerate(d.judgements):
         c = j.cause
         size = f.x[at : at + len(c.parameters)]
-        sigma = np.sqrt(np.diag(f.covariance))[at : at + len(c.parameters)]
+        sigma = np.sqrt(np.diag(joint.covariance))[at : at + len(c.parameters)] / [p.sigma for p in c.parameters]
         at += len(c.parameters)
         advice = ""
         if j.alike:
             advice = sentence(advise(s.o, c, f.variants[n], size, j.alike[0]), c, j.alike[0])
-        rows = printed(c.parameters, size, sigma) + constants(c, constant_value(s, f, n))
+        rows = printed(c.parameters, size, sigma) + constants(c, _constants_of(s, f, joint, n))
         out.append(entry(j, axes_of(j), f.significance[n], rows, advice))
     return tuple(out)
 

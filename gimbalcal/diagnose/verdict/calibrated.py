@@ -26,6 +26,7 @@ from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.verdict.disagreement import Disagreement, disagreement
+from gimbalcal.diagnose.verdict.model import JointCovariance
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.inference.information import Information, Solution, information, solve
@@ -44,17 +45,21 @@ Constants = Sequence[tuple[str, float, float]]  # name, value and sigma in SI
 
 @dataclass(frozen=True)
 class Found:
-    """Causes with non-linear constants, linear parameters with sizes x (p,) and covariance (p, p), SI."""
+    """Causes with their non-linear constants, and the values x (p,) and covariance (p, p) of `parameters`, SI.
+
+    continuous: constants of each cause, by the ordinal of the cause, that are among the parameters.
+    """
 
     causes: tuple[Candidate, ...]
     constants: tuple[Constants, ...]  # of each cause
     x: Array
     covariance: Array
+    continuous: tuple[tuple[int, Parameter], ...] = ()
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Linear parameters of all causes."""
-        return tuple(p for c in self.causes for p in c.parameters)
+        """Linear parameters of all causes, then their continuous constants."""
+        return (*(p for c in self.causes for p in c.parameters), *(p for _, p in self.continuous))
 
     def differing(self) -> set[str]:
         """Effects that were found twice with other constants: one effect has one, so their sizes are fitted anew."""
@@ -77,6 +82,21 @@ class Found:
         return out
 
 
+def found_jointly(
+    causes: Sequence[Candidate], constants: Sequence[Constants], x: Array, joint: JointCovariance
+) -> Found:
+    """Return causes from sizes x (p,) in prior sigmas, with the joint covariance of sizes and constants."""
+    scale = np.array([p.sigma for c in causes for p in c.parameters])
+    first = {p: i for i, (_, p) in reversed(list(enumerate(joint.constants)))}  # an effect has each constant once
+    kept = [i for i, (_, p) in enumerate(joint.constants) if first[p] == i]
+    continuous = tuple(joint.constants[i] for i in kept)
+    values = [value for j, p in continuous for name, value, _ in constants[j] if name == p.field]
+    at = [*range(len(x)), *(len(x) + i for i in kept)]
+    return Found(
+        tuple(causes), tuple(constants), np.append(x * scale, values), joint.covariance[np.ix_(at, at)], continuous
+    )
+
+
 def found_of(causes: Sequence[Candidate], constants: Sequence[Constants], x: Array, covariance: Array) -> Found:
     """Causes from sizes x (p,) in prior sigmas with covariance (p, p)."""
     scale = np.array([p.sigma for c in causes for p in c.parameters])
@@ -97,7 +117,7 @@ def calibrated(
     here = [_Share(o, node, found, tuple(which), alone=len(seen) == 1) for o, node, which in seen]
     solution, made, between = _refitted(here, found)
     mine = solution.parameters
-    held = found.held(mine)
+    held = {p: told for p, told in found.held(mine).items() if p not in mine}
     kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in held]
     kept = [p for p in kept if p.effect in {e.id for s in here for e in s.o.effects}]
     wanted, n = (*mine, *held, *kept), len(mine)
@@ -149,7 +169,8 @@ class _Share:
     @property
     def wanted(self) -> tuple[Parameter, ...]:
         """What is fitted: the constants of the model, and the causes."""
-        causes = (p for i in self.which for p in self.found.causes[i].parameters)
+        causes = [p for i in self.which for p in self.found.causes[i].parameters]
+        causes += [p for i, p in self.found.continuous if i in self.which]
         return tuple(dict.fromkeys([*self.o.parameters, *causes]))
 
     @property

@@ -11,10 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.projection import Projection, log_bayes
+from gimbalcal.diagnose.evidence.projection import Projection, log_bayes, project, rows_like
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.ranking import Search, likeliest_variants
+from gimbalcal.effects import Effect, Parameter, parameters, with_values
+from gimbalcal.effects.effect import constants
+from gimbalcal.effects.grids import kind, limits
 from gimbalcal.number import Array
+from gimbalcal.views.core import absent_effect
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,62 @@ def _significance(
         others = [i for n, span in enumerate(spans) if n != j for i in span]
         out.append(float(np.sqrt(max(p.explained(own, others), 0.0))))
     return tuple(out)
+
+
+@dataclass(frozen=True)
+class JointCovariance:
+    """Covariance of the sizes of fitted causes and of their continuous constants (p + k, p + k), all in SI.
+
+    constants: of each the ordinal of its member and the parameter that it is.
+    """
+
+    constants: tuple[tuple[int, Parameter], ...]
+    covariance: Array
+
+    def sigma_of(self, member: int) -> dict[str, float]:
+        """Return one sigma of each continuous constant of a member, by name, SI."""
+        own = np.sqrt(np.diag(self.covariance)[len(self.covariance) - len(self.constants) :])
+        return {p.field: float(s) for (j, p), s in zip(self.constants, own, strict=True) if j == member}
+
+
+def joint_covariance(s: Search, f: FittedCauses) -> JointCovariance:
+    """Return the covariance of sizes and continuous constants, from the derivatives by both at the fitted values.
+
+    The prior of a constant is its range. What its uncertainty adds to the sizes is taken in the likeliest noise.
+    """
+    of, columns, half_ranges = [], [s.library.X[:, list(f.index)]], []
+    for j, (effect, c) in enumerate(fitted_effects(s, f)):
+        fields = [g for g in constants(type(effect)) if kind(g).smooth]
+        wanted = [p for p in parameters(type(effect), constants=True) if p.field in {g.name for g in fields}]
+        ranges = [float(np.ptp(limits(g, s.o.view.stimulus))) / 2 for g in fields]
+        if not wanted or c.variants[f.variants[j]].column is not None:
+            continue
+        columns.append(s.o.reduced(s.o.rows.columns(effect, wanted) * ranges))
+        of += [(j, p) for p in wanted]
+        half_ranges += ranges
+    p, k = len(f.index), len(of)
+    scale = np.array([q.sigma for m in f.members for q in s.library.candidates[m].parameters] + half_ranges)
+    C = np.zeros((p + k, p + k))
+    C[:p, :p] = f.covariance
+    if k:
+        G = project(f.projection.node, rows_like(s.rows, np.concatenate(columns, axis=1))).G.whole
+        G[range(p, p + k), range(p, p + k)] += 1.0
+        joint, held = (np.linalg.pinv(A, rcond=1e-10, hermitian=True) for A in (G, G[:p, :p]))
+        C += joint
+        C[:p, :p] -= held
+    return JointCovariance(tuple(of), C * np.outer(scale, scale))
+
+
+def fitted_effects(s: Search, f: FittedCauses) -> list[tuple[Effect, Candidate]]:
+    """Return each fitted cause as an effect with its size and its constants."""
+    out, at, names = [], 0, s.o.view.stimulus.axis_names
+    for m, v in zip(f.members, f.variants, strict=True):
+        c = s.library.candidates[m]
+        size = f.x[at : at + len(c.parameters)] * [p.sigma for p in c.parameters]
+        at += len(c.parameters)
+        none = absent_effect(c.effect, s.o.view.stimulus, c.source, **dict(c.variants[v].constants))
+        out.append((with_values((none,), c.parameters, size, names)[0], c))
+    return out
 
 
 def constant_value(s: Search, f: FittedCauses, j: int) -> tuple[tuple[str, float, float], ...]:
