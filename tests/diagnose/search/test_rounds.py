@@ -13,8 +13,8 @@ from gimbalcal.diagnose.library.candidates import Variant
 from gimbalcal.diagnose.search import about_found, likeliest, stepwise
 from gimbalcal.diagnose.search.ranking import Hypothesis
 
-VIEW: Any = SimpleNamespace(recording=SimpleNamespace(kind="pointing"), stimulus=None)
-FIRST: Any = SimpleNamespace(exact=False, effects=(), fitted=(), r=np.ones(1), J=np.ones((1, 1)))
+VIEW: Any = SimpleNamespace(kind="pointing", title="run", stimulus=None)
+FIRST: Any = SimpleNamespace(exact=False, effects=(), parameters=(), residual=np.ones(1), jacobian=np.ones((1, 1)))
 
 
 def cause(name: str, rival: str = "") -> Any:
@@ -114,8 +114,8 @@ def test_constants_that_were_dragged_far_are_looked_about_again(
     monkeypatch.setattr(about_found, "weighted", lambda _, r: r)
     monkeypatch.setattr(about_found, "absent_effect", lambda *_, **__: None)
     monkeypatch.setattr(about_found, "course", lambda v, _: f"the course of {v}")
-    v: Any = SimpleNamespace(beside=lambda *_: "another view", stimulus=None)
-    c: Any = SimpleNamespace(start=SimpleNamespace(r=np.array([3.0])), end=SimpleNamespace(r=np.array([left])),
+    v: Any = SimpleNamespace(relinearise=lambda *_: "another view", stimulus=None)
+    c: Any = SimpleNamespace(start=SimpleNamespace(residual=np.array([3.0])), end=SimpleNamespace(residual=np.array([left])),
                              steps=(SimpleNamespace(taken=A),))  # fmt: skip
     expected = ("another view", "the course of another view") if anew else (v, c)
     assert about_found.about_found(v, c, said) == expected
