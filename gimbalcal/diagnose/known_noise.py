@@ -19,8 +19,8 @@ from gimbalcal.diagnose.answer import Curves, Diagnosis, in_print, plotted_again
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import Lawful, lawful, misheld
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.result import Estimate, Finding, Shape, Shift, StatedNoiseFit
 from gimbalcal.diagnose.rows.baseline import carried
 from gimbalcal.diagnose.search.about_settings import about_settings
@@ -95,15 +95,15 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
         o = settle(fit_baseline(recording, baseline, start, steps=0))
     o = about_settings(o)
     tell("comparing every cause of the catalogue, alone and in pairs")
-    s = search(o, library(o, baseline), nodes(o))
+    s = search(o, library(o), nodes(o))
     if dragged:
         tell("again, about the constants that belong to what was found")
         o = _about_found(s)
-        s = search(o, library(o, baseline), nodes(o))
+        s = search(o, library(o), nodes(o))
     if more := wandering(s):
         who = f"accelerometer {more[0].alone}" if more[0].alone else "all accelerometers"
         tell(f"again, as {who} may wander")
-        s = search(o, library(o, baseline), (*nodes(o), *more))
+        s = search(o, library(o), (*nodes(o), *more))
     return s
 
 

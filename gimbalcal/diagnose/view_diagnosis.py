@@ -15,7 +15,7 @@ from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Curves, plotted_against
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import SOUGHT, Lawful, laws_of_view, told_heldout
-from gimbalcal.diagnose.library.unknown_noise import causes
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import Finding, LawResult, Mismatch, Shape, ViewFit
 from gimbalcal.diagnose.search.refit import projections, weighted, with_constants
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
@@ -120,8 +120,8 @@ def diagnosis_as(
     sigma = row_sigma(v, c.described)
     fit, lawful = view_fit(v, c, sigma), Lawful()
     if verdict == "adequate" and not c.start.exact:
-        known, X = causes(v, c.end.effects, c.end.parameters)
-        fit = replace(fit, unseen=detection_limits(known, projections(v, c.end, X)))
+        remaining = library(c.end)
+        fit = replace(fit, unseen=detection_limits(remaining.candidates, projections(v, c.end, remaining.X)))
     if verdict == "unexplained" and formulas:
         tell(SOUGHT)
         lawful, with_law = laws_of_view(v, c.end, sigma)

@@ -11,8 +11,7 @@ import numpy as np
 
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.evidence.noise import nominal
-from gimbalcal.diagnose.library.known_noise import library
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Recording
 from gimbalcal.views.known_attitude import fit_baseline
@@ -148,7 +147,7 @@ def nearest(run: Run, size: float) -> tuple[float, str]:
     error, options = concealed(run)[0].error, dict(run.options)
     with_it, without = (record(np.random.default_rng(run.seed), error, s, **options) for s in (size, 0.0))
     o = fit_baseline(without)
-    node, known = nominal(o), library(o, BASELINE[without.kind])
+    node, known = nominal(o), library(o)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))
     d = (with_it.triad("specific_force") - without.triad("specific_force")) / o.sigma
     y = node.whiten(o.reduced(d[:, :, None]))[:, 0]

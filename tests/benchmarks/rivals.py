@@ -20,10 +20,9 @@ from threadpoolctl import threadpool_limits
 from gimbalcal.diagnose.evidence import projection as evidence
 from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
 from gimbalcal.diagnose.evidence.projection import Projection
-from gimbalcal.diagnose.library.known_noise import library
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search import ranking as search
 from gimbalcal.diagnose.search import refine
-from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.inference.algebra import orthonormal
@@ -51,7 +50,7 @@ class Problem:
 def problems(recording: Recording) -> tuple[Problem, Problem]:
     """The same library twice: whitened and profiled, and as residuals of a finished calibration."""
     o = settle(fit_baseline(recording))
-    found = library(o, BASELINE[recording.kind])
+    found = library(o)
     names: dict[int, str] = {}
     for c in found.candidates:
         if not c.rival and "," not in c.axis:
@@ -270,7 +269,7 @@ def speed(rows: Sequence[dict[str, Any]], say: Callable[[str], None]) -> None:
     _plain = evidence.any_size
     with threadpool_limits(limits=1):
         o = settle(fit_baseline(recording))
-        found, grid = library(o, BASELINE[recording.kind]), nodes(o)
+        found, grid = library(o), nodes(o)
         evidence.any_size = refine.any_size = counting  # type: ignore[attr-defined]
         begin = perf_counter()
         search.search(o, found, grid)

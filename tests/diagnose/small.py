@@ -12,12 +12,10 @@ import numpy as np
 from scipy.fft import idct
 
 from gimbalcal.diagnose.evidence.noise import Node, nodes, settle
+from gimbalcal.diagnose.library.assemble import columns_at, library
 from gimbalcal.diagnose.library.candidates import Candidate, Library
-from gimbalcal.diagnose.library.known_noise import columns_at, library
-from gimbalcal.diagnose.library.unknown_noise import causes
 from gimbalcal.diagnose.result import FitSummary
 from gimbalcal.diagnose.search.ranking import Search, search
-from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, Site
@@ -45,7 +43,7 @@ def at_rest(seed: int = 1, error: static_plant.Error | None = None, size: float 
 
 def few(o: Fit, *labels: str) -> Library:
     """The library of a recording with these candidates alone ("bias_drift:x"), each by its first entry."""
-    whole = library(o, BASELINE[o.view.kind])
+    whole = library(o)
     kept, blocks, at = [], [], 0
     for label in labels:
         c = next(c for c in whole.candidates if c.label == label)
@@ -132,4 +130,4 @@ def telescope(seed: int, north: float = 0.0, east: float = 0.0, bend: float = 0.
 
 def causes_of(v: View, m: Fit) -> tuple[Candidate, ...]:
     """Everything that could be missing from a model of a view."""
-    return causes(v, m.effects, m.parameters)[0]
+    return library(m).candidates

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.noise import nominal
-from gimbalcal.diagnose.library.known_noise import library
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose.law_plants import PROBE, at_size, laws, oddities
@@ -22,7 +21,7 @@ AXIS = {name: n % 3 for n, name in enumerate(NAMES)}
 def setting(logged):
     """Fit of a clean recording, its library, and the basis of its calibration."""
     o = fit_baseline(record(np.random.default_rng(1), laws(0)["fan"].error if logged else None, 0.0))
-    found = library(o, BASELINE["multi-position"])
+    found = library(o)
     node = nominal(o)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))
     X = node.whiten(found.X)

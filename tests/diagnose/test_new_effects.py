@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.library import known_noise, unknown_noise
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import norm, pointing, table
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
-from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
@@ -101,11 +100,11 @@ def tried(r: Recording) -> set[str]:
     """Ids of the causes that either road compares."""
     if r.platform.axes and r.kind != "pointing":
         o = fit_baseline(r)
-        return {c.effect for c in known_noise.library(o, BASELINE[r.kind]).candidates}
+        return {c.effect for c in library(o).candidates}
     out = set()
     for v in views(r):
         m = start(v)
-        out |= {c.effect for c in unknown_noise.causes(v, m.effects, m.parameters)[0]}
+        out |= {c.effect for c in library(m).candidates}
     return out
 
 

@@ -11,8 +11,8 @@ import pytest
 
 from gimbalcal import cli
 from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.library.assemble import available
 from gimbalcal.diagnose.library.candidates import sources
-from gimbalcal.diagnose.library.known_noise import available
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.views import pointing, solved
 from gimbalcal.diagnose.search.refit import start
@@ -168,8 +168,8 @@ def test_effects_of_named_channels_are_candidates_where_these_were_logged() -> N
     x = np.linspace(0, 1, n)
     named = {("covariate", k): x for k in ("pressure", "servo_x", "servo_y", "servo_z", "fan")}
     o = fit_baseline(changed(CLEAN, named))
-    assert {"pressure", "servo_following_error"} <= set(available(o, ()))
-    assert not {"supply_voltage", "vibration_rectification"} & set(available(o, ()))
+    assert {"pressure", "servo_following_error"} <= set(available(o.view))
+    assert not {"supply_voltage", "vibration_rectification"} & set(available(o.view))
     assert sources(CATALOGUE["pressure"], o.view.stimulus) == ("",)
     assert sources(CATALOGUE["bias_covariate"], o.view.stimulus) == ("fan",)
     assert "fan" in sources(CATALOGUE["bias_covariate_squared"], o.view.stimulus)

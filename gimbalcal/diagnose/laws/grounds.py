@@ -12,7 +12,7 @@ from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.laws.law_search import Ground, Place
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
-from gimbalcal.diagnose.library.rivals import RIVAL_SIGMA
+from gimbalcal.diagnose.library.shapes import RIVAL_SIGMA
 from gimbalcal.diagnose.library.variables import joined, variables
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.diagnose.search.refit import basis, projections, weighted

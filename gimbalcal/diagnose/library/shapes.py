@@ -1,38 +1,266 @@
-"""Shapes without a cause: what stands for "none of these" when the known causes are compared with it."""
+"""Shapes without a cause: what stands for "none of these" when the known causes are compared with the data.
+
+Free per position, smooth in orientation, time or temperature, harmonics of a gimbal angle, and simple laws that nobody
+has written down. Where the noise is stated they are as large as a few sigmas of a row; where it is not, as the misfit.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.polynomial import legendre
 
+from gimbalcal.diagnose.library.candidates import Candidate, Variant, appended_to
+from gimbalcal.effects import Stage
+from gimbalcal.effects.history import smoothed_rate
+from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
-from gimbalcal.views.core import Fit
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.views.core import Fit, View
 
 ROUNDING = 1e-14  # of functions of order one: sines of half turns are 1e-16, cubes of a millidegree more
 PLACES = 150  # with more of them, a smooth function of the direction of gravity says it better
 SETTINGS = 16  # of a gimbal; with more of them, harmonics say it better
+ALIKE = 0.97  # correlation from which a simple law is one that the catalogue has
+SLOWEST = 2000  # reduced rows on which that is judged: all of 18 positions, the slowest of a static run
+RIVAL_SIGMA = 3.0  # prior size of one shape, in sigmas of a row: mixed over 0.1 to 100 like every other
+SLOW, FAST = range(1, 9), range(9, 21)  # half periods of a course in time
+CURVE = range(4, 10)  # degrees of a curve: a square and a cube have causes
+VAGUE = 0.03  # of a shape, which directions read with noise still tell where the model has taken all that poses tell
+MOVES = 1e-2  # rad; a gimbal that moves less stands still
+Shape = tuple[str, str, Array]  # name, in words, basis (n, m)
+
+
+def shapes_in_outputs(o: Fit, blocks: list[Array]) -> list[Candidate]:
+    """Return what outputs and gimbals may follow where the noise is stated, per `RIVAL_SIGMA` of a row.
+
+    Free per position, smooth in orientation, in time, in temperature, gimbal harmonics; and simple laws.
+    """
+    out: list[Candidate] = []
+    axes = _outputs(o)
+    for name, (words, basis) in shapes(o).items():
+        scaled = unit_rms(basis)
+        every: list[int] = []
+        for axis, along in axes:
+            X = np.stack([along * b[:, None] for b in scaled.T], axis=-1)
+            at = tuple(appended_to(blocks, o.reduced(X) * RIVAL_SIGMA))
+            every += at
+            out.append(Candidate(f"unknown {name}", axis, (), (Variant((), at),), rival=words))
+        if len(axes) > 1:
+            together = ", ".join(axis for axis, _ in axes)
+            out.append(Candidate(f"unknown {name}", together, (), (Variant((), tuple(every)),), rival=words))
+    return out + gimbal_harmonics(o, blocks) + _simple_laws(o, blocks)
+
+
+def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
+    """Products and powers of what was recorded, as outputs of one accelerometer, less those that have a cause."""
+    Q = orthonormal(o.reduced(o.Z)[:SLOWEST])
+
+    def unit(X: Array) -> Array:
+        X = X[:SLOWEST]
+        left = X - Q @ (Q.T @ X)
+        size = np.sqrt((left**2).sum(axis=0))
+        return left / np.where(size > 1e-3 * np.sqrt((X**2).sum(axis=0)) + 1e-300, size, np.inf)
+
+    known = unit(np.concatenate([b[:SLOWEST] for b in blocks], axis=1))
+    out = []
+    for name, (words, bases) in products(o).items():
+        for axis, along in _outputs(o):
+            variants = []
+            for basis in bases:
+                X = o.reduced(along[:, :, None] * unit_rms(basis)[:, None, :])
+                if X.any() and np.abs(known.T @ unit(X)).max(axis=0).min() < ALIKE:
+                    variants.append(Variant((), tuple(appended_to(blocks, X * RIVAL_SIGMA))))
+            if variants:
+                out.append(Candidate(f"unknown {name}", axis, (), tuple(variants), rival=words))
+    return out
+
+
+def _outputs(o: Fit) -> list[tuple[str, Array]]:
+    """What one unit (a sigma of a row) added to each accelerometer that was logged does to all channels, (n, C)."""
+    S = o.rows.sensitivity[Stage.ACCELEROMETER]
+    out = []
+    for k, (quantity, axis) in enumerate(o.view.channels):
+        if quantity == "specific_force":
+            along = S[:, :, "xyz".index(axis)]
+            out.append((axis, along / np.abs(along[:, k]).max()))
+    return out
+
+
+def gimbal_harmonics(o: Fit, blocks: list[Array]) -> list[Candidate]:
+    """Errors of each moving gimbal that no bearing or encoder has: high harmonics, or a value at each setting."""
+    out = []
+    for i, axis in enumerate(o.view.stimulus.axis_names):
+        harmonics = high_harmonics(o.rows.seen[Stage.ENCODER].angle[:, i])
+        words = f"a third or higher harmonic of the {axis} gimbal angle"
+        out += _of_gimbal(o, i, "unknown gimbal angle", words, harmonics, blocks)
+        words = f"a value of its own at each setting of the {axis} gimbal"
+        out += _of_gimbal(o, i, "unknown gimbal setting", words, settings(o.view.stimulus.readout[:, i]), blocks)
+    return out
+
+
+def _of_gimbal(o: Fit, i: int, effect: str, words: str, bases: Sequence[Array], blocks: list[Array]) -> list[Candidate]:
+    variants = []
+    for basis in bases:
+        added = np.zeros((*basis.shape, len(o.view.stimulus.axis_names)))
+        added[:, :, i] = basis
+        X = np.stack([o.rows.through(Stage.ENCODER, added[:, j]) for j in range(basis.shape[1])], axis=-1)
+        size = np.abs(X).max()
+        if size > 0:
+            variants.append(Variant((), tuple(appended_to(blocks, o.reduced(X / size) * RIVAL_SIGMA))))
+    axis = o.view.stimulus.axis_names[i]
+    made = Candidate(effect, axis, (), tuple(variants), rival=words, channel="gimbal_angle")
+    return [made] if variants else []
+
+
+def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: int) -> tuple[Candidate, ...]:
+    """What is no cause, its columns (n, C, p), per rms of the misfit (n, C), appended to `blocks`.
+
+    Smooth in time, fast in time, along the temperature; smooth in the direction of gravity, or harmonics of the gimbal
+    angles. In each channel; the norm of the force shows an accelerometer as far as it lies along the force, the sky
+    across a line of sight its outer axis by the cosine of the inner angle. A shape with as many columns as rows fits
+    whatever is there, so none has more than half the `free`; and of what the model has `taken` (n C, q) only noise of
+    the readings is left, a copy of the misfit where poses come again and again: it is no shape.
+    """
+    if v.added is not None:
+        return _of_sensors(v, misfit, taken, blocks)
+    rms = float(np.sqrt(np.mean(misfit**2)))
+    n, C = misfit.shape[0], len(v.channels)
+    out = []
+    for c, (quantity, axis) in enumerate(v.channels):
+        for name, words, basis in (*_of_view(v), *(_of_accelerometers(v) if v.name == "norm" else ())):
+            seen = _outer_axis(v) if (quantity, axis) == ("pointing", "across") else 1.0
+            scaled = rms * unit_rms((seen * basis)[:, : max(1, free // 2)])
+            X = np.zeros((n, C, scaled.shape[1]))
+            X[:, c] = scaled
+            X = _beyond(X / (rms or 1.0), taken) * rms
+            if not X.shape[-1]:
+                continue
+            span = tuple(appended_to(blocks, X))
+            out.append(Candidate(f"unknown {name}", axis, (), (Variant((), span),), words, channel=quantity))
+    return tuple(out)
+
+
+def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tuple[Candidate, ...]:
+    """Shapes added to a sensor, each combination as large as the misfit beside what the model takes of it."""
+    assert v.added is not None
+    w, out = v.weight, []
+    rms = float(np.sqrt(np.mean((misfit * w) ** 2)))
+    Q = orthonormal(w.reshape(-1, 1) * taken)
+    for quantity, axis in ((q, a) for q in (FORCE, RATE) for a in "xyz"):
+        for name, words, basis in _turning(v):
+            key = f"{name} in {quantity} {axis}"
+            if key not in v.cache:
+                v.cache[key] = v.added(quantity, axis, basis)
+            A = (v.cache[key] * w[..., None]).reshape(len(taken), -1)
+            A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+            left = A - Q @ (Q.T @ A)
+            _, S, Vt = np.linalg.svd(left, full_matrices=False)
+            told = S > VAGUE
+            X = (left @ Vt[told].T / S[told] * np.sqrt(misfit.size) * rms).reshape(*misfit.shape, -1) / w[..., None]
+            if X.shape[-1]:
+                span = tuple(appended_to(blocks, X))
+                out.append(Candidate(f"unknown {name}", axis, (), (Variant((), span),), words, channel=quantity))
+    return tuple(out)
+
+
+def _turning(v: View) -> Iterator[Shape]:
+    """What a sensor of a unit that is turned may follow."""
+    s = v.stimulus
+    t = s.time / (s.time[-1] or 1.0)
+    yield "time", "a smooth function of time", np.cos(np.pi * np.outer(t, SLOW))
+    yield "fast time", "a pattern in time", np.cos(np.pi * np.outer(t, FAST))
+    yield "orientation", "a smooth function of the direction of gravity", polynomials(_along(v))
+    yield "rate", "a smooth function of the rate of turn", _of_rate(s.rate / (np.abs(s.rate).max() or 1.0))
+    if _warms(v):
+        yield "temperature", "a function of temperature", thermal(s.time, _temperature(v))
+
+
+def _of_rate(rate: Array) -> Array:
+    """Squares, products, sizes and third degrees (g, 12) of the rate (g, 3), the largest being one."""
+    x, y, z = rate.T
+    third = legendre.legvander(rate, 3)[..., 3].T
+    return np.stack([x * x, y * y, z * z, x * y, y * z, z * x, *np.abs(rate.T), *third], axis=-1)
+
+
+def _beyond(X: Array, Q: Array) -> Array:
+    """Combinations (n, C, q) of unit columns X (n, C, p) of which Q (n C, m) leaves more than `VAGUE`."""
+    A = X.reshape(len(Q), -1)
+    _, S, Vt = np.linalg.svd(A - Q @ (Q.T @ A), full_matrices=False)
+    told = S > VAGUE * np.sqrt(len(X))
+    left = X if np.all(told) else X @ Vt[told].T
+    return unit_rms(left.reshape(len(Q), -1)).reshape(left.shape) / np.sqrt(X.shape[1])  # one channel holds it all
+
+
+def _outer_axis(v: View) -> Array:
+    """What a turn of the outer axis moves across the line of sight (n, 1)."""
+    inner = v.stimulus.true_angle
+    return np.ones((len(v), 1)) if inner is None else np.cos(inner[:, :1])
+
+
+def _of_view(v: View) -> Iterator[Shape]:
+    """What a channel may follow as it is."""
+    yield "time", "a smooth function of time", _course(v, SLOW)
+    if v.name in ("rest rates", "pointing"):
+        yield "fast time", "a pattern in time", _course(v, FAST)
+    if v.name == "pointing":
+        yield from _angle_harmonics(v)
+    elif v.name not in ("table", "slews"):
+        yield "orientation", "a smooth function of the direction of gravity", polynomials(_along(v))
+    if v.name == "rest rates" and _warms(v):
+        yield "temperature", "a function of temperature", thermal(v.time, _temperature(v))
+
+
+def _of_accelerometers(v: View) -> Iterator[Shape]:
+    """What each accelerometer may follow: a course in time or temperature, or a curve of the force along it."""
+    u = _along(v)
+    for i, axis in enumerate("xyz"):
+        along = u[:, i : i + 1]
+        yield f"time {axis}", f"a smooth function of time along {axis}", along * _course(v, SLOW)
+        yield f"fast time {axis}", f"a pattern in time along {axis}", along * _course(v, FAST)
+        yield (
+            f"scale {axis}",
+            f"a scale factor that changes in time along {axis}",
+            along**2 * _course(v, [*SLOW, *FAST]),
+        )
+        curve = legendre.legvander(u[:, i], CURVE[-1])[:, CURVE[0] :]
+        yield f"curve {axis}", f"a curve of the force along {axis}", along * curve
+        if _warms(v):
+            hot = thermal(v.time, _temperature(v))
+            yield f"temperature {axis}", f"a function of temperature along {axis}", along * hot
+
+
+def _angle_harmonics(v: View) -> Iterator[Shape]:
+    """The first harmonic, and the harmonics 2 to 6, of each gimbal angle that moves; and of two of them together."""
+    moving = [(a, x) for a, x in zip(v.stimulus.axis_names, v.stimulus.readout.T, strict=True) if np.ptp(x) > MOVES]
+    said = [axis.replace("_", " ").removesuffix(" angle") + " angle" for axis, _ in moving]
+    for words, (_, angle) in zip(said, moving, strict=True):
+        for orders, often in ((range(1, 2), "once per turn"), (range(2, 7), "twice per turn and faster")):
+            yield f"{words}, {often}", f"a pattern in the {words}, {often}", _waves(angle, orders)
+    if len(moving) > 1:
+        (_, inner), (_, outer) = moving[:2]
+        both = _waves(inner, range(1, 3))[:, :, None] * _waves(outer, range(1, 4))[:, None]
+        yield "angles together", f"a pattern in {said[0]} and {said[1]} together", both.reshape(len(inner), -1)
 
 
 def shapes(o: Fit) -> dict[str, tuple[str, Array]]:
     """Bases (n, m) of the rivals that act on each accelerometer output."""
-    s = o.view.stimulus
-    t = s.time / s.time[-1]
-    m = 10 if o.view.kind.in_positions else 20
-    out = {"time": ("a smooth function of time", np.cos(np.pi * np.outer(t, np.arange(1, m + 1))))}
+    v, s = o.view, o.view.stimulus
+    orders = range(1, 11) if v.kind.in_positions else range(1, 21)
+    out = {"time": ("a smooth function of time", _course(v, orders))}
     if o.view.kind.in_positions:
         places = np.unique(s.position)
         if len(places) <= PLACES:
             out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
-        out["orientation"] = ("a smooth function of the direction of gravity", polynomials(s.force / s.gravity))
+        out["orientation"] = ("a smooth function of the direction of gravity", polynomials(_along(v)))
         if s.since_move.max() > 0:
             out["settling"] = ("a course of its own after each move", _settling(o))
     else:
         phase = np.arctan2(s.force[:, 1], s.force[:, 0])
-        n = np.arange(2, 7)
-        basis = np.concatenate([np.cos(np.outer(phase, n)), np.sin(np.outer(phase, n))], axis=1)
-        out["orientation"] = ("harmonics of the sidereal angle", basis)
-    if s.temperature is not None and np.ptp(s.temperature) > 0:
-        out["temperature"] = ("a function of temperature", thermal(s.time, s.temperature))
+        out["orientation"] = ("harmonics of the sidereal angle", _waves(phase, range(2, 7)))
+    if _warms(v):
+        out["temperature"] = ("a function of temperature", thermal(s.time, _temperature(v)))
     return out
 
 
@@ -83,8 +311,6 @@ def products(o: Fit) -> dict[str, tuple[str, list[Array]]]:
 
     A flexible shape cannot compete with a known cause that happens to look much like the truth; the truth itself can.
     """
-    from gimbalcal.effects.history import smoothed_rate
-
     s = o.view.stimulus
     t = s.time / s.time[-1] - 0.5
     angles = [a for a in s.angle.T if np.ptp(a) > 1e-2]
@@ -117,7 +343,7 @@ def high_harmonics(angle: Array) -> list[Array]:
         return []
     out = [beyond]
     for n in range(3, 9):
-        pair = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=-1)
+        pair = _waves(angle, [n])
         if np.linalg.norm(beyond.T @ pair) > 0.1 * len(angle):
             out.append(pair)
     return out
@@ -131,9 +357,34 @@ def settings(angle: Array) -> list[Array]:
 
 def _above_second(angle: Array) -> Array:
     """Harmonics 3 to 8 (n, m) cleared of what constant, first and second say at these angles, and of each other."""
-    low = np.stack([f(n * angle) for n in range(3) for f in (np.cos, np.sin)], axis=-1)
-    high = np.stack([f(n * angle) for n in range(3, 9) for f in (np.cos, np.sin)], axis=-1)
+    low = _waves(angle, range(3))
+    high = _waves(angle, range(3, 9))
     Q = np.linalg.svd(low, full_matrices=False)
     base = Q[0][:, Q[1] > 1e-6 * Q[1][0]]
     U, S, _ = np.linalg.svd(high - base @ (base.T @ high), full_matrices=False)
     return np.asarray(U[:, S > 1e-2 * np.sqrt(len(angle))] * np.sqrt(len(angle)))
+
+
+def _along(v: View) -> Array:
+    """Unit force (n, 3)."""
+    force = v.stimulus.force
+    return np.asarray(force / np.linalg.norm(force, axis=-1, keepdims=True))
+
+
+def _course(v: View, orders: Sequence[int]) -> Array:
+    """Cosines over the recording (n, m)."""
+    t = v.elapsed
+    return np.asarray(np.cos(np.pi * np.outer(t / (t.max() or 1.0), orders)))
+
+
+def _waves(angle: Array, orders: Sequence[int]) -> Array:
+    """Cosine and sine (n, 2 m) of multiples of an angle."""
+    return np.stack([f(k * angle) for k in orders for f in (np.cos, np.sin)], axis=-1)
+
+
+def _warms(v: View) -> bool:
+    return v.stimulus.temperature is not None and bool(np.ptp(v.stimulus.temperature) > 0)
+
+
+def _temperature(v: View) -> Array:
+    return np.asarray(v.stimulus.temperature)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
-from gimbalcal.diagnose.library.unknown_noise import causes
+from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.library.candidates import Candidate, Variant
 from gimbalcal.diagnose.search.ranking import Weighed, bayes_factors, likeliest_variants, total, weighed
 from gimbalcal.diagnose.search.refit import projections
 from gimbalcal.number import Array
@@ -29,10 +29,9 @@ class Round:
 
 def ranked(v: View, model: Fit, memory: bool = True) -> Weighed:
     """Everything that could be missing from a model, alone and beside others."""
-    known, X = causes(v, model.effects, model.parameters)
-    p = projections(v, model, X, memory)
-    library = Library(known, X)
-    return weighed(library, p, bayes_factors(p, library.layout), v.kind)
+    found = library(model)
+    p = projections(v, model, found.X, memory)
+    return weighed(found, p, bayes_factors(p, found.layout), v.kind)
 
 
 def weigh(v: View, model: Fit, memory: bool = False, against: Candidate | None = None, shape: bool = False

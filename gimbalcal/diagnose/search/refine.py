@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, any_size, extended
+from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
-from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import Constant, between, kind, limits

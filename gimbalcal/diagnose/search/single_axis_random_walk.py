@@ -16,7 +16,7 @@ from gimbalcal.diagnose.evidence.memories import LONE_SENSORS
 from gimbalcal.diagnose.evidence.noise import Node, lone_walks
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.projection import project, rows_like
-from gimbalcal.diagnose.library.unknown_noise import causes
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Search, log_priors
 from gimbalcal.diagnose.search.refit import projections
@@ -106,7 +106,7 @@ def found_in(v: View, c: Course) -> float:
     anything = ranked(v, c.start).ln_total
     if not c.steps:
         return anything
-    known, _ = causes(v, c.start.effects, c.start.parameters)
+    known = library(c.start).candidates
     share = dict(zip((k.key for k in known), log_priors(known, v.kind).tolist(), strict=True))
     named = ln_odds(v, c.start, [s.taken for s in c.steps], share)
     return max(anything, named + max(ranked(v, c.end).ln_total, 0.0))

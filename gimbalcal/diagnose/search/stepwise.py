@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
+from gimbalcal.diagnose.library.assemble import constants_of, library
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, layout_of
-from gimbalcal.diagnose.library.unknown_noise import causes, constants_of
 from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import bayes_factors, is_usual, log_priors
 from gimbalcal.diagnose.search.refit import projections, refit, start, with_columns, with_constants
@@ -66,7 +66,8 @@ def course(v: View, tell: Tell) -> Course:
     taken = climbed(v, first, (), tell)
     if not taken:
         return steps_of(v, first, taken)
-    known, X = causes(v, first.effects, first.parameters)
+    found = library(first)
+    known, X = found.candidates, found.X
     usual = textbook(v, first, known, X)
     lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in taken}
     standard = pruned(v, first, usual, tell) if lacking else []

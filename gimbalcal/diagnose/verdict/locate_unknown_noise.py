@@ -6,9 +6,9 @@ import numpy as np
 
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.projection import log_bayes
+from gimbalcal.diagnose.library.assemble import free_rows, spans
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.library.unknown_noise import free_rows, spans
-from gimbalcal.diagnose.library.view_shapes import shapes_of
+from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.result import Mismatch
 from gimbalcal.diagnose.search.refit import basis, projections, weighted
 from gimbalcal.inference.p_value import probability

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.projection import project, projected, rows_like
+from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
-from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.ranking import Search, reduced
 from gimbalcal.diagnose.verdict.model import FittedCauses, constant_value, fit_causes

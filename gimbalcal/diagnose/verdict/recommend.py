@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.noise import nominal
+from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.library.known_noise import columns_at
 from gimbalcal.diagnose.wording import spoken
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.inference.algebra import orthonormal

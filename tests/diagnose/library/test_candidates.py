@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from gimbalcal.diagnose.library.assemble import available, columns_at, library
 from gimbalcal.diagnose.library.candidates import Candidate, by_mechanism, choices, eligible, of_effect, sources
-from gimbalcal.diagnose.library.known_noise import available, columns_at, library
 from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters
-from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.views.known_attitude import fit_baseline
@@ -48,7 +49,7 @@ def test_one_vector_is_one_candidate() -> None:
 
 
 def test_two_mechanisms_of_one_axis_are_two_causes() -> None:
-    found = [c for c in library(fit_baseline(RECORDING), BASELINE["multi-position"]).candidates if c.axis == "inner"]
+    found = [c for c in library(fit_baseline(RECORDING)).candidates if c.axis == "inner"]
     flexure = [c for c in found if c.effect == "gimbal_flexure"]
     assert len({c.key for c in flexure}) == len(flexure) == 2
 
@@ -62,7 +63,7 @@ def test_what_happens_once_is_told_by_its_constants() -> None:
 
 def test_columns_stand_where_the_variants_say() -> None:
     o = fit_baseline(RECORDING)
-    made = library(o, BASELINE["multi-position"])
+    made = library(o)
     c = next(c for c in made.candidates if c.label == "warm_up:y")
     for v in c.variants:
         assert np.allclose(made.X[:, list(v.index)], columns_at(o, c, v.constants))
@@ -96,8 +97,8 @@ def test_an_effect_says_where_it_is_a_candidate(effect: str, known: bool, unknow
 
 def test_what_the_model_holds_is_not_missing_from_it() -> None:
     o = fit_baseline(RECORDING)
-    assert "bias_drift" in available(o, ())
-    assert "bias_drift" not in available(o, ("bias_drift",))
+    assert "bias_drift" in available(o.view)
+    assert "bias_drift" not in available(replace(o.view, baseline=("bias_drift",)))
 
 
 def test_a_unit_without_gimbals_does_not_say_where_north_is() -> None:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.library.rivals import RIVAL_SIGMA, rivals
+from gimbalcal.diagnose.library.shapes import RIVAL_SIGMA, shapes_in_outputs
 from gimbalcal.number import Array
 from tests.diagnose.small import at_rest, observed
 
 O = observed(1, dwell=6)
 BLOCKS: list[Array] = [np.zeros((len(O.reduced(O.Z)), 1))]
-FOUND = rivals(O, BLOCKS)
+FOUND = shapes_in_outputs(O, BLOCKS)
 X = np.concatenate(BLOCKS, axis=1)
 
 
@@ -73,6 +73,6 @@ def test_shapes_have_words_and_no_parameters() -> None:
 def test_a_static_run_has_its_own() -> None:
     o = at_rest(1)
     blocks: list[Array] = [o.reduced(o.Z)]
-    names = {c.effect for c in rivals(o, blocks)}
+    names = {c.effect for c in shapes_in_outputs(o, blocks)}
     assert "unknown position" not in names
     assert {"unknown time", "unknown orientation", "unknown temperature"} <= names

@@ -7,16 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.unknown_noise import (
-    available,
-    causes,
-    constants_of,
-    free_rows,
-    powers,
-    spanned,
-    spans,
-)
-from gimbalcal.diagnose.library.view_shapes import shapes_of
+from gimbalcal.diagnose.library.assemble import available, constants_of, free_rows, library, powers, spanned, spans
+from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE, absent, parameters
@@ -27,7 +19,8 @@ from tests.diagnose.test_unknown_noise import turned
 
 STARS = pointing(telescope(1, north=12.0))
 MODEL = start(STARS)
-KNOWN, X = causes(STARS, MODEL.effects, MODEL.parameters)
+FOUND = library(MODEL)
+KNOWN, X = FOUND.candidates, FOUND.X
 HANDS = norm(turned(1))
 
 
@@ -97,7 +90,7 @@ def test_no_shape_has_more_than_half_as_many_columns_as_there_are_rows_to_test_i
 def test_an_effect_of_the_model_keeps_its_constants() -> None:
     effect = next(i for i in available(STARS) if constants_of(absent(CATALOGUE[i], STARS.stimulus.axis_names)))
     made = absent(CATALOGUE[effect], STARS.stimulus.axis_names)
-    known, _ = causes(STARS, [*MODEL.effects, made], MODEL.parameters)
+    known = library(replace(MODEL, effects=(*MODEL.effects, made))).candidates
     assert {v.constants for c in known if c.effect == effect for v in c.variants} == {constants_of(made)}
 
 

@@ -10,10 +10,9 @@ from scipy.stats import multivariate_normal
 
 from gimbalcal.diagnose.evidence.odds import BESIDE, PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Library
-from gimbalcal.diagnose.library.known_noise import library
 from gimbalcal.diagnose.search.ranking import Search, beside, given, log_priors, pairs, same, search
-from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from tests.diagnose.plant import Bench, known
@@ -87,7 +86,7 @@ def test_two_causes_are_found_as_a_pair() -> None:
 
 def test_shares_of_the_prior_make_a_whole() -> None:
     o = S.o
-    whole = library(o, BASELINE[o.view.kind])
+    whole = library(o)
     prior = log_priors(whole.candidates)
     rival = np.array([bool(c.rival) for c in whole.candidates])
     assert np.exp(prior[rival]).sum() == pytest.approx(1.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, SINGLE
-from gimbalcal.diagnose.library.candidates import Variant
+from gimbalcal.diagnose.library.candidates import Library, Variant
 from gimbalcal.diagnose.search import about_found, likeliest, stepwise
 from gimbalcal.diagnose.search.ranking import Hypothesis
 
@@ -97,7 +97,7 @@ def test_the_likelier_of_two_courses_is_told(monkeypatch: pytest.MonkeyPatch, ot
     monkeypatch.setattr(stepwise, "start", lambda _: FIRST)
     monkeypatch.setattr(stepwise, "refuse_too_little", lambda *_: None)
     monkeypatch.setattr(stepwise, "climbed", lambda _v, _m, begun, _t: [B, C] if begun else [A])
-    monkeypatch.setattr(stepwise, "causes", lambda *_: ((A[0],), np.zeros((1, 1, 1))))
+    monkeypatch.setattr(stepwise, "library", lambda _: Library((A[0],), np.zeros((1, 1, 1))))
     monkeypatch.setattr(stepwise, "textbook", lambda *_: [B])
     monkeypatch.setattr(stepwise, "pruned", lambda _v, _m, taken, _t: list(taken))
     monkeypatch.setattr(stepwise, "log_priors", lambda *_: np.zeros(1))
@@ -115,7 +115,7 @@ def test_constants_that_were_dragged_far_are_looked_about_again(
     monkeypatch.setattr(about_found, "absent_effect", lambda *_, **__: None)
     monkeypatch.setattr(about_found, "course", lambda v, _: f"the course of {v}")
     v: Any = SimpleNamespace(relinearise=lambda *_: "another view", stimulus=None)
-    c: Any = SimpleNamespace(start=SimpleNamespace(residual=np.array([3.0])), end=SimpleNamespace(residual=np.array([left])),
-                             steps=(SimpleNamespace(taken=A),))  # fmt: skip
+    first, last = (SimpleNamespace(residual=np.array([r])) for r in (3.0, left))
+    c: Any = SimpleNamespace(start=first, end=last, steps=(SimpleNamespace(taken=A),))
     expected = ("another view", "the course of another view") if anew else (v, c)
     assert about_found.about_found(v, c, said) == expected

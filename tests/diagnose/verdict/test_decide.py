@@ -5,10 +5,9 @@ import pytest
 
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE
-from gimbalcal.diagnose.library.known_noise import library
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search.ranking import search
 from gimbalcal.diagnose.verdict.decide import decide, strained
-from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.views.known_attitude import fit_baseline
 from tests.diagnose.law_plants import Law, at_size, laws, unforeseen
 
@@ -16,7 +15,7 @@ from tests.diagnose.law_plants import Law, at_size, laws, unforeseen
 def searched(law, seed, sigmas):
     recording, _ = at_size(seed, law, sigmas)
     o = settle(fit_baseline(recording))
-    return search(o, library(o, BASELINE[recording.kind]), nodes(o))
+    return search(o, library(o), nodes(o))
 
 
 def test_a_cause_that_leaves_more_than_the_stated_noise_is_not_sure():

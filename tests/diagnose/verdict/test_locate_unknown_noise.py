@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
-from gimbalcal.diagnose.library.unknown_noise import spans
-from gimbalcal.diagnose.library.view_shapes import shapes_of
+from gimbalcal.diagnose.library.assemble import spans
+from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.verdict.locate_unknown_noise import largest, mismatches, patterns

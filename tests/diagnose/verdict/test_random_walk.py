@@ -20,6 +20,7 @@ from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_wit
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.pipeline import silent
+from gimbalcal.recording.kinds import MULTI_POSITION, STATIC_RUN
 from gimbalcal.units import to_si
 from tests.benchmarks import unknown_hand
 from tests.diagnose import static_plant
@@ -101,8 +102,8 @@ def test_what_wanders_is_said():
 def of_nodes(told, **more):
     """A search in which each noise has a lone walk (axis, size) or none, and a ln evidence of nothing missing."""
     nodes = [SimpleNamespace(alone=a, noise={"specific_force": (RandomWalk(size),)}) for a, size, _ in told]
-    o = SimpleNamespace(y=np.zeros((4, 3)), sigma=np.array([1.0, 3.0, 9.0]) * to_si(1.0, "ug/sqrt(h)"),
-                        channels=tuple(("specific_force", a) for a in "xyz"))  # fmt: skip
+    o = SimpleNamespace(residual=np.zeros((4, 3)), sigma=np.array([1.0, 3.0, 9.0]) * to_si(1.0, "ug/sqrt(h)"),
+                        view=SimpleNamespace(channels=tuple(("specific_force", a) for a in "xyz")))  # fmt: skip
     return SimpleNamespace(
         projections=tuple(SimpleNamespace(node=n) for n in nodes), null=np.array([ln for *_, ln in told]), o=o, **more
     )
@@ -146,7 +147,9 @@ def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):
     walks = [SimpleNamespace(alone="x", k=k) for k in range(len(ln))]
     monkeypatch.setattr("gimbalcal.diagnose.search.single_axis_random_walk.lone_walks", lambda _: walks)
     monkeypatch.setattr("gimbalcal.diagnose.search.single_axis_random_walk.weights", lambda *_: np.array(ln))
-    s = SimpleNamespace(ln_total=ln_total, o=SimpleNamespace(kind="multi-position"), null=np.zeros(1))
+    s = SimpleNamespace(
+        ln_total=ln_total, o=SimpleNamespace(view=SimpleNamespace(kind=MULTI_POSITION)), null=np.zeros(1)
+    )
     assert [n.k for n in wandering(s)] == kept
 
 
@@ -157,7 +160,7 @@ def test_none_walks_alone_where_all_walking_is_likelier(monkeypatch, together, k
     monkeypatch.setattr(
         "gimbalcal.diagnose.search.single_axis_random_walk.weights", lambda *_: np.array([9.0, together])
     )
-    s = SimpleNamespace(ln_total=8.0, o=SimpleNamespace(kind="static-run"), null=np.zeros(1))
+    s = SimpleNamespace(ln_total=8.0, o=SimpleNamespace(view=SimpleNamespace(kind=STATIC_RUN)), null=np.zeros(1))
     assert [n.k for n in wandering(s)] == kept
 
 

@@ -1,0 +1,234 @@
+"""Everything that could be missing from a model: every cause of the catalogue as columns, and shapes of no cause."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.diagnose.library.candidates import (
+    Candidate,
+    Constants,
+    Library,
+    choices,
+    eligible,
+    of_effect,
+    sources,
+)
+from gimbalcal.diagnose.library.shapes import shapes_in_outputs, shapes_of
+from gimbalcal.effects import CATALOGUE, Effect, Parameter
+from gimbalcal.effects.effect import Grid, constants
+from gimbalcal.effects.grids import kind, resolved
+from gimbalcal.forward import Rows
+from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.number import Array
+from gimbalcal.views.core import Fit, View, absent_effect
+
+PEAKS = 3  # of a scan over whole numbers
+STILL = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
+SHAKEN = 5.0  # times the relative misfit: laws of second and third degree, sums of a few
+ABOUT = 9  # whole numbers about each of them
+MOST = 150  # choices of constants that are weighed beside each other; of more, those that explain most
+
+
+def library(fit: Fit) -> Library:
+    """Return everything that could still be missing from a model, as columns per prior sigma, and shapes of no cause.
+
+    The columns are reduced rows (R, P) where the noise is stated, else rows (n, C, P) in SI.
+    """
+    v, rows = fit.view, fit.rows
+    search = _Columns(fit, rows, spans(rows.jacobian(fit.parameters)) if not v.noise.stated else np.zeros((0, 0)))
+    blocks: list[Array] = []
+    found = [c for effect_id in available(v) for c in _of_effect(search, effect_id, blocks)]
+    if v.noise.stated:
+        found += shapes_in_outputs(fit, blocks)
+    else:
+        blocks = [_clear_of_noise(v, X, search.misfit, search.taken) for X in blocks]
+        found += shapes_of(v, search.misfit, search.taken, blocks, free_rows(v, fit.parameters))
+    return Library(tuple(found), np.concatenate(blocks, axis=-1))
+
+
+def available(v: View) -> tuple[str, ...]:
+    """Return the ids of the catalogue that could be the cause of what these rows show.
+
+    Where the noise is stated the model holds an effect with all parameters that were fitted, or not at all.
+    """
+    return tuple(
+        effect_id
+        for effect_id, cls in CATALOGUE.items()
+        if eligible(cls, v.kind, v.stimulus, v.stages, known_noise=v.noise.stated)
+        and not (v.noise.stated and effect_id in v.baseline)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """What columns of candidates are made from: a model, the rows about it, and what the model takes (n C, q)."""
+
+    fit: Fit
+    rows: Rows
+    taken: Array
+
+    @property
+    def misfit(self) -> Array:
+        """The misfit (n, C) that they are held against."""
+        return self.fit.residual if self.fit.view.noise.stated else self.rows.residual
+
+    def of(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
+        """Return the columns of an effect per prior sigma, reduced where the noise is stated."""
+        X = np.nan_to_num(self.rows.columns(effect, wanted) * np.array([p.sigma for p in wanted]))
+        return self.fit.reduced(X) if self.fit.view.noise.stated else X
+
+
+def columns_at(fit: Fit, c: Candidate, at: Constants) -> Array:
+    """Return the reduced columns (R, p) of a cause at these non-linear constants, per prior sigma, in stated noise."""
+    effect = absent_effect(c.effect, fit.view.stimulus, c.source, **dict(at))
+    return _Columns(fit, fit.rows, np.zeros((0, 0))).of(effect, c.parameters)
+
+
+def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Candidate]:
+    """Candidates of what the model does not hold of an effect; with the constants it has there, if it has some.
+
+    Of a gimbal that stands still a pattern in its angle is a constant, which the model has taken: no cause.
+    """
+    v, cls, modelled = search.fit.view, CATALOGUE[effect_id], search.fit.parameters
+    there = next((e for e in search.rows.effects if e.id == effect_id), None)
+    had = {(p.effect, p.field, p.axis) for p in modelled}
+    wanted = tuple(p for p in v.parameters_of(effect_id) if (p.effect, p.field, p.axis) not in had)
+    if not v.noise.stated and there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
+        first = absent_effect(effect_id, v.stimulus, "", **dict(choices(cls, v.stimulus)[0]))
+        own = _beyond(np.nan_to_num(search.rows.columns(first, wanted)), search.taken)
+        wanted = tuple(p for p, seen in zip(wanted, own, strict=True) if seen or p.axis not in v.stimulus.axis_names)
+    if not wanted:
+        return []
+
+    def columns(made: Effect) -> Array:
+        return search.of(made if there is None else there, wanted)
+
+    out: list[Candidate] = []
+    for source in sources(cls, v.stimulus):
+        if there is None:
+            tried, count = _tried(search, cls, source, columns)
+        elif source == (getattr(there, "covariate", "") if source else ""):
+            # its constants were chosen among as many, unless another axis has told them
+            held = any(p.effect == effect_id for p in modelled)
+            tried, count = [constants_of(there)], 1 if held else len(v.cache.get(effect_id, choices(cls, v.stimulus)))
+        else:
+            continue
+        made = of_effect(cls, source, wanted, tried, v.stimulus, columns, blocks)
+        out += [replace(c, scanned=count) for c in made]
+    return out
+
+
+def _tried(
+    search: _Columns, cls: type[Effect], source: str, columns: Callable[[Effect], Array]
+) -> tuple[list[Constants], int]:
+    """Return the choices of constants that are weighed, and of how many they are the best, 0 for all of them."""
+    v = search.fit.view
+    every = choices(cls, v.stimulus)
+    if not v.noise.stated:
+        return _scanned(v, cls, search.misfit, columns, every)
+    if len(every) > MOST:
+        return _likeliest(search.fit, cls, source, every, columns), len(every)
+    return every, 0
+
+
+def _likeliest(
+    o: Fit, cls: type[Effect], source: str, every: Sequence[Constants], columns: Callable[[Effect], Array]
+) -> list[Constants]:
+    """The `MOST` choices that take away most of what the calibration leaves of the data, in order.
+
+    All of a thousand positions would be as many columns squared for each noise; what explains least adds nothing to
+    a sum over choices, of which each keeps its share among all.
+    """
+    Q = orthonormal(o.reduced(o.Z))
+    r = o.reduced(o.residual[:, :, None])[:, 0]
+    r = r - Q @ (Q.T @ r)
+    taken = []
+    for choice in every:
+        X = columns(absent_effect(cls.id, o.view.stimulus, source, **dict(choice)))
+        taken.append(float(((orthonormal(X - Q @ (Q.T @ X)).T @ r) ** 2).sum()) if X.any() else 0.0)
+    return [every[i] for i in sorted(np.argsort(taken)[::-1][:MOST])]
+
+
+def _clear_of_noise(v: View, X: Array, misfit: Array, taken: Array) -> Array:
+    """Columns X (n, C, p), zero where what the model leaves of them is no more than the noise of the forces in them.
+
+    Poses that come again and again in the same order leave nothing else of what follows the pose: it would be a copy of
+    the misfit (n, C). Forces are known to its share of gravity.
+    """
+    if v.name != "norm":
+        return X
+    A = X.reshape(len(taken), -1)
+    left = np.linalg.norm(A - taken @ (taken.T @ A), axis=0)
+    noise = SHAKEN * float(np.sqrt(np.mean(misfit**2))) / v.stimulus.gravity
+    return np.asarray(X * (left > noise * np.linalg.norm(A, axis=0)))
+
+
+def spans(J: Array) -> Array:
+    """Orthonormal basis (n C, q) of columns J (n, C, p), whatever their units."""
+    A = J.reshape(J.shape[0] * J.shape[1], -1)
+    return orthonormal(A / (np.linalg.norm(A, axis=0) + 1e-300))
+
+
+def _beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
+    """Which of the columns X (n, C, p) are more than what Q (n C, q) spans."""
+    A = X.reshape(len(Q), -1)
+    left = np.linalg.norm(A - Q @ (Q.T @ A), axis=0)
+    return np.asarray(left > STILL * np.linalg.norm(A, axis=0))
+
+
+def _scanned(
+    v: View, cls: type[Effect], misfit: Array, columns: Callable[[Effect], Array], tried: list[Constants]
+) -> tuple[list[Constants], int]:
+    """Whole numbers about those that explain most of a misfit (n, C), of all that the readouts tell apart; how many.
+
+    What was `tried` without them, and none, for an effect without a whole number or with few.
+    """
+    whole = next((f for f in constants(cls) if kind(f) is Grid.WHOLE), None)
+    every = np.zeros(0) if whole is None else resolved(whole, v.stimulus)
+    if whole is None or len(every) <= len(tried):
+        return tried, len(every)
+    if cls.id not in v.cache:  # the same for all models of a course, but for their few per mille
+        made = (absent_effect(cls.id, v.stimulus, "", **{whole.name: m}) for m in every)
+        v.cache[cls.id] = np.stack([spanned(columns(m) * v.weight[..., None]) for m in made]).astype(np.float32)
+    best = every[peaks(powers(v.cache[cls.id], misfit * v.weight), PEAKS)]
+    return [((whole.name, float(m)),) for m in between_scanned(best, float(every[1] - every[0]))], len(every)
+
+
+def spanned(X: Array) -> Array:
+    """Orthonormal columns of what X (n, C, p) spans, zero where it spans less than p."""
+    A = X.reshape(-1, X.shape[-1])
+    lam, V = np.linalg.eigh(A.T @ A)
+    seen = lam > 1e-6 * max(float(lam.max(initial=0.0)), 1e-300)
+    return np.asarray((A @ V / np.sqrt(np.where(seen, lam, np.inf))).reshape(X.shape))
+
+
+def powers(Q: Array, misfit: Array) -> Array:
+    """How much of a misfit (n, C) each of the sets of orthonormal columns Q (m, n, C, p) takes away by itself, (m,)."""
+    return np.asarray(((misfit.ravel() @ Q.reshape(len(Q), misfit.size, -1)) ** 2).sum(axis=1))
+
+
+def peaks(power: Array, count: int) -> list[int]:
+    """Ordinals of the highest local maxima, in order."""
+    padded = np.concatenate([[-np.inf], power, [-np.inf]])
+    top = np.flatnonzero((power >= padded[:-2]) & (power >= padded[2:]))
+    return sorted(int(i) for i in top[np.argsort(-power[top])][:count])
+
+
+def between_scanned(best: Array, step: float) -> list[float]:
+    """Whole numbers about the best of a scan, up to the next that it looked at; `ABOUT` of each where they are many."""
+    near = np.unique(np.round(np.linspace(1 - step, step - 1, int(min(2 * step - 1, ABOUT)))))
+    return sorted({float(m + d) for m in best for d in near if m + d >= 1})
+
+
+def constants_of(e: Effect) -> Constants:
+    """The non-linear constants of an effect."""
+    return tuple((f.name, float(getattr(e, f.name))) for f in constants(type(e)))
+
+
+def free_rows(v: View, modelled: Sequence[Parameter]) -> int:
+    """Rows of a channel that a model with these parameters leaves to test anything with."""
+    return max(len(v) - -(-len(modelled) // len(v.channels)), 1)
