@@ -25,8 +25,8 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, by_visit, position_parameters, problem, whiten
 from gimbalcal.estimate.accelerometers.expected import planned
-from gimbalcal.estimate.accelerometers.setting import Noise, by_visit, position_parameters, problem, whiten
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
 from gimbalcal.kinematics import stimulus_from_angles

@@ -19,8 +19,8 @@ from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, position_parameters
 from gimbalcal.estimate.accelerometers.expected import planned
-from gimbalcal.estimate.accelerometers.setting import Noise, position_parameters
 from gimbalcal.estimate.systematic.segments import DEFAULT_VELOCITY_SIGMA_M_S
 from gimbalcal.estimate.systematic.state_lists import LISTS, states
 from gimbalcal.inference.information import Information

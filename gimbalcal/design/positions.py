@@ -17,7 +17,7 @@ from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Parameter, Stage, parameters
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.setting import Noise, VisitRows, position_parameters, whiten
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, VisitRows, position_parameters, whiten
 from gimbalcal.forward import linearise
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array

@@ -33,7 +33,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.account import joined
+from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.forward import gyroscopes

@@ -15,11 +15,10 @@ from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.diagnose.rows.in_place import turned_in_place
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.account import excess_in_words, faults_in_words, joined
-from gimbalcal.estimate.accelerometers.larger_noise import larger_noise_in_words
+from gimbalcal.estimate.accelerometers.excess_scatter import larger_noise_in_words, scatter_in_words
+from gimbalcal.estimate.accelerometers.fit_summary import excess_in_words, joined, outliers_in_words
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
-from gimbalcal.estimate.accelerometers.unsteady import scatter_in_words
 from gimbalcal.estimate.static_run.system import static
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.unit import with_gyroscopes
@@ -89,7 +88,7 @@ def _of_positions(recording: Recording) -> list[str]:
     found = trusted_positions(recording)
     solution = found.fit.solution
     larger = larger_noise_in_words(found.problem, found.fit)
-    return faults_in_words(found.faults) + excess_in_words(solution.chi2, solution.dof, larger)
+    return outliers_in_words(found.faults) + excess_in_words(solution.chi2, solution.dof, larger)
 
 
 def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[str]:

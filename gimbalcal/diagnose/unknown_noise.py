@@ -32,7 +32,7 @@ from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.account import joined
+from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.pointing.pattern import MISTAKEN, strays, why_far
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
@@ -54,7 +54,7 @@ def diagnose_unknown_noise(
 ) -> Diagnosis:
     """What was left out of the models of such a recording."""
     if recording.kind.sighting or recording.kind.rotating:
-        told, notes = without_strays(recording, calibration, baseline, tell)
+        told, notes = without_norm_outliers(recording, calibration, baseline, tell)
     else:
         told, notes = of_triads(recording, calibration, baseline, tell)
     if not told:
@@ -65,7 +65,7 @@ def diagnose_unknown_noise(
     return _together(recording, told, notes, baseline, seed)
 
 
-def without_strays(
+def without_norm_outliers(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
 ) -> tuple[list[ViewDiagnosis], list[str]]:
     """What the one view of a recording says, and a note on each star that was left out as far off all others.

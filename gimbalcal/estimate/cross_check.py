@@ -23,9 +23,9 @@ from gimbalcal.recording.record import FORCE
 from gimbalcal.rotation import small_rotation_vector
 from gimbalcal.units import from_si
 
-AGREE = 3.0  # times what both misfits lead to expect: beyond, one of the calibrations is wrong
-FEWEST = 4  # rests
-LEAST = 1e-8  # m/s^2; two triads without noise differ by rounding
+MAX_EXPECTED_RATIO = 3.0  # times what both misfits lead to expect: beyond, one of the calibrations is wrong
+MIN_DWELLS = 4  # rests
+ROUNDING_SIGMA = 1e-8  # m/s^2; two triads without noise differ by rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class CrossCheck:
     @property
     def agree(self) -> bool:
         """Whether the triads agree as well as each agrees with gravity."""
-        return self.rms <= AGREE * self.expected
+        return self.rms <= MAX_EXPECTED_RATIO * self.expected
 
     @property
     def in_words(self) -> str:
@@ -68,11 +68,11 @@ def cross_check(
 ) -> CrossCheck:
     """Hold two calibrated triads of one recording against each other. Raises InputError for too few rests."""
     a, b = (dwell_means(c.apply(r)).triad(FORCE) for r, c in (one, other))
-    if len(a) < FEWEST:
-        raise InputError(f"{len(a)} rests are too few to hold one triad against the other; hold at least {FEWEST}")
+    if len(a) < MIN_DWELLS:
+        raise InputError(f"{len(a)} rests are too few to hold one triad against the other; hold at least {MIN_DWELLS}")
     U, _, Vt = np.linalg.svd(b.T @ a)
     R = U @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(U @ Vt)))]) @ Vt
-    g, expected = one[0].site.gravity, LEAST**2
+    g, expected = one[0].site.gravity, ROUNDING_SIGMA**2
     for force, (_, c) in ((a, one), (b, other)):
         taken = sum(CATALOGUE[p.effect].stage in SENSOR_STAGES for p in c.parameters)  # out of one number a rest
         expected += float(np.sum((np.linalg.norm(force, axis=1) - g) ** 2)) / max(len(force) - taken, 1)

@@ -26,7 +26,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
-WIDE = 100.0  # times the catalogue's prior: what is asked for is fitted, not held
+PRIOR_FACTOR = 100.0  # times the catalogue's prior: what is asked for is fitted, not held
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class ExtraEffect:
     def parameters(self, gimbals: Sequence[str]) -> tuple[Parameter, ...]:
         """Its linear parameters on a platform with these gimbals, under a wide prior."""
         every = parameters(CATALOGUE[self.effect], gimbals)
-        return tuple(replace(p, sigma=WIDE * p.sigma) for p in every if not self.axes or _belongs(p, self.axes))
+        return tuple(replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in every if not self.axes or _belongs(p, self.axes))
 
     def absent(self, gimbals: Sequence[str], values: Mapping[str, float]) -> Effect:
         """The effect with zero parameters and these constants."""

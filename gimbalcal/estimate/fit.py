@@ -24,7 +24,7 @@ from gimbalcal.number import Array
 MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
 TOLERANCE = 1e-3  # sigmas by which the last step may move an estimate
-WORSE = 1e-9  # share of chi^2 by which rounding may raise it
+ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
 
 Linearise = Callable[[Array], Information]
 """Information about all parameters from rows that are linearised at x (p,)."""
@@ -138,6 +138,6 @@ def _damped(
         new = np.where(constant, x + h * (target - x), target)
         there = linearise(new)
         new = _conditional(there, new[constant], constant, seen)
-        if chi2(there, new) <= before * (1 + WORSE) or h <= MIN_DAMPING:
+        if chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING:
             return new, linearise(new)
         h /= 2

@@ -29,7 +29,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.readings import Readings
 
-CONTRADICTION = 1e-4  # probability below which two stages that are both right would differ so much
+SIGNIFICANCE = 1e-4  # probability below which two stages that are both right would differ so much
 
 
 def both_levels(
@@ -91,7 +91,7 @@ def contradiction(together: Solution, device: Solution, static: Solution) -> str
     # a stage that its own model does not explain proves nothing against the other
     noise = max(1.0, device.chi2 / max(device.dof, 1), static.chi2 / max(static.dof, 1))
     p = probability(max(rise, 0.0) / noise, shared)
-    if p >= CONTRADICTION:
+    if p >= SIGNIFICANCE:
         return ""
     return (
         f"The multi-position recording and the static run contradict each other: chi^2 of {rise / noise:.0f} for the "

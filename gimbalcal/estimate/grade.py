@@ -23,7 +23,7 @@ from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise import resolution
 
-SECOND = 1.0  # s of a mean; data sheets print the noise at this time
+AVERAGING_S = 1.0  # s of a mean; data sheets print the noise at this time
 TRIADS = ("accelerometer", "gyroscope")
 
 
@@ -114,12 +114,12 @@ def _step(recording: Recording) -> float | None:
     apart, samples = np.diff(recording.time), float(np.median(recording.weight))
     if not len(within) and (samples == 1 or not len(apart)):
         return None
-    return min(float(np.median(within if len(within) else apart)), SECOND * samples)
+    return min(float(np.median(within if len(within) else apart)), AVERAGING_S * samples)
 
 
 def _of_means(recording: Recording, quantity: str, step: float) -> float | None:
     """What means over a second scatter by at rest; no less than a step of the converter makes. None without rests."""
-    size, axes = max(1, round(SECOND / step)), recording.axes(quantity)
+    size, axes = max(1, round(AVERAGING_S / step)), recording.axes(quantity)
     x = np.stack([recording.channels[quantity, a] for a in axes], axis=-1)
     squares = []
     for d in dwells(recording) if recording.position is not None else ():

@@ -18,9 +18,9 @@ import numpy as np
 from gimbalcal.calibration import Calibration, StageResult
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.account import joined
+from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.extra_effects import ExtraEffect
-from gimbalcal.estimate.support import DIFFER
+from gimbalcal.estimate.term_selection import AGREEMENT_SIGNIFICANCE
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells, join
@@ -104,7 +104,9 @@ def _judged(sessions: Sequence[Recording], k: int, terms: tuple[str, ...], more:
 
     chance = float(fdtrc(len(shared), dof, chi2 / len(shared)))
     labels = tuple(p.label for p in shared)
-    return Session(alone, labels, tuple(p.unit for p in shared), difference, sigma, chance, DIFFER / len(sessions))
+    return Session(
+        alone, labels, tuple(p.unit for p in shared), difference, sigma, chance, AGREEMENT_SIGNIFICANCE / len(sessions)
+    )
 
 
 def _outcome(sessions: Sequence[Recording], judged: Sequence[Session], off: Sequence[int]) -> str:

@@ -19,9 +19,9 @@ from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.accelerometers.account import joined
+from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.accelerometers.strays import strays_in_words, without_strays
+from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers_in_words, without_norm_outliers
 from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
@@ -33,7 +33,7 @@ from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import exponential, mean_rates
 from gimbalcal.units import from_si
 
-MOVED = 0.1  # of gravity's direction: a turn that moves it less, a whole revolution, says nothing of the triads
+MIN_GRAVITY_CHANGE = 0.1  # of its direction: a turn that moves it less, a whole revolution, says nothing of the triads
 
 
 def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequence[ExtraEffect] = ()) -> Calibration:
@@ -48,12 +48,12 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
         if more:
             raise InputError(f"--with {more[0].effect}: gyroscopes alone, from revolutions, take no further effect")
         return gyroscopes_from_revolutions(recording)
-    recording, odd = without_strays(recording)
+    recording, odd = without_norm_outliers(recording)
     made = _both(recording, terms, more)
     told = {**made.provenance.get("options", {}), "left_out": [s.position for s in odd]}
     return replace(
         made,
-        outcome=joined([*strays_in_words(odd), *filter(None, [made.outcome])]),
+        outcome=joined([*norm_outliers_in_words(odd), *filter(None, [made.outcome])]),
         provenance={**made.provenance, "options": told if odd else made.provenance.get("options", {})},
     )
 
@@ -133,7 +133,7 @@ def between_triads(gyroscopes: Calibration, recording: Recording, accelerometers
     down = np.array([force[d.rows].mean(0) for d in stays])
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
-    moved = np.linalg.norm(np.diff(down, axis=0), axis=1) > MOVED
+    moved = np.linalg.norm(np.diff(down, axis=0), axis=1) > MIN_GRAVITY_CHANGE
     moves = [i for i, span in enumerate(spans) if moved[i] and not paused(recording, span)]
     turns = [_turn(recording.time, rate, spans[i], rate[stays[i].rows].mean(0)) for i in moves]
     if len(moves) < 3:

@@ -10,9 +10,9 @@ import pytest
 from gimbalcal.design.observability import Observability, observe, observe_static
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, gauss_newton, model, problem
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
-from gimbalcal.estimate.accelerometers.setting import Noise, gauss_newton, model, problem
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, FACE_POSITIONS, Schedule
 from gimbalcal.schedule.file import schedule_toml

@@ -17,7 +17,7 @@ from tests.diagnose import static_plant
 from tests.diagnose.plant import record
 from tests.diagnose.small import FIT
 from tests.estimate.accelerometers.test_multiposition import SAMPLE, TRUTH, rested, scattered
-from tests.estimate.gyroscopes.test_outcome import RATE, turned, with_rates
+from tests.estimate.gyroscopes.test_residual_checks import RATE, turned, with_rates
 
 ADEQUATE = Diagnosis("adequate", (), (), (), FIT, in_words="The calibrated model explains these data.")
 OTHER = replace(ADEQUATE, verdict="unexplained")

@@ -12,7 +12,7 @@ from gimbalcal.calibration.exchange.tpoint import as_record, tpoint_terms
 from gimbalcal.diagnose import diagnose
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.mount import pointing_calibration
-from gimbalcal.estimate.pointing.terms import USUAL
+from gimbalcal.estimate.pointing.terms import USUAL_TERMS
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording, Source
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, effects, run, sky
@@ -27,7 +27,7 @@ def two(change: float) -> Sequence[Recording]:
 
 
 def test_nights_that_share_their_terms_are_adequate_together() -> None:
-    made = diagnose(two(0.0), baseline=USUAL)
+    made = diagnose(two(0.0), baseline=USUAL_TERMS)
     assert made.verdict == "adequate"
     assert made.in_words.endswith("The nights share their terms.")
     assert "how long passed between the sessions is not recorded" in made.in_words.lower()
@@ -35,7 +35,7 @@ def test_nights_that_share_their_terms_are_adequate_together() -> None:
 
 
 def test_a_term_that_moves_between_nights_is_not_adequate() -> None:
-    made = diagnose(two(5.0), baseline=USUAL)
+    made = diagnose(two(5.0), baseline=USUAL_TERMS)
     assert made.verdict != "adequate"
     assert "The terms differ between 2 nights: base tilt north by" in made.in_words
     assert "terms differ between 2 nights" in made.outcome
@@ -77,4 +77,4 @@ def test_a_gear_is_named_where_the_axis_is_no_whole_circle() -> None:
 
 def test_stars_without_a_clock_are_diagnosed() -> None:
     (night, _) = two(0.0)
-    assert diagnose([replace(night, time=0 * night.time)], baseline=USUAL).verdict == "adequate"
+    assert diagnose([replace(night, time=0 * night.time)], baseline=USUAL_TERMS).verdict == "adequate"

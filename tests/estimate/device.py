@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.effects import Parameter, with_values
+from gimbalcal.estimate.accelerometers.errors_in_variables import model, position_parameters, problem
 from gimbalcal.estimate.accelerometers.expected import planned
-from gimbalcal.estimate.accelerometers.setting import model, position_parameters, problem
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, Schedule

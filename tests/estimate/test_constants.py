@@ -10,9 +10,9 @@ import pytest
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
+from gimbalcal.estimate.accelerometers.errors_in_variables import model, problem
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, norm_fit
-from gimbalcal.estimate.accelerometers.setting import model, problem
 from gimbalcal.estimate.extra_effects import Extension, extra_effects
 from gimbalcal.number import Array
 from gimbalcal.pipeline import three_stage

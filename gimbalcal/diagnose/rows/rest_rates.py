@@ -24,7 +24,7 @@ from gimbalcal.effects.baseline import ACCELEROMETER_TERMS, GYROSCOPE_BIAS, GYRO
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, SILENT, Rests, fit_rests, rests
+from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, MIN_RATE_SIGMA, Rests, fit_rests, rests
 from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns
 from gimbalcal.estimate.gyroscopes.turns import logged_turns, turns_between_rests
 from gimbalcal.forward import Rows, linearise
@@ -92,7 +92,7 @@ def _clear_of_north(found: Rests) -> Callable[[Array], Array]:
     """What clears rows (m, 3, p) of the Earth's horizontal rate: next to nothing where they scatter by more."""
     if not found.horizontal.shape[-1]:
         return lambda X: X
-    sigma = np.maximum(found.sigma, SILENT).reshape(-1, 1)
+    sigma = np.maximum(found.sigma, MIN_RATE_SIGMA).reshape(-1, 1)
     U, S, _ = np.linalg.svd(found.horizontal.reshape(len(sigma), -1) / sigma, full_matrices=False)
     less = 1 - 1 / np.sqrt(1 + S**2)
 
@@ -107,7 +107,7 @@ def _own_levels(found: Rests, session: NDArray[np.int64]) -> Callable[[Array], A
     """What clears rows (m, 3, p) of how far sessions are apart: a bias is another after every switching on."""
     if not session.any():
         return lambda X: X
-    weight = np.maximum(found.sigma, SILENT) ** -2
+    weight = np.maximum(found.sigma, MIN_RATE_SIGMA) ** -2
     each = np.equal.outer(session, np.unique(session)).astype(float)
     share = np.einsum("ms,mc->sc", each, weight)
 

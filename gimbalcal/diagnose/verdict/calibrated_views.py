@@ -18,7 +18,7 @@ from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.baseline import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.account import rotations_of_the_triad
+from gimbalcal.estimate.accelerometers.fit_summary import rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
 from gimbalcal.estimate.gyroscopes.turns import turns_between_rests

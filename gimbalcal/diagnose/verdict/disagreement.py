@@ -22,7 +22,7 @@ import numpy as np
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.result import Entry, Estimate, plain
 from gimbalcal.effects import Parameter
-from gimbalcal.estimate.fusion import CONTRADICTION
+from gimbalcal.estimate.fusion import SIGNIFICANCE
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
@@ -52,7 +52,7 @@ class Disagreement(Entry):
     @property
     def in_words(self) -> str:
         """Empty where they agree."""
-        if self.p_value >= CONTRADICTION:
+        if self.p_value >= SIGNIFICANCE:
             return ""
         told = [
             f"{wording.spoken(f'{p.name} {p.axis}')} by {from_si(d, p.unit):+.4g} ± {from_si(s, p.unit):.2g} {p.unit}"
@@ -71,7 +71,7 @@ class Disagreement(Entry):
         rows = zip(self.parameters, self.difference, self.sigma, strict=True)
         return {
             "in_words": self.in_words, "chi2": round(self.chi2, 3), "dof": self.dof, "p_value": self.p_value,
-            "agree": self.p_value >= CONTRADICTION, "recording": self.odd + 1 if self.odd >= 0 else None,
+            "agree": self.p_value >= SIGNIFICANCE, "recording": self.odd + 1 if self.odd >= 0 else None,
             "differences": plain([Estimate(p.name, p.axis, float(from_si(d, p.unit)), float(from_si(s, p.unit)), p.unit)
                                   for p, d, s in rows]),
         }  # fmt: skip

@@ -23,9 +23,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import with_values
 from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, provenance, rms, stage
-from gimbalcal.estimate.accelerometers.positions import Positions, trusted_positions
-from gimbalcal.estimate.accelerometers.setting import (
+from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     PositionFit,
     Problem,
@@ -36,14 +34,16 @@ from gimbalcal.estimate.accelerometers.setting import (
     visit_means,
     whiten,
 )
+from gimbalcal.estimate.accelerometers.fit_summary import joined, outliers_in_words, provenance, rms, stage
+from gimbalcal.estimate.accelerometers.positions import Positions, trusted_positions
 from gimbalcal.inference.information import SEEN, Solution, information, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 
-NEGLECTED = "scale_nonlinearity"
-FACE = np.cos(np.deg2rad(10.0))  # cosine of the vertical: a face, even if the zeros are off by degrees
-ROUNDS = 20  # three are enough: each round leaves the product of two small angles
-LEVEL = np.deg2rad(0.1 / 3600)  # rad: 0.1 arcsec moves 0.5 ug across an axis at 1 g
+OMITTED_TERM = "scale_nonlinearity"
+MIN_FACE_COSINE = np.cos(np.deg2rad(10.0))  # cosine of the vertical: a face, even if the zeros are off by degrees
+MAX_ITERATIONS = 20  # three are enough: each round leaves the product of two small angles
+NEGLIGIBLE_ZERO_RAD = np.deg2rad(0.1 / 3600)  # rad: 0.1 arcsec moves 0.5 ug across an axis at 1 g
 
 
 def coarse(positions: Positions) -> Calibration:
@@ -53,7 +53,7 @@ def coarse(positions: Positions) -> Calibration:
     Where an axis lacks a face, all coefficients come from one least squares over all positions; what these do not
     determine is named in `unobservable`.
     """
-    kept = [name for name in BASELINE["multi-position"] if name != NEGLECTED]
+    kept = [name for name in BASELINE["multi-position"] if name != OMITTED_TERM]
     wanted = position_parameters(positions.recording.platform, kept, positions.recording.grade)
     p, noise = replace(positions.problem, parameters=wanted), positions.noise
     settled = _settle(p, noise)
@@ -69,7 +69,7 @@ def coarse(positions: Positions) -> Calibration:
         covariance=covariance,
         unobservable=tuple(u.to_dict() for u in solution.unobservable),
         residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
-        outcome=joined(faults_in_words(positions.faults)),
+        outcome=joined(outliers_in_words(positions.faults)),
         provenance={**provenance(positions.recording, p, fit, positions.faults), "notes": notes},
         readout=Readout(gimbals=p.platform.axis_names),
         stages=(stage("coarse", p, fit, joined(["faces and tilted positions, nonlinearity ignored", *notes])),),
@@ -94,7 +94,7 @@ def _settle(p: Problem, noise: Noise) -> Settled:
     """
     x = np.zeros(len(p.parameters))
     scale = np.array([q.sigma for q in p.parameters])
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         linear = by_visit(p, x, np.zeros((p.visits, p.turns)))
         before, x = x, x.copy()
         axes, faces, faceless = _faces(p, linear, before)
@@ -126,7 +126,7 @@ def _faces(p: Problem, linear: VisitRows, x: Array) -> tuple[list[AxisFit], Arra
     h = measured - (linear.r - linear.J @ x)
     scale, bias = (np.array([x[_at(p, name, i)] for i in range(3)]) for name in ("scale_factor", "bias"))
     u = (1 + scale) * (h - bias)
-    vertical = np.abs(u) > FACE * p.stimulus.gravity
+    vertical = np.abs(u) > MIN_FACE_COSINE * p.stimulus.gravity
     both = np.any(vertical & (u > 0), axis=0) & np.any(vertical & (u < 0), axis=0)
     out = []
     for i in range(3) if both.all() else ():
@@ -162,7 +162,7 @@ def _covariance(
     B[:, rows] = np.einsum("qvi,vij->qvj", gain, w.W[rows])
     A[columns] = B - np.einsum("qmi,mip,pnj->qnj", B, linear.J, A)
     spread = np.einsum("pmi,mij->pmj", A, np.linalg.inv(w.W)).reshape(P, -1)
-    K = replace(p, parameters=position_parameters(p.platform, [NEGLECTED], p.grade))
+    K = replace(p, parameters=position_parameters(p.platform, [OMITTED_TERM], p.grade))
     J_K = by_visit(K, np.zeros(3), np.zeros((m, p.turns))).J * np.array([q.sigma for q in K.parameters])
     bent = np.einsum("qmi,mik->qk", A, J_K)
     unobservable = np.zeros((P, P))
@@ -200,7 +200,7 @@ class Levelled:
     leftover: tuple[Array, ...]
 
 
-def relevel(measure: Callable[[Array], Recording], angles: Array, negligible: float = LEVEL) -> Levelled:
+def relevel(measure: Callable[[Array], Recording], angles: Array, negligible: float = NEGLIGIBLE_ZERO_RAD) -> Levelled:
     """Turn the platform back by the estimated zeros and calibrate again, until the zeros that are left are negligible.
 
     measure(readouts (m, k) [rad]) holds the platform at these readouts and records; angles (m, k) are the schedule's.

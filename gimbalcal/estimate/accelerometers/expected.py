@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.setting import Noise, Problem, by_visit, problem, whiten
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, Problem, by_visit, problem, whiten
 from gimbalcal.inference.information import Solution, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.schedule import SCHEDULES, Schedule
 
-GREW = 1.5  # every sigma that grew by more than this is told; else the one that grew most
-SAME = np.deg2rad(10.0)  # angle between two forces within which they count as one position of a schedule
+NOTABLE_SIGMA_RATIO = 1.5  # every sigma that grew by more than this is told; else the one that grew most
+SAME_DIRECTION_RAD = np.deg2rad(10.0)  # angle between two forces within which they count as one position of a schedule
 
 
 def planned(schedule: Schedule, samples: float = 1.0, site: Site | None = None) -> Recording:
@@ -39,7 +39,7 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
     extra = planned(schedule, float(np.median(p.weight))).select(np.array(missing) - 1)
     full = _expected_together(p, problem(extra, p.parameters, p.effects), noise, solution.x)
     grown = solution.sigma / full.sigma
-    worst = [i for i in np.argsort(-grown) if grown[i] > GREW] or [int(np.argmax(grown))]
+    worst = [i for i in np.argsort(-grown) if grown[i] > NOTABLE_SIGMA_RATIO] or [int(np.argmax(grown))]
     cost = ", ".join(f"{p.parameters[i].label} by {grown[i]:.2g}" for i in worst)
     names = ", ".join(map(str, missing))
     plural = "s" if len(missing) > 1 else ""
@@ -60,7 +60,7 @@ def _follows(p: Problem, schedule: Schedule) -> bool:
         return False
     mine = -apply_matrix(p.platform.attitude(_readouts(p)), np.array([0.0, 0.0, 1.0]))
     theirs = -schedule.gravity_directions()[p.positions - 1]
-    return bool(np.all((mine * theirs).sum(axis=-1) > np.cos(SAME)))
+    return bool(np.all((mine * theirs).sum(axis=-1) > np.cos(SAME_DIRECTION_RAD)))
 
 
 def _readouts(p: Problem) -> Array:

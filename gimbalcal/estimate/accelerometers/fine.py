@@ -25,9 +25,9 @@ from gimbalcal.effects import Parameter, values, with_values
 from gimbalcal.effects.accelerometer import leaning
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
-from gimbalcal.estimate.accelerometers.account import faults_in_words, joined, misfit_in_words, provenance
+from gimbalcal.estimate.accelerometers.errors_in_variables import Problem, position_parameters, visit_means
+from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words, outliers_in_words, provenance
 from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.estimate.accelerometers.setting import Problem, position_parameters, visit_means
 from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
 from gimbalcal.number import Array
 
@@ -36,7 +36,7 @@ PAIRS = (("yz", "xz"), ("xy", "zy"), ("zx", "yx"))  # first less second: the dif
 COMBINATIONS = tuple(
     [f"{name}:{axis}" for name in FORCE_TERMS[:3] for axis in "xyz"] + [f"misalignment:{a}-{b}" for a, b in PAIRS]
 )
-ROUNDS = 20  # two after a coarse calibration, four from nothing
+MAX_ITERATIONS = 20  # two after a coarse calibration, four from nothing
 NORM = "specific_force:norm"
 
 
@@ -65,7 +65,7 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
         covariance=covariance,
         unobservable=_unobservable(solution, coarse),
         residual=Residual(solution.chi2, solution.dof, {NORM: float(left)}),
-        outcome=joined([*faults_in_words(positions.faults), *misfit]),
+        outcome=joined([*outliers_in_words(positions.faults), *misfit]),
         provenance=provenance(positions.recording, p, positions.fit, positions.faults),
         readout=Readout(gimbals=p.platform.axis_names),
         stages=(_stage(solution, x, float(left)),),
@@ -75,7 +75,7 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
 def _iterate(p: Problem, wanted: tuple[Parameter, ...], x: Array, sigma: float) -> tuple[Array, Information]:
     """Gauss-Newton on Eq. (16); directions that the norm does not see stay where they are."""
     measured, weight = visit_means(p, p.force), np.bincount(p.visit, p.weight)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         info = norm_rows(measured, weight, x, wanted, p.stimulus.gravity, sigma)
         solution = solve(info)
         x = x + solution.x

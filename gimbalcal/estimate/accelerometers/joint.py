@@ -16,10 +16,7 @@ from collections.abc import Sequence
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import Effect, with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.accelerometers.account import outcome, provenance, rms, stage
-from gimbalcal.estimate.accelerometers.larger_noise import larger_noise_in_words
-from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.estimate.accelerometers.setting import (
+from gimbalcal.estimate.accelerometers.errors_in_variables import (
     PositionFit,
     Problem,
     by_visit,
@@ -27,6 +24,9 @@ from gimbalcal.estimate.accelerometers.setting import (
     starting_values,
     whiten,
 )
+from gimbalcal.estimate.accelerometers.excess_scatter import larger_noise_in_words
+from gimbalcal.estimate.accelerometers.fit_summary import outcome, provenance, rms, stage
+from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.inference.information import Information
 from gimbalcal.units import from_si
 

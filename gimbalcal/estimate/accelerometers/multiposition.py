@@ -21,13 +21,13 @@ from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageR
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.account import noise_record, rotations_of_the_triad
-from gimbalcal.estimate.accelerometers.neglected import in_words, neglected
+from gimbalcal.estimate.accelerometers.errors_in_variables import misfit_with_sizes
+from gimbalcal.estimate.accelerometers.excess_scatter import noise_of_a_mean, scatter_in_words
+from gimbalcal.estimate.accelerometers.fit_summary import noise_record, rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, scaled_by_gravity, unknowns
-from gimbalcal.estimate.accelerometers.setting import misfit_with_sizes
-from gimbalcal.estimate.accelerometers.unsteady import noise_of_a_mean, scatter_in_words
+from gimbalcal.estimate.accelerometers.omitted_terms import covariance_of_omitted_terms, in_words
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, unfit
-from gimbalcal.estimate.support import coefficients, needed, refusal
+from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
@@ -65,7 +65,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
         tried.append(((*tried[-1][0], term), candidate))
         left += declined  # a cubic of 600 ug hid a square of 250: what was declined before is asked once more
         declined = {}
-    more_sigma = neglected(best, means, list(declined))
+    more_sigma = covariance_of_omitted_terms(best, means, list(declined))
     wider = in_words(more_sigma, best.fit.solution.covariance)
     told = [(term, why + wider) for term, why in declined.items()]
     made = _calibration(recording, best, tried, told, counts)

@@ -16,7 +16,14 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.effects import Parameter
-from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, VisitRows, gauss_newton, whiten
+from gimbalcal.estimate.accelerometers.errors_in_variables import (
+    Noise,
+    PositionFit,
+    Problem,
+    VisitRows,
+    gauss_newton,
+    whiten,
+)
 from gimbalcal.inference.information import prior
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.number import Array
@@ -24,8 +31,8 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.noise import sample_sigma, stated
 from gimbalcal.recording.record import FORCE
 
-SETTING = np.deg2rad(1 / 3600)  # rad, start of the search: what a good gimbal repeats to
-SAMPLE = 1e-5 * G0  # m/s^2, start of the search
+FIRST_SETTING_RAD = np.deg2rad(1 / 3600)  # rad, start of the search: what a good gimbal repeats to
+FIRST_SAMPLE_SIGMA = 1e-5 * G0  # m/s^2, start of the search
 HEADER, SAMPLES, RESIDUAL, ATTITUDE = "header", "samples", "residual", "attitude unknown"
 
 
@@ -41,8 +48,8 @@ def stated_noise(recording: Recording) -> Noise:
     elif "gimbal_angle" in told:
         setting, setting_from = one_sigma(told["gimbal_angle"]), HEADER
     else:
-        setting, setting_from = SETTING, RESIDUAL
-    return Noise(force or SAMPLE, setting, source if force else RESIDUAL, setting_from)
+        setting, setting_from = FIRST_SETTING_RAD, RESIDUAL
+    return Noise(force or FIRST_SAMPLE_SIGMA, setting, source if force else RESIDUAL, setting_from)
 
 
 def inside_dwells(recording: Recording) -> float:

@@ -15,19 +15,19 @@ from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, PositionFit, Problem, gauss_newton, problem
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
-from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, gauss_newton, problem
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
 from gimbalcal.estimate.pulses.gravity_norm import ellipsoid
-from gimbalcal.estimate.support import scatter
+from gimbalcal.estimate.term_selection import scatter
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE
 
 LINEAR = ("scale_factor", "bias", "misalignment")
-FACE = 0.3  # of gravity, across an axis that is called upright
-WIDE = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
+MAX_FACE_TILT = 0.3  # of gravity, across an axis that is called upright
+PRIOR_FACTOR = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
 # x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
 
 
@@ -61,7 +61,7 @@ class NormFit:
 def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
     """Parameters of the terms; of the six misalignments the three that the norm can see."""
     found = [p for t in terms for p in parameters(CATALOGUE[t])]
-    return tuple(replace(p, sigma=WIDE * p.sigma) for p in tied(found))
+    return tuple(replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in tied(found))
 
 
 def norm_fit(means: Recording, terms: Sequence[str], extra: Extension = NO_EXTENSION) -> NormFit:
@@ -168,4 +168,4 @@ def _on_faces(n: Array) -> bool:
     """Whether rests n (m, 3), each axis from -1 to 1, hold every axis upright both ways."""
     ends = n[np.concatenate([n.argmax(0), n.argmin(0)])]
     across = ends[~np.tile(np.eye(3, dtype=bool), (2, 1))]
-    return bool(np.all(np.abs(across) < FACE))
+    return bool(np.all(np.abs(across) < MAX_FACE_TILT))

@@ -14,9 +14,7 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters
 from gimbalcal.effects.card import happens_once
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.misset import Fault, fit_without_faults
-from gimbalcal.estimate.accelerometers.noise import stated_noise
-from gimbalcal.estimate.accelerometers.setting import (
+from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     PositionFit,
     Problem,
@@ -25,6 +23,8 @@ from gimbalcal.estimate.accelerometers.setting import (
     problem,
     starting_values,
 )
+from gimbalcal.estimate.accelerometers.noise import stated_noise
+from gimbalcal.estimate.accelerometers.position_outliers import Fault, fit_without_outliers
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
 from gimbalcal.recording import Recording
 
@@ -74,4 +74,4 @@ def trusted_positions(
     wanted = (*position_parameters(recording.platform, grade=recording.grade), *free)
     every = problem(recording, wanted, tuple(effects), averaged=not more)
     start = starting_values(every, effects)
-    return Positions(recording, *fit_without_faults(every, stated_noise(recording), start))
+    return Positions(recording, *fit_without_outliers(every, stated_noise(recording), start))

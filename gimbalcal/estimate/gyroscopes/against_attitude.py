@@ -35,12 +35,12 @@ from gimbalcal.recording.record import RATE
 from gimbalcal.rotation import exponential, left_jacobian, mean_rates, small_rotation_vector
 from gimbalcal.units import from_si
 
-INTERVAL = 0.5  # s; long enough that the reference's noise is little of a turn, short enough for a wrist's motion
-MOST = 1200  # intervals; of a longer log they are longer
-FEWEST = 20
-SHOWN = 3  # times that are named
-BETTER = 2.0  # times that a mirrored triad must fit better than a turned one to be called mirrored
-UNTOLD = 0.05  # one sigma of a scale factor, an angle [rad] or the lag [s]: beyond, the motion shows too little
+INTERVAL_S = 0.5  # s; long enough that the reference's noise is little of a turn, short enough for a wrist's motion
+MAX_INTERVALS = 1200  # intervals; of a longer log they are longer
+MIN_INTERVALS = 20
+MAX_TIMES_NAMED = 3  # times that are named
+MIRROR_RATIO = 2.0  # times that a mirrored triad must fit better than a turned one to be called mirrored
+MAX_SIGMA = 0.05  # one sigma of a scale factor, an angle [rad] or the lag [s]: beyond, the motion shows too little
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +67,10 @@ def gyroscopes_against_attitude(recording: Recording) -> Calibration:
     lag = _first_lag(time, y, known)
     M = _first_mounting(recording, time, y, known, lag)
     cut = _intervals(time, y, known, lag)
-    if len(cut.ends) < FEWEST:
+    if len(cut.ends) < MIN_INTERVALS:
         raise InputError(
-            f"{recording.title!r} holds {amount(len(cut.ends), 'interval')} of {INTERVAL:g} s in which rates and "
-            f"attitude were logged; at least {FEWEST} are needed"
+            f"{recording.title!r} holds {amount(len(cut.ends), 'interval')} of {INTERVAL_S:g} s in which rates and "
+            f"attitude were logged; at least {MIN_INTERVALS} are needed"
         )
     wanted = triangle_of_first_order()
     scale = np.array([*(p.sigma for p in wanted), 0.1, 0.1, 0.1, 0.1])
@@ -94,8 +94,12 @@ def _left_out(known: Reference) -> list[str]:
     """Which attitudes took no part, in a list; empty where all did."""
     if not known.gone:
         return []
-    at = ", ".join(f"{t:.10g}" for t in known.gone[:SHOWN])
-    which = f"at {at} s" if len(known.gone) <= SHOWN else f"at {at} s and {len(known.gone) - SHOWN} more times"
+    at = ", ".join(f"{t:.10g}" for t in known.gone[:MAX_TIMES_NAMED])
+    which = (
+        f"at {at} s"
+        if len(known.gone) <= MAX_TIMES_NAMED
+        else f"at {at} s and {len(known.gone) - MAX_TIMES_NAMED} more times"
+    )
     return [f"the attitude {which} leaps away for a row or two and back: left out"]
 
 
@@ -167,7 +171,7 @@ def _first_lag(time: Array, y: Array, known: Reference) -> float:
     """Lag [s] at which the sizes of both rates go together best; the size does not ask how they are mounted."""
     step = max(float(np.median(np.diff(time))), 0.002)
     begin, end = max(time[0], known.time[0]), min(time[-1], known.time[-1])
-    if end - begin < 10 * INTERVAL:
+    if end - begin < 10 * INTERVAL_S:
         raise InputError(
             f"rates and attitude have {max(end - begin, 0.0):.3g} s in common; log both over a minute or more"
         )
@@ -195,7 +199,7 @@ def _first_mounting(recording: Recording, time: Array, y: Array, known: Referenc
     proper, mirrored = (U @ np.diag([1.0, 1.0, d]) @ Vt for d in (handed, -handed))
     if handed < 0:
         left = [float(np.linalg.norm(a - b @ R.T)) for R in (proper, mirrored)]
-        if left[0] > BETTER * left[1]:
+        if left[0] > MIRROR_RATIO * left[1]:
             raise InputError(
                 f"the rates of {recording.title!r} are a mirror image of the attitude's: one axis counts backwards, "
                 "or two are interchanged; correct axis or sign in [columns]"
@@ -207,7 +211,7 @@ def _intervals(time: Array, y: Array, known: Reference, lag: float) -> _Interval
     """Intervals that begin and end at samples of the gyroscopes, with the reference on both ends and no pause in it."""
     dt = np.diff(time)
     step = float(np.median(dt))
-    length = max(INTERVAL, 2 * known.step, (time[-1] - time[0]) / MOST)
+    length = max(INTERVAL_S, 2 * known.step, (time[-1] - time[0]) / MAX_INTERVALS)
     n = max(2, round(length / step))
     spans = [slice(k, k + n + 1) for k in range(0, len(time) - n, n)]
     good = [
@@ -235,7 +239,7 @@ def _calibration(
     inverse = np.full(R.shape, np.inf) if dark else np.linalg.inv(R) @ np.linalg.inv(R).T
     covariance = square / dof * inverse * np.outer(scale, scale)
     sigma, n = np.sqrt(np.diag(covariance)), len(wanted)
-    if not np.all(sigma[3:] < UNTOLD):  # of all but the bias
+    if not np.all(sigma[3:] < MAX_SIGMA):  # of all but the bias
         raise InputError(
             f"the motion of {recording.title!r} does not tell scale, mounting and lag apart: turn it about all three "
             "axes, to and fro"

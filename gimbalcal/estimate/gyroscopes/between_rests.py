@@ -24,11 +24,16 @@ from gimbalcal.effects.baseline import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.account import joined
+from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension
-from gimbalcal.estimate.gyroscopes.borrowed import with_accelerometers
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
-from gimbalcal.estimate.gyroscopes.outcome import rests_in_words, singular_in_words, sizes_in_words, turns_in_words
+from gimbalcal.estimate.gyroscopes.reference_error import with_reference_error
+from gimbalcal.estimate.gyroscopes.residual_checks import (
+    rests_in_words,
+    singular_in_words,
+    sizes_in_words,
+    turns_in_words,
+)
 from gimbalcal.estimate.gyroscopes.rests import (
     BIAS,
     G_SENSITIVITY,
@@ -41,7 +46,7 @@ from gimbalcal.estimate.gyroscopes.rests import (
 )
 from gimbalcal.estimate.gyroscopes.turn_fit import TurnFit, fit_turns
 from gimbalcal.estimate.gyroscopes.turns import Turns, turns_between_rests
-from gimbalcal.estimate.support import coefficients, needed, refusal
+from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
@@ -81,7 +86,7 @@ def gyroscopes_between_rests(
         declined[G_SENSITIVITY] = why
     said = rests_in_words(recording, still, level.misfit)
     if fits:
-        fits[-1] = fits[-1][0], with_accelerometers(fits[-1][1], turns, recording, accelerometers)
+        fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, recording, accelerometers)
         fit = fits[-1][1]
         said += singular_in_words(fit.condition) or (
             turns_in_words(recording, turns, accelerometers, level.misfit, scale, fit.rms)

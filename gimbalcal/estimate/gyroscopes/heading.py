@@ -23,7 +23,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.rotation import normal_to
 
-STRAYED = 0.2  # rad by which a turn misses gravity: it was not what the gyroscopes say
+MAX_TURN_ERROR_RAD = 0.2  # rad by which a turn misses gravity: it was not what the gyroscopes say
 
 
 def horizontal_sigma(latitude: float | None) -> float:
@@ -48,7 +48,7 @@ def horizontal_rate(recording: Recording, turns: Turns, down: Array) -> Array:
     heading = np.zeros(3)
     for k, d in enumerate(down):
         C = followed.get(k)
-        if C is None or np.linalg.norm(C @ down[k - 1] - d) > STRAYED:
+        if C is None or np.linalg.norm(C @ down[k - 1] - d) > MAX_TURN_ERROR_RAD:
             heading = normal_to(d)
             columns.append(np.zeros((len(down), 3, 2)))
         else:

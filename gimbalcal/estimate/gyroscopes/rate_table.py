@@ -5,12 +5,12 @@ In a stretch of steady turning the rig's angles give the rate of the unit, omega
 .. math:: \bar y = h(\omega + [\omega \times]\, \delta + C\, \Omega_b) + \nu, \qquad
           h(\omega) = \varepsilon + (1 + S + M)\, \omega + \dots ,
 
-with delta how the unit is turned on the table, unknown within `MOUNTED` and one for each recording; C Omega_b the
-Earth's rate, its vertical part known by the latitude where accelerometers tell how the table stands, its horizontal
-part unknown in heading; without accelerometers all of it is unknown, and a bias is known where the unit was turned
-across it. Each stretch is one row of weighted least squares, and scatter beyond the samples' is estimated with it: a
-bias that wanders from stretch to stretch, a table that is not as even as it reads. Misalignments hold how the unit is
-mounted, and their sigma says so; that of a scale factor holds the cosine of such a tilt.
+with delta how the unit is turned on the table, unknown within `MOUNTING_SIGMA_RAD` and one for each recording; C
+Omega_b the Earth's rate, its vertical part known by the latitude where accelerometers tell how the table stands, its
+horizontal part unknown in heading; without accelerometers all of it is unknown, and a bias is known where the unit was
+turned across it. Each stretch is one row of weighted least squares, and scatter beyond the samples' is estimated with
+it: a bias that wanders from stretch to stretch, a table that is not as even as it reads. Misalignments hold how the
+unit is mounted, and their sigma says so; that of a scale factor holds the cosine of such a tilt.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.noise import SAMPLES
 from gimbalcal.estimate.extra_effects import Extension
 from gimbalcal.estimate.gyroscopes.heading import horizontal_sigma
-from gimbalcal.estimate.gyroscopes.outcome import UNSTEADY_RATE
+from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
 from gimbalcal.estimate.gyroscopes.rests import RestFit, Rests, fit_rests
-from gimbalcal.estimate.gyroscopes.steady import SLOWEST, STEADY, Stretches, stretches_of
-from gimbalcal.estimate.support import coefficients, needed, refusal
+from gimbalcal.estimate.gyroscopes.steady import MAX_RATE_CHANGE, MIN_RATE, Stretches, stretches_of
+from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array, complex_step
@@ -45,10 +45,10 @@ from gimbalcal.units import from_si
 
 BASE, FURTHER = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment"), (
     "gyro_scale_asymmetry", "gyro_scale_nonlinearity")  # fmt: skip
-ROUNDS = 3  # each leaves a share of the scale error, squared
-MOUNTED = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
-STAYS = 0.9  # of the force, in the axes of the base: what a lever arm feels goes round
-APART = 1e10  # condition of the columns from which on some cannot be told apart
+ITERATIONS = 3  # each leaves a share of the scale error, squared
+MOUNTING_SIGMA_RAD = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
+MIN_FORCE_SHARE = 0.9  # of the force, in the axes of the base: what a lever arm feels goes round
+MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some cannot be told apart
 
 
 def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:
@@ -101,7 +101,7 @@ def _nominal(recordings: Sequence[Recording], each: Sequence[Stretches]) -> Arra
     read = np.concatenate([s.reading + s.rate for s in each])
     out = np.zeros(3)
     for i in range(3):
-        if np.ptp(rate[:, i]) < SLOWEST:
+        if np.ptp(rate[:, i]) < MIN_RATE:
             raise InputError(
                 f"gyroscope {'xyz'[i]} counts and was never turned about its own axis, so how much a count is stays "
                 "unknown: mount the unit with that axis along the table's and turn it"
@@ -131,7 +131,7 @@ def _rows(recordings: Sequence[Recording], each: Sequence[Stretches], scale: Arr
         own = alone[rows, :, 5 * k : 5 * k + 5]
         across = np.stack([side := normal_to(along), np.cross(along, side)], axis=-1)
         own[..., :2] = horizontal_sigma(latitude) * s.attitude @ across
-        own[..., 2:] = MOUNTED * M @ np.cross(s.rate[:, None], np.eye(3)).swapaxes(-1, -2)
+        own[..., 2:] = MOUNTING_SIGMA_RAD * M @ np.cross(s.rate[:, None], np.eye(3)).swapaxes(-1, -2)
         of_all = shared[rows, :, 5 * (m := mountings.index(r.platform)) : 5 * m + 5]
         of_all[..., 0] = (EARTH_RATE / np.sqrt(3) if latitude is None else 0.0) * vertical
         of_all[..., 1] = _foreshortened(s.rate, M) * s.rate
@@ -155,27 +155,28 @@ def _up(r: Recording) -> Array | None:
     force = r.triad(FORCE)
     mean = np.einsum("nji,nj->ni", r.platform.attitude(r.angles()), force).mean(0)
     size = float(np.linalg.norm(mean))
-    return mean / size if size > STAYS * float(np.linalg.norm(force, axis=1).mean()) else None
+    return mean / size if size > MIN_FORCE_SHARE * float(np.linalg.norm(force, axis=1).mean()) else None
 
 
 def _foreshortened(rate: Array, M: Array) -> float:
     """One sigma of the share by which a tilt of the mounting shortens the rate along a sensor's axis, 1 - cos.
 
-    Of two tilts of `MOUNTED`, or, where the sensors across the fastest of rate (m, 3) read more, of all that they read.
+    Of two tilts of `MOUNTING_SIGMA_RAD`, or, where the sensors across the fastest of rate (m, 3) read more, of all that
+    they read.
     """
     fastest = rate[np.argmax(np.linalg.norm(rate, axis=1))]
     n = fastest / np.linalg.norm(fastest)
-    return float(max(np.sqrt(2) * MOUNTED**2, np.sum(np.cross(n, M @ n) ** 2) / 2))
+    return float(max(np.sqrt(2) * MOUNTING_SIGMA_RAD**2, np.sum(np.cross(n, M @ n) ** 2) / 2))
 
 
 def _seen(found: Rests) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
     """Parameters of the linear model that some stretch depends on, and those that none does."""
     every = tuple(p for t in BASE for p in parameters(CATALOGUE[t]))
     size = np.abs(_columns(found, every)).max(axis=(0, 1))
-    seen = tuple(p for p, s in zip(every, size, strict=True) if s > STEADY * p.sigma * SLOWEST)
+    seen = tuple(p for p, s in zip(every, size, strict=True) if s > MAX_RATE_CHANGE * p.sigma * MIN_RATE)
     J = _columns(found, seen).reshape(-1, len(seen))
     unit = J / np.linalg.norm(J, axis=0)
-    if np.linalg.cond(unit) > APART:
+    if np.linalg.cond(unit) > MAX_CONDITION_NUMBER:
         raise InputError(
             "these turns do not tell scale factors from misalignments: turn the unit about one of its own axes in each "
             "recording, or about three axes and more"
@@ -193,7 +194,7 @@ def _columns(found: Rests, wanted: Sequence[Parameter]) -> Array:
 def _settled(found: Rests, wanted: tuple[Parameter, ...]) -> RestFit:
     """The fit near its own solution: scale factors and misalignments multiply each other."""
     x = np.zeros(len(wanted))
-    for _ in range(ROUNDS):
+    for _ in range(ITERATIONS):
         fit = fit_rests(found, (), Extension((), wanted), about=x)
         x = fit.x
     return fit
@@ -207,7 +208,7 @@ def _chosen(found: Rests, fit: RestFit) -> tuple[RestFit, dict[str, str]]:
         own = tuple(p for p in parameters(CATALOGUE[term]) if p.axis in turned)
         more = (*fit.parameters, *own)
         J = _columns(found, more).reshape(-1, len(more))
-        if J.shape[0] <= len(more) or np.linalg.cond(J / np.linalg.norm(J, axis=0)) > APART:
+        if J.shape[0] <= len(more) or np.linalg.cond(J / np.linalg.norm(J, axis=0)) > MAX_CONDITION_NUMBER:
             declined[term] = f"{term} is left out: it takes more rates, both ways round"
             continue
         tried = _settled(found, more)
@@ -234,13 +235,13 @@ def _calibration(recordings: Sequence[Recording], found: Rests, fit: RestFit, un
     )
     mounted = (
         f"misalignments hold how the unit is mounted on the table, which is taken to be good to "
-        f"{from_si(MOUNTED, 'deg'):.2g} deg"
+        f"{from_si(MOUNTING_SIGMA_RAD, 'deg'):.2g} deg"
     )
     options: dict[str, Any] = {"direction": "physics to reading", "frame": "the table's axes", "in_words": words,
                                "stretches": list(stretches), "declined": declined}  # fmt: skip
     counts = Counts(tuple(map(float, scale))) if any(r.counted(RATE) for r in recordings) else None
     rate = found.stimulus.rate
-    still = " and ".join(a for a, w in zip("xyz", rate.T, strict=True) if np.abs(w).max() < SLOWEST)
+    still = " and ".join(a for a, w in zip("xyz", rate.T, strict=True) if np.abs(w).max() < MIN_RATE)
     seldom = "no recording turns the unit about every axis" + (f", none about {still}" if still else "")
     dark = [{"direction": {p.label: 1.0}, "why": seldom} for p in unseen]
     for t, why in declined.items():
@@ -264,7 +265,7 @@ def _unsteady(sigma: Array, misfit: Array) -> str:
     """A sentence where stretches scatter far beyond the noise of their samples, sigma (m, 3); else nothing."""
     own, left = np.sqrt((sigma**2).mean(0)), np.sqrt((misfit**2).mean(0))
     i = int(np.argmax(left / np.maximum(own, 1e-300)))
-    if left[i] <= UNSTEADY_RATE * own[i]:
+    if left[i] <= MAX_RATE_SCATTER_RATIO * own[i]:
         return ""
     return (
         f"in steady turning the gyroscope {'xyz'[i]} is off by {from_si(float(left[i]), 'deg/h'):.3g} deg/h rms, "

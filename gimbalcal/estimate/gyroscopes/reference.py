@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import RotationSpline
 
 QUATERNION, EULER = ("qw", "qx", "qy", "qz"), ("roll", "pitch", "yaw")
-UNIT = 0.1  # a quaternion's length may be off one by so much: it was rounded, not wrong
-PAUSE = 5.0  # usual steps: no attitude is told within a longer gap
-FEWEST = 20
+MAX_LENGTH_ERROR = 0.1  # a quaternion's length may be off one by so much: it was rounded, not wrong
+MAX_GAP_STEPS = 5.0  # usual steps: no attitude is told within a longer gap
+MIN_ROWS = 20
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Reference:
         if begin < self.time[0] or end > self.time[-1]:
             return False
         a, b = np.searchsorted(self.time, [begin, end])
-        return bool(np.diff(self.time[max(a - 1, 0) : b + 1]).max(initial=0.0) <= PAUSE * self.step)
+        return bool(np.diff(self.time[max(a - 1, 0) : b + 1]).max(initial=0.0) <= MAX_GAP_STEPS * self.step)
 
 
 def reference_of(recording: Recording) -> Reference:
@@ -80,15 +80,15 @@ def reference_of(recording: Recording) -> Reference:
     values = np.stack([recording.channels["attitude", a] for a in axes], axis=1)
     rows = np.all(np.isfinite(values), axis=1)
     time, values = recording.time[rows], values[rows]
-    if len(time) < FEWEST:
+    if len(time) < MIN_ROWS:
         raise InputError(
-            f"{recording.title!r} has an attitude in {len(time)} of its rows, at least {FEWEST} are needed"
+            f"{recording.title!r} has an attitude in {len(time)} of its rows, at least {MIN_ROWS} are needed"
         )
     if axes is EULER:
         roll, pitch, yaw = values.T
         return _without_leaps(time, frame_rotation("x", roll) @ frame_rotation("y", pitch) @ frame_rotation("z", yaw))
     length = np.linalg.norm(values, axis=1)
-    if np.any(np.abs(length - 1) > UNIT):
+    if np.any(np.abs(length - 1) > MAX_LENGTH_ERROR):
         bad = int(np.argmax(np.abs(length - 1)))
         raise InputError(
             f"{recording.title!r}, at {time[bad]:.10g} s: the quaternion has length {length[bad]:.3g}; it must be one, "

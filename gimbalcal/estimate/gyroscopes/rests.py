@@ -25,7 +25,7 @@ from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
 from gimbalcal.estimate.fit import MAX_STEPS, TOLERANCE, range_of_constants
 from gimbalcal.estimate.gyroscopes.heading import horizontal_rate
 from gimbalcal.estimate.gyroscopes.turns import Turns
-from gimbalcal.estimate.support import coefficients, needed, refusal, scatter
+from gimbalcal.estimate.term_selection import coefficients, needed, refusal, scatter
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, complex_step
@@ -33,8 +33,8 @@ from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.record import FORCE, RATE
 
 BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
-SILENT = 1e-9  # rad/s; below any gyroscope: where samples tell no noise, the scatter of the rests is all of it
-ROUNDS = 10  # of reweighting; each brings the excess within a few percent of the next
+MIN_RATE_SIGMA = 1e-9  # rad/s; below any gyroscope: where samples tell no noise, the scatter of the rests is all of it
+MAX_ITERATIONS = 10  # of reweighting; each brings the excess within a few percent of the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +109,8 @@ def fit_rests(
     p, q = len(wanted), found.horizontal.shape[-1]
     dof = len(J) - np.array([np.any(J[:, i] != 0, axis=0).sum() for i in range(3)])
     excess = np.zeros(3)
-    own = np.where(found.sigma > 0, found.sigma, SILENT)  # rows that never change, or one a rest
-    for _ in range(ROUNDS):
+    own = np.where(found.sigma > 0, found.sigma, MIN_RATE_SIGMA)  # rows that never change, or one a rest
+    for _ in range(MAX_ITERATIONS):
         sigma = np.sqrt(own**2 + excess**2)
         A = (np.concatenate([J * prior, found.horizontal], axis=-1) / sigma[..., None]).reshape(rate.size, -1)
         U, S, Vt = np.linalg.svd(np.concatenate([A, np.eye(p + q)[p:]]), full_matrices=False)

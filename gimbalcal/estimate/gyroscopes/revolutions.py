@@ -1,7 +1,7 @@
 r"""A recording of revolutions both ways and of rests, to the gyroscopes' calibration: Wang et al. (2019), section 4.2.
 
-A turn between two rests is a revolution when its angle is a whole number of circles within `NEAR`; two neighbours
-about one axis in opposite senses are a pair. Everything else that moved is left out. The fit is that of
+A turn between two rests is a revolution when its angle is a whole number of circles within `MAX_REVOLUTION_ERROR`; two
+neighbours about one axis in opposite senses are a pair. Everything else that moved is left out. The fit is that of
 `estimate.pulses.whole_turns.gyroscope_pulses`, pulses to rate; the calibration is returned as effects, physics to
 reading,
 
@@ -23,7 +23,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.effects.gyroscope import of_rate_matrix
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.gyroscopes.outcome import UNSTEADY_RATE
+from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
 from gimbalcal.estimate.gyroscopes.turns import paused
 from gimbalcal.estimate.pulses.gravity_norm import PulseFit
 from gimbalcal.estimate.pulses.polynomial import Pulses, lower
@@ -32,11 +32,11 @@ from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.recording.record import RATE
 
-NEAR = 0.05  # of a revolution: scale errors of low-cost units reach 3 %
-ROUNDS = 3  # the bias enters the Earth's share of the ramps, a few percent of it: each round takes that factor off
-OPPOSITE = -0.99  # cosine between the axes of a pair
+MAX_REVOLUTION_ERROR = 0.05  # of a revolution: scale errors of low-cost units reach 3 %
+ITERATIONS = 3  # the bias enters the Earth's share of the ramps, a few percent of it: each round takes that factor off
+MAX_PAIR_COSINE = -0.99  # cosine between the axes of a pair
 EFFECTS = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment", "gyro_scale_nonlinearity")
-BELOW = ("yz", "zx", "zy")  # angles of Eq. (5) of Wu et al. (2018) that a lower triangle holds
+LOWER_TRIANGLE = ("yz", "zx", "zy")  # angles of Eq. (5) of Wu et al. (2018) that a lower triangle holds
 
 
 def gyroscopes_from_revolutions(recording: Recording) -> Calibration:
@@ -45,7 +45,7 @@ def gyroscopes_from_revolutions(recording: Recording) -> Calibration:
     Raises InputError for readings in counts, fewer than six pairs of revolutions, or no rests.
     """
     bias = np.zeros(3)
-    for _ in range(ROUNDS):
+    for _ in range(ITERATIONS):
         found, used = revolutions_of(recording, bias)
         fit = gyroscope_pulses(found)
         bias = fit.pulses.bias[0]
@@ -100,7 +100,7 @@ def _integrals(recording: Recording, y: Array, span: slice, earth: Array) -> Mov
     S = ((both[1:] + both[:-1]) / 2 * dt[:, None, None]).sum(0)
     angle = float(np.linalg.norm(S[0]))
     whole = round(angle / (2 * np.pi))
-    if whole < 1 or paused(recording, span) or abs(angle / (2 * np.pi) - whole) >= NEAR * whole:
+    if whole < 1 or paused(recording, span) or abs(angle / (2 * np.pi) - whole) >= MAX_REVOLUTION_ERROR * whole:
         return S, float(dt.sum()), float("nan")
     u = S[0] / angle
     along = rows @ u
@@ -117,7 +117,7 @@ def _pairs(moved: Sequence[Moved]) -> list[tuple[int, int]]:
     while k + 1 < len(moved):
         (a, _, first), (b, _, second) = moved[k], moved[k + 1]
         cosine = a[0] @ b[0] / max(float(np.linalg.norm(a[0]) * np.linalg.norm(b[0])), 1e-300)
-        if first == second and cosine < OPPOSITE:
+        if first == second and cosine < MAX_PAIR_COSINE:
             out.append((k, k + 1))
             k += 2
         else:
@@ -140,20 +140,20 @@ def as_effects(x: Array) -> Array:
     """Values of the effects (12,) [SI] from K1, K2, bias, E (12,) of the pulse model; float or complex."""
     triad = Pulses(x[0:3], x[3:6], 0 * x[0:3], x[6:9], x[9:12])
     s, beta = of_rate_matrix(np.linalg.inv(lower(triad.E) * triad.K1[None, :]))
-    below = [beta[MISALIGNMENT_AXES.index(axis)] for axis in BELOW]
+    below = [beta[MISALIGNMENT_AXES.index(axis)] for axis in LOWER_TRIANGLE]
     return np.concatenate([-triad.bias / triad.K1, s, below, -triad.K2 / triad.K1])
 
 
 def triangle() -> tuple[Parameter, ...]:
     """The parameters in the order of `as_effects`; of the misalignments those that a rotation of the triad leaves."""
     found = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
-    return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in BELOW)
+    return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in LOWER_TRIANGLE)
 
 
 def _outcome(recording: Recording, converged: bool, times: float) -> str:
     if not converged:
         return "the fit did not settle: the revolutions do not determine the triad"
-    if recording.sigma("gyroscope") is None or times <= UNSTEADY_RATE:
+    if recording.sigma("gyroscope") is None or times <= MAX_RATE_SCATTER_RATIO:
         return ""
     return f"revolutions and rests are off by {times:.2g} times what the noise of the gyroscopes explains"
 

@@ -15,9 +15,9 @@ from gimbalcal.recording.record import RATE
 from gimbalcal.rotation import rotation_vector
 from gimbalcal.units import from_si
 
-BLOCK = 0.5  # s over which rates are means: no lag between readout and gyroscopes matters, and readouts hardly scatter
-STEADY = 0.005  # of the fastest rate, from one block to the next
-SLOWEST = np.radians(0.1)  # rad/s; a table that never turns faster stands
+BLOCK_S = 0.5  # s of a mean rate: no lag between readout and gyroscopes matters, and readouts hardly scatter
+MAX_RATE_CHANGE = 0.005  # of the fastest rate, from one block to the next
+MIN_RATE = np.radians(0.1)  # rad/s; a table that never turns faster stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +37,11 @@ def stretches_of(r: Recording) -> Stretches:
     Raises InputError for a recording that is too short, or in which nothing turns, or never steadily.
     """
     step = usual_step(r)
-    n = max(2, round(BLOCK / step))
+    n = max(2, round(BLOCK_S / step))
     starts = np.arange(0, len(r.time) - n, n)
     if not len(starts):
         raise InputError(
-            f"{r.title!r} is shorter than {BLOCK:g} s; turn the table at steady rates for ten seconds each"
+            f"{r.title!r} is shorter than {BLOCK_S:g} s; turn the table at steady rates for ten seconds each"
         )
     C = r.platform.attitude(r.angles())
     y = r.triad(RATE)
@@ -53,19 +53,19 @@ def stretches_of(r: Recording) -> Stretches:
     total = integral(y, r.time)
     mean = (total[starts + n] - total[starts]) / span[:, None]
     fastest = float(np.linalg.norm(rate[whole], axis=1).max(initial=0.0))
-    if fastest < SLOWEST:
+    if fastest < MIN_RATE:
         raise InputError(
             f"{r.title!r}: the table stands or turns by {from_si(fastest, 'deg/s'):.2g} deg/s at most; turn it at "
             "steady rates, or calibrate rests with --method multiposition"
         )
-    new = np.linalg.norm(np.diff(rate, axis=0), axis=1) > STEADY * fastest
+    new = np.linalg.norm(np.diff(rate, axis=0), axis=1) > MAX_RATE_CHANGE * fastest
     edge = np.concatenate([[False], new]) | np.concatenate([new, [False]]) | ~whole
     groups = np.split(np.flatnonzero(~edge), np.flatnonzero(np.diff(np.flatnonzero(~edge)) > 1) + 1)
-    groups = [part for g in groups for part in _level(g, rate, STEADY * fastest) if len(part) > 1]
+    groups = [part for g in groups for part in _level(g, rate, MAX_RATE_CHANGE * fastest) if len(part) > 1]
     if not groups:
         raise InputError(
-            f"{r.title!r}: the table never turns steadily for {4 * BLOCK:g} s; hold each rate for ten seconds, or use "
-            "--method attitude for motion that goes on"
+            f"{r.title!r}: the table never turns steadily for {4 * BLOCK_S:g} s; hold each rate for ten seconds, or "
+            "use --method attitude for motion that goes on"
         )
     off = mean - rate
     inside = np.concatenate([off[g] - off[g].mean(0) for g in groups])

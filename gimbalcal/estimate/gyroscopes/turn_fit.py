@@ -28,8 +28,8 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import cross_matrix, left_jacobian
 
-ENOUGH = 1e-14  # share of the squares that a last step takes away: 1e-7 of a sigma where nothing is left to gain
-ENDURING = 1e-9  # smallest relative singular value of the columns: below, the turns say nothing of a combination
+MIN_GAIN = 1e-14  # share of the squares that a last step takes away: 1e-7 of a sigma where nothing is left to gain
+MIN_SINGULAR_RATIO = 1e-9  # of the columns, below which the turns say nothing of a combination
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSIO
     sizes = [p not in extra.constants for p in wanted]  # a constant shows nothing before its effect has a size
     if _dark(model(start, np.arange(1))[1][0][:, sizes]):
         raise InputError(f"nothing in {amount(m, 'turn')} tells all of {', '.join(terms)} apart")
-    found = minimise(model, start, gain=ENOUGH)
+    found = minimise(model, start, gain=MIN_GAIN)
     x = mean + found.x[0] * scale
     return _judged(wanted, x, *_linear(turns, wanted, x, extra.effects), m, with_values(extra.effects, wanted, x))
 
@@ -84,7 +84,7 @@ def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSIO
 def _dark(J: Array) -> bool:
     """Whether some combination of the columns changes nothing."""
     size = np.sqrt((J**2).sum(0))
-    return bool(np.any(size == 0)) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] < ENDURING)
+    return bool(np.any(size == 0)) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] < MIN_SINGULAR_RATIO)
 
 
 def _judged(

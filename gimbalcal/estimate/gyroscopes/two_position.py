@@ -28,11 +28,11 @@ from gimbalcal.recording.record import RATE
 from gimbalcal.units import from_si
 
 BIAS = "gyro_bias"
-STEPS = 50
-SETTLED = 1e-12  # rad and rad/s
-UNTOLD = np.radians(20.0)  # one sigma of north beyond which the rests do not tell the Earth from the bias
-SURPRISE = 1e-3  # chance below which what is left is more than noise
-ALIKE = 1e-3  # of gravity's direction: rests that differ by less feel the same force
+MAX_STEPS = 50
+TOLERANCE = 1e-12  # rad and rad/s
+MAX_NORTH_SIGMA_RAD = np.radians(20.0)  # one sigma of north beyond which the rests do not tell the Earth from the bias
+SIGNIFICANCE = 1e-3  # chance below which what is left is more than noise
+SAME_DIRECTION = 1e-3  # of gravity's direction: rests that differ by less feel the same force
 
 
 def two_position(recording: Recording) -> Calibration:
@@ -65,7 +65,7 @@ def two_position(recording: Recording) -> Calibration:
     inverse = np.linalg.inv(unit.T @ unit) / np.outer(scale, scale) if told else np.full((4, 4), np.inf)
     dof = r.size - 4
     chi2 = float(r @ r)
-    if np.sqrt(inverse[3, 3]) > UNTOLD:
+    if np.sqrt(inverse[3, 3]) > MAX_NORTH_SIGMA_RAD:
         raise InputError(
             f"the {amount(len(y), 'rest')} of {recording.title!r} do not tell the Earth's rate from the bias: reverse "
             "the unit by 180 deg about the vertical, or about east, and stay longer"
@@ -101,14 +101,14 @@ def _fit(y: Array, C: Array, sigma: Array, latitude: float) -> tuple[Array, Arra
     best: tuple[float, Array, Array, Array] | None = None
     for alpha in np.arange(8) * np.pi / 4:
         x = np.append((y - C @ earth_in_base(latitude, alpha)[0]).mean(0), alpha)
-        for _ in range(STEPS):
+        for _ in range(MAX_STEPS):
             omega, slope = earth_in_base(latitude, x[3])
             r = ((y - x[:3] - C @ omega) / sigma).ravel()
             J = np.concatenate([np.broadcast_to(np.eye(3), (len(y), 3, 3)), (C @ slope)[..., None]], axis=2)
             J = (J / sigma[..., None]).reshape(-1, 4)
             step = np.linalg.lstsq(J, r, rcond=1e-12)[0]
             x = x + step * np.minimum(1.0, 0.5 / max(abs(step[3]), 1e-9))
-            if np.all(np.abs(step) < SETTLED):
+            if np.all(np.abs(step) < TOLERANCE):
                 break
         if best is None or r @ r < best[0]:
             best = (float(r @ r), x, J, r)
@@ -122,7 +122,7 @@ def _calibration(
     from gimbalcal import __version__
 
     chance = probability(chi2, dof)
-    scale = chi2 / dof if chance < SURPRISE else 1.0
+    scale = chi2 / dof if chance < SIGNIFICANCE else 1.0
     covariance = scale * inverse
     wanted = parameters(CATALOGUE[BIAS])
     north, sigma = float((x[3] + np.pi) % (2 * np.pi) - np.pi), np.sqrt(np.diag(covariance))
@@ -133,7 +133,7 @@ def _calibration(
         f"left is {times:.2g} times the noise"
     )
     outcome = ""
-    if chance < SURPRISE:
+    if chance < SIGNIFICANCE:
         worst = int(np.argmax(np.abs(misfit).max(axis=1)))
         surprise = f"= {chance:.1g}" if chance > 1e-12 else "< 1e-12"
         outcome = (
@@ -158,7 +158,7 @@ def _calibration(
 def _unobservable(C: Array) -> tuple[dict[str, Any], ...]:
     """What gravity does to the gyroscopes is bias to rests that all feel the same force."""
     down = apply_matrix(C, DOWN)
-    if np.abs(down - down[0]).max() > ALIKE:
+    if np.abs(down - down[0]).max() > SAME_DIRECTION:
         return ()
     axis = "xyz"[int(np.argmax(np.abs(down[0])))]
     sign = float(np.sign(down[0]["xyz".index(axis)]))

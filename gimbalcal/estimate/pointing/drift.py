@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.effects import Parameter
-from gimbalcal.estimate.pointing.fit import EXACT, Fit, fit
+from gimbalcal.estimate.pointing.fit import MIN_SIGMA_RAD, Fit, fit
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-DIFFER = 1e-3  # probability below which nights do not share their terms
-STANDS_OUT = 3.0  # sigmas; a term that moved by less is not named
-SPARE = 4  # degrees of freedom that a night has to itself before its terms are told
+SIGNIFICANCE = 1e-3  # probability below which nights do not share their terms
+MIN_SIGMAS = 3.0  # sigmas; a term that moved by less is not named
+MIN_SPARE_DOF = 4  # degrees of freedom that a night has to itself before its terms are told
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Nights:
 
 def by_night(together: Fit, sigma: float | None) -> Nights | None:
     """The nights of a fit, each alone; None where fewer than two have enough stars. sigma: the stated one."""
-    wanted, free = together.solution.parameters, len(together.solution.parameters) + SPARE
+    wanted, free = together.solution.parameters, len(together.solution.parameters) + MIN_SPARE_DOF
     runs = [r for r in together.runs if 2 * len(r.time) >= free]
     if len(runs) < 2:
         return None
@@ -46,12 +46,12 @@ def by_night(together: Fit, sigma: float | None) -> Nights | None:
     left, ranks = sum(f.square for f in alone), sum(_seen(f) for f in alone)
     nu = 2 * sum(len(r.time) for r in runs) - ranks
     if sigma is None:  # what differs between nights is no noise of theirs
-        apart = max(float(np.sqrt(left / max(nu, 1))), EXACT)
+        apart = max(float(np.sqrt(left / max(nu, 1))), MIN_SIGMA_RAD)
         alone = tuple(fit([r], wanted, apart, together.absent) for r in runs)
     common = together if len(runs) == len(together.runs) else fit(runs, wanted, sigma, together.absent)
     gain = max(common.square - left, 0.0)
     p = _probability(gain, left, ranks - _seen(common), nu, sigma)
-    return Nights(alone, p, _moved(alone) if p < DIFFER else ())
+    return Nights(alone, p, _moved(alone) if p < SIGNIFICANCE else ())
 
 
 def _seen(f: Fit) -> int:
@@ -81,7 +81,7 @@ def _moved(alone: Sequence[Fit]) -> tuple[tuple[Parameter, int, float, float], .
     for k, f in enumerate(alone[1:], start=1):
         d, s = change(alone[0], f)
         for p, x, sigma in zip(f.solution.parameters, d, s, strict=True):
-            if abs(x) > STANDS_OUT * sigma and (p not in best or abs(x) / sigma > abs(best[p][2]) / best[p][3]):
+            if abs(x) > MIN_SIGMAS * sigma and (p not in best or abs(x) / sigma > abs(best[p][2]) / best[p][3]):
                 best[p] = (p, k, float(x), float(sigma))
     return tuple(sorted(best.values(), key=lambda m: -abs(m[2]) / m[3]))
 

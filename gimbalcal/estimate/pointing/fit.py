@@ -22,10 +22,10 @@ from gimbalcal.inference.information import Information, Solution, information
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
-STEPS = 50
-SETTLED = 1e-4  # of a sigma: an estimate that moves by less has arrived
-SEEN = 0.01  # a mount's errors are up to a hundred times the catalogue's scales: fainter directions are unobservable
-EXACT = 1e-9  # rad; stars better than 0.2 mas are made up: their scatter tells no sigma
+MAX_STEPS = 50
+TOLERANCE = 1e-4  # of a sigma: an estimate that moves by less has arrived
+MIN_SIGNAL = 0.01  # prior sigmas over noise: a mount's errors are up to a hundred times the catalogue's scales
+MIN_SIGMA_RAD = 1e-9  # rad; stars better than 0.2 mas are made up: their scatter tells no sigma
 
 
 @dataclass(frozen=True)
@@ -72,14 +72,14 @@ def fit(
     def linearise(x: Array) -> Information:
         nonlocal size
         J, r = _rows(seen, _effects(runs[0], wanted, x, absent), wanted)
-        size = sigma or max(_scatter(J, r), EXACT)
+        size = sigma or max(_scatter(J, r), MIN_SIGMA_RAD)
         return information(J / size, (r + J @ x) / size, wanted)
 
     def arrived(x: Array, target: Array, solution: Solution) -> bool:
-        return bool(np.all(np.abs(target - x) < SETTLED * np.maximum(solution.sigma, 1e-3 * EXACT)))
+        return bool(np.all(np.abs(target - x) < TOLERANCE * np.maximum(solution.sigma, 1e-3 * MIN_SIGMA_RAD)))
 
     bounds = range_of_constants(wanted, *(s for _, s in seen))
-    found = gauss_newton(linearise, _start(runs, wanted), bounds, seen=SEEN, limit=STEPS, arrived=arrived)
+    found = gauss_newton(linearise, _start(runs, wanted), bounds, seen=MIN_SIGNAL, limit=MAX_STEPS, arrived=arrived)
     if not found.steps:
         raise InputError(
             f"the terms of {runs[0].title!r} do not settle: star and readout disagree by too much for small errors; "

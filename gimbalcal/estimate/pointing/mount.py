@@ -16,14 +16,14 @@ from gimbalcal.estimate.pointing.drift import Nights, by_night, record
 from gimbalcal.estimate.pointing.fit import Fit, fit, misfit_with_sizes
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
 from gimbalcal.estimate.pointing.run import CHANNELS, nights, on_stars, read_axes
-from gimbalcal.estimate.pointing.terms import USUAL, wanted_parameters
+from gimbalcal.estimate.pointing.terms import USUAL_TERMS, wanted_parameters
 from gimbalcal.inference.p_value import probability
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
 
-SURPRISE = 1e-3  # probability below which chance is not believed
-NEGLIGIBLE = 0.1  # relative excess over the stated noise that no user would act on, however significant
-NAMED = 3  # terms that an outcome names
+SIGNIFICANCE = 1e-3  # probability below which chance is not believed
+NEGLIGIBLE_EXCESS = 0.1  # relative excess over the stated noise that no user would act on, however significant
+MAX_TERMS_NAMED = 3  # terms that an outcome names
 
 
 def pointing_calibration(
@@ -31,15 +31,16 @@ def pointing_calibration(
 ) -> Calibration:
     """The terms of one mount from runs with it, in any number of files and nights.
 
-    terms: ids of effects, or "id:axis" (default `USUAL`); more: further ones as `extra_effects` reads them. The outcome
-    is a sentence where the stated noise does not explain what is left, or where the nights do not share their terms.
-    Raises InputError for recordings of several mounts, without true angles, or with fewer readings than unknowns.
+    terms: ids of effects, or "id:axis" (default `USUAL_TERMS`); more: further ones as `extra_effects` reads them. The
+    outcome is a sentence where the stated noise does not explain what is left, or where the nights do not share their
+    terms. Raises InputError for recordings of several mounts, without true angles, or with fewer readings than
+    unknowns.
     """
     join(recordings)  # refuses runs of different mounts, and one that is given twice
     each = [nights(r) for r in recordings]
     runs = tuple(night for own in each for night in own)
     before = [sum(len(n.time) for n in own[:k]) for own in each for k in range(len(own))]
-    held, platform, axes = terms or USUAL, recordings[0].platform, read_axes(recordings[0])
+    held, platform, axes = terms or USUAL_TERMS, recordings[0].platform, read_axes(recordings[0])
     stated = _stated(recordings)
     also = extra_effects(more, recordings, held)
     sizes = tuple(p for e in also for p in wanted_parameters(platform, axes, _named(e)))
@@ -108,7 +109,7 @@ def _misfit(found: Fit, stated: float | None) -> str:
     if stated is None or dof <= 0:
         return ""
     ratio = float(np.sqrt(found.solution.chi2 / dof))
-    if ratio <= 1 + NEGLIGIBLE or probability(found.solution.chi2, dof) >= SURPRISE:
+    if ratio <= 1 + NEGLIGIBLE_EXCESS or probability(found.solution.chi2, dof) >= SIGNIFICANCE:
         return ""
     return (
         f"what the terms leave is {ratio:.2f} times the stated {from_si(stated, 'arcsec'):.3g} arcsec, more than "
@@ -121,7 +122,7 @@ def _differ(several: Nights | None) -> str:
     if several is None or not several.moved:
         return ""
     words = []
-    for p, _, x, s in several.moved[:NAMED]:
+    for p, _, x, s in several.moved[:MAX_TERMS_NAMED]:
         name = p.label.replace(":", " ").replace("_", " ")
         words.append(f"{name} by {from_si(x, p.unit):.3g} +- {from_si(s, p.unit):.2g} {p.unit}")
     return f"the terms differ between {amount(len(several.fits), 'night')}: {', '.join(words)} since the first."

@@ -20,14 +20,14 @@ from gimbalcal.estimate.pointing.fit import Fit
 from gimbalcal.estimate.pointing.run import CHANNELS
 from gimbalcal.number import Array
 
-FOLLOWS = 1e-3  # probability, all trials paid, below which neighbours are no more alike by chance
-LEAST = 1e-3  # rad; an axis that travels less stood still
-FEWEST = 20  # stars in which a pattern can be told from chance
-FAR = 7.0  # robust sigmas; a star further off is another star, or was not centred
+SIGNIFICANCE = 1e-3  # probability, all trials paid, below which neighbours are no more alike by chance
+MIN_TRAVEL_RAD = 1e-3  # rad; an axis that travels less stood still
+MIN_STARS = 20  # stars in which a pattern can be told from chance
+MIN_OUTLIER_SIGMAS = 7.0  # robust sigmas; a star further off is another star, or was not centred
 MISTAKEN = "mistaken or not centred"
-SEVERAL = 3  # such stars, of which something in common can be told
-BESIDE = 0.2  # of how far they are off, by which they are off the other way, where one axis of the mount does it
-SHARED = 0.01  # probability below which such stars do not have it in common by chance
+MIN_COMMON_STARS = 3  # such stars, of which something in common can be told
+MAX_CROSS_SHARE = 0.2  # of the distance, off in the other direction, where one axis of the mount does it
+COMMON_SIGNIFICANCE = 0.01  # probability below which such stars do not have it in common by chance
 MEDIAN_LENGTH = 1.1774  # of a plane vector of normal noise with sigma 1: the median of Rayleigh's distribution
 
 
@@ -57,9 +57,9 @@ def far_off(found: Fit, before: Sequence[int]) -> tuple[tuple[str, int, float, s
 def strays(left: Array) -> list[int]:
     """Ordinals of stars far off the others by what is left of them (n, 2), worst first."""
     length = np.linalg.norm(left, axis=1)
-    if len(length) < FEWEST:
+    if len(length) < MIN_STARS:
         return []
-    far = np.flatnonzero(length > FAR * float(np.median(length)) / MEDIAN_LENGTH)
+    far = np.flatnonzero(length > MIN_OUTLIER_SIGMAS * float(np.median(length)) / MEDIAN_LENGTH)
     return sorted(far.tolist(), key=lambda k: -float(length[k]))
 
 
@@ -73,17 +73,17 @@ def why_far(left: Array, angles: Array, far: Sequence[int], axis: str) -> str:
     inner, outer = angles.T
     every = np.stack([np.cos(inner) * np.cos(outer), np.cos(inner) * np.sin(outer), np.sin(inner)], axis=-1)
     left, star = left[far], every[far]
-    if len(left) < SEVERAL:
+    if len(left) < MIN_COMMON_STARS:
         return MISTAKEN
     other = np.abs(left) / np.linalg.norm(left, axis=1, keepdims=True)
-    chance = len(CHANNELS) * (2 / np.pi * np.arcsin(BESIDE)) ** len(left)
+    chance = len(CHANNELS) * (2 / np.pi * np.arcsin(MAX_CROSS_SHARE)) ** len(left)
     for (_, way), off in zip(CHANNELS, other[:, ::-1].T, strict=True):
-        if np.all(off < BESIDE) and chance < SHARED:
+        if np.all(off < MAX_CROSS_SHARE) and chance < COMMON_SIGNIFICANCE:
             plain = axis.replace("_", " ")
             return f"all {way} {plain}, so rather play in a gear, or a slip of the axis, than mistakes"
     near = (star @ star.T).min(axis=1)  # cosine of the furthest of them from each
     share = float(np.mean(every @ star[int(np.argmax(near))] >= near.max()))
-    together = len(star) * share ** (len(star) - 1) < SHARED
+    together = len(star) * share ** (len(star) - 1) < COMMON_SIGNIFICANCE
     return "all in one part of the sky, so rather what the model lacks there than mistakes" if together else MISTAKEN
 
 
@@ -92,12 +92,12 @@ def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:
     from scipy.special import ndtr
 
     left = np.concatenate(found.weighted)
-    if len(left) < FEWEST:
+    if len(left) < MIN_STARS:
         return None
     trials = []
     for axis in axes:
         angle = np.concatenate([r.channels["true_angle", axis] for r in found.runs])
-        if np.ptp(angle) < LEAST:
+        if np.ptp(angle) < MIN_TRAVEL_RAD:
             continue
         order = np.argsort(angle, kind="stable")
         for (_, channel), r in zip(CHANNELS, left[order].T, strict=True):
@@ -107,4 +107,4 @@ def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:
         return None
     best = min(trials, key=lambda t: t.probability)
     p = min(1.0, len(trials) * best.probability)
-    return Pattern(best.channel, best.axis, p) if p < FOLLOWS else None
+    return Pattern(best.channel, best.axis, p) if p < SIGNIFICANCE else None

@@ -23,9 +23,9 @@ from gimbalcal.recording import Recording
 
 STAGES = frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT})
 CHANNELS = tuple(("pointing", axis) for axis in AXES["pointing"])
-CALM = 0.5  # of the roughness of where the stars are
-CABLES = 3 * np.pi  # rad that a mount turns, from one stop to the other
-NIGHT = 6 * 3600.0  # s; a longer pause ends a night
+MAX_ROUGHNESS_RATIO = 0.5  # of the roughness of where the stars are
+MAX_TRAVEL_RAD = 3 * np.pi  # rad that a mount turns, from one stop to the other
+MIN_NIGHT_GAP_S = 6 * 3600.0  # s; a longer pause ends a night
 
 
 def on_stars(recording: Recording) -> Stimulus:
@@ -53,7 +53,7 @@ def calmer(recording: Recording) -> NDArray[np.bool_]:
     for axis in recording.platform.axis_names:
         both = (recording.channels.get((q, axis)) for q in ("gimbal_angle", "true_angle"))
         read, true = (0.0 if a is None else _roughness(recording.time, np.unwrap(a)) for a in both)
-        out.append(read < CALM * true)
+        out.append(read < MAX_ROUGHNESS_RATIO * true)
     return np.array(out, dtype=bool)
 
 
@@ -73,7 +73,7 @@ def without_jumps(angle: Array, readout: Array) -> Array:
     """
     turns = 2 * np.pi * np.round((readout - angle) / (2 * np.pi))
     shorter = np.unwrap(angle, axis=0)
-    told = (np.ptp(readout, axis=0) > 2 * np.pi) | (np.ptp(shorter, axis=0) > CABLES)
+    told = (np.ptp(readout, axis=0) > 2 * np.pi) | (np.ptp(shorter, axis=0) > MAX_TRAVEL_RAD)
     return np.where(told, angle + turns, shorter)
 
 
@@ -119,8 +119,8 @@ def read_axes(recording: Recording) -> tuple[str, ...]:
 
 
 def nights(recording: Recording) -> tuple[Recording, ...]:
-    """The recording cut where it pauses for more than `NIGHT`; one that does not is its only night."""
-    cuts = [0, *(np.flatnonzero(np.diff(recording.time) > NIGHT) + 1).tolist(), len(recording.time)]
+    """The recording cut where it pauses for more than `MIN_NIGHT_GAP_S`; one that does not is its only night."""
+    cuts = [0, *(np.flatnonzero(np.diff(recording.time) > MIN_NIGHT_GAP_S) + 1).tolist(), len(recording.time)]
     return tuple(recording.select(slice(a, b)) for a, b in pairwise(cuts))
 
 

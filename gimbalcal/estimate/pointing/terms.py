@@ -12,7 +12,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.run import STAGES
 from gimbalcal.platform import Platform
 
-USUAL = ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality", "base_tilt", "tube_flexure")
+USUAL_TERMS = ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality", "base_tilt", "tube_flexure")
 """Zeros, collimation, squareness, the tilt of the mount and the sag of the tube: seven terms of a two-axis mount."""
 
 

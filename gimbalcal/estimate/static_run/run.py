@@ -17,7 +17,7 @@ from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording
 from gimbalcal.recording.noise import sample_sigma, stated
 
-PHASE, ANY_PHASE = "phi_0:polar", np.radians(1.0)  # many times what zeros and tilts make of it
+PHASE, PHASE_SIGMA_RAD = "phi_0:polar", np.radians(1.0)  # many times what zeros and tilts make of it
 
 
 def static_readings(recording: Recording) -> Readings:
@@ -61,7 +61,7 @@ def static_parameters(run: Readings, ids: Sequence[str] = BASELINE["static-run"]
 
 
 def _free(p: Parameter) -> Parameter:
-    return replace(p, sigma=ANY_PHASE) if p.label == PHASE else p
+    return replace(p, sigma=PHASE_SIGMA_RAD) if p.label == PHASE else p
 
 
 def information_of_rows(

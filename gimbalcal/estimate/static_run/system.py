@@ -15,7 +15,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, values, with_values
-from gimbalcal.estimate.accelerometers.account import joined, misfit_in_words
+from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, columns_of_sizes, sizes_shown_by
 from gimbalcal.estimate.fit import gauss_newton, range_of_constants, solve_about
 from gimbalcal.estimate.static_run.combined import Combined, combined
@@ -25,9 +25,9 @@ from gimbalcal.number import Array
 from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording
 
-TOLERATED = 1.1  # chi^2 per degree of freedom: the header's sigma is not known better than to 5 %
-ENOUGH = 300  # rows for a first solution to linearise at: good to 1e-6, its square is nothing
-PASSES, SETTLED = 6, 1e-3  # prior sigmas: its product with a tilt is 1e-4 arcsec
+MAX_REDUCED_CHI2 = 1.1  # chi^2 per degree of freedom: the header's sigma is not known better than to 5 %
+LINEARISATION_ROWS = 300  # rows for a first solution to linearise at: good to 1e-6, its square is nothing
+MAX_STEPS, TOLERANCE = 6, 1e-3  # prior sigmas: its product with a tilt is 1e-4 arcsec
 
 
 def static_information(
@@ -56,7 +56,7 @@ def linearisation_point(
     with a tilt, 0.05 arcsec, of which a day knows a quarter.
     """
     bounds = range_of_constants(wanted, run.stimulus)
-    few, names = run.thinned(ENOUGH) if bounds is None else run, run.recording.platform.axis_names
+    few, names = run.thinned(LINEARISATION_ROWS) if bounds is None else run, run.recording.platform.axis_names
     union = tuple(wanted) if known is None else tuple(dict.fromkeys((*known.parameters, *wanted)))
     scale = prior(union)[1]
 
@@ -65,11 +65,11 @@ def linearisation_point(
         return info if known is None else known + info
 
     def arrived(x: Array, target: Array, _: Solution) -> bool:
-        return bool(np.max(np.abs(target - x) / scale) < SETTLED)
+        return bool(np.max(np.abs(target - x) / scale) < TOLERANCE)
 
     start = values(effects, union)
     if bounds is None:
-        x = gauss_newton(linearise, start, limit=PASSES, arrived=arrived).solution.x
+        x = gauss_newton(linearise, start, limit=MAX_STEPS, arrived=arrived).solution.x
     else:
         x = gauss_newton(linearise, start, range_of_constants(union, run.stimulus)).solution.x
     return with_values(effects, union, x, names)
@@ -125,7 +125,7 @@ def static(
 
 def outcome(solution: Solution) -> str:
     """One sentence where the residual is more than chance and a sigma stated to a few per cent allow, else ""."""
-    if solution.chi2 < TOLERATED * solution.dof:
+    if solution.chi2 < MAX_REDUCED_CHI2 * solution.dof:
         return ""
     return joined([f"in the static run {words}" for words in misfit_in_words(solution.chi2, solution.dof)])
 

@@ -21,7 +21,6 @@ from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import ExtraEffect
-from gimbalcal.estimate.support import DIFFER
 from gimbalcal.estimate.systematic.calibrate import calibrated
 from gimbalcal.estimate.systematic.error_model import rotated
 from gimbalcal.estimate.systematic.filter_pass import filter_and_smooth
@@ -29,6 +28,7 @@ from gimbalcal.estimate.systematic.iterate import CONVERGED_SIGMAS, SystematicFi
 from gimbalcal.estimate.systematic.observability import WIDE_PRIOR_SIGMAS, data_information
 from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
 from gimbalcal.estimate.systematic.state_lists import states
+from gimbalcal.estimate.term_selection import AGREEMENT_SIGNIFICANCE
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
@@ -65,7 +65,7 @@ def calibrate_jointly(
     each = [replace(m, converged=move < CONVERGED_SIGMAS) for m in each]
     agreements = [_agreement(wanted, each, k, theta) for k in range(len(each))]
     calibrations = [calibrated(m) for m in each]
-    threshold = DIFFER / len(each)
+    threshold = AGREEMENT_SIGNIFICANCE / len(each)
     sessions: list[dict[str, Any]] = [
         {"title": r.title, "stops": int(m.segments.stop.max()) + 1, "p_value": p_value,
          "in_words": f"{'agrees' if p_value >= threshold else 'does not agree'} with the others "

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import values
-from gimbalcal.estimate.accelerometers.coarse import LEVEL, coarse, relevel
+from gimbalcal.estimate.accelerometers.coarse import NEGLIGIBLE_ZERO_RAD, coarse, relevel
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.recording import Recording
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, FACE_POSITIONS
@@ -102,7 +102,7 @@ def test_levelling_turns_the_platform_until_its_zeros_are_negligible() -> None:
     levelled = relevel(measure, EIGHTEEN_POSITIONS.angles)
     assert len(asked) == len(levelled.leftover) <= 4
     assert np.abs(levelled.leftover[0]).max() == pytest.approx(np.deg2rad(0.8), rel=0.01)
-    assert np.abs(levelled.leftover[-1]).max() < LEVEL
+    assert np.abs(levelled.leftover[-1]).max() < NEGLIGIBLE_ZERO_RAD
     # the platform now stands where the schedule wants it: readout + zero = angle, but for what K does (4 arcsec)
     stands = asked[-1][:, 1:3] + truth[ZEROS]
     np.testing.assert_allclose(stands, EIGHTEEN_POSITIONS.angles[:, 1:3], atol=6 * ARCSEC)

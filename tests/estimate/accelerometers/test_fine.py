@@ -8,6 +8,7 @@ import pytest
 from gimbalcal.effects import values
 from gimbalcal.effects.accelerometer import leaning
 from gimbalcal.estimate.accelerometers.coarse import coarse
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, gauss_newton, position_parameters, problem
 from gimbalcal.estimate.accelerometers.fine import (
     COMBINATIONS,
     FORCE_TERMS,
@@ -17,7 +18,6 @@ from gimbalcal.estimate.accelerometers.fine import (
     norm_rows,
 )
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
-from gimbalcal.estimate.accelerometers.setting import Noise, gauss_newton, position_parameters, problem
 from gimbalcal.platform import SPACE_STABLE
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, measured
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.estimate.accelerometers.coarse import coarse
-from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
-from gimbalcal.estimate.accelerometers.positions import trusted_positions
-from gimbalcal.estimate.accelerometers.setting import (
+from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     VisitRows,
     aim,
@@ -20,6 +18,8 @@ from gimbalcal.estimate.accelerometers.setting import (
     set_off,
     whiten,
 )
+from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, SPACE_STABLE
 from gimbalcal.recording import Recording

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.gyroscopes.rate_table import MOUNTED, gyroscopes_on_a_table
+from gimbalcal.estimate.gyroscopes.rate_table import MOUNTING_SIGMA_RAD, gyroscopes_on_a_table
 from gimbalcal.methods import usual_method
 from gimbalcal.number import Array
 from gimbalcal.platform import Axis, Platform
@@ -73,7 +73,7 @@ def test_three_mountings_tell_bias_scale_and_misalignments() -> None:
         assert sigma[f"gyro_scale_factor:{a}"] < 3e-5
     cross = [s for name, s in sigma.items() if "misalignment" in name]
     assert len(cross) == 6
-    np.testing.assert_allclose(cross, MOUNTED, rtol=0.2)
+    np.testing.assert_allclose(cross, MOUNTING_SIGMA_RAD, rtol=0.2)
 
 
 def test_corrected_readings_are_the_table_s_rates() -> None:
@@ -98,7 +98,7 @@ def test_errors_are_as_large_as_stated() -> None:
     known, z = truth(), []
     for k in range(40):
         rng = np.random.default_rng(100 + k)
-        tilts = MOUNTED * rng.standard_normal((3, 3))
+        tilts = MOUNTING_SIGMA_RAD * rng.standard_normal((3, 3))
         made = gyroscopes_on_a_table([run(a, seed=1000 * k + j, tilt=tilts[j]) for j, a in enumerate("xyz")])
         error = made.values - np.array([known[p.label] for p in made.parameters])
         z.append(error / np.sqrt(np.diag(made.covariance)))

@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.process import covariance
-from gimbalcal.estimate.accelerometers.setting import (
+from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     by_visit,
     gauss_newton,

@@ -11,7 +11,7 @@ all, G being their normal matrix and d the row of the point of the ellipsoid in 
 
 .. math:: \frac{|\,|h^{-1}(u_k)| - 1\,|}{s_{(k)} \sqrt{1 + d^T G^{-1} d}} > t
 
-(the deleted residual, studentised), t of Student's distribution, and never less than `FAR`.
+(the deleted residual, studentised), t of Student's distribution, and never less than `MIN_OUTLIER_SIGMAS`.
 One that is off by so much tells nothing of the sensors, and would scale every sigma. A misfit that several rests share
 is missing physics, and none of them is blamed for it.
 """
@@ -33,18 +33,18 @@ from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 
-FAR = 10.0  # sigmas; heavy tails reach half of it in a hundred recordings
-SURPRISE = 1e-6  # probability, choices of rests paid, by which chance is not believed
-MOST = 2  # of more, one could not say which rests are the reference
-SUSPECTS = 40  # rests, those that fit worst with all others: where there are more, two strays drag a fit little
-TERMS = 9  # of an ellipsoid
-SPARE = 4  # rests beyond the parameters: with fewer, leaving one out tests nothing
-LOOSE = 0.01  # noise of 1e-3 over a prior of 0.1: what turns do not show of a unit, as six faces do not, is small
+MIN_OUTLIER_SIGMAS = 10.0  # sigmas; heavy tails reach half of it in a hundred recordings
+SIGNIFICANCE = 1e-6  # probability, choices of rests paid, by which chance is not believed
+MAX_OUTLIERS = 2  # of more, one could not say which rests are the reference
+MAX_SUSPECTS = 40  # rests, those that fit worst with all others: where there are more, two outliers drag a fit little
+ELLIPSOID_TERMS = 9  # of an ellipsoid
+MIN_SPARE_DWELLS = 4  # rests beyond the parameters: with fewer, leaving one out tests nothing
+RIDGE = 0.01  # noise of 1e-3 over a prior of 0.1: what turns do not show of a unit, as six faces do not, is small
 SPHERE = np.array([1.0, 1, 1, 0, 0, 0, 0, 0, 0])
 
 
 @dataclass(frozen=True)
-class Stray:
+class NormOutlier:
     """A rest: its ordinal among the dwells, its position number, and how far its norm is off [m/s^2]."""
 
     dwell: int
@@ -52,12 +52,12 @@ class Stray:
     off: float
 
 
-def without_strays(recording: Recording) -> tuple[Recording, tuple[Stray, ...]]:
+def without_norm_outliers(recording: Recording) -> tuple[Recording, tuple[NormOutlier, ...]]:
     """The recording without rests whose force is that of no rest, and which these are.
 
     Their rows are on the way, where rows on the way were logged; else they are gone.
     """
-    found = strays(recording)
+    found = norm_outliers(recording)
     if not found or recording.position is None:
         return recording, ()
     visits = dwells(recording)
@@ -69,17 +69,20 @@ def without_strays(recording: Recording) -> tuple[Recording, tuple[Stray, ...]]:
     return recording.select(np.setdiff1d(np.arange(len(recording.time)), rows)), found
 
 
-def strays(recording: Recording) -> tuple[Stray, ...]:
-    """The rests that are no rests, `MOST` at most; none where the others do not fit each other without them either."""
+def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
+    """Return the dwells whose norm does not fit the others, `MAX_OUTLIERS` at most.
+
+    None where the others do not fit each other without them either.
+    """
     every = dwell_means(recording)
     if every.position is None or not np.isfinite(every.triad(FORCE)).all():
         return ()
     left, found = np.arange(len(every.time)), dict[int, float]()
-    while len(found) <= MOST:
+    while len(found) <= MAX_OUTLIERS:
         more = _odd(every, left, 1) or _odd(every, left, 2)  # two together hide each other
         if not more:
             g, position = every.site.gravity, every.position
-            return tuple(Stray(k, int(position[k]), g * off) for k, off in sorted(found.items()))
+            return tuple(NormOutlier(k, int(position[k]), g * off) for k, off in sorted(found.items()))
         found |= more
         left = np.setdiff1d(left, list(more))
     return ()
@@ -88,11 +91,11 @@ def strays(recording: Recording) -> tuple[Stray, ...]:
 def _odd(every: Recording, left: NDArray[np.int64], several: int) -> dict[int, float]:
     """The rests without which the others agree best, and how far they are off [g]; empty where one of them is not."""
     m = len(left)
-    if m < TERMS + SPARE + several - 1:
+    if m < ELLIPSOID_TERMS + MIN_SPARE_DWELLS + several - 1:
         return {}
     rests = every.select(left)
     everyone = _ellipsoids(rests, np.ones((1, m)))
-    suspects = np.sort(np.argsort(-np.abs(everyone.rho[0]))[:SUSPECTS])
+    suspects = np.sort(np.argsort(-np.abs(everyone.rho[0]))[:MAX_SUSPECTS])
     choices = np.array(list(combinations(suspects, several)))
     kept = np.ones((len(choices), m))
     np.put_along_axis(kept, choices, 0.0, axis=1)
@@ -105,7 +108,7 @@ def _odd(every: Recording, left: NDArray[np.int64], several: int) -> dict[int, f
     noise = (rests.sigma("accelerometer") or 0.0) / np.sqrt(rests.weight[gone]) / through.size[best]
     from scipy.special import stdtrit
 
-    least = max(FAR, -float(stdtrit(m - several - TERMS, SURPRISE / comb(m, several))))
+    least = max(MIN_OUTLIER_SIGMAS, -float(stdtrit(m - several - ELLIPSOID_TERMS, SIGNIFICANCE / comb(m, several))))
     sigmas = np.abs(off) / np.hypot(through.usual[best] * np.sqrt(1 + tied), noise)
     return dict(zip(left[gone].tolist(), off.tolist(), strict=True)) if np.all(sigmas > least) else {}
 
@@ -131,16 +134,16 @@ def _ellipsoids(rests: Recording, kept: Array) -> _Ellipsoids:
     """Through the rests that are kept (r, m)."""
     u, size = _points(rests, kept)
     A = _design(u)
-    G = np.swapaxes(A * kept[..., None], -1, -2) @ A + LOOSE**2 * np.eye(TERMS)
+    G = np.swapaxes(A * kept[..., None], -1, -2) @ A + RIDGE**2 * np.eye(ELLIPSOID_TERMS)
     lacks = (1 - A @ SPHERE) * kept
     c = SPHERE + np.linalg.solve(G, (lacks[:, None] @ A)[:, 0, :, None])[..., 0]
     rho = (A @ c[..., None])[..., 0] - 1
     Q, q = c[:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(-1, 3, 3), c[:, 6:]
-    closed = np.linalg.eigvalsh(Q)[:, 0] > LOOSE
+    closed = np.linalg.eigvalsh(Q)[:, 0] > RIDGE
     Q = np.where(closed[:, None, None], Q, np.eye(3))
     s = 1 / (1 + (q * np.linalg.solve(Q, q[..., None])[..., 0]).sum(-1) / 4)
     norm = np.sqrt(np.maximum(1 + s[:, None] * rho, 0.0))
-    square = (kept * (norm - 1) ** 2).sum(-1) / (kept.sum(-1) - TERMS)
+    square = (kept * (norm - 1) ** 2).sum(-1) / (kept.sum(-1) - ELLIPSOID_TERMS)
     return _Ellipsoids(u, size, c, G, rho, s, np.where(closed, np.sqrt(square), np.inf))
 
 
@@ -171,11 +174,11 @@ def _against_others(through: _Ellipsoids, i: int, rests: NDArray[np.int64]) -> t
     middle = -np.linalg.solve(c[[0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(3, 3), c[6:]) / 2
     norm = np.sqrt(np.maximum(1 + through.s[i] * through.rho[i, rests], 0.0))
     # a wrong reading tells nothing of its own leverage: it stands where no rest is
-    d = _design(middle + (through.u[i, rests] - middle) / np.maximum(norm, LOOSE)[:, None])
+    d = _design(middle + (through.u[i, rests] - middle) / np.maximum(norm, RIDGE)[:, None])
     return norm - 1, (d * np.linalg.solve(through.normal[i], d.T).T).sum(-1)
 
 
-def strays_in_words(found: Sequence[Stray]) -> list[str]:
+def norm_outliers_in_words(found: Sequence[NormOutlier]) -> list[str]:
     """One sentence about the rests that were left out, in a list; empty where none was."""
     if not found:
         return []

@@ -21,8 +21,7 @@ from itertools import combinations
 
 import numpy as np
 
-from gimbalcal.estimate.accelerometers.noise import RESIDUAL, fit_with_noise
-from gimbalcal.estimate.accelerometers.setting import (
+from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     PositionFit,
     Problem,
@@ -32,16 +31,17 @@ from gimbalcal.estimate.accelerometers.setting import (
     visit_means,
     whiten,
 )
+from gimbalcal.estimate.accelerometers.noise import RESIDUAL, fit_with_noise
 from gimbalcal.inference.information import SEEN
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.units import from_si
 
-SURPRISE = 1e-3  # probability, number of trials paid, below which chance is not believed
-REMAINS = 0.01  # share of the excess chi^2 that may remain where something else is wrong besides
-MOST = 2  # faults looked for: of more, one could not say which positions are the reference
-GROSS = 0.1  # of the force: beyond the errors of any sensor on gimbals, and beyond what is linear in a turn
-PAIRS = 40  # visits among which interchanged ones are looked for, worst first: keeps long recordings quick
+SIGNIFICANCE = 1e-3  # probability, number of trials paid, below which chance is not believed
+MAX_REMAINING_EXCESS = 0.01  # share of the excess chi^2 that may remain where something else is wrong besides
+MAX_FAULTS = 2  # faults looked for: of more, one could not say which positions are the reference
+GROSS_FORCE_ERROR = 0.1  # of the force: beyond the errors of any sensor on gimbals, and beyond what is linear in a turn
+MAX_SUSPECTS = 40  # visits among which interchanged ones are looked for, worst first: keeps long recordings quick
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ class Fault:
 
 def acceptable(chi2: float, dof: int) -> bool:
     """Whether chance alone may leave a chi^2 as large as this."""
-    return probability(chi2, dof) >= SURPRISE
+    return probability(chi2, dof) >= SIGNIFICANCE
 
 
-def fit_without_faults(
+def fit_without_outliers(
     p: Problem, noise: Noise, start: Array | None = None
 ) -> tuple[Problem, PositionFit, tuple[Fault, ...]]:
     """The visits that can be trusted, their fit, and the faults found in the others."""
@@ -78,7 +78,7 @@ def fit_without_faults(
 
 def _believed(whole: PositionFit, fit: PositionFit) -> bool:
     before, after = (f.solution.chi2 - f.solution.dof for f in (whole, fit))
-    return acceptable(fit.solution.chi2, fit.solution.dof) or after < REMAINS * before
+    return acceptable(fit.solution.chi2, fit.solution.dof) or after < MAX_REMAINING_EXCESS * before
 
 
 def _suspects(p: Problem, noise: Noise, scaled: bool) -> list[tuple[int, ...]]:
@@ -88,10 +88,10 @@ def _suspects(p: Problem, noise: Noise, scaled: bool) -> list[tuple[int, ...]]:
     w = whiten(linear, noise)
     J = w.J * np.array([q.sigma for q in p.parameters])
     measured = visit_means(p, p.force)
-    off = np.linalg.norm(linear.r - linear.J @ x, axis=1) > GROSS * np.linalg.norm(measured, axis=1)
+    off = np.linalg.norm(linear.r - linear.J @ x, axis=1) > GROSS_FORCE_ERROR * np.linalg.norm(measured, axis=1)
     free = w.reached | off[:, None]
     active, groups = np.arange(p.visits), []
-    for _ in range(MOST):
+    for _ in range(MAX_FAULTS):
         found = _worst(J[active], w.r[active], w.W[active], free[active], measured[active], scaled)
         if found is None:
             break
@@ -110,13 +110,13 @@ def _worst(J: Array, r: Array, W: Array, free: Array, measured: Array, scaled: b
         return None
     falls = _falls(basis, rest, free)
     single = int(np.argmax(falls))
-    swapped, pair, pairs = _best_swap(basis, r, W, measured, np.sort(np.argsort(falls)[-PAIRS:]))
+    swapped, pair, pairs = _best_swap(basis, r, W, measured, np.sort(np.argsort(falls)[-MAX_SUSPECTS:]))
     options: list[tuple[float, int, int, tuple[int, ...]]] = [(chi2 - float(falls[single]), dof - 2, len(r), (single,))]
     if _interchanged(J, r, _exchanged(r, W, measured, pair), pair, falls, scaled):
         options.append((swapped, dof, pairs, pair))
     left, freedom, trials, found = min(options, key=lambda option: option[0])
     scale = max(left / freedom, 1e-300) if scaled else 1.0
-    return found if trials * probability((chi2 - left) / scale, 2 * len(found)) < SURPRISE else None
+    return found if trials * probability((chi2 - left) / scale, 2 * len(found)) < SIGNIFICANCE else None
 
 
 def _interchanged(J: Array, r: Array, swapped: Array, pair: tuple[int, int], falls: Array, scaled: bool) -> bool:
@@ -142,7 +142,7 @@ def _fit_each_other(
     if freedom <= 0:
         return False
     scale = max(chi2 / freedom, 1e-300) if scaled else 1.0
-    most = REMAINS * (left(r)[0] - chi2)
+    most = MAX_REMAINING_EXCESS * (left(r)[0] - chi2)
     crossed = left(swapped)[0] - chi2
     own = [left(r, other)[0] - chi2 for other in pair]
     fits = acceptable(crossed / scale, 2 * r.shape[1]) or crossed < most

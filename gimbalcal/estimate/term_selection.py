@@ -19,12 +19,12 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-DIFFER = 0.01  # chance that any of several recordings of a unit is said not to agree where all do
-SPURIOUS = 0.01  # chance that a calibration takes up any term that is not there
+AGREEMENT_SIGNIFICANCE = 0.01  # chance that any of several recordings of a unit is said not to agree where all do
+FALSE_TERM_RATE = 0.01  # chance that a calibration takes up any term that is not there
 TRIADS = 2  # accelerometers and gyroscopes share it
 # times what noise explains: means of low-cost accelerometers wander from rest to rest by up to four times what their
 # samples scatter (an Xsens 3.7, an ADXL 1.3, phones and MPU-9150 not at all); beyond it a model lacks something
-UNSTEADY = 5.0
+MAX_SCATTER_RATIO = 5.0
 
 
 def needed(tried: int, dof: float) -> float:
@@ -35,7 +35,7 @@ def needed(tried: int, dof: float) -> float:
     """
     from scipy.special import stdtrit
 
-    return -float(stdtrit(max(dof, 1), SPURIOUS / TRIADS / (2 * max(tried, 1))))
+    return -float(stdtrit(max(dof, 1), FALSE_TERM_RATE / TRIADS / (2 * max(tried, 1))))
 
 
 def coefficients(terms: Sequence[str]) -> int:

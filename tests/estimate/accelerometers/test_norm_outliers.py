@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
-from gimbalcal.estimate.accelerometers.strays import strays, without_strays
+from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers, without_norm_outliers
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -50,7 +50,7 @@ def test_one_wrong_rest_is_named_and_changes_nothing_else(how: str) -> None:
         r = turned(seed)
         k = int(np.argmax(np.abs(r.triad("specific_force")[:, 0]))) if how == "reading" else 3 + seed
         bad = damaged(r, k, how)
-        assert [s.position for s in strays(bad)] == [k + 1]
+        assert [s.position for s in norm_outliers(bad)] == [k + 1]
         made = inertial_unit(bad, LINEAR)
         without = inertial_unit(r.select(np.arange(30) != k), LINEAR)
         np.testing.assert_allclose(made.values, without.values, rtol=1e-6, atol=1e-12)
@@ -59,26 +59,26 @@ def test_one_wrong_rest_is_named_and_changes_nothing_else(how: str) -> None:
 
 
 def test_clean_units_blame_no_rest() -> None:
-    alarms = sum(bool(strays(turned(seed, tails=seed % 2 == 0))) for seed in range(50))
+    alarms = sum(bool(norm_outliers(turned(seed, tails=seed % 2 == 0))) for seed in range(50))
     assert alarms == 0
 
 
 def test_missing_physics_blames_no_rest() -> None:
-    assert not any(strays(turned(seed, cubic=5e-4)) for seed in range(8))
+    assert not any(norm_outliers(turned(seed, cubic=5e-4)) for seed in range(8))
 
 
 def test_of_many_wrong_rests_none_is_the_reference() -> None:
     r = turned(1)
     for k in (2, 7, 11, 19, 23):
         r = damaged(r, k, "in g")
-    assert strays(r) == ()
+    assert norm_outliers(r) == ()
 
 
 def test_a_rest_that_alone_shows_a_direction_is_kept() -> None:
     y = np.array([[G, 0, 0], [-G, 0, 0], [0, G, 0], [0, -G, 0], [0, 0, G]] + [[0.0, 0, -G]] * 12)
     y[5:] += 1e-3 * np.random.default_rng(2).standard_normal((12, 3))
     y[4] += [0, 0, 0.3]
-    assert strays(table(y)) == ()
+    assert norm_outliers(table(y)) == ()
 
 
 def test_rows_on_the_way_stay_on_the_way() -> None:
@@ -90,7 +90,7 @@ def test_rows_on_the_way_stay_on_the_way() -> None:
     y = both.triad("specific_force").copy()
     y[20] *= 1.2
     bad = replace(both, channels={("specific_force", a): y[:, i] for i, a in enumerate("xyz")})
-    kept, found = without_strays(bad)
+    kept, found = without_norm_outliers(bad)
     assert [s.position for s in found] == [11]
     assert len(kept.time) == 60
     assert kept.position is not None
@@ -111,7 +111,7 @@ def changed(row: int, axis: str, factor: float) -> Recording:
 def test_any_reading_that_is_off_by_a_tenth_is_named(axis: str) -> None:
     """Beside many of them no ellipsoid fits the rests of the Xsens at all."""
     for row in range(38):
-        assert [s.position for s in strays(changed(row, axis, 1.1))] == [row + 1]
+        assert [s.position for s in norm_outliers(changed(row, axis, 1.1))] == [row + 1]
 
 
 def test_a_rest_that_got_the_number_of_the_next_is_named() -> None:
@@ -119,14 +119,17 @@ def test_a_rest_that_got_the_number_of_the_next_is_named() -> None:
     assert r.position is not None
     for row in range(37):
         numbered = replace(r, position=np.where(np.arange(38) == row, r.position + 1, r.position))
-        assert [s.position for s in strays(numbered)] == [row + 2]
+        assert [s.position for s in norm_outliers(numbered)] == [row + 2]
 
 
 def test_two_strays_that_hide_each_other_are_both_named() -> None:
     r = read(XSENS)
     x = r.channels["specific_force", "x"].copy()
     x[[14, 15]] = x[[15, 14]]
-    assert [s.position for s in strays(replace(r, channels={**r.channels, ("specific_force", "x"): x}))] == [15, 16]
+    assert [s.position for s in norm_outliers(replace(r, channels={**r.channels, ("specific_force", "x"): x}))] == [
+        15,
+        16,
+    ]
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.02])
@@ -137,9 +140,9 @@ def test_six_faces_name_their_stray(tilt: float) -> None:
         u = np.concatenate([np.eye(3), -np.eye(3)] * 4) + tilt * rng.standard_normal((24, 3))
         y = G * u / np.linalg.norm(u, axis=1, keepdims=True) @ (np.eye(3) + 0.02 * rng.standard_normal((3, 3))).T
         y += 0.3 * rng.standard_normal(3) + SIGMA * rng.standard_normal(y.shape)
-        assert strays(table(y)) == ()
+        assert norm_outliers(table(y)) == ()
         y[seed, seed % 3] *= 1.1
-        assert [s.position for s in strays(table(y))] == [seed + 1]
+        assert [s.position for s in norm_outliers(table(y))] == [seed + 1]
 
 
 def test_a_row_of_a_table_that_is_marked_0_is_told_and_no_turn() -> None:

@@ -32,12 +32,12 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
 from gimbalcal.rotation import tilt_rotation
 
-TURN = 1e-9  # relative singular value of dh/de below which a turn does not reach a direction; rounding leaves 1e-16
-ROUNDS = 30  # Gauss-Newton steps; 1 arcsec takes 3, 3 degrees 5
-AIMS = 2  # the second leaves 10 arcsec of 6 degrees
-POOR = 1e-3  # rad; below, the square of a setting error is less than 1 ug
+MIN_SINGULAR_RATIO = 1e-9  # of dh/de, below which a turn does not reach a direction; rounding leaves 1e-16
+MAX_STEPS = 30  # Gauss-Newton steps; 1 arcsec takes 3, 3 degrees 5
+START_ITERATIONS = 2  # the second leaves 10 arcsec of 6 degrees
+SMALL_SETTING_RAD = 1e-3  # rad; below, the square of a setting error is less than 1 ug
 ROUNDING = 1e-15  # of what is read: smaller steps are the rounding of numbers without noise
-FAR = 1e3  # prior sigmas beyond which the linearisation means nothing: 0.5 g of bias, 50 % of scale, 33 deg
+MAX_PRIOR_SIGMAS = 1e3  # beyond them the linearisation means nothing: 0.5 g of bias, 50 % of scale, 33 deg
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def by_turns(p: Problem, x: Array, e: Array) -> Array:
 def aim(p: Problem, x: Array, noise: Noise) -> Array:
     """Setting errors (m, k) that x alone would call for, so that poor angles do not throw the first step off."""
     e = np.zeros((p.visits, p.turns))
-    for _ in range(AIMS if noise.setting > POOR else 0):
+    for _ in range(START_ITERATIONS if noise.setting > SMALL_SETTING_RAD else 0):
         G = by_turns(p, x, e)
         r = visit_means(p, p.force - model(p, x, e) + apply_matrix(G, e[p.visit]))
         G, weight = visit_means(p, G), np.bincount(p.visit, p.weight)
@@ -245,7 +245,7 @@ def whiten(linear: VisitRows, noise: Noise) -> Whitened:
     """Scale to unit noise with the setting errors eliminated (module docstring)."""
     U, s, Vt = np.linalg.svd(linear.G, full_matrices=True)
     k = s.shape[-1]
-    s = np.where(s > TURN * max(s.max(initial=0.0), 1e-300), s, 0.0)
+    s = np.where(s > MIN_SINGULAR_RATIO * max(s.max(initial=0.0), 1e-300), s, 0.0)
     (sample,), (setting,) = noise.of_samples.initial(), noise.of_settings.initial()
     white = (sample / linear.weight)[:, None]
     # 0 * inf: a direction that no turn reaches keeps the white noise alone
@@ -277,7 +277,7 @@ class PositionFit:
 def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
     """Fit parameters and setting errors until a step is below 1e-3 of the noise; give up where it runs away."""
     mean, scale = prior(p.parameters)
-    far, least = FAR * scale, ROUNDING * p.stimulus.gravity
+    far, least = MAX_PRIOR_SIGMAS * scale, ROUNDING * p.stimulus.gravity
     x = start if start is not None and np.all(np.abs(start - mean) <= far) else mean
     e = aim(p, x, noise)
     linear: VisitRows | None = None
@@ -304,7 +304,7 @@ def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> Positi
         return not np.all(np.abs(x - mean) <= far)  # nor where it is no number any more
 
     bounds = range_of_constants(p.parameters, p.stimulus)
-    found = iterate(linearise, x, bounds, limit=ROUNDS, arrived=arrived, diverged=diverged)
+    found = iterate(linearise, x, bounds, limit=MAX_STEPS, arrived=arrived, diverged=diverged)
     assert linear is not None
     return PositionFit(found.solution, recovered(found.solution.x), linear, w, noise, found.steps)
 

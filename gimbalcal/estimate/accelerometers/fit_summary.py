@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import StageResult
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, PositionFit, Problem, model
 from gimbalcal.estimate.accelerometers.expected import lost
-from gimbalcal.estimate.accelerometers.misset import Fault, acceptable
-from gimbalcal.estimate.accelerometers.setting import Noise, PositionFit, Problem, model
+from gimbalcal.estimate.accelerometers.position_outliers import Fault, acceptable
 from gimbalcal.inference.p_value import probability
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE
@@ -36,7 +36,7 @@ def outcome(fit: PositionFit, faults: Sequence[Fault], larger: str = "") -> str:
 
     larger: which larger noise would explain the misfit, as `larger_noise` says it.
     """
-    sentences = faults_in_words(faults)
+    sentences = outliers_in_words(faults)
     if not fit.steps:
         sentences.append("the fit did not converge, so its numbers mean nothing: check signs, axes and units")
     else:
@@ -44,7 +44,7 @@ def outcome(fit: PositionFit, faults: Sequence[Fault], larger: str = "") -> str:
     return joined(sentences)
 
 
-def faults_in_words(faults: Sequence[Fault]) -> list[str]:
+def outliers_in_words(faults: Sequence[Fault]) -> list[str]:
     """One sentence about all positions that were left out, in a list; empty if none was."""
     if not faults:
         return []

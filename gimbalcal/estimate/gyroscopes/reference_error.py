@@ -26,7 +26,7 @@ from gimbalcal.recording.record import FORCE
 STEP = 0.1  # of a sigma, over which the derivative is taken: corrections are very nearly linear
 
 
-def with_accelerometers(fit: TurnFit, turns: Turns, recording: Recording, accelerometers: Calibration) -> TurnFit:
+def with_reference_error(fit: TurnFit, turns: Turns, recording: Recording, accelerometers: Calibration) -> TurnFit:
     """The fit with the covariance that the accelerometers' is part of; covariances are SI."""
     if not accelerometers.parameters or not len(fit.x):
         return fit

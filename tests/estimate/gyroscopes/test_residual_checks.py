@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR
-from gimbalcal.estimate.gyroscopes.outcome import turn_sigma
+from gimbalcal.estimate.gyroscopes.residual_checks import turn_sigma
 from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array

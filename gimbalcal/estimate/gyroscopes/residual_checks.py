@@ -26,11 +26,11 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 
-UNSTEADY_RATE = 8.0  # times what noise explains: the level of two phones wanders by 5.6 and 6.7, of two MPU-9150 by 4.6
-MEDIAN = 1.4826  # times the median of the sizes is one sigma
-FAR = 0.2  # of the rate, or rad: no gyroscope on the market is off by as much, a wrong range is
-SLOW = 1e-3  # rad/s; what is linear in the rate shows alone
-SINGULAR = 1e6  # condition number, columns of length one
+MAX_RATE_SCATTER_RATIO = 8.0  # over the noise: the level of two phones wanders by 5.6 and 6.7, of two MPU-9150 by 4.6
+SIGMA_PER_MEDIAN = 1.4826  # times the median of the sizes is one sigma
+MAX_SCALE_ERROR = 0.2  # of the rate, or rad: no gyroscope on the market is off by as much, a wrong range is
+SMALL_RATE = 1e-3  # rad/s; what is linear in the rate shows alone
+MAX_CONDITION_NUMBER = 1e6  # condition number, columns of length one
 
 
 def rests_in_words(recording: Recording, found: Rests, misfit: Array) -> list[str]:
@@ -40,7 +40,7 @@ def rests_in_words(recording: Recording, found: Rests, misfit: Array) -> list[st
     explained = np.sqrt((found.sigma**2).mean(0) + horizontal_sigma(recording.site.latitude) ** 2)
     left = np.sqrt((misfit**2).mean(0))
     i = int(np.argmax(left / explained))
-    if left[i] <= UNSTEADY_RATE * explained[i]:
+    if left[i] <= MAX_RATE_SCATTER_RATIO * explained[i]:
         return []
     return [
         (
@@ -58,7 +58,7 @@ def turns_in_words(
     wander (m, 3) [rad/s]: misfit of the rests; scale: rad/s per unit of the rates.
     """
     explained = turn_sigma(recording, turns, accelerometers, wander, scale)
-    if not explained or rms <= UNSTEADY_RATE * explained:
+    if not explained or rms <= MAX_RATE_SCATTER_RATIO * explained:
         return []
     return [
         (
@@ -79,7 +79,7 @@ def turn_sigma(recording: Recording, turns: Turns, accelerometers: Calibration, 
     n = dwell_means(recording).weight
     first, last = turns.ends - 1, turns.ends
     steps, T = (turns.step > 0).sum(1), turns.step.sum(1)
-    usual = MEDIAN * float(np.median(np.abs(wander)))  # one odd rest makes no turn uncertain
+    usual = SIGMA_PER_MEDIAN * float(np.median(np.abs(wander)))  # one odd rest makes no turn uncertain
     down = _direction_sigma(recording, accelerometers, n)
     level = (T * scale * white) ** 2 / 4 * (1 / n[first] + 1 / n[last])
     on_the_way = steps * (scale * white * T / steps) ** 2
@@ -101,11 +101,11 @@ def sizes_in_words(turns: Turns, effects: Sequence[Effect]) -> list[str]:
     """A sentence where what effects make of a small rate is no error of a gyroscope but of its range, unit or axes."""
     zero = 0 * turns.stimulus.rate
     D = np.array([
-        (gyroscopes(zero + SLOW * e, turns.stimulus, effects) - gyroscopes(zero, turns.stimulus, effects))[0] / SLOW
+        (gyroscopes(zero + SMALL_RATE * e, turns.stimulus, effects) - gyroscopes(zero, turns.stimulus, effects))[0]
         for e in np.eye(3)
-    ]).T  # fmt: skip
+    ]).T / SMALL_RATE  # fmt: skip
     i, j = np.unravel_index(int(np.argmax(np.abs(D - np.eye(3)))), (3, 3))
-    if abs(D[i, j] - (i == j)) <= FAR:
+    if abs(D[i, j] - (i == j)) <= MAX_SCALE_ERROR:
         return []
     if i == j:
         return [f"the gyroscope {'xyz'[i]} reads {D[i, i]:.3g} times its rate: correct the range or unit of its column"]
@@ -119,6 +119,6 @@ def sizes_in_words(turns: Turns, effects: Sequence[Effect]) -> list[str]:
 
 def singular_in_words(condition: float) -> list[str]:
     """A sentence where a fit of turns hardly tells its parameters apart."""
-    if condition <= SINGULAR:
+    if condition <= MAX_CONDITION_NUMBER:
         return []
     return [f"the turns do not tell the gyroscopes' parameters apart (condition number {condition:.1g})"]

@@ -20,15 +20,15 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
+from gimbalcal.estimate.accelerometers.errors_in_variables import by_visit, problem, whiten
 from gimbalcal.estimate.accelerometers.norm_fit import NormFit
-from gimbalcal.estimate.accelerometers.setting import by_visit, problem, whiten
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
-TOLD = 1.0  # sigmas by which it must move an estimate to be worth a word
+NOTABLE_SIGMAS = 1.0  # sigmas by which it must move an estimate to be worth a word
 
 
-def neglected(made: NormFit, means: Recording, terms: Sequence[str]) -> Array:
+def covariance_of_omitted_terms(made: NormFit, means: Recording, terms: Sequence[str]) -> Array:
     """What the covariance (p, p) of a fit grows by for terms that are left out of it; zero for none."""
     n = len(made.fit.solution.parameters)
     out = usual(means, terms)
@@ -62,6 +62,6 @@ def in_words(added: Array, covariance: Array) -> str:
     times = float(np.sqrt(np.max(more / own))) if len(own) else 0.0
     return (
         ""
-        if times < TOLD
+        if times < NOTABLE_SIGMAS
         else f"; of usual size it moves an estimate by {times:.2g} of its sigma, which is wider for it"
     )
