@@ -175,7 +175,7 @@ def _simulated(what: Task, run: int) -> dict[str, list[Any]]:
     except InputError as problem:
         return _failed(run, str(problem))
     truth = _comparable(effects, made.parameters, what.method)
-    if recording.kind == "static-run":
+    if recording.kind.stabilised:
         truth = _on_the_clock(truth, made.parameters, recording, check_content(content, what.name).schedule.start_angle)
     n = len(made.parameters)
     return {

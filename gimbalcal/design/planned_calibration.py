@@ -68,7 +68,7 @@ def planned_calibration(plans: Plans, asked: str, more: Sequence[str], hours: fl
     asked: the states of turns; more: effects that the calibration estimates too. Raises InputError for scenarios of
     another kind or platform, or without noise or latitude, and for effects that they do not show.
     """
-    if any(s.kind == "rotation" for _, s in plans):
+    if any(s.recording_kind.rotating for _, s in plans):
         return _by_turns(plans, asked or "51", more, hours)
     if asked:
         raise InputError(f"--states {asked}: of turns only; what a platform's calibration holds besides is --with")
@@ -88,12 +88,12 @@ def _by_positions(plans: Plans, more: Sequence[str], hours: float) -> PlannedCal
     site = _first_site(scenarios)
     # effects that no scenario shows stay at their prior
     total = _sum(extra, [_of_scenario(s, site, extra) for s in scenarios])
-    runs = [s for s in scenarios if s.kind == "static-run"]
+    runs = [s for s in scenarios if s.recording_kind.stabilised]
     rest = _at_rest((*runs, *scenarios)[0], EXTRA_RUN_S, site, extra)
     what = f"{'another' if runs else 'a run of'} 24 h at rest"
     manoeuvres = [Manoeuvre(what, EXTRA_RUN_S / 3600, total + rest)]
     for s in scenarios:
-        if s.kind == "static-run":
+        if s.recording_kind.stabilised:
             continue
         schedule = position_schedule(s)
         for i, h in enumerate(schedule.holds):
@@ -113,7 +113,7 @@ def _extra_parameters(ids: Sequence[str]) -> tuple[Parameter, ...]:
 
 
 def _of_scenario(s: Scenario, site: Site, extra: Sequence[Parameter]) -> Information:
-    if s.kind == "static-run":
+    if s.recording_kind.stabilised:
         return _at_rest(s, s.schedule.duration, site, extra)
     schedule = position_schedule(s)
     holds = [Hold(h.angles, s.schedule.dwell or h.duration) for h in schedule.holds] * s.schedule.sweeps
@@ -138,7 +138,7 @@ def _at_rest(s: Scenario, seconds: float, site: Site, extra: Sequence[Parameter]
 
 def _refuse_platform(name: str, s: Scenario) -> None:
     """Raise InputError for a scenario that is neither positions nor a static run of a space-stable platform."""
-    if s.kind not in ("multi-position", "static-run") or s.platform.name != SPACE_STABLE.name:
+    if not s.recording_kind.at_rest or s.platform.name != SPACE_STABLE.name:
         raise InputError(
             f"{name}: a {s.kind} of {s.platform.name!r} has no budget; give positions or a static run of a "
             "space-stable platform, or turns of a strapdown unit in its place, such as wei2022-30"
@@ -255,7 +255,7 @@ def _noise(name: str, s: Scenario) -> TurningNoise:
 
 def _refuse_motion(name: str, s: Scenario) -> None:
     """Raise InputError for a scenario that is neither a unit turned in its place, nor one at rest."""
-    if s.kind != "rotation":
+    if not s.recording_kind.rotating:
         raise InputError(
             f"{name}: a {s.kind} has no budget together with a unit turned in its place; give one or the other"
         )

@@ -26,7 +26,7 @@ def noises(scenario: Scenario) -> Mapping[str, Noise]:
     n, rate = scenario.noise, scenario.schedule.rate
     force = float(np.hypot(n.accelerometer, n.accelerometer_density * np.sqrt(rate)))
     spin = float(np.hypot(n.gyroscope, n.gyroscope_density * np.sqrt(rate)))
-    read = WhiteNoise if scenario.kind == "static-run" else SettingError
+    read = WhiteNoise if scenario.recording_kind.stabilised else SettingError
     every: dict[str, list[tuple[float, Process]]] = {
         "specific_force": [
             (force, WhiteNoise(force)),

@@ -19,7 +19,6 @@ from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, Site
-from gimbalcal.recording.kinds import KINDS
 from gimbalcal.recording.record import Key
 from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.trajectory import Path as Course
@@ -67,7 +66,7 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
     read: tuple[str, ...] = ()
     if turns:
         path = flown(scenario.schedule, sigma, setting_rng, site)
-    elif scenario.kind != "static-run":
+    elif not scenario.recording_kind.stabilised:
         table = timetable(planned(scenario), scenario.schedule, scenario.faults, scenario.ramp)
         read = tuple(name for name, column in zip(platform.axis_names, table.told.T, strict=True) if np.any(column))
     else:
@@ -187,9 +186,9 @@ def _nominal(run: Run, time: Array) -> Recording:
     if not run.platform.axes and run.path is None:
         raise InputError(f"platform.name: {run.platform.name!r} has no gimbals, so nothing can be told to it")
     channels |= {key: history(time) for key, history in run.environment.items()}
-    held = run.path is None and run.scenario.kind == "rotation"  # a table's holds are evaluated at the rows
+    held = run.path is None and run.scenario.recording_kind.rotating  # a table's holds are evaluated at the rows
     return Recording(
-        KINDS[run.scenario.kind], run.scenario.title, run.platform, run.site, stated(run.scenario), time, position,
+        run.scenario.recording_kind, run.scenario.title, run.platform, run.site, stated(run.scenario), time, position,
         channels, instant=held or run.scenario.schedule.rates == "instant",
     )  # fmt: skip
 

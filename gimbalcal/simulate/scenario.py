@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from gimbalcal.errors import InputError
 from gimbalcal.quantities import check
 from gimbalcal.recording.document import LARGEST, Document
+from gimbalcal.recording.kinds import KINDS, Kind
 from gimbalcal.schedule import ROTATIONS, SCHEDULES
 from gimbalcal.units import parse, to_si
 
@@ -235,22 +236,29 @@ class Scenario(_Section):
 
     @model_validator(mode="after")
     def _complete(self) -> Scenario:
-        if self.kind == "static-run" and self.site.latitude is None:
+        if self.recording_kind.stabilised and self.site.latitude is None:
             raise ValueError("a static run needs [site] latitude: the Earth turns below the platform")
-        if self.schedule.turns and self.kind != "rotation":
+        if self.schedule.turns and not self.recording_kind.rotating:
             raise ValueError('a schedule of turns makes a rotation recording: write kind = "rotation"')
-        if self.kind != "static-run" and not (self.schedule.name or self.schedule.holds or self.schedule.turns):
+        if not self.recording_kind.stabilised and not (
+            self.schedule.name or self.schedule.holds or self.schedule.turns
+        ):
             raise ValueError(f'a {self.kind} scenario needs [schedule] name = "wu2018-18" or [[schedule.holds]]')
-        if self.turning and self.kind == "static-run":
+        if self.turning and self.recording_kind.stabilised:
             raise ValueError("gyroscopes are simulated where something turns: kind = multi-position or rotation")
         if self.turning and self.site.latitude is None:
             raise ValueError("gyroscopes feel the Earth turn: give [site] latitude")
         return self
 
     @property
+    def recording_kind(self) -> Kind:
+        """Return the kind of the recording that is simulated, with its properties."""
+        return KINDS[self.kind]
+
+    @property
     def turning(self) -> bool:
         """Return whether angular rates are logged, through the slews too."""
-        return self.gyroscopes or self.kind == "rotation"
+        return self.gyroscopes or self.recording_kind.rotating
 
     @property
     def ramp(self) -> float:

@@ -32,7 +32,6 @@ from gimbalcal.views.noise import NoiseModel
 
 DEFAULT_SETTING = float(to_si(1.0, "arcsec"))
 FOLDS = 12  # stretches of a static run that are held out in turn
-KINDS = ("multi-position", "static-run")  # whose attitude and noise are known
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
 NOISELESS = 1e-11  # of gravity: what a simulation without noise leaves
 STUCK = 1e-15  # one sigma of a channel that always reads the same, SI
@@ -166,8 +165,10 @@ def _once(found: Sequence[Sized]) -> Sequence[Sized]:
 
 def at_rest(recording: Recording) -> Recording:
     """The rows that stand still, a long static run as means of blocks. Raises InputError where there are none."""
-    if recording.kind not in KINDS:
-        raise InputError(f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes {', '.join(KINDS)}")
+    if not recording.kind.at_rest:
+        raise InputError(
+            f"{recording.title!r} is a {recording.kind} recording; `diagnose` takes multi-position, static-run"
+        )
     if recording.kind.stabilised:
         refuse_other_platform(recording)
     if recording.position is not None and np.any(recording.position == 0):
