@@ -1,4 +1,4 @@
-r"""What looked suspicious while the rows went by, judged on the whole column.
+r"""Checks of whole columns, where something was suspicious while their rows went by.
 
 * a frozen channel repeats one value for longer than chance allows. With noise sigma and resolution q (the smallest
   step that occurs) neighbours are equal with probability :math:`p \le \mathrm{erf}(q / 2\sqrt{2}\sigma)`, so a run of
@@ -14,154 +14,206 @@ from math import erf, log, sqrt
 
 import numpy as np
 
-from gimbalcal.checks.frozen_channels import longest_run, piled_up, steps
-from gimbalcal.checks.stream import GAP, STRIDE, Screen
+from gimbalcal.checks.stream import GAP, STRIDE, StreamChecks
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.record import SENSORS
 from gimbalcal.units import from_si, is_raw, to_si
 
-IMPOSSIBLE = {"specific_force": 100.0, "angular_rate": 1.0}  # m/s^2, some ten g; rad/s, beyond any bias: at rest
-BEYOND = {"specific_force": 1e7, "angular_rate": 1e4, "attitude_error": 1e3}  # SI; no sensor reads so much anywhere
-PIECE = 10_000_000  # rows that are looked at again at a time: a longer recording is judged part by part
-FEWEST = 20  # equal rows that can be called frozen or clipped at all
-FURTHEST = 2e4 * np.pi  # rad; ten thousand turns
-CHANCE = 1e-6
+# SI; no sensor reads so much anywhere; and at rest, some ten g and beyond any bias
+MAX_READING = {"specific_force": 1e7, "angular_rate": 1e4, "attitude_error": 1e3}
+MAX_READING_AT_REST = {"specific_force": 100.0, "angular_rate": 1.0}
+PIECE = 10_000_000  # rows that are looked at again at a time: a longer recording is checked part by part
+MIN_ROWS = 20  # equal rows that can be called frozen or clipped at all
+MIN_SHARE_CLIPPED = 0.01  # of the rows
+CLIPPED_RATIO = 5  # times as many rows as at any of the next values
+NEXT_VALUES = 5
+MAX_ANGLE_RAD = 2e4 * np.pi  # ten thousand turns
+MAX_ANGLE_IN_RADIANS = 4 * np.pi
+MIN_PROBABILITY = 1e-6
 SMOOTH = 1e-7  # of the largest value: what third differences leave of a sidereal wave sampled each minute is 2e-8
+DISTINCT = 0.9  # share of rows that hardly repeat a value
 
 
-def judge(s: Screen, scatter: Mapping[str, float]) -> None:
-    """The verdict on the whole; `scatter` is one sigma by column name, in the unit of the file."""
+def check_columns(s: StreamChecks, scatter: Mapping[str, float]) -> None:
+    """Raise `InputError` where a column as a whole cannot be right; `scatter` is one sigma by name, in its unit."""
     if s.n == 0:
         what = "a line of column names" if s.header.samples.suffix == ".csv" else "columns"
         raise InputError(f"{s.header.samples} has {what} and no rows")
-    _clock_inside_dwells(s)
-    _angle_units(s)
-    _spikes(s)
-    for each in (*s.sensors, *s.turning):
+    _check_clock_within_dwells(s)
+    _check_angle_units(s)
+    for c in s.sensors:
+        _check_largest(s, c, MAX_READING[c.quantity], "any sensor can read", everywhere=True)
+    if s.header.kind.stabilised or s.numbered:  # on the move, a knock may be anything
+        for c in (c for c in s.sensors if c.quantity in MAX_READING_AT_REST):
+            _check_largest(s, c, MAX_READING_AT_REST[c.quantity], "a unit at rest can read")
+    for c in (*s.sensors, *s.turning):
         many = _many(min(s.n, PIECE))
-        piled = [k for (name, _), (_, k) in s.peaks.items() if name == each.name and k >= many]
-        if each.name in s.stuck or piled:
-            sigma = _sigma(s, each, scatter)
-            x = s.whole(each.name)
-            _alive(s, each, [x[start : start + PIECE] for start in range(0, len(x), PIECE)], sigma, bool(piled))
+        clipped = any(count >= many for (name, _), (_, count) in s.extremes.items() if name == c.name)
+        if c.name in s.standing or clipped:
+            x = s.whole(c.name)
+            pieces = [x[start : start + PIECE] for start in range(0, len(x), PIECE)]
+            _check_alive(s, c, pieces, _noise(s, c, scatter), clipped)
 
 
 def _many(n: int) -> float:
-    return max(FEWEST, 0.01 * n)
+    return max(MIN_ROWS, MIN_SHARE_CLIPPED * n)
 
 
-def _sigma(s: Screen, each: Column, scatter: Mapping[str, float]) -> float:
-    """What the triad scatters by, or the header's noise where that is less or nothing scatters at all."""
-    sensor = next(name for name, quantity in SENSORS.items() if quantity == each.quantity)
-    own = [c for c in s.sensors if c.sensor == each.sensor]
-    alike = [c for c in own if c.quantity == each.quantity] or [each]  # a gimbal stands for itself
-    if s.header.kind.rotating and all(0.5 < STRIDE * s.repeats[c.name] / s.n < 0.95 for c in alike):
+def _refuse(s: StreamChecks, start: int, stop: int | None, c: Column, why: str) -> None:
+    raise InputError(f"{s.place(start, stop)}, column {c.name}: {why}")
+
+
+def _noise(s: StreamChecks, c: Column, scatter: Mapping[str, float]) -> float:
+    """Return the scatter of the triad, or the header's noise where that is less or nothing scatters at all."""
+    sensor = next(name for name, quantity in SENSORS.items() if quantity == c.quantity)
+    own = [other for other in s.sensors if other.sensor == c.sensor]
+    triad = [other for other in own if other.quantity == c.quantity] or [c]  # a gimbal stands for itself
+    if s.header.kind.rotating and all(0.5 < STRIDE * s.repeats[t.name] / s.n < 0.95 for t in triad):
         return 0.0  # a simulation without noise: what scatters is the motion
-    triad = [to_si(scatter.get(c.name, 0.0), c.unit) for c in alike]
-    largest = max(abs(to_si(s.peaks[c.name, k][0], c.unit)) for c in alike for k in (1, -1))
-    seen = max(triad) if max(triad) > SMOOTH * largest else 0.0
-    stated = s.header.noise.get(sensor, seen)
-    return from_si(min(stated, seen) if seen else stated, each.unit)
+    sigma = max(to_si(scatter.get(t.name, 0.0), t.unit) for t in triad)
+    largest = max(abs(to_si(s.extremes[t.name, k][0], t.unit)) for t in triad for k in (1, -1))
+    shown = sigma if sigma > SMOOTH * largest else 0.0
+    stated = s.header.noise.get(sensor, shown)
+    return from_si(min(stated, shown) if shown else stated, c.unit)
 
 
-def _alive(s: Screen, each: Column, pieces: Sequence[Array], sigma: float, piled: bool) -> None:
-    quantum, levels = steps(pieces)
-    if sigma <= quantum or (each in s.turning and levels == 1):
+def _check_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float, clipped: bool) -> None:
+    quantum, levels = resolution(pieces)
+    if sigma <= quantum or (c in s.turning and levels == 1):
         return
     first = 0
-    for x in pieces if piled else ():
-        _free(s, each, x, first)
+    for x in pieces if clipped else ():
+        _check_clipped(s, c, x, first)
         first += len(x)
     start, stop, usual = longest_run(pieces)
     n = sum(map(len, pieces))
-    chance = erf(quantum / (2 * sqrt(2) * sigma))
-    needed = 1 + log(CHANCE / n) / log(chance) if chance else 0.0
-    if stop - start >= usual * max(FEWEST, needed):
-        raise InputError(
-            f"{s.place(start, stop)}, column {each.name}: all {stop - start} rows read "
-            f"{s.whole(each.name)[start]:.10g} {each.unit} although the noise is {sigma:.2g} {each.unit}, so "
-            f"the channel is {'dead; leave its column' if stop - start == n else 'frozen; leave those rows'} out, "
-            "or correct [noise]"
-        )
+    probability = erf(quantum / (2 * sqrt(2) * sigma))
+    needed = 1 + log(MIN_PROBABILITY / n) / log(probability) if probability else 0.0
+    if stop - start >= usual * max(MIN_ROWS, needed):
+        value = f"{s.whole(c.name)[start]:.10g} {c.unit}"
+        why = f"all {stop - start} rows read {value} although the noise is {sigma:.2g} {c.unit}, so the channel is "
+        cure = "dead; leave its column" if stop - start == n else "frozen; leave those rows"
+        _refuse(s, start, stop, c, f"{why}{cure} out, or correct [noise]")
 
 
-def _free(s: Screen, each: Column, x: Array, first: int) -> None:
-    """Refuse rows of a sensor, from `first` on, that pile up at the largest or smallest value."""
+def _check_clipped(s: StreamChecks, c: Column, x: Array, first: int) -> None:
+    """Refuse rows (n,) of a sensor, from `first` on, of which many read the largest or smallest value."""
     for sign, word in (1, "largest"), (-1, "smallest"):
-        rows = piled_up(sign * x)
+        rows = at_maximum(sign * x)
         if len(rows) >= _many(len(x)):
-            raise InputError(
-                f"{s.place(first + int(rows[0]))}, column {each.name}: {x[rows[0]]:.10g} {each.unit} "
-                f"is the {word} value of the channel and stands in {len(rows)} of its {len(x)} rows, so it is "
-                "clipped; raise the range of the sensor, or leave those rows out"
+            why = (
+                f"{x[rows[0]]:.10g} {c.unit} is the {word} value of the channel and stands in {len(rows)} of its "
+                f"{len(x)} rows, so it is clipped; raise the range of the sensor, or leave those rows out"
             )
+            _refuse(s, first + int(rows[0]), None, c, why)
 
 
-def _clock_inside_dwells(s: Screen) -> None:
-    if not s.header.kind.in_positions or s.position is None:
-        return
-    edges = np.array([*s.turns, s.n])
-    changed = set(s.turns)
-    inside = [(row, dt) for row, dt in s.gaps if row not in changed]
+def _check_clock_within_dwells(s: StreamChecks) -> None:
+    """Refuse a clock that jumps forward within one position."""
+    changes = set(s.changes)
+    inside = [(row, dt) for row, dt in s.gaps if row not in changes] if s.numbered else []
     step = np.diff(s.whole(s.clock.name), prepend=np.nan) if inside else np.zeros(0)
+    edges = np.array([*s.changes, s.n])
     for row, dt in inside:
         k = int(np.searchsorted(edges, row, side="right"))
-        if edges[k - 1] in s.moves:  # on the way to the next position a logger may pause as long as it likes
+        if edges[k - 1] in s.departures:  # on the way to the next position a logger may pause as long as it likes
             continue
         within = step[edges[k - 1] + 1 : edges[k]]  # a logger may be slower at rest than between
-        rest = float(within.sum()) - dt
-        if len(within) > 2 and dt > rest and dt > GAP * np.median(within):
-            where, unit = s.place(row), s.clock.unit
-            raise InputError(
-                f"{where}, column {s.clock.name}: the clock jumps forward by {dt:.6g} {unit} "
-                f"within one position, whose other rows span {rest:.6g} {unit}; correct the clock, or give the "
-                "second visit its own position number"
+        others = float(within.sum()) - dt
+        if len(within) > 2 and dt > others and dt > GAP * np.median(within):
+            unit = s.clock.unit
+            why = (
+                f"the clock jumps forward by {dt:.6g} {unit} within one position, whose other rows span "
+                f"{others:.6g} {unit}; correct the clock, or give the second visit its own position number"
             )
+            _refuse(s, row, None, s.clock, why)
 
 
-def _angle_units(s: Screen) -> None:
-    """An angle beyond two turns in radians was most likely logged in degrees; a run may turn on and on."""
-    if s.header.kind.rotating:
+def _check_angle_units(s: StreamChecks) -> None:
+    """Refuse angles beyond two turns in radians, most likely logged in degrees; a run may turn on and on."""
+    for c in () if s.header.kind.rotating else s.angles:
+        largest = max((abs(s.extremes[c.name, sign][0]) for sign in (1, -1)), default=0.0)
+        what = f"{s.header.samples}, column {c.name}: angles up to {largest:g} {c.unit}"
+        if to_si(largest, c.unit) > MAX_ANGLE_RAD:
+            raise InputError(f"{what} are no readout of a gimbal; correct them, or the unit in {s.header.path}")
+        goes_on = s.header.kind.stabilised and c.axis == "platform"
+        if not goes_on and "rad" in c.unit and to_si(largest, c.unit) > MAX_ANGLE_IN_RADIANS:
+            raise InputError(f'{what} look like degrees; write unit = "deg" for it in {s.header.path}')
+
+
+def _check_largest(s: StreamChecks, c: Column, most: float, what: str, everywhere: bool = False) -> None:
+    """Refuse a few rows that read more than `most` in SI, at rest or everywhere; if most do, the unit is wrong."""
+    limit = from_si(most, c.unit)
+    if is_raw(c.unit) or max(abs(s.extremes[c.name, sign][0]) for sign in (1, -1)) <= limit:
         return
-    for each in s.angles:
-        largest = max((abs(s.peaks[each.name, sign][0]) for sign in (1, -1)), default=0.0)
-        if to_si(largest, each.unit) > FURTHEST:
-            raise InputError(
-                f"{s.header.samples}, column {each.name}: angles up to {largest:g} {each.unit} are no readout "
-                f"of a gimbal; correct them, or the unit in {s.header.path}"
-            )
-        goes_on = s.header.kind.stabilised and each.axis == "platform"
-        if not goes_on and "rad" in each.unit and to_si(largest, each.unit) > 4 * np.pi:
-            raise InputError(
-                f"{s.header.samples}, column {each.name}: angles up to {largest:g} {each.unit} look like "
-                f'degrees; write unit = "deg" for it in {s.header.path}'
-            )
-
-
-def _spikes(s: Screen) -> None:
-    """A few rows at rest that read many g are faults of the logger; if most rows do, the unit is wrong instead."""
-    for each in s.sensors:
-        _few_beyond(s, each, BEYOND[each.quantity], "any sensor can read", everywhere=True)
-    if not s.header.kind.stabilised and (not s.header.kind.in_positions or s.position is None):
-        return  # on the move, a knock may be anything
-    for each in s.sensors:
-        if each.quantity in IMPOSSIBLE:
-            _few_beyond(s, each, IMPOSSIBLE[each.quantity], "a unit at rest can read")
-
-
-def _few_beyond(s: Screen, each: Column, most: float, what: str, everywhere: bool = False) -> None:
-    """Refuse a few rows of a sensor, at rest or everywhere, that read more than `most` in SI."""
-    limit = from_si(most, each.unit)
-    if is_raw(each.unit) or max(abs(s.peaks[each.name, sign][0]) for sign in (1, -1)) <= limit:
-        return
-    x = s.whole(each.name)
+    x = s.whole(c.name)
     still = s.whole(s.position.name) > 0 if s.position and not everywhere else np.ones(len(x), dtype=bool)
     rows = np.flatnonzero(still & (np.abs(x) > limit))
     if 0 < len(rows) < 0.5 * len(x):
         others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
-        raise InputError(
-            f"{s.place(int(rows[0]))}, column {each.name}: {x[rows[0]]:.6g} {each.unit} is beyond anything "
-            f"that {what}{others}; leave such rows out"
-        )
+        why = f"{x[rows[0]]:.6g} {c.unit} is beyond anything that {what}{others}; leave such rows out"
+        _refuse(s, int(rows[0]), None, c, why)
+
+
+# --- values of a column -----------------------------------------------------------------------------------------------
+
+
+def resolution(pieces: Sequence[Array]) -> tuple[float, int]:
+    """Return the smallest step between readings that come in pieces, and the number of different ones.
+
+    The step is zero where hardly two readings are alike, and so is the number where that shows in one piece.
+    """
+    levels: Array = np.zeros(0)
+    counts: Array = np.zeros(0)
+    for x in pieces:
+        own, often = np.unique(x, return_counts=True)
+        if len(own) > len(x) / 2 and _distinct(own, often):
+            return 0.0, 0  # all of 1e8 need not be compared
+        levels, at = np.unique(np.concatenate([levels, own]), return_inverse=True)
+        counts = np.bincount(at, weights=np.concatenate([counts, often.astype(float)])).astype(float)
+    if len(levels) < 2 or _distinct(levels, counts):
+        return 0.0, len(levels)
+    return float(np.diff(levels).min()), len(levels)
+
+
+def _distinct(levels: Array, counts: Array) -> bool:
+    """Return whether no two readings are alike, but for those that are frozen, or at one of two stops."""
+    others = float(counts.sum() - np.sort(counts)[-2:].sum())
+    return len(levels) - 2 >= DISTINCT * others
+
+
+def at_maximum(y: Array) -> Array:
+    """Return the rows where `y` equals its maximum, if they are many times as many as at any of the next values."""
+    top = y.max()
+    rows = np.flatnonzero(y == top)
+    rest = y[y < top]
+    for _ in range(NEXT_VALUES):
+        if not len(rest):
+            break
+        near = rest.max()
+        if CLIPPED_RATIO * np.count_nonzero(rest == near) >= len(rows):
+            return rows[:0]
+        rest = rest[rest < near]
+    return rows if len(rest) else rows[:0]
+
+
+def longest_run(pieces: Sequence[Array]) -> tuple[int, int, float]:
+    """Return first row and end of the longest run of equal values, and the mean length of the other runs.
+
+    The values come in pieces that follow each other; a run may go on from one to the next.
+    """
+    first, stop, runs, n, begun, last = 0, 0, 0, 0, 0, np.nan
+    for x in pieces:
+        ends = np.flatnonzero(x[1:] != x[:-1]) + 1 + n  # of all runs of the piece but the last
+        if n and x[0] != last:
+            ends = np.concatenate([[n], ends])
+        begins = np.concatenate([[begun], ends]).astype(np.int64)
+        n, last, begun, runs = n + len(x), x[-1], int(begins[-1]), runs + len(ends)
+        lengths = np.diff(begins, append=n)
+        k = int(np.argmax(lengths))
+        if lengths[k] > stop - first:
+            first, stop = int(begins[k]), int(begins[k] + lengths[k])
+    others = (n - (stop - first)) / runs if runs else 1.0
+    return first, stop, float(others)

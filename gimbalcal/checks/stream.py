@@ -1,15 +1,17 @@
-"""Is every row a number, does time go forward, is every sensor alive?
+"""Checks of each row as it is read: every value, the clock and the position numbers.
 
-`Screen` looks at each batch as it streams by, at the cost of a few passes over data that is in the cache. What looks
-suspicious there is judged at the end on the whole column, see `judging`.
+`StreamChecks` looks at each batch as it streams by, at the cost of a few passes over data that is in the cache. What is
+suspicious there is checked at the end on the whole column, see `columns`.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.errors import InputError, amount
@@ -20,16 +22,52 @@ from gimbalcal.recording.header import Header
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import celsius, is_raw, to_si
 
-COUNTED = 1e12  # samples behind a row at most, and one over it at least: next to the others it is all, or nothing
-COLDEST, HOTTEST = -273.15, 2000.0  # degC
-GAP = 10.0  # times the usual step: longer ones end a run of rows
-LONGEST_STEP = 86400.0  # s; no run that goes on and on pauses for longer, and others say so
-MOST_POSITIONS = 1_000_000
-STRIDE = 5  # every run of FEWEST rows holds four neighbours of every fifth row
+MAX_SAMPLES = 1e12  # behind a row, and one over it at least: relative to the others it is all, or nothing
+MIN_TEMPERATURE_DEGC, MAX_TEMPERATURE_DEGC = -273.15, 2000.0
+MAX_POSITIONS = 1_000_000
+GAP = 10.0  # usual steps: longer ones end a run of rows
+MAX_STEP_S = 86400.0  # no run whose clock may not pause has a longer one; others say so
+STRIDE = 5  # every run of 20 equal rows holds four neighbours of every fifth row
 
 
-class Screen:
-    """Watches the rows go by and refuses the recording where they cannot be right."""
+@dataclass(frozen=True)
+class ValueCheck:
+    """A check of every value of some columns: of which quantities, the values (n,) that it refuses, and why."""
+
+    quantities: tuple[str, ...]
+    refuses: Callable[[Array, str], NDArray[np.bool_]]
+    sentence: Callable[[float, str], str]
+
+
+def _not_a_temperature(x: Array, unit: str) -> NDArray[np.bool_]:
+    degrees = celsius(x, unit)
+    return np.asarray((degrees < MIN_TEMPERATURE_DEGC) | (degrees > MAX_TEMPERATURE_DEGC))
+
+
+VALUE_CHECKS = (
+    ValueCheck(
+        ("weight",),
+        lambda x, _: ~((x > 1 / MAX_SAMPLES) & (x < MAX_SAMPLES)),
+        lambda x, _: (
+            "a weight says of how many samples a row is the mean, and is more than 0 and below "
+            f"{MAX_SAMPLES:g}; got {x:g}, so leave such rows out"
+        ),
+    ),
+    ValueCheck(
+        ("temperature",),
+        _not_a_temperature,
+        lambda x, unit: f"{x:g} {unit} is no temperature of a sensor; correct it or its unit, or leave such rows out",
+    ),
+    ValueCheck(
+        ("position",),
+        lambda x, _: (x != np.floor(x)) | (x < 0) | (x > MAX_POSITIONS),
+        lambda x, _: f"a position is a whole number, 1, 2, ... or 0 while moving, got {x:g}",
+    ),
+)
+
+
+class StreamChecks:
+    """Check the rows as they go by, and remember what the checks of whole columns need."""
 
     def __init__(self, header: Header, whole: Callable[[str], Array], dropouts: Dropouts) -> None:
         self.header, self.dropouts = header, dropouts
@@ -39,157 +77,135 @@ class Screen:
             raise ValueError("a header without a time column does not pass `read_header`")
         self.clock, self.position = clock, position
         self.sensors = [c for c in header.columns if c.quantity in ("specific_force", "angular_rate")]
-        self.angles = [c for c in header.columns if c.quantity == "gimbal_angle"]
-        self.weights = [c for c in header.columns if c.quantity == "weight"]
-        self.thermometers = [c for c in header.columns if c.quantity == "temperature" and not is_raw(c.unit)]
-        if header.kind.stabilised:  # the readings of the run go on and on; at a position they may well stand still
+        if header.kind.stabilised:  # these go on and on too; at a position they may well stand still
             self.sensors += [c for c in header.columns if c.quantity == "attitude_error"]
+        self.angles = [c for c in header.columns if c.quantity == "gimbal_angle"]
         # gimbals that must not stand still once they have moved
         self.turning = self.angles if header.kind.stabilised else []
+        self.values = [(c, check) for check in VALUE_CHECKS for c in header.columns if c.quantity in check.quantities
+                       and not (c.quantity == "temperature" and is_raw(c.unit))]  # fmt: skip
         self.n = 0
         self.step = 0.0  # usual step in time
         self.last_time, self.last_position = np.nan, np.nan
-        self.turns: list[int] = []  # rows where the position changes
-        self.moves: set[int] = set()  # those of them where the unit begins to move
+        self.changes: list[int] = []  # rows where the position changes
+        self.departures: set[int] = set()  # those of them where the unit begins to move
         self.gaps: list[tuple[int, float]] = []  # inside a position
-        self.peaks: dict[tuple[str, int], tuple[float, int]] = {}  # (name, sign): largest value and how often
-        self.stuck: set[str] = set()
+        self.extremes: dict[tuple[str, int], tuple[float, int]] = {}  # (name, sign): largest value and how often
+        self.standing: set[str] = set()  # columns that stand still somewhere
         self.repeats: Counter[str] = Counter()  # of every STRIDEth row, how many repeat the one before
-        self.visits = header.kind.in_positions and self.position is not None  # no clock has to find them
-        self.by_order = header.kind.sighting or bool(clock.regular) or (self.visits and clock.resolution > 0)
+        self.numbered = header.kind.in_positions and position is not None  # no clock has to find them
+        self.by_order = header.kind.sighting or bool(clock.regular) or (self.numbered and clock.resolution > 0)
         self.equal = 0  # rows stamped as the one before them
 
     def see(self, batch: Batch) -> Array:
-        """Check a batch; returns for each row whether it begins anew (after a gap or in another position)."""
+        """Check a batch; return for each row whether it begins anew (after a gap or in another position)."""
         sparse = [c.name for c in self.header.columns if c.quantity in SPARSE]
         for name, every in batch.items():
             x = every[~np.isnan(every)] if name in sparse else every
             with np.errstate(over="ignore", invalid="ignore"):
                 sound = np.dot(x, x) < LARGEST**2  # a NaN is not
             if not sound:
-                self._finite(name, x)
-        for each in self.weights:
-            self._positive(each.name, batch[each.name])
-        for each in self.thermometers:
-            self._bearable(each, batch[each.name])
-        begins = self._time(batch[self.clock.name])
-        if self.position is not None:
-            begins |= self._positions(batch[self.position.name])
-        for each in self.sensors:
-            self._sensor(each.name, batch[each.name])
-        for each in self.angles:
-            (self._sensor if each in self.turning else self._peak)(each.name, batch[each.name])
+                self._check_finite(name, x)
+        for c, check in (pair for pair in self.values if pair[0] is not self.position):
+            self._check_values(c, check, batch[c.name])
+        begins = self._clock(batch[self.clock.name])
+        for c, check in (pair for pair in self.values if pair[0] is self.position):
+            self._check_values(c, check, batch[c.name])
+            begins |= self._positions(batch[c.name])
+        for c in (*self.sensors, *self.angles):
+            self._remember(c.name, batch[c.name], repeats=c not in self.angles or c in self.turning)
         self.n += len(begins)
         return begins
 
     def place(self, start: int, stop: int | None = None) -> str:
-        """Where rows `start` up to `stop` stand in the file."""
+        """Return where rows `start` up to `stop` stand in the file."""
         return self.dropouts.place(start, stop)
 
-    def _finite(self, name: str, x: Array) -> None:
-        bad = np.flatnonzero(~np.isfinite(x))
-        huge = np.flatnonzero(np.abs(x) >= LARGEST)
-        if not len(bad) and len(huge):
-            raise InputError(
-                f"{self.place(self.n + int(huge[0]))}, column {name}: {x[huge[0]]:g} is beyond anything that can be "
-                "measured; correct it, or leave such rows out"
-            )
+    def _refuse(self, row: int, name: str, why: str) -> None:
+        """Raise InputError for a row of the batch: every refusal of a value begins with its line and column."""
+        raise InputError(f"{self.place(self.n + row)}, column {name}: {why}")
+
+    def _check_values(self, c: Column, check: ValueCheck, x: Array) -> None:
+        refused = np.flatnonzero(check.refuses(x, c.unit))
+        if len(refused):
+            self._refuse(int(refused[0]), c.name, check.sentence(float(x[refused[0]]), c.unit))
+
+    def _check_finite(self, name: str, x: Array) -> None:
+        bad, huge = np.flatnonzero(~np.isfinite(x)), np.flatnonzero(np.abs(x) >= LARGEST)
         if len(bad):
             run = int(np.argmax(np.append(np.diff(bad), 2) > 1)) + 1
             more = f", nor are the {run - 1} below it" if run > 1 else ""
-            where = self.place(self.n + int(bad[0]))
-            raise InputError(
-                f"{where}, column {name}: the value is empty or not a finite number{more}; leave such rows out"
-            )
+            why = f"the value is empty or not a finite number{more}; leave such rows out"
+            self._refuse(int(bad[0]), name, why)
+        if len(huge):
+            why = f"{x[huge[0]]:g} is beyond anything that can be measured; correct it, or leave such rows out"
+            self._refuse(int(huge[0]), name, why)
 
-    def _positive(self, name: str, x: Array) -> None:
-        none = np.flatnonzero(~((x > 1 / COUNTED) & (x < COUNTED)))
-        if len(none):
-            raise InputError(
-                f"{self.place(self.n + int(none[0]))}, column {name}: a weight says of how many samples a row is the "
-                f"mean, and is more than 0 and below {COUNTED:g}; got {x[none[0]]:g}, so leave such rows out"
-            )
-
-    def _bearable(self, each: Column, x: Array) -> None:
-        degrees = celsius(x, each.unit)
-        far = np.flatnonzero((degrees < COLDEST) | (degrees > HOTTEST))
-        if len(far):
-            raise InputError(
-                f"{self.place(self.n + int(far[0]))}, column {each.name}: {x[far[0]]:g} {each.unit} is no temperature "
-                "of a sensor; correct it or its unit, or leave such rows out"
-            )
-
-    def _time(self, t: Array) -> Array:
+    def _clock(self, t: Array) -> Array:
+        """Check that time grows; return the rows (n,) after a gap."""
         dt = np.diff(t, prepend=self.last_time)
-        seconds = to_si(1.0, self.clock.unit)
         if not self.step and len(t) > 1:
             self.step = float(np.median(dt[1:] if self.n == 0 else dt))
-        long = dt * seconds > LONGEST_STEP
-        wrong = np.flatnonzero((dt < 0 if self.by_order else dt <= 0) | (long & self.header.kind.continuous))
+        long = self.header.kind.continuous & (dt * to_si(1.0, self.clock.unit) > MAX_STEP_S)
+        wrong = np.flatnonzero((dt < 0 if self.by_order else dt <= 0) | long)
         self.equal += int(np.count_nonzero(dt == 0))
         if len(wrong):
-            self._refuse_time(int(wrong[0]), t, float(dt[wrong[0]]))
+            self._refuse(int(wrong[0]), self.clock.name, self._why_not(float(t[wrong[0]]), float(dt[wrong[0]])))
         self.last_time = float(t[-1]) if len(t) else self.last_time
         far = dt > GAP * self.step if self.step else np.zeros(len(t), dtype=bool)
         self.gaps += [(self.n + int(i), float(dt[i])) for i in np.flatnonzero(far)]
         begins: Array = far | np.isnan(dt)
         return begins
 
-    def _refuse_time(self, i: int, t: Array, dt: float) -> None:
-        where = f"{self.place(self.n + i)}, column {self.clock.name}"
+    def _why_not(self, t: float, dt: float) -> str:
         unit = self.clock.unit
         if dt > 0:
-            raise InputError(
-                f"{where}: the clock jumps forward by {dt:.6g} {unit}, more than a day; correct it, or give each "
+            return (
+                f"the clock jumps forward by {dt:.6g} {unit}, more than a day; correct it, or give each "
                 "part its own recording"
             )
         what = "stands still" if dt == 0 else f"jumps back by {-dt:.6g} {unit}"
-        state = ", or state how coarse it is, as resolution beside its unit" if self.visits and dt == 0 else ""
-        raise InputError(
-            f"{where}: the clock {what} at {t[i]:.10g} {unit}; time must grow from row to row, so sort the rows and "
-            f"leave out what was logged twice{state}"
+        coarse = ", or state how coarse it is, as resolution beside its unit" if self.numbered and dt == 0 else ""
+        return (
+            f"the clock {what} at {t:.10g} {unit}; time must grow from row to row, so sort the rows and "
+            f"leave out what was logged twice{coarse}"
         )
 
     def _positions(self, p: Array) -> Array:
-        odd = np.flatnonzero((p != np.floor(p)) | (p < 0) | (p > MOST_POSITIONS))
-        if self.position is not None and len(odd):
-            raise InputError(
-                f"{self.place(self.n + int(odd[0]))}, column {self.position.name}: a position is a "
-                f"whole number, 1, 2, ... or 0 while moving, got {p[odd[0]]:g}"
-            )
+        """Remember where positions change; return these rows (n,)."""
         changed: Array = np.diff(p, prepend=self.last_position) != 0
-        self.turns += (np.flatnonzero(changed) + self.n).tolist()
-        self.moves |= set((np.flatnonzero(changed & (p == 0)) + self.n).tolist())
+        self.changes += (np.flatnonzero(changed) + self.n).tolist()
+        self.departures |= set((np.flatnonzero(changed & (p == 0)) + self.n).tolist())
         self.last_position = float(p[-1]) if len(p) else self.last_position
         return changed
 
-    def _peak(self, name: str, x: Array) -> None:
+    def _remember(self, name: str, x: Array, repeats: bool) -> None:
+        """Remember the extremes of a column and, where its `repeats` may be suspicious, whether it stands still."""
         for sign in (1, -1):
             value = float(x.max() if sign > 0 else x.min())
             count = int(np.count_nonzero(x == value))
-            before, seen = self.peaks.get((name, sign), (-sign * np.inf, 0))
+            before, counted = self.extremes.get((name, sign), (-sign * np.inf, 0))
             if value == before:
-                self.peaks[name, sign] = (value, seen + count)
+                self.extremes[name, sign] = (value, counted + count)
             elif sign * value > sign * before:
-                self.peaks[name, sign] = (value, count)
-
-    def _sensor(self, name: str, x: Array) -> None:
-        self._peak(name, x)
+                self.extremes[name, sign] = (value, count)
+        if not repeats:
+            return
         thin = x[::STRIDE]
         same = thin[1:] == thin[:-1]
         self.repeats[name] += int(np.count_nonzero(same))
         if bool((same[2:] & same[1:-1] & same[:-2]).any()):
-            self.stuck.add(name)
+            self.standing.add(name)
 
     def remarks(self) -> tuple[str, ...]:
-        """Rows of one stamp, and pauses of more than a day: parts of one recording all the same."""
+        """Return remarks on rows of one stamp, and on pauses of more than a day within one recording."""
         unit, column = self.clock.unit, f"column {self.clock.name}"
         alike = f"{amount(self.equal, 'row')} stamped as the one before, and taken in the order of the file"
-        told = (f"{self.header.samples}, {column}: {alike}",) if self.equal else ()
-        long = [(row, dt) for row, dt in self.gaps if to_si(dt, unit) > LONGEST_STEP]
+        equal = (f"{self.header.samples}, {column}: {alike}",) if self.equal else ()
+        long = [(row, dt) for row, dt in self.gaps if to_si(dt, unit) > MAX_STEP_S]
         if not long:
-            return told
+            return equal
         row, dt = max(long, key=lambda gap: gap[1])
         what = "the clock pauses" if len(long) == 1 else f"the clock pauses {len(long)} times for more than a day, here"
-        days = to_si(dt, unit) / LONGEST_STEP
-        return (*told, f"{self.place(row)}, {column}: {what} for {days:.3g} d; both sides are one recording")
+        days = to_si(dt, unit) / MAX_STEP_S
+        return (*equal, f"{self.place(row)}, {column}: {what} for {days:.3g} d; both sides are one recording")

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.columns import judge
+from gimbalcal.checks.columns import check_columns
 from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.checks.jitter import SMOOTHER, jitter_of, regular
-from gimbalcal.checks.stream import Screen
+from gimbalcal.checks.stream import StreamChecks
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, UNITLESS, Column
@@ -155,29 +155,29 @@ def _rows(
 ) -> tuple[tuple[Column, ...], dict[str, Array], dict[str, float], tuple[str, ...]]:
     """Columns, rows and scatter in the units of the file, and what to tell the user."""
     header, whole = increments.header, increments.whole(whole)
-    screen = Screen(header, whole, dropouts)
+    checks = StreamChecks(header, whole, dropouts)
     if not header.kind.in_positions or header.column("position"):
-        table, scatter = _gather(stream, header.columns, screen, average_s, rests)
+        table, scatter = _gather(stream, header.columns, checks, average_s, rests)
         told = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, dropouts)
-        return header.columns, table, scatter, (*dropouts.remarks(), *screen.remarks(), *told)
+        return header.columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), *told)
     columns = (*header.columns, _DETECTED)
-    table, _ = _gather(stream, header.columns, screen, None)
-    forces = [c for c in screen.sensors if c.quantity == "specific_force"]
-    sensors = {c.name: table[c.name] for c in forces or screen.sensors}
-    gyros = [c for c in screen.sensors if c.quantity == "angular_rate" and forces]
+    table, _ = _gather(stream, header.columns, checks, None)
+    forces = [c for c in checks.sensors if c.quantity == "specific_force"]
+    sensors = {c.name: table[c.name] for c in forces or checks.sensors}
+    gyros = [c for c in checks.sensors if c.quantity == "angular_rate" and forces]
     rates = {c.name: to_si(table[c.name], c.unit) for c in gyros}
     raw = any(is_raw(c.unit) for c in gyros)
-    position = detect(to_si(table[screen.clock.name], screen.clock.unit), sensors, rates, raw)
+    position = detect(to_si(table[checks.clock.name], checks.clock.unit), sensors, rates, raw)
     table[_DETECTED.name] = position.astype(float)
     remark = (
         f"{header.samples}: there is no position column; {amount(int(position.max()), 'dwell')} found where the "
         "sensors are quiet, numbered in order of time"
     )
-    found = Screen(replace(header, columns=columns), whole, dropouts)
+    found = StreamChecks(replace(header, columns=columns), whole, dropouts)
     found.sensors, found.angles = [], []  # they have passed
     table, scatter = _gather([table], columns, found, average_s)
     told = () if average_s else _on_a_regular_clock(increments, table, dropouts)
-    return columns, table, scatter, (*dropouts.remarks(), *screen.remarks(), remark, *told)
+    return columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), remark, *told)
 
 
 def _on_a_regular_clock(increments: Increments, table: dict[str, Array], dropouts: Dropouts) -> tuple[str, ...]:
@@ -213,24 +213,24 @@ def _on_a_regular_clock(increments: Increments, table: dict[str, Array], dropout
 
 
 def _gather(
-    stream: Iterable[Batch], columns: tuple[Column, ...], screen: Screen, average_s: float | None, rests: int = 1
+    stream: Iterable[Batch], columns: tuple[Column, ...], checks: StreamChecks, average_s: float | None, rests: int = 1
 ) -> tuple[dict[str, Array], dict[str, float]]:
-    """Every row past the screen and into what is kept of it."""
+    """Every row past the checks and into what is kept of it."""
     weight = next((c.name for c in columns if c.quantity == "weight"), None)
     position = next((c.name for c in columns if c.quantity == "position"), None)
-    kept: AllRows | Blocks = AllRows(rows_in(screen.header.samples))
+    kept: AllRows | Blocks = AllRows(rows_in(checks.header.samples))
     turns = {c.name: from_si(2 * pi, c.unit) for c in columns if c.quantity in ANGLES}
     if average_s is not None:
-        kept = Blocks(from_si(average_s, screen.clock.unit), screen.clock.name, weight, turns)
+        kept = Blocks(from_si(average_s, checks.clock.unit), checks.clock.name, weight, turns)
     elif rests > 1 and position:
         kept = Rests(rests, position, weight, turns)
     scatter = Scatter(tuple(c.name for c in columns if c.quantity not in ("time", *UNITLESS, *SPARSE)), turns)
     for batch in stream:
-        begins = screen.see(batch)
+        begins = checks.see(batch)
         still = batch[position] > 0 if position else np.ones(len(begins), dtype=bool)
         scatter.add(batch, begins, batch[weight] if weight else np.ones(len(begins)), still)
         kept.add(batch, begins)
-    judge(screen, scatter.sigma())
+    check_columns(checks, scatter.sigma())
     return kept.table(), scatter.sigma()
 
 
