@@ -1,4 +1,4 @@
-"""Rows in which a value is missing or leaps away: left out, counted, and told of, they never stand for anything."""
+"""Rows in which a value is missing or a spike stands: they are left out or filled, counted, and named in a remark."""
 
 from __future__ import annotations
 
@@ -17,199 +17,202 @@ from gimbalcal.recording.lines import place
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import from_si, is_raw, to_si
 
+Mask = NDArray[np.bool_]
+Masks = dict[str, Mask]
+
 BOOKKEEPING = ("time", "position", "weight")  # a row that lacks one of these cannot be placed, so it is refused
-MOST = 0.5  # of all rows: beyond, the rows are not what they are taken for
-LEAPING = {"specific_force": 100.0, "angular_rate": 35.0}  # SI; a reading beyond is no reading at all
-STEADY = {"gimbal_angle": np.inf, "attitude_error": np.inf}  # of a static run, where these go on and on as well
-HELD = {"gimbal_angle": np.inf}  # of positions, as long as each is held
-SETTING, MATTERS = float(to_si(1.0, "arcsec")), 10.0  # usual repeatability [rad]; times it, what shows in a mean of 60
-SHOWN = 3  # places that the remark names
+MAX_SHARE_MISSING = 0.5  # of all rows: beyond, the rows are not what they are taken for
+MAX_SPIKE = {"specific_force": 100.0, "angular_rate": 35.0}  # SI; a reading beyond is refused, not left out
+SPIKES_OF_A_RUN = {"gimbal_angle": np.inf, "attitude_error": np.inf}  # of a static run these go on and on as well
+SPIKES_OF_DWELLS = {"gimbal_angle": np.inf}  # of positions, as long as each is held
+SETTING_SIGMA_RAD = float(to_si(1.0, "arcsec"))  # usual repeatability of a gimbal
+RELEVANT_SIGMAS = 10.0  # of the repeatability: what shows in a mean of 60
+MAX_PLACES, MAX_COLUMNS = 3, 6  # that a remark names
 
 
 class Dropouts:
-    """Takes rows with an empty value out of a stream, and remembers where they stood in the file."""
+    """Take rows with an empty value or a spike out of a stream, and remember where they stood in the file."""
 
     def __init__(self, header: Header) -> None:
         self.header = header
         self.columns: tuple[Column, ...] = header.columns
         self.rows = 0  # of the file, so far
-        self.left_out: list[Array] = []
-        self.empty = {c.name: 0 for c in header.columns}
-        self.limits = LEAPING | (STEADY if header.kind.stabilised else HELD if header.kind.in_positions else {})
-        self.leaps = {c.name: 0 for c in header.columns if c.quantity in self.limits}
-        self.leapt: list[Array] = []
-        self.filled_in: list[Array] = []
+        of_kind = SPIKES_OF_A_RUN if header.kind.stabilised else SPIKES_OF_DWELLS if header.kind.in_positions else {}
+        self.limits = MAX_SPIKE | of_kind
+        self.checked = () if header.kind.sighting else tuple(c for c in header.columns if c.quantity in self.limits)
+        self.empty_values = {c.name: 0 for c in header.columns}
+        self.spikes = {c.name: 0 for c in self.checked}
+        # rows of the file: left out, those of them for a spike, and those filled in
+        self.left_out, self.left_out_spikes, self.filled_in = list[Array](), list[Array](), list[Array]()
 
     def filled(self, stream: Iterable[Batch]) -> Iterator[Batch]:
-        """The batches without their rows that lack a value; `InputError` where most rows do."""
-        waiting: Batch = {}  # the last batch is let go once all rows are counted
+        """Yield the batches without their rows that lack a value; `InputError` where most rows do."""
+        waiting: Batch = {}  # the last batch goes on once all rows are counted
         for batch in stream:
             if waiting and len(next(iter(waiting.values()))):
                 yield waiting
-            waiting = self._without(batch)
-        if (gone := len(self.missing)) > MOST * self.rows:
-            raise self._too_many(gone)
+            waiting = self._complete(batch)
+        if (missing := len(self.missing)) > MAX_SHARE_MISSING * self.rows:
+            raise self._too_many(missing)
         if waiting and len(next(iter(waiting.values()))):
             yield waiting
 
     def whole(self, values: Array) -> Array:
-        """A complete column less the same rows."""
+        """Return a complete column less the same rows."""
         values = values[: self.rows]  # without blank lines at the end
-        return np.delete(values, self.missing.astype(np.int64)) if self.left_out else values
+        return np.delete(values, self.missing) if self.left_out else values
 
     def place(self, start: int, stop: int | None = None) -> str:
-        """Where rows `start` up to `stop` of those that are kept stand in the file."""
+        """Return where rows `start` up to `stop` of those that are kept stand in the file."""
         last = None if stop is None else self._in_file(stop - 1) + 1
-        return place(self.header.samples, self._in_file(start), last, self.header.skip, self.header.named)
+        return self._place(self._in_file(start), last)
 
     @property
-    def missing(self) -> Array:
+    def missing(self) -> NDArray[np.int64]:
         """Rows of the file that are left out."""
-        return np.concatenate(self.left_out) if self.left_out else np.zeros(0)
+        return _joined(self.left_out)
 
     @property
     def kept(self) -> NDArray[np.int64]:
         """Numbers in the file of the rows that are kept."""
-        return np.delete(np.arange(self.rows), self.missing.astype(np.int64))
+        return np.delete(np.arange(self.rows), self.missing)
 
     def remarks(self) -> tuple[str, ...]:
-        """How many rows are left out, where they are and which columns lack a value; nothing where none are."""
-        leapt = np.concatenate(self.leapt) if self.leapt else np.zeros(0)
-        empty = np.setdiff1d(self.missing, leapt)
-        jump = f"where {self._culprits(self.leaps)} leaps away for a row or two and back"
-        filled = np.concatenate(self.filled_in) if self.filled_in else np.zeros(0)
-        return (
-            *self._told(empty, f"left out, empty in {self._culprits(self.empty)}"),
-            *self._told(leapt, f"left out, {jump}"),
-            *self._told(filled, f"taken from neighbours, {jump}"),
+        """Return how many rows are left out or filled in, where they are and why; nothing where none are."""
+        spiked, spike = (
+            _joined(self.left_out_spikes),
+            f"where {_listed(self.spikes)} leaps away for a row or two and back",
         )
-
-    def _told(self, gone: Array, why: str) -> tuple[str, ...]:
-        """A sentence on rows of the file that are not taken as they are."""
-        if not len(gone):
-            return ()
-        edges = [0, *(np.flatnonzero(np.diff(gone) > 1) + 1), len(gone)]
-        runs = [(int(gone[a]), int(gone[b - 1]) + 1) for a, b in pairwise(edges)]
-        told = [place(self.header.samples, *run, self.header.skip, self.header.named) for run in runs[:SHOWN]]
-        first, *others = [told[0], *(text.removeprefix(f"{self.header.samples}, ") for text in told[1:])]
-        where = ", ".join([first, *others]) + (
-            f" and {amount(len(runs) - SHOWN, 'more place')}" if len(runs) > SHOWN else ""
+        groups = (
+            (np.setdiff1d(self.missing, spiked), f"left out, empty in {_listed(self.empty_values)}"),
+            (spiked, f"left out, {spike}"),
+            (_joined(self.filled_in), f"taken from neighbours, {spike}"),
         )
-        is_are = "is" if len(gone) == 1 else "are"
-        return (f"{where}: {amount(len(gone), 'row')} of {self.rows} {is_are} {why}",)
+        return tuple(self._remark(rows, why) for rows, why in groups if len(rows))
 
-    def _culprits(self, counted: Mapping[str, int]) -> str:
-        empty = {name: n for name, n in counted.items() if n}
-        words = [f"{name} ({n})" if len(empty) > 1 else name for name, n in list(empty.items())[:6]]
-        return ", ".join(words) + (f" and {len(empty) - 6} more columns" if len(empty) > 6 else "")
+    def _remark(self, rows: NDArray[np.int64], why: str) -> str:
+        """Return a sentence on rows of the file that are not used as they are."""
+        edges = [0, *(np.flatnonzero(np.diff(rows) > 1) + 1), len(rows)]
+        runs = [(int(rows[a]), int(rows[b - 1]) + 1) for a, b in pairwise(edges)]
+        first, *others = [self._place(*run) for run in runs[:MAX_PLACES]]
+        where = ", ".join([first, *(text.removeprefix(f"{self.header.samples}, ") for text in others)])
+        more = f" and {amount(len(runs) - MAX_PLACES, 'more place')}" if len(runs) > MAX_PLACES else ""
+        is_are = "is" if len(rows) == 1 else "are"
+        return f"{where}{more}: {amount(len(rows), 'row')} of {self.rows} {is_are} {why}"
 
-    def _too_many(self, gone: int) -> InputError:
-        name, most = max(self.empty.items(), key=lambda item: item[1])
+    def _too_many(self, missing: int) -> InputError:
+        name, most = max(self.empty_values.items(), key=lambda item: item[1])
         where = f"{self.header.samples}, column {name}"
         if most == self.rows:
             return InputError(f"{where}: no row has a value; leave the column out of [columns]")
         return InputError(
-            f"{where}: {most} of {self.rows} rows have no value, and {gone} rows lack one of some column; where "
+            f"{where}: {most} of {self.rows} rows have no value, and {missing} rows lack one of some column; where "
             "sensors are logged at times of their own, bring them to common rows (a slow thermometer: repeat its last "
             "value), or leave the column out"
         )
 
-    def _without(self, batch: Batch) -> Batch:
+    def _complete(self, batch: Batch) -> Batch:
+        """Return a batch without rows that lack a value; spikes are left out, or filled in for a navigator."""
         n = len(next(iter(batch.values()), ()))
         empty = {c.name: np.isnan(batch[c.name]) for c in self.columns if np.isnan(batch[c.name].sum())}
-        blank = np.all(list(empty.values()), axis=0) if len(empty) == len(self.columns) else np.zeros(n, dtype=bool)
-        lacking = blank.copy()
+        lacking = np.all(list(empty.values()), axis=0) if len(empty) == len(self.columns) else np.zeros(n, dtype=bool)
         for c in self.columns:
             if c.name in empty and c.quantity not in (*BOOKKEEPING, *SPARSE):
                 lacking |= empty[c.name]
-        leaping = self._leaping(batch, ~lacking)
+        found = self._find_spikes(batch, ~lacking)
         start, self.rows = self.rows, self.rows + n
-        leapt = np.logical_or.reduce([np.zeros(n, dtype=bool), *leaping.values()])
-        if leapt.any() and self.header.kind.rotating:  # a navigator has to know every step
-            self.filled_in.append(start + np.flatnonzero(leapt))
-            batch = dict(batch) | {n: self._bridged(batch, n, ~lacking, found) for n, found in leaping.items()}
-        elif leapt.any():
-            self.leapt.append(start + np.flatnonzero(leapt))
-            lacking |= leapt
+        spiked = np.logical_or.reduce([np.zeros(n, dtype=bool), *found.values()])
+        if spiked.any() and self.header.kind.rotating:  # a navigator has to know every step
+            self.filled_in.append(start + np.flatnonzero(spiked))
+            batch = dict(batch) | {name: self._filled(batch, name, ~lacking, rows) for name, rows in found.items()}
+        elif spiked.any():
+            self.left_out_spikes.append(start + np.flatnonzero(spiked))
+            lacking |= spiked
         if not lacking.any():
             return batch
         self.left_out.append(start + np.flatnonzero(lacking))
         for name, each in empty.items():
-            self.empty[name] += int(each[lacking].sum())
+            self.empty_values[name] += int(each[lacking].sum())
         return {name: x[~lacking] for name, x in batch.items()}
 
-    def _leaping(self, batch: Batch, full: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:
-        """Rows by column in which a sensor leaps away, for a row or two, within one position."""
-        if self.header.kind.sighting or not self.leaps:
+    def _find_spikes(self, batch: Batch, full: Mask) -> Masks:
+        """Return the rows by column in which a sensor has a spike, within one position."""
+        kind, position, clock = self.header.kind, self.header.column("position"), self.header.column("time")
+        if not self.checked:
             return {}
         rows = np.flatnonzero(full)
         same, held = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
-        position, clock = self.header.column("position"), self.header.column("time")
-        if position is not None and self.header.kind.in_positions and len(rows) > 2:  # a rest may be a row
+        if position is not None and kind.in_positions and len(rows) > 2:  # a rest may be a row
             p = batch[position.name][rows]
             same[1:-1] = (p[1:-1] == p[:-2]) & (p[1:-1] == p[2:])
             held = p > 0
         step = np.median(np.diff(batch[clock.name][rows])) if clock is not None and len(rows) > 1 else np.inf
         slow = clock is None or float(to_si(float(step), clock.unit)) > MAX_STEP_FAST_S
-        over = slow & ~held if self.header.kind.in_positions else np.zeros(len(rows), dtype=bool)
-        triads: dict[tuple[str, str], list[str]] = {}
-        for c in self.columns:
-            if c.name in self.leaps:
-                triads.setdefault((c.quantity, c.sensor), []).append(c.name)
-        still = slow and self.header.kind.at_rest
-        leaping = dict[str, NDArray[np.bool_]]()
-        for (quantity, _), names in triads.items():
-            if quantity in HELD and self.header.kind.in_positions:
-                leaping |= self._in_rests(batch, names, rows, held)
+        found = Masks()
+        for quantity, sensor in dict.fromkeys((c.quantity, c.sensor) for c in self.checked):
+            triad = [c for c in self.checked if (c.quantity, c.sensor) == (quantity, sensor)]
+            if quantity in SPIKES_OF_DWELLS and kind.in_positions:
+                found |= self._in_dwells(batch, triad, rows, held)
             else:
-                leaping |= spikes({n: batch[n][rows] for n in names}, still)
-        out = dict[str, NDArray[np.bool_]]()
-        for c in self.columns:
-            if c.name in self.leaps:
-                limit = np.inf if is_raw(c.unit) else from_si(self.limits[c.quantity], c.unit)
-                within = np.abs(batch[c.name][rows]) < limit  # what is beyond anything is refused, not left out
-                found = leaping[c.name] & same & within & ~(over & (c.quantity == "angular_rate"))
-                self.leaps[c.name] += int(np.count_nonzero(found))
-                out[c.name] = np.zeros(len(full), dtype=bool)
-                out[c.name][rows[found]] = True
+                found |= spikes({c.name: batch[c.name][rows] for c in triad}, slow and kind.at_rest)
+        turn_in_a_row = slow & ~held if kind.in_positions else np.zeros(len(rows), dtype=bool)
+        out = Masks()
+        for c in self.checked:
+            limit = np.inf if is_raw(c.unit) else from_si(self.limits[c.quantity], c.unit)
+            own = found[c.name] & same & (np.abs(batch[c.name][rows]) < limit)
+            own &= ~turn_in_a_row if c.quantity == "angular_rate" else True
+            self.spikes[c.name] += int(np.count_nonzero(own))
+            out[c.name] = np.zeros(len(full), dtype=bool)
+            out[c.name][rows[own]] = True
         return out
 
-    def _in_rests(
-        self, batch: Batch, names: list[str], rows: NDArray[np.int64], held: NDArray[np.bool_]
-    ) -> dict[str, NDArray[np.bool_]]:
-        """Rows in which a gimbal that is held reads something else; of one on the way nobody knows."""
+    def _in_dwells(self, batch: Batch, gimbals: list[Column], rows: NDArray[np.int64], held: Mask) -> Masks:
+        """Return the rows in which a gimbal that is held reads something else; on the way nothing is known."""
         position = self.header.column("position")
         if position is None or not held.any():
-            return {n: np.zeros(len(rows), dtype=bool) for n in names}
+            return {c.name: np.zeros(len(rows), dtype=bool) for c in gimbals}
         p = batch[position.name][rows]
         starts = np.flatnonzero(np.diff(p, prepend=-1.0))
-        out = dict[str, NDArray[np.bool_]]()
-        for n in names:
-            unit = next(c.unit for c in self.columns if c.name == n)
-            turn, x = float(from_si(2 * np.pi, unit)), batch[n][rows]
+        out = Masks()
+        for c in gimbals:
+            turn, x = float(from_si(2 * np.pi, c.unit)), batch[c.name][rows]
             level = np.repeat([np.median(part) for part in np.split(x, starts[1:])], np.diff(starts, append=len(p)))
-            told = held & np.isfinite(x) & np.isfinite(level)  # an infinite reading is refused, and by name
-            off = np.where(told, x, 0.0) - np.where(told, level, 0.0)
+            finite = held & np.isfinite(x) & np.isfinite(level)  # an infinite reading is refused, and by name
+            off = np.where(finite, x, 0.0) - np.where(finite, level, 0.0)
             off = (off + turn / 2) % turn - turn / 2
-            least = float(from_si(MATTERS * self.header.noise.get("gimbal_angle", SETTING), unit))
-            out |= spikes({n: off}, slow=True, least=least)
-        return {n: found & held for n, found in out.items()}
+            sigma = self.header.noise.get("gimbal_angle", SETTING_SIGMA_RAD)
+            out |= spikes({c.name: off}, slow=True, least=float(from_si(RELEVANT_SIGMAS * sigma, c.unit)))
+        return {name: found & held for name, found in out.items()}
 
-    def _bridged(self, batch: Batch, name: str, full: NDArray[np.bool_], leapt: NDArray[np.bool_]) -> Array:
-        """A column with the rows that leapt as their neighbours tell them; `InputError` where these do not agree."""
-        rows = np.flatnonzero(leapt[full])
+    def _filled(self, batch: Batch, name: str, full: Mask, spiked: Mask) -> Array:
+        """Return a column with its spikes as neighbours predict them; `InputError` where these do not agree."""
+        rows = np.flatnonzero(spiked[full])
         out, kept = batch[name].copy(), batch[name][full]
-        untold = rows[~reliably_predicted(kept, rows)] if len(rows) else rows
-        if len(untold):
-            row = self.rows - len(full) + int(np.flatnonzero(full)[untold[0]])
+        unsure = rows[~reliably_predicted(kept, rows)] if len(rows) else rows
+        if len(unsure):
+            row = self.rows - len(full) + int(np.flatnonzero(full)[unsure[0]])
             raise InputError(
-                f"{place(self.header.samples, row, None, self.header.skip, self.header.named)}, column {name}: "
-                f"{kept[untold[0]]:.6g} leaps away for a row or two and back while the motion changes, so that its "
+                f"{self._place(row)}, column {name}: "
+                f"{kept[unsure[0]]:.6g} leaps away for a row or two and back while the motion changes, so that its "
                 "neighbours do not tell what it was; correct it, or cut the recording there"
             )
-        out[leapt] = predicted_by_neighbours(kept, rows)
+        out[spiked] = predicted_by_neighbours(kept, rows)
         return out
 
+    def _place(self, start: int, stop: int | None = None) -> str:
+        return place(self.header.samples, start, stop, self.header.skip, self.header.named)
+
     def _in_file(self, row: int) -> int:
-        gone = self.missing
-        return row + int(np.searchsorted(gone - np.arange(len(gone)), row, side="right"))
+        missing = self.missing
+        return row + int(np.searchsorted(missing - np.arange(len(missing)), row, side="right"))
+
+
+def _joined(parts: list[Array]) -> NDArray[np.int64]:
+    return np.concatenate(parts).astype(np.int64) if parts else np.zeros(0, dtype=np.int64)
+
+
+def _listed(counts: Mapping[str, int]) -> str:
+    """Return the columns that have any, with their counts where there are several."""
+    some = {name: n for name, n in counts.items() if n}
+    words = [f"{name} ({n})" if len(some) > 1 else name for name, n in list(some.items())[:MAX_COLUMNS]]
+    return ", ".join(words) + (f" and {len(some) - MAX_COLUMNS} more columns" if len(some) > MAX_COLUMNS else "")
