@@ -11,8 +11,8 @@ from datetime import UTC, datetime
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.content_checks import refuse_not_finite
 from gimbalcal.calibration.gravity import with_gravity
-from gimbalcal.calibration.sound import refuse_not_finite
 from gimbalcal.effects.baseline import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError

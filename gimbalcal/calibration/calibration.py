@@ -1,4 +1,4 @@
-"""A calibration: effects with their covariance, what was not seen, how well it fits, and where it came from."""
+"""The result of an estimator: effects with their covariance, unobservable directions, residual and provenance."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ import numpy as np
 
 from gimbalcal.atomic import write_json
 from gimbalcal.calibration.arrays import correct_arrays
+from gimbalcal.calibration.content_checks import (
+    refuse_misfit,
+    refuse_origin,
+    refuse_other_definitions,
+    refuse_unsound,
+)
 from gimbalcal.calibration.correction import correct, corrupt
-from gimbalcal.calibration.definitions import refuse_other_definitions
-from gimbalcal.calibration.drawing import parameters_drawn
-from gimbalcal.calibration.readout import DRAWING, Readout, from_content
-from gimbalcal.calibration.sound import refuse_misfit, refuse_origin, refuse_unsound
+from gimbalcal.calibration.readout import Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.card import stated_law
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.platform import KNOWN, SPACE_STABLE_INERTIAL
+from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
@@ -30,13 +33,13 @@ if TYPE_CHECKING:
     import polars as pl
     from matplotlib.figure import Figure
 
-LARGEST = 100_000_000  # bytes; a hundred parameters with their covariance are a quarter of a megabyte
+MAX_BYTES = 100_000_000  # of a file; a hundred parameters with their covariance are a quarter of a megabyte
 FORMAT = 2  # of calibration.json: true = SF x reading for both triads
 
 
 @dataclass(frozen=True)
 class Residual:
-    """Weighted misfit and, per channel, the rms of what is left in SI; of a navigator, what its filter saw."""
+    """Weighted misfit and, per channel, the rms residual in SI; statistics of the filter of a navigator."""
 
     chi2: float
     dof: int
@@ -58,7 +61,7 @@ class StageResult:
 
 @dataclass(frozen=True, repr=False)
 class Calibration:
-    """Result of an estimator. A failed estimate is one whose `outcome` is a sentence; success is the empty string."""
+    """Result of an estimator; `outcome` is a sentence where it is to be used with care, and empty otherwise."""
 
     method: str
     effects: tuple[Effect, ...]
@@ -70,7 +73,7 @@ class Calibration:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     stages: tuple[StageResult, ...] = ()
     readout: Readout = field(default_factory=Readout)
-    printer: Callable[[Calibration], str] | None = field(default=None, compare=False)  # how it prints itself
+    printer: Callable[[Calibration], str] | None = field(default=None, compare=False)  # of str(calibration)
 
     @property
     def values(self) -> Array:
@@ -83,7 +86,7 @@ class Calibration:
         return np.sqrt(np.diag(self.covariance))
 
     def __str__(self) -> str:
-        """The answer as the console has it; else parameters, rounded as their sigmas, and what speaks against them."""
+        """Return the text of the console; without a printer parameters, unobservable directions and outcome."""
         if self.printer is not None:
             return self.printer(self)
         rows = self.to_dict()["parameters"]
@@ -99,14 +102,14 @@ class Calibration:
             held.setdefault(label.partition(":")[0], []).append(label.partition(":")[2])
         some = {p.label.partition(":")[0] for p in self.parameters}
         named = [f"{name} {', '.join(axes)}" if name in some else name for name, axes in held.items()]
-        remarks = [f"not seen together: {', '.join(d)}" for d in unseen]
+        remarks = [f"not determined separately: {', '.join(d)}" for d in unseen]
         remarks += [f"not estimated: {'; '.join(named)}"] if held else []
         return "\n".join([f"{self.method} calibration", *table, *remarks, *filter(None, [self.outcome])])
 
     __repr__ = __str__
 
     def to_frame(self) -> pl.DataFrame:
-        """One row a parameter: effect, name, axis, value, sigma and prior_sigma in `unit`."""
+        """Return a row for each parameter: effect, name, axis, value, sigma and prior_sigma in `unit`."""
         import polars as pl
 
         columns = ("effect", "name", "axis", "value", "sigma", "prior_sigma", "unit")
@@ -114,8 +117,10 @@ class Calibration:
         return pl.DataFrame({c: [r[c] for r in rows] for c in columns})
 
     def plot(self) -> Figure:
-        """Each parameter with two sigmas, in its unit, as a matplotlib figure."""
-        return parameters_drawn(self.to_dict()["parameters"])
+        """Return a matplotlib figure of each parameter with two sigmas, in its unit."""
+        from gimbalcal.calibration.plot import plot_parameters
+
+        return plot_parameters(self.to_dict()["parameters"])
 
     @overload
     def apply(self, recording: Recording) -> Recording: ...
@@ -124,23 +129,23 @@ class Calibration:
     def apply(
         self, recording: Recording | Mapping[str, Array], units: Mapping[str, str] | None = None
     ) -> Recording | dict[str, Array]:
-        """The recording corrected, readings to physics: force [m/s^2], rate [rad/s] and gimbal angles as they were.
+        """Return the recording corrected, readings to physics: force [m/s^2], rate [rad/s] and true gimbal angles.
 
-        A mapping of arrays, {"time": (n,), "specific_force": (n, 3), "angular_rate": (n, 3), ...}, comes back as one
-        and in its units: SI, or `units` by quantity as `from_arrays` takes them. What it holds besides (temperature
-        (n,), a gimbal_angle by axis) is taken where an effect needs it.
+        A mapping of arrays, {"time": (n,), "specific_force": (n, 3), "angular_rate": (n, 3), ...}, gives arrays in
+        the same units: SI, or `units` by quantity as in `from_arrays`. Further arrays (temperature (n,), a gimbal_angle
+        by axis) are used where an effect needs them.
         """
         if isinstance(recording, Recording):
             return correct(self, recording)
         return correct_arrays(self, recording, units)
 
     def corrupt(self, recording: Recording) -> Recording:
-        """What this unit would have read, physics to readings: the exact inverse of `apply`."""
+        """Return what this unit would have read, physics to readings: the exact inverse of `apply`."""
         return corrupt(self, recording)
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of calibration.json (interfaces.md section 3): values in printed units, covariance in SI."""
-        followed = {e.id: getattr(e, "covariate", "") for e in self.effects}
+        """Return the content of calibration.json: values in printed units, covariance in SI."""
+        covariates = {e.id: getattr(e, "covariate", "") for e in self.effects}
         rows = [
             {
                 "name": p.name,
@@ -151,7 +156,7 @@ class Calibration:
                 "prior_sigma": float(from_si(p.sigma, p.unit)),
                 "effect": p.effect,
                 **({"in_words": words} if (words := reads(p, float(v))) else {}),
-                **({"covariate": followed[p.effect]} if followed.get(p.effect) else {}),
+                **({"covariate": covariates[p.effect]} if covariates.get(p.effect) else {}),
             }
             for p, v, s in zip(self.parameters, self.values, self.sigmas, strict=True)
         ]
@@ -184,19 +189,19 @@ class Calibration:
         }
 
     def write(self, path: Path) -> None:
-        """Write calibration.json whole or not at all."""
+        """Write calibration.json atomically."""
         write_json(path, self.to_dict())
 
 
 def _rounded(value: float, sigma: float) -> str:
-    """A number and its sigma to two digits of the sigma, in columns."""
+    """Return a number and its sigma to two digits of the sigma, in columns."""
     digits = 1 - math.floor(math.log10(sigma)) if 0 < sigma < math.inf else 6
     shown = [f"{round(x, digits):.{max(digits, 0)}f}" for x in (value, sigma)]
     return f"{shown[0]:>14s} +- {shown[1]:<10s}"
 
 
 def reads(p: Parameter, value: float) -> str:
-    """What a scale factor less one does to the reading, in words; empty for any other parameter.
+    """Return the effect of a scale factor error on the reading, in words; empty for any other parameter.
 
     >>> reads(next(p for p in parameters(CATALOGUE["gyro_scale_factor"])), -4000e-6)
     'reads 0.402 % too much'
@@ -208,9 +213,9 @@ def reads(p: Parameter, value: float) -> str:
 
 
 def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibration:
-    """A calibration from the content of calibration.json; InputError for what cannot be one, see `sound`.
+    """Return the calibration in the content of calibration.json. Raises InputError, see `content_checks`.
 
-    gimbals: names of the platform's axes for a file that is too old to say them.
+    gimbals: names of the platform's axes for a file that does not state them.
     """
     if content.get("format") != FORMAT:
         raise InputError(f"calibration has format {content.get('format')!r}, this version reads format {FORMAT}")
@@ -222,47 +227,41 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
     refuse_origin(content["provenance"])
     refuse_other_definitions([r["effect"] for r in rows if "effect" in r], content["provenance"])
     if missing:
-        raise InputError(f"calibration holds parameters that this version does not know: {', '.join(missing)}")
+        raise InputError(f"the calibration has parameters that this version does not know: {', '.join(missing)}")
     chosen = tuple(known[r["name"], r["axis"]] for r in rows)
     refuse_unsound(rows, chosen, content["covariance"])
-    left = content["residual"]
-    refuse_misfit(left)
+    residual = content["residual"]
+    refuse_misfit(residual)
     x = np.array([to_si(r["value"], r["unit"]) for r in rows], dtype=float)
-    sense = {p.label: 1.0 if readout.angles == DRAWING else _sense(p) for p in chosen}
-    sign = np.array([sense[p.label] for p in chosen])
-    unobservable = (
-        {**u, "direction": {label: w * sense.get(label, 1.0) for label, w in u["direction"].items()}}
-        for u in content["unobservable"]
-    )
     stages = tuple(
         StageResult(s["name"], tuple(s["values"]), np.array(list(s["values"].values())),
                     np.array(list(s["sigmas"].values())), s["rms"], s["in_words"])
         for s in content.get("stages", [])
     )  # fmt: skip
-    followed = {r["effect"]: r["covariate"] for r in rows if r.get("covariate")}
-    made = with_values((), chosen, sign * x, gimbals)
+    covariates = {r["effect"]: r["covariate"] for r in rows if r.get("covariate")}
+    effects = with_values((), chosen, x, gimbals)
     return Calibration(
         method=content["method"],
-        effects=tuple(_following(e, followed[e.id]) if e.id in followed else e for e in made),
+        effects=tuple(_with_covariate(e, covariates[e.id]) if e.id in covariates else e for e in effects),
         parameters=chosen,
-        covariance=np.array(content["covariance"], dtype=float) * np.outer(sign, sign),
-        unobservable=tuple(unobservable),
-        residual=Residual(left["chi2"], left["dof"], left["rms"], left.get("navigation", {})),
+        covariance=np.array(content["covariance"], dtype=float),
+        unobservable=tuple(content["unobservable"]),
+        residual=Residual(residual["chi2"], residual["dof"], residual["rms"], residual.get("navigation", {})),
         outcome=content["outcome"],
         provenance=content["provenance"],
         stages=stages,
-        readout=replace(readout, angles=DRAWING),
+        readout=readout,
     )
 
 
-def _following(e: Effect, covariate: str) -> Effect:
-    """The effect with the name of the channel that it follows."""
-    named: dict[str, Any] = {"covariate": covariate}
-    return replace(e, **named)
+def _with_covariate(e: Effect, covariate: str) -> Effect:
+    """Return the effect with the name of the channel that it depends on."""
+    changes: dict[str, Any] = {"covariate": covariate}
+    return replace(e, **changes)
 
 
 def gimbals_of(named: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Gimbals of the first known platform that has those of parameters given by (name, axis), else just these."""
+    """Return the gimbals of the first known platform with those of the parameters (name, axis), else these alone."""
     any_gimbal = "?"
     by_gimbal = {p.name for cls in CATALOGUE.values() for p in parameters(cls, (any_gimbal,)) if p.axis == any_gimbal}
     axes = tuple(dict.fromkeys(axis for name, axis in named if name in by_gimbal))
@@ -270,18 +269,12 @@ def gimbals_of(named: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     return next(having, axes)
 
 
-def _sense(p: Parameter) -> float:
-    """Sign of a gimbal zero of the readouts of Eq. (4) as the drawing of the space-stable platform counts it."""
-    sense = dict(zip(SPACE_STABLE_INERTIAL.axis_names, SPACE_STABLE_INERTIAL.sense, strict=True))
-    return float(sense.get(p.axis, 1)) if p.effect == "gimbal_zero" else 1.0
-
-
 def read(path: Path) -> Calibration:
-    """The calibration in a calibration.json. Raises InputError, naming the file, when it cannot be read."""
+    """Return the calibration in a calibration.json. Raises InputError, which names the file, if it cannot be read."""
     if not path.is_file():
         raise InputError(f"there is no {path}; give a calibration.json that `gimbalcal calibrate` wrote")
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, which no calibration.json has")
+    if path.stat().st_size > MAX_BYTES:
+        raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, more than any calibration.json")
     try:
         return from_dict(json.loads(path.read_text(encoding="utf-8")))
     except InputError as problem:

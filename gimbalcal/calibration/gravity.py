@@ -1,7 +1,7 @@
-r"""What is not known of gravity is not known of the scale factors.
+r"""The uncertainty of gravity is an uncertainty of the scale factors.
 
-At rest accelerometers are held against gravity alone. With gravity larger by a share e, SF x reading larger by as much
-fits the same readings equally well, and nothing else moves: biases and nonlinearities belong to the reading,
+At rest gravity is the only reference of accelerometers. If gravity is larger by a share e, SF larger by the same share
+fits the readings equally well, and nothing else changes: biases and nonlinearities belong to the reading,
 
 .. math:: f^a = SF^{-1} C_p^a f^p + b + K (f^a - b)^2, \qquad f^p \to (1 + e) f^p, \quad SF \to (1 + e) SF ,
 
@@ -21,11 +21,11 @@ from gimbalcal.recording import Recording
 
 SCALED = "scale_factor"
 GRAVITY, SHARE = "gravity", "gravity_sigma_ppm"  # options of a calibration: m/s^2, and its sigma as a share
-ALIKE = 1e-9  # of gravity: the same place as written down
+MAX_DIFFERENCE = 1e-9  # of gravity and its sigma at one site
 
 
 def with_gravity(made: Calibration, recordings: Sequence[Recording]) -> Calibration:
-    """The calibration with the uncertainty of the gravity of these recordings, one place, in its covariance."""
+    """Return the calibration with the uncertainty of gravity at the site of these recordings in its covariance."""
     e, g = max(((r.site.gravity_sigma / r.site.gravity, r.site.gravity) for r in recordings), default=(0.0, 0.0))
     u = scaled(made)
     if e == 0.0 or not u.any():
@@ -37,28 +37,27 @@ def with_gravity(made: Calibration, recordings: Sequence[Recording]) -> Calibrat
 
 
 def scaled(made: Calibration) -> Array:
-    """u (p,): the scale factors SF, which follow gravity, and zero elsewhere."""
+    """Return u (p,): the scale factors SF, which are proportional to gravity, and zero elsewhere."""
     return np.array([1 + x if p.effect == SCALED else 0.0 for p, x in zip(made.parameters, made.values, strict=True)])
 
 
 def common_gravity(a: Calibration, b: Calibration) -> float:
-    """One sigma of the error of gravity, as a share of it, that both calibrations have in common; zero for none.
+    """Return one sigma of the relative error of gravity that both calibrations have in common; zero for none.
 
-    Calibrations that took the same gravity to be as uncertain stood in the same place, and are wrong alike: what they
-    differ by does not hold it.
+    Calibrations with the same gravity and sigma are of one site: the error cancels in their difference.
     """
-    told = [c.provenance.get("options", {}) for c in (a, b)]
-    if any(not isinstance(t, Mapping) or not {GRAVITY, SHARE} <= t.keys() for t in told):
+    options = [c.provenance.get("options", {}) for c in (a, b)]
+    if any(not isinstance(t, Mapping) or not {GRAVITY, SHARE} <= t.keys() for t in options):
         return 0.0
-    pairs = [(t[GRAVITY], t[SHARE]) for t in told]
+    pairs = [(t[GRAVITY], t[SHARE]) for t in options]
     if any(isinstance(x, bool) or not isinstance(x, (int, float)) or not np.isfinite(x) for p in pairs for x in p):
         return 0.0
-    same = all(abs(x - y) <= ALIKE * abs(x) for x, y in zip(*pairs, strict=True))
+    same = all(abs(x - y) <= MAX_DIFFERENCE * abs(x) for x, y in zip(*pairs, strict=True))
     return 1e-6 * float(pairs[0][1]) if same and pairs[0][1] > 0 else 0.0
 
 
 def without_gravity(made: Calibration, e: float) -> Array:
-    """The covariance (p, p) without the common error e of gravity; as it is where its scale factors do not hold one."""
+    """Return the covariance (p, p) without the common error e of gravity; unchanged where it contains none."""
     u = scaled(made)
-    held = np.diag(made.covariance)[u != 0] - (e * u[u != 0]) ** 2
-    return made.covariance if np.any(held <= 0) else np.asarray(made.covariance - e**2 * np.outer(u, u))
+    remaining = np.diag(made.covariance)[u != 0] - (e * u[u != 0]) ** 2
+    return made.covariance if np.any(remaining <= 0) else np.asarray(made.covariance - e**2 * np.outer(u, u))

@@ -1,13 +1,13 @@
-r"""What a mount does to a recording, taken off: the readings as a perfect mount on a level, still base would have them.
+r"""Remove the errors of a mount: the readings of a perfect mount on a level base at rest.
 
-* Where the readouts say where the platform points, they become those at which a perfect chain stands as this one does,
+* Where the readouts give the attitude of the platform, they become those of a perfect chain in the same attitude,
 
   .. math:: C_b^p(\theta') = R(\varphi) \, C_b^p(\theta + \delta\theta, \text{tilts}) \, C_n^b ;
 
-  what no gimbal can turn, as in gimbal lock, is turned in the readings of the block instead.
-* In a static run the gyroscopes hold the platform, so the readings change by what the model predicts without these
-  effects less what it predicts with them; the zero of a gimbal that nobody read stays in the others' readouts.
-* Of a pointing run the readouts become those at which a perfect mount sees the star where this one does.
+  a rotation that no gimbal can make, as in gimbal lock, is applied to the readings of the block instead.
+* In a static run the gyroscopes hold the platform, so the readings change by the prediction without these effects
+  minus the prediction with them; the zero of a gimbal without a readout remains in the readouts of the others.
+* In a pointing run the readouts become those at which a perfect mount points to the same star.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, Key
 
 SENSORS = GYROSCOPE_STAGES | SENSOR_STAGES
-ROUNDS = 4  # of a static run, whose phase is off by what is taken off: each leaves a product of two errors
-STEPS = 6  # of Newton's method from a milliradian: the second leaves 1e-12
+MAX_STEPS = 4  # of a static run, whose phase depends on the correction: each leaves a product of two errors
+NEWTON_STEPS = 6  # from a milliradian: the second leaves 1e-12
 
 
 @dataclass(frozen=True)
 class Mount:
-    """What to add to the readouts (n, k) [rad], how to turn force and rate (n, 3, 3), and what to add to channels."""
+    """Corrections of readouts (n, k) [rad] and channels, and the rotation (n, 3, 3) of force and rate."""
 
     readout: Array
     turn: Array | None = None
@@ -40,54 +40,54 @@ class Mount:
 
 
 def mount(recording: Recording, effects: Sequence[Effect]) -> Mount | None:
-    """What takes the mount's effects off a recording with these readouts; None where there is nothing to take off."""
+    """Return the correction of the mount's effects at these readouts; None where there are none."""
     mine = [e for e in effects if e.stage not in SENSORS]
     if not mine or not recording.platform.axes:
         return None
     if recording.kind.stabilised:
-        return _held(recording, effects)
+        return _static_run(recording, effects)
     if not recording.has(ANGLE):
         return None
     if recording.kind.sighting:
-        return _sighted(recording, mine)
-    s, told = stimulus_from_readings(recording), recording.angles()
+        return _pointing(recording, mine)
+    s, readout = stimulus_from_readings(recording), recording.angles()
     if all(e.stage is Stage.ENCODER for e in mine):
         return Mount(np.asarray(sum(e.contribution(s) for e in mine)))
     platform = recording.platform
     free = [platform.axis_names.index(a) for a in recording.axes(ANGLE)]
     C_np = attitude(platform, s, mine)
-    angle = nearest_angles(platform, C_np, told, free)
+    angle = nearest_angles(platform, C_np, readout, free)
     turn = platform.attitude(angle) @ np.swapaxes(C_np, -1, -2)
-    heavier = [e for e in mine if e.stage is Stage.GRAVITY]
-    perfect, felt = (predict(platform, s, chosen, recording.kind) for chosen in ((), heavier))
-    added = _difference(recording, perfect, felt)
-    return Mount(angle - told, turn, {k: v for k, v in added.items() if k[0] == FORCE and heavier})
+    of_gravity = [e for e in mine if e.stage is Stage.GRAVITY]
+    perfect, actual = (predict(platform, s, chosen, recording.kind) for chosen in ((), of_gravity))
+    added = _difference(recording, perfect, actual)
+    return Mount(angle - readout, turn, {k: v for k, v in added.items() if k[0] == FORCE and of_gravity})
 
 
-def _held(recording: Recording, effects: Sequence[Effect]) -> Mount:
-    """A static run, predicted at the phase that the corrected readouts tell.
+def _static_run(recording: Recording, effects: Sequence[Effect]) -> Mount:
+    """Return the correction of a static run, predicted at the phase of the corrected readouts.
 
-    The force answers the mount alone, as its sensors' own errors are taken off before.
+    The force depends on the mount alone, because the errors of its sensors are corrected before.
     """
     platform, names = recording.platform, recording.platform.axis_names
     read = np.isin(names, recording.axes(ANGLE))
     unread = _Unread(tuple(e for e in effects if e.stage is Stage.ENCODER), ~read)
-    standing = [e for e in effects if e.stage not in SENSORS]
+    of_mount = [e for e in effects if e.stage not in SENSORS]
     phased = recording if (ANGLE, "platform") in recording.channels else with_phase_of_force(recording)
     off = np.zeros((len(recording.time), len(names)))
-    for _ in range(ROUNDS):
+    for _ in range(MAX_STEPS):
         s = stimulus_from_readings(with_readouts(phased, phased.angles() + off))
-        perfect, as_read, stood = (
-            predict(platform, s, chosen, recording.kind) for chosen in ([unread], effects, standing)
+        perfect, as_read, tilted = (
+            predict(platform, s, chosen, recording.kind) for chosen in ([unread], effects, of_mount)
         )
-        added = _difference(recording, perfect, as_read | {FORCE: stood[FORCE]})
+        added = _difference(recording, perfect, as_read | {FORCE: tilted[FORCE]})
         off = np.stack([added.pop((ANGLE, a), np.zeros(len(recording.time))) for a in names], axis=-1)
     return Mount(off, None, added)
 
 
 @dataclass(frozen=True)
 class _Unread(Effect):
-    """Errors of encoders, of the gimbals that nobody read alone (k,): nothing was logged that could be corrected."""
+    """Errors of encoders of the gimbals (k,) without a readout: nothing was logged that could be corrected."""
 
     stage = Stage.ENCODER
     effects: tuple[Effect, ...]
@@ -99,7 +99,7 @@ class _Unread(Effect):
 
 
 def _difference(recording: Recording, to: Mapping[str, Array], of: Mapping[str, Array]) -> dict[Key, Array]:
-    """What to add to each logged channel so that the second becomes the first; angles within half a turn."""
+    """Return what to add to each logged channel so that `of` becomes `to`; angles within half a turn."""
     out = {}
     for quantity, axis in recording.channels:
         if quantity in to and quantity != "angular_rate":
@@ -109,26 +109,26 @@ def _difference(recording: Recording, to: Mapping[str, Array], of: Mapping[str, 
     return out
 
 
-def _sighted(recording: Recording, effects: Sequence[Effect]) -> Mount:
-    """A pointing run: its readouts, of the axes that are read, and the direction across and along the innermost one."""
-    platform, told = recording.platform, recording.angles()
+def _pointing(recording: Recording, effects: Sequence[Effect]) -> Mount:
+    """Return the correction of a pointing run, to the readouts of a perfect mount that points to the same star."""
+    platform, readout = recording.platform, recording.angles()
     read = np.isin(platform.axis_names, recording.axes(ANGLE))
     s = stimulus_from_angles(recording)
-    seen = predict(platform, s, effects, "pointing")["pointing"]
+    observed = predict(platform, s, effects, "pointing")["pointing"]
 
-    def missed(angle: Array) -> Array:
-        return np.asarray(predict(platform, s.at(readout=angle, angle=angle), (), "pointing")["pointing"] - seen)
+    def misfit(angle: Array) -> Array:
+        return np.asarray(predict(platform, s.at(readout=angle, angle=angle), (), "pointing")["pointing"] - observed)
 
-    angle = np.array(told)
-    for _ in range(STEPS):
-        J = complex_step(missed, angle)[..., read]
-        # the smallest turns that do it: at the zenith an alt-azimuth mount has one axis for two directions
-        angle[:, read] -= np.einsum("nki,ni->nk", np.linalg.pinv(J, rcond=1e-6), missed(angle))
-    return Mount(angle - told)
+    angle = np.array(readout)
+    for _ in range(NEWTON_STEPS):
+        J = complex_step(misfit, angle)[..., read]
+        # the smallest turns: at the zenith an alt-azimuth mount has one axis for two directions
+        angle[:, read] -= np.einsum("nki,ni->nk", np.linalg.pinv(J, rcond=1e-6), misfit(angle))
+    return Mount(angle - readout)
 
 
 def with_readouts(recording: Recording, angle: Array) -> Recording:
-    """The recording with these gimbal angles (n, k) where it has readouts."""
+    """Return the recording with these gimbal angles (n, k) where it has readouts."""
     names = recording.platform.axis_names
     logged = {(ANGLE, n): angle[:, names.index(n)] for n in recording.axes(ANGLE)}
     return replace(recording, channels=dict(recording.channels) | logged)

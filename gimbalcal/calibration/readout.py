@@ -1,12 +1,11 @@
-r"""How a unit is read: counts of its sensors, names of its gimbals, and the sense in which their zeros are counted.
+r"""The readout of a unit: counts of its sensors, and the names of its gimbals.
 
 Readings in counts N are brought to SI by a nominal scale k and offset N_0 before any effect is applied,
 
 .. math:: y = k \, (N - N_0) ,
 
 so that scale factor and bias of a calibration are errors of these. A gimbal's zero is counted as the platform's drawing
-counts the angle, whichever way a recording logs it (`Platform.sense`); static runs were once calibrated in the sense
-of their own readouts S_t, h, q, which `Readout.angles` can say of an old file.
+counts the angle, in whichever sense a recording logs it (`Platform.sense`).
 """
 
 from __future__ import annotations
@@ -17,13 +16,14 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import COLOURED, FORCE, RATE, SENSORS
 
 SI = {FORCE: "m/s^2", RATE: "rad/s"}
 AXES = ("x", "y", "z")
-DRAWING, INERTIAL = "drawing", "inertial"  # `Readout.angles`: as the platform's drawing, or as S_t, h, q of Eq. (4)
+DRAWING = "drawing"  # sense in which a file counts `gimbal_zero`: that of the platform's drawing
 
 
 @dataclass(frozen=True)
@@ -34,59 +34,58 @@ class Counts:
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def to_si(self, N: Array) -> Array:
-        """SI (n, 3) of counts (n, 3)."""
+        """Return SI (n, 3) of counts (n, 3)."""
         return np.asarray(np.array(self.scale) * (N - np.array(self.offset)))
 
     def from_si(self, y: Array) -> Array:
-        """Counts (n, 3) of SI (n, 3)."""
+        """Return counts (n, 3) of SI (n, 3)."""
         return np.asarray(y / np.array(self.scale) + np.array(self.offset))
 
 
 @dataclass(frozen=True)
 class Readout:
-    """Nominal counts of accelerometers and gyroscopes (None: they read in SI), and gimbals."""
+    """Nominal counts of accelerometers and gyroscopes (None: their output is in SI), and gimbals."""
 
     accelerometers: Counts | None = None
     gyroscopes: Counts | None = None
     gimbals: tuple[str, ...] = ()  # names of the platform's axes, platform first; none for a unit without gimbals
-    angles: str = DRAWING  # sense in which `gimbal_zero` is counted
 
     @property
     def counts(self) -> dict[str, Counts]:
-        """Nominal counts by quantity, of the triads that read in counts."""
+        """Nominal counts by quantity, of the triads whose output is in counts."""
         every = {FORCE: self.accelerometers, RATE: self.gyroscopes}
         return {quantity: counts for quantity, counts in every.items() if counts is not None}
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of `readout` in calibration.json; scales in SI per count."""
+        """Return the content of `readout` in calibration.json; scales in SI per count."""
         triads = {"accelerometers": self.accelerometers, "gyroscopes": self.gyroscopes}
         return {
             **{k: c and {"scale": list(c.scale), "offset": list(c.offset)} for k, c in triads.items()},
             "gimbals": list(self.gimbals),
-            "angles": self.angles,
+            "angles": DRAWING,
         }
 
 
 def from_content(content: Mapping[str, Any]) -> Readout:
-    """The readout in the content of calibration.json; files that are older than it tell it in other places."""
-    if "readout" in content:
-        told = content["readout"]
-        accelerometers, gyroscopes = (_counts(told[k]) for k in ("accelerometers", "gyroscopes"))
-        return Readout(accelerometers, gyroscopes, tuple(told["gimbals"]), told["angles"])
-    options = content["provenance"].get("options", {})
-    angles = INERTIAL if content.get("method") == "static-run" else DRAWING
-    return Readout(_counts(options.get("nominal")), _counts(options.get("gyro_nominal")), (), angles)
+    """Return the readout in the content of calibration.json; SI and no gimbals where the file states none."""
+    stated = content.get("readout")
+    if stated is None:
+        return Readout()
+    if stated["angles"] != DRAWING:
+        raise InputError(f"readout / angles must be {DRAWING!r}, got {stated['angles']!r}; calibrate again")
+    accelerometers, gyroscopes = (_counts(stated[key]) for key in ("accelerometers", "gyroscopes"))
+    return Readout(accelerometers, gyroscopes, tuple(stated["gimbals"]))
 
 
-def _counts(told: Mapping[str, Any] | None) -> Counts | None:
-    if not told:
+def _counts(stated: Mapping[str, Any] | None) -> Counts | None:
+    if not stated:
         return None
-    scale, offset = (np.broadcast_to(told.get(key, 0.0), 3) for key in ("scale", "offset"))
+    scale, offset = (np.broadcast_to(stated.get(key, 0.0), 3) for key in ("scale", "offset"))
     return Counts(tuple(map(float, scale)), tuple(map(float, offset)))
 
 
 def in_si(recording: Recording, readout: Readout) -> Recording:
-    """The recording with what it reads in counts in SI, as the readout scales it: values, scatter and noise."""
+    """Return the recording with its counts in SI, as the readout scales them: values, scatter and noise."""
     for quantity, counts in readout.counts.items():
         if recording.has(quantity) and recording.counted(quantity):
             y = counts.to_si(recording.triad(quantity))
@@ -95,7 +94,7 @@ def in_si(recording: Recording, readout: Readout) -> Recording:
 
 
 def in_counts(recording: Recording, readout: Readout) -> Recording:
-    """The recording as the unit reads it, the inverse of `in_si`; one sigma of unlike axes takes their mean."""
+    """Return the recording in the counts of the unit, the inverse of `in_si`; unequal axes give the mean of a sigma."""
     for quantity, counts in readout.counts.items():
         if recording.has(quantity):
             N = counts.from_si(recording.triad(quantity))
@@ -104,9 +103,9 @@ def in_counts(recording: Recording, readout: Readout) -> Recording:
 
 
 def with_noise(recording: Recording, quantity: str, gain: Array) -> Recording:
-    """The recording with the noise and the scatter of a triad that has been through a gain (n, 3, 3) row by row.
+    """Return the recording with noise and scatter of a triad propagated through a gain (n, 3, 3) row by row.
 
-    Noise that is alike on all axes, stated as one sigma, stays one: the root of the mean square of the three.
+    Noise that is stated as one sigma of all axes remains one: the root mean square of the three.
     """
     square = (gain**2).mean(axis=0)  # of output i by input j
     by_axis = np.array([recording.scatter.get((quantity, a), np.nan) for a in AXES])
@@ -122,7 +121,7 @@ def with_noise(recording: Recording, quantity: str, gain: Array) -> Recording:
 
 
 def _scaled(recording: Recording, quantity: str, values: Array, scale: Array, unit: str) -> Recording:
-    """Other values (n, 3) of a quantity in another unit, with its scatter and noise times scale (3,)."""
+    """Return the recording with values (n, 3) of a quantity in another unit, its scatter and noise times scale (3,)."""
     by_axis = {(quantity, a): float(scale[i]) for i, a in enumerate(AXES)}
     return replace(
         recording,
@@ -134,6 +133,6 @@ def _scaled(recording: Recording, quantity: str, values: Array, scale: Array, un
 
 
 def _sizes_scaled(noise: Mapping[str, float], quantity: str, factor: float) -> dict[str, float]:
-    """Noise as a header states it, its sizes of one quantity times a factor; time constants stay as they are."""
-    of = {**SENSORS, **{key: q for key, (q, given) in COLOURED.items() if given != "time"}}
+    """Return noise as in a header with the sizes of one quantity times a factor; time constants do not change."""
+    of = {**SENSORS, **{key: q for key, (q, kind) in COLOURED.items() if kind != "time"}}
     return {key: size * factor if of.get(key) == quantity else size for key, size in noise.items()}

@@ -103,12 +103,12 @@ class Diagnosis:
 
     def plot(self) -> Figure:
         """Residuals in sigma over time, before and after what was found, as a matplotlib figure."""
-        from gimbalcal.calibration.shown import Shown
+        from gimbalcal.calibration.plot import NotebookFigure
 
         if self.curves is None:
             raise InputError("this diagnosis holds no residuals: it was read from a file")
         c = self.curves
-        figure = Shown(figsize=(8, max(2.8, 1.7 * len(c.channels))), layout="constrained")
+        figure = NotebookFigure(figsize=(8, max(2.8, 1.7 * len(c.channels))), layout="constrained")
         for ax, (quantity, axis), k in zip(
             figure.subplots(len(c.channels), 1, sharex=True, squeeze=False).ravel(), c.channels,
             range(len(c.channels)), strict=True,

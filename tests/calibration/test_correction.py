@@ -96,7 +96,7 @@ def test_counts_become_force_and_back() -> None:
     np.testing.assert_allclose(norm, 9.8, atol=1e-9)  # a linear unit: the fit is exact up to its stopping rule
     assert there.units["specific_force", "x"] == "m/s^2"
     np.testing.assert_allclose(made.corrupt(there).triad("specific_force"), N, rtol=1e-12)
-    with pytest.raises(InputError, match=r"reads specific force in m/s\^2 and the calibration was made .* in counts"):
+    with pytest.raises(InputError, match=r"specific force in m/s\^2 and the calibration was estimated .* in counts"):
         made.apply(replace(raw, units={}))
 
 
@@ -140,9 +140,9 @@ def test_readings_that_no_force_makes_are_refused() -> None:
     force = np.array([[0.1, 0.2, 0.3], [0.1, 9.0, 0.3], [0.1, 0.2, 9.0]])
     channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
     bench = Recording("rotation", "t", BENCH, Site(gravity=9.8), {}, np.arange(3.0), None, channels)
-    with pytest.raises(InputError, match="no specific_force reads what row 2 does, nor 1 others"):
+    with pytest.raises(InputError, match="no specific_force gives the reading of row 2, nor of 1 others"):
         made.apply(bench)
-    with pytest.raises(InputError, match="no specific_force is read of what row 2 holds, nor of 1 others"):
+    with pytest.raises(InputError, match="specific_force of row 2 has no reading, nor have 1 others"):
         made.corrupt(bench)
     fine = replace(bench, channels={k: v[:1] for k, v in channels.items()}, time=np.zeros(1), weight=np.ones(1))
     assert np.isfinite(made.apply(fine).triad("specific_force")).all()

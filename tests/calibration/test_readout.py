@@ -12,8 +12,9 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, from_dict, read
 from gimbalcal.calibration.exchange import export, read_calibration
-from gimbalcal.calibration.readout import DRAWING, INERTIAL, in_counts, in_si, with_noise
+from gimbalcal.calibration.readout import in_counts, in_si, with_noise
 from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.platform import BENCH, KNOWN, SPACE_STABLE, Axis, Platform
@@ -70,34 +71,18 @@ def test_other_gimbals_are_read_from_a_table_too(tmp_path: Path) -> None:
     np.testing.assert_allclose(back.effects[0].theta_0, made.effects[0].theta_0, rtol=1e-15)  # type: ignore[attr-defined]
 
 
-def old(content: dict[str, Any], **options: Any) -> dict[str, Any]:
-    """The content as it was written before it had a readout."""
-    bare = {k: v for k, v in content.items() if k != "readout"}
-    return json.loads(json.dumps(bare | {"provenance": {"options": options}}))  # type: ignore[no-any-return]
+def test_a_file_without_a_readout_is_in_si() -> None:
+    content = calibration(MOUNT, 1.0, 2.0).to_dict()
+    del content["readout"]
+    back = from_dict(json.loads(json.dumps(content)))
+    assert back.readout == Readout()
+    assert back.effects[0].theta_0.shape == (2,)  # type: ignore[attr-defined]
 
 
-def test_a_file_without_a_readout_tells_its_counts_in_the_options() -> None:
-    nominal = {"scale": [2e-3, 3e-3, 4e-3], "offset": [100.0, -50.0, 7.0]}
-    back = from_dict(old(calibration(SPACE_STABLE, 1.0).to_dict(), nominal=nominal, gyro_nominal={"scale": 1e-4}))
-    assert back.readout.accelerometers == Counts((2e-3, 3e-3, 4e-3), (100.0, -50.0, 7.0))
-    assert back.readout.gyroscopes == Counts((1e-4, 1e-4, 1e-4))
-    assert old(calibration(MOUNT, 1.0, 2.0).to_dict())["parameters"][1]["axis"] == "hour_angle"
-    assert from_dict(old(calibration(MOUNT, 1.0, 2.0).to_dict())).effects[0].theta_0.shape == (2,)  # type: ignore[attr-defined]
-
-
-def test_zeros_of_an_old_static_run_are_turned_into_the_sense_of_the_drawing() -> None:
-    """It counted them as S_t and q are counted; fused calibrations never did."""
-    content = calibration(SPACE_STABLE, -24.0, -41.0, 33.0, 15.0, method="static-run").to_dict()
-    now, then = from_dict(content), from_dict(old(content))
-    assert now.values / ARCSEC == pytest.approx([-24.0, -41.0, 33.0, 15.0])
-    assert then.values / ARCSEC == pytest.approx([24.0, -41.0, 33.0, -15.0])
-    assert then.readout.angles == DRAWING
-    sign = np.array([-1, 1, 1, -1])
-    np.testing.assert_array_equal(then.covariance, now.covariance * np.outer(sign, sign))
-    assert then.unobservable[0]["direction"] == {"gimbal_zero:platform": -0.6, "base_tilt:down": 0.8}
-    assert from_dict(old(content) | {"method": "three-stage"}).values == pytest.approx(now.values)
-    told = from_dict(content | {"readout": content["readout"] | {"angles": INERTIAL}})
-    assert told.values == pytest.approx(then.values)
+def test_zeros_in_another_sense_than_the_drawing_are_refused() -> None:
+    content = calibration(SPACE_STABLE, 1.0).to_dict()
+    with pytest.raises(InputError, match="readout / angles"):
+        from_dict(content | {"readout": content["readout"] | {"angles": "inertial"}})
 
 
 def test_counts_become_si_with_their_scatter_and_noise_and_counts_again() -> None:
@@ -156,7 +141,7 @@ def test_a_two_axis_mount_is_calibrated_written_read_and_applied(tmp_path: Path)
     made.write(tmp_path / "calibration.json")
     back = read(tmp_path / "calibration.json")
     assert back.readout.gimbals == ("elevation", "azimuth")
-    for each in (back, from_dict(old(made.to_dict()))):
+    for each in (back, from_dict({k: v for k, v in made.to_dict().items() if k != "readout"})):
         off = each.apply(recording).angles() - recording.angles()
         zero = {p.label: v for p, v in zip(made.parameters, made.values, strict=True)}["gimbal_zero:elevation"]
         np.testing.assert_allclose(off, np.broadcast_to([zero, 0.0], off.shape), atol=1e-15)

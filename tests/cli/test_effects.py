@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import gimbalcal
-from gimbalcal.calibration.sound import refuse_origin
+from gimbalcal.calibration.content_checks import refuse_origin
 from gimbalcal.campaign.task import compute, task
 from gimbalcal.effects import CATALOGUE, loading
 from gimbalcal.effects.loading import breach, load_effects, load_installed
@@ -109,7 +109,7 @@ def test_a_result_says_which_definitions_it_was_made_with(
     capsys.readouterr()
     for what in (("apply", rec, "--calibration", made), ("compare", made, there / "without" / "calibration.json")):
         assert command(*what, "--effects", own, "--out", there / "a") == 2
-        assert "defines it in another text" in capsys.readouterr().err
+        assert "defines it differently" in capsys.readouterr().err
     del CATALOGUE["twisted_spring"]
     assert command("compare", made, there / "without" / "calibration.json", "--out", there / "a") == 2
     assert f"--effects {own} (its SHA-256 was {file['sha256'][:12]}...)" in capsys.readouterr().err

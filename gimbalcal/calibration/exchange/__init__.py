@@ -25,9 +25,9 @@ import numpy as np
 from gimbalcal import calibration as own
 from gimbalcal.atomic import write
 from gimbalcal.calibration import Calibration, Readout, Residual
+from gimbalcal.calibration.content_checks import MAX_NUMBER
 from gimbalcal.calibration.exchange import kalibr, psins, table, tpoint
 from gimbalcal.calibration.exchange.matrices import LINEAR, QUADRATIC
-from gimbalcal.calibration.sound import LARGEST
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
 
@@ -64,7 +64,7 @@ def read_exchange(kind: str, path: Path) -> Calibration:
     else:
         found, gimbals = table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
     for p, (value, s) in found.items():
-        if not (abs(value) < LARGEST and s < LARGEST):
+        if not (abs(value) < MAX_NUMBER and s < MAX_NUMBER):
             raise InputError(f"{path}: {p.label} is beyond anything that can be measured; correct it")
     wanted = tuple(found)
     x = np.array([v for v, _ in found.values()])

@@ -45,15 +45,15 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.content_checks import MOUNT_AXES
 from gimbalcal.calibration.exchange.matrices import Found
-from gimbalcal.calibration.sound import MOUNTED
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.platform import Platform
 from gimbalcal.units import from_si, to_si
 
 ALT_AZ, EQUATORIAL = "alt-az", "equatorial"
-AXES = MOUNTED
+AXES = MOUNT_AXES
 UNIT = "arcsec"
 _PLACE = re.compile(r"latitude\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)", re.IGNORECASE)
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?$")

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.calibration.sound import no_number
+from gimbalcal.calibration.content_checks import not_finite
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.systematic.alignment import Alignment
 from gimbalcal.estimate.systematic.bias_processes import bias_processes
@@ -73,7 +73,7 @@ def filter_and_smooth(
             else frozen._replace(d=defects(segments, u, C, frozen))
         )
     except np.linalg.LinAlgError:  # at constants so far away that readings can no longer be inverted
-        raise no_number(segments.rows.label, "what a reading tells of the constants") from None
+        raise not_finite(segments.rows.label, "what a reading tells of the constants") from None
     m, scale = model.Phi.shape[1], np.array([p.sigma for p in wanted])
     x = initial_errors(segments, start, C)
     theta = np.concatenate([prior / scale, x[:3]])
@@ -85,7 +85,7 @@ def filter_and_smooth(
     )  # fmt: skip
     constants, own = filtered.theta[-1], filtered.factor[m:, m:]
     if not (np.isfinite(constants).all() and np.isfinite(own).all()):
-        raise no_number(segments.rows.label, "what the filter holds of the constants")
+        raise not_finite(segments.rows.label, "what the filter holds of the constants")
     step, factor = constants[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T
     regularised, sigma = step, np.linalg.norm(factor, axis=1) * scale
     after = np.zeros(m + len(constants))

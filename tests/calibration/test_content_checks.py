@@ -47,7 +47,7 @@ def fully_correlated_with_all(c: Content) -> None:
 
 
 FAULTS: list[tuple[Callable[[Content], None], str]] = [
-    (row(3, unit="arcsec"), "parameter 4, bias:x, is in 'arcsec', which is no unit of it; give it in ug"),
+    (row(3, unit="arcsec"), "parameter 4, bias:x, is in 'arcsec', which is not a unit of it; give it in ug"),
     (row(3, unit="furlong"), "the unit 'furlong' is not known"),
     (row(1, value=float("nan")), "parameter 2, scale_factor:y: its value must be a finite number, got nan"),
     (row(1, value="12"), "its value must be a finite number, got '12'"),
@@ -57,12 +57,12 @@ FAULTS: list[tuple[Callable[[Content], None], str]] = [
     (row(1, prior_sigma=0.0), "parameter 2, scale_factor:y: its prior_sigma must be above zero, got 0.0"),
     (row(1, effect="bias"), "parameter 2, scale_factor:y, is of the effect scale_factor, not of 'bias'"),
     (row(1, sigma=-1.0), "parameter 2, scale_factor:y: its sigma is negative, -1 ppm"),
-    (row(5, sigma=1e3), "the sigma of bias:z is 1000 ug and the covariance says"),
+    (row(5, sigma=1e3), "the sigma of bias:z is 1000 ug and the covariance gives"),
     (cell(4, 4, -1e-12), "the variance of bias:y is negative, -1e-12"),
     (cell(0, 5, float("inf")), "the covariance of scale_factor:x and bias:z is not a finite number"),
     (cell(0, 5, "x"), "the covariance must be 6 rows of 6 numbers"),
-    (cell(0, 5, 0.5), "the covariance is that of no random vector"),
-    (fully_correlated_with_all, "the covariance is that of no random vector"),
+    (cell(0, 5, 0.5), "the covariance must be symmetric"),
+    (fully_correlated_with_all, "the covariance must be symmetric"),
     (twice, "parameters 4 and 5 are both bias:x; keep one of them"),
     (lambda c: c.update(covariance=[[1.0]]), "the covariance has shape (1, 1), and 6 parameters need (6, 6)"),
     (lambda c: c.update(covariance=[0.0] * 36), "the covariance has shape (36,), and 6 parameters need (6, 6)"),

@@ -1,7 +1,7 @@
-"""What the content of a calibration.json has to be before its numbers are believed.
+"""Check the content of a calibration.json before its numbers are used.
 
-A file that was edited by hand, cut, or written by another program is refused with the place of the fault: it would
-otherwise correct recordings, silently, by a unit of another dimension or with a variance that cannot be.
+A file that was edited by hand, truncated, or written by another program is refused, and the message names the place of
+the fault: it would otherwise correct recordings silently with a wrong unit or an impossible variance.
 """
 
 from __future__ import annotations
@@ -12,23 +12,24 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration.definitions import refuse_unsound_definitions
-from gimbalcal.effects import Parameter
+from gimbalcal.effects import CATALOGUE, Parameter
+from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
 
-LARGEST = 1e100  # of any number: its square is one too
-MOUNTED = {"alt-az": ("elevation", "azimuth"), "equatorial": ("declination", "hour_angle", "polar")}
-AGREE = 1e-3  # relative, of a sigma and its variance: files are written with all digits, people round to three
-FARTHEST = 1e6  # usual sizes; raw units differ by thousands
-ROUNDING = 1e-6  # of a correlation matrix: eigenvalues above minus this, and symmetry
+MAX_NUMBER = 1e100  # its square is finite, too
+MOUNT_AXES = {"alt-az": ("elevation", "azimuth"), "equatorial": ("declination", "hour_angle", "polar")}
+SIGMA_TOLERANCE = 1e-3  # relative, of a sigma and its variance: people round to three digits
+MAX_VALUE = 1e6  # usual sizes; raw units differ by thousands
+CORRELATION_TOLERANCE = 1e-6  # of a correlation matrix: symmetry, and how negative an eigenvalue may be
+SHA_DIGITS = 12  # of a SHA-256 in a message
 
 
 def refuse_unsound(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter], covariance: Any) -> None:
     """Raise InputError where parameters or covariance [SI] cannot be those of a calibration.
 
-    `known`: the parameter that each row names.
+    known: the parameter that each row names.
     """
     seen: dict[str, int] = {}
     for i, (row, p) in enumerate(zip(rows, known, strict=True), start=1):
@@ -37,7 +38,9 @@ def refuse_unsound(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter]
         seen[p.label] = i
         unit = row["unit"]
         if parse(str(unit)).dimension != parse(p.unit).dimension:
-            raise InputError(f"parameter {i}, {p.label}, is in {unit!r}, which is no unit of it; give it in {p.unit}")
+            raise InputError(
+                f"parameter {i}, {p.label}, is in {unit!r}, which is not a unit of it; give it in {p.unit}"
+            )
         for name in ("value", "sigma"):
             if not _finite(row[name]):
                 raise InputError(
@@ -45,7 +48,7 @@ def refuse_unsound(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter]
                 )
         if row["sigma"] < 0:
             raise InputError(f"parameter {i}, {p.label}: its sigma is negative, {row['sigma']:g} {unit}")
-        if abs(float(to_si(float(row["value"]), str(unit)))) > FARTHEST * p.sigma:
+        if abs(float(to_si(float(row["value"]), str(unit)))) > MAX_VALUE * p.sigma:
             raise InputError(
                 f"parameter {i}, {p.label}: {float(row['value']):g} {unit} is beyond anything that is built"
             )
@@ -58,7 +61,7 @@ def refuse_unsound(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter]
 
 
 def _finite(number: Any) -> bool:
-    """Whether it is a number that a float can hold."""
+    """Return whether a value is a number that a float can hold."""
     if isinstance(number, bool) or not isinstance(number, (int, float)):
         return False
     try:
@@ -73,16 +76,16 @@ def _short(given: Any) -> str:
 
 
 def refuse_misfit(residual: Mapping[str, Any]) -> None:
-    """Raise InputError where what a calibration.json says of its residual are no numbers of zero or more."""
+    """Raise InputError where the residual of a calibration.json has a number that is not zero or more."""
     named = {"chi2": residual["chi2"], "dof": residual["dof"], **residual["rms"]}
     for name, number in named.items():
-        if not (_finite(number) and 0 <= number < LARGEST):
+        if not (_finite(number) and 0 <= number < MAX_NUMBER):
             raise InputError(f"residual / {name} must be a finite number of zero or more, got {_short(number)}")
 
 
 def refuse_origin(provenance: Mapping[str, Any]) -> None:
-    """Raise InputError where what a calibration.json says of its recordings and its mount is not of their kind."""
-    refuse_unsound_definitions(provenance)
+    """Raise InputError where recordings, options or mount of a calibration.json have the wrong types."""
+    _refuse_definitions(provenance)
     files = provenance.get("recordings", [])
     sound = isinstance(files, list) and all(isinstance(f, dict) for f in files)
     if not sound or not all(isinstance(f.get(key, ""), str) for f in files for key in ("path", "sha256")):
@@ -93,29 +96,60 @@ def refuse_origin(provenance: Mapping[str, Any]) -> None:
     mount = provenance.get("mount", {})
     axes, latitude = mount.get("axes", []), mount.get("latitude_deg", 0.0)
     named = isinstance(axes, list) and all(isinstance(a, str) for a in axes)
-    if not named or len(axes) != len(MOUNTED.get(mount.get("kind", ""), axes)):
+    if not named or len(axes) != len(MOUNT_AXES.get(mount.get("kind", ""), axes)):
         raise InputError(f"provenance / mount / axes cannot be {_short(axes)} on a mount {_short(mount.get('kind'))}")
     if not (_finite(latitude) and abs(latitude) <= 90):
         raise InputError(f"provenance / mount / latitude_deg must lie between -90 and 90, got {_short(latitude)}")
 
 
+def refuse_other_definitions(ids: Sequence[str], provenance: Mapping[str, Any]) -> None:
+    """Raise InputError where the catalogue lacks an effect of `ids`, or defines it in another text than when fitted.
+
+    provenance: of a calibration.json; its "effects" {path, sha256, effects} are files of a user.
+    """
+    stated = {i: row for row in provenance.get("effects", ()) for i in row["effects"]}
+    loaded = {i: row for row in outside() for i in row["effects"]}
+    for i in ids:
+        row, now = stated.get(i), loaded.get(i)
+        if i not in CATALOGUE:
+            file = f"{row['path']} (its SHA-256 was {row['sha256'][:SHA_DIGITS]}...)" if row else "FILE.py"
+            raise InputError(
+                f"calibration holds the effect {i!r}, which the catalogue does not have; give the file that "
+                f"defines it with --effects {file}"
+            )
+        if row and now and now["sha256"] != row["sha256"]:
+            raise InputError(
+                f"calibration holds the effect {i!r} of {row['path']} (SHA-256 {row['sha256'][:SHA_DIGITS]}...), and "
+                f"{now['path']} defines it differently ({now['sha256'][:SHA_DIGITS]}...), so its numbers may "
+                "have another meaning; give the original file, or calibrate again"
+            )
+
+
+def _refuse_definitions(provenance: Mapping[str, Any]) -> None:
+    """Raise InputError where the files of effects in a calibration.json have the wrong types."""
+    rows = provenance.get("effects", [])
+    sound = isinstance(rows, list) and all(isinstance(r, dict) and isinstance(r.get("effects"), list) for r in rows)
+    if not sound or not all(isinstance(x, str) for r in rows for x in (r.get("path"), r.get("sha256"), *r["effects"])):
+        raise InputError("provenance / effects must be a list of files, each with its path, sha256 and effects")
+
+
 def refuse_not_finite(content: Mapping[str, Any], title: str) -> None:
-    """Raise InputError where a calibration of the recordings called `title` has a number that is none."""
+    """Raise InputError where a calibration of the recordings called `title` has a number that is not finite."""
     named: list[tuple[str, Any]] = [
         (f"{p['name']} {p['axis']}".strip(), (p["value"], p["sigma"])) for p in content["parameters"]
     ]
-    left = content["residual"]
-    named += [("the residual", (left["chi2"], *left["rms"].values()))]
+    residual = content["residual"]
+    named += [("the residual", (residual["chi2"], *residual["rms"].values()))]
     named += [("the covariance", np.ravel(np.asarray(content["covariance"], dtype=float)))]
     for name, numbers in named:
         if not np.isfinite(np.asarray(numbers, dtype=float)).all():
-            raise no_number(title, name)
+            raise not_finite(title, name)
 
 
-def no_number(title: str, name: str) -> InputError:
-    """What is said where `name` of an estimate from the recordings called `title` is no number."""
+def not_finite(title: str, name: str) -> InputError:
+    """Return the error for `name` of an estimate from the recordings called `title` that is not finite."""
     return InputError(
-        f"no constants of this model fit {title}: {name} comes out as no number; check signs, axes and units in "
+        f"no constants of this model fit {title}: {name} is not finite; check signs, axes and units in "
         "[columns], single readings far from their neighbours, and the site"
     )
 
@@ -128,19 +162,20 @@ def _refuse_covariance(rows: Sequence[Mapping[str, Any]], known: Sequence[Parame
         raise InputError(f"the covariance must be {n} rows of {n} numbers, one of each for every parameter") from None
     if P.shape != (n, n) or np.shape(covariance) not in ((n, n), (0,)):
         raise InputError(f"the covariance has shape {np.shape(covariance)}, and {n} parameters need ({n}, {n})")
-    if not (np.abs(P) < LARGEST).all():
-        i, j = np.argwhere(~(np.abs(P) < LARGEST))[0]
+    if not (np.abs(P) < MAX_NUMBER).all():
+        i, j = np.argwhere(~(np.abs(P) < MAX_NUMBER))[0]
         raise InputError(f"the covariance of {known[i].label} and {known[j].label} is not a finite number")
     for p, variance, row in zip(known, np.diag(P), rows, strict=True):
         if variance < 0:
             raise InputError(f"the variance of {p.label} is negative, {variance:.3g}")
-        told = float(from_si(float(np.sqrt(variance)), row["unit"]))
-        if abs(told - row["sigma"]) > AGREE * max(told, row["sigma"]):
+        sigma_of = float(from_si(float(np.sqrt(variance)), row["unit"]))
+        if abs(sigma_of - row["sigma"]) > SIGMA_TOLERANCE * max(sigma_of, row["sigma"]):
             raise InputError(
-                f"the sigma of {p.label} is {row['sigma']:.4g} {row['unit']} and the covariance says {told:.4g}; "
+                f"the sigma of {p.label} is {row['sigma']:.4g} {row['unit']} and the covariance gives {sigma_of:.4g}; "
                 "correct the one that was changed"
             )
     sigma = np.sqrt(np.diag(P))
     R = P / np.outer(*(np.where(sigma > 0, sigma, 1.0),) * 2)
-    if n and (np.abs(R - R.T).max() > ROUNDING or np.linalg.eigvalsh((R + R.T) / 2)[0] < -n * ROUNDING):
-        raise InputError("the covariance is that of no random vector: it must be symmetric, without negative variances")
+    symmetric = n == 0 or np.abs(R - R.T).max() <= CORRELATION_TOLERANCE
+    if n and not (symmetric and np.linalg.eigvalsh((R + R.T) / 2)[0] >= -n * CORRELATION_TOLERANCE):
+        raise InputError("the covariance must be symmetric and have no negative eigenvalue")

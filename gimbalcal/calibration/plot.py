@@ -1,26 +1,32 @@
-"""The parameters of a calibration as a plain figure; the report's pictures are in `report`."""
+"""Draw the parameters of a calibration as a plain matplotlib figure; pages draw their own charts."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from io import BytesIO
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from matplotlib.figure import Figure
 
 
-def parameters_drawn(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """One panel for each effect of the content of calibration.json: its parameters with two sigmas, in their unit."""
-    from gimbalcal.calibration.shown import Shown
+class NotebookFigure(Figure):
+    """A figure that a notebook shows as a picture even where pyplot has chosen no backend."""
 
+    def _repr_png_(self) -> bytes:
+        out = BytesIO()
+        self.savefig(out, format="png", dpi=100)
+        return out.getvalue()
+
+
+def plot_parameters(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Return a figure with a panel for each effect of calibration.json: its parameters with two sigmas."""
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for row in rows:
         groups.setdefault((row["name"], row["unit"]), []).append(row)
     n = max(len(groups), 1)
     across = min(n, 3)
-    figure = Shown(figsize=(3.2 * across, 2.1 * -(-n // across)), layout="constrained")
+    figure = NotebookFigure(figsize=(3.2 * across, 2.1 * -(-n // across)), layout="constrained")
     panels = figure.subplots(-(-n // across), across, squeeze=False).ravel()
     for ax, ((name, unit), own) in zip(panels, groups.items(), strict=False):
         at = np.arange(len(own))
