@@ -22,7 +22,7 @@ project, author = "gimbalcal", "gimbalcal contributors"
 copyright = author  # noqa: A001  the name is Sphinx's
 version = release = gimbalcal.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "measured"]
 nitpicky = True
 suppress_warnings = ["misc.highlighting_failure"]  # the output of a command is not shell code
 nitpick_ignore_regex = [("py:.*", r".*")]  # types of other packages have no pages here
