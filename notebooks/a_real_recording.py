@@ -12,10 +12,10 @@
 # %% [markdown]
 # # A real recording: an Xsens unit turned by hand
 #
-# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md in this folder.*
 #
-# No gimbals, no angles, raw counts. All that is known is that gravity has the same size in every position. How far does
-# that go, and where does the recording stop supporting more?
+# No gimbals, no angles, raw counts. All that is known is that the norm of the force at rest is gravity in every
+# attitude. How far is this sufficient, and which terms does the recording no longer support?
 
 # %%
 import matplotlib.pyplot as plt
@@ -29,7 +29,7 @@ from gimbalcal.pipeline import load
 print(xsens.title, "-", len(xsens.time), "positions at rest")
 
 # %% [markdown]
-# First bias and scale factor only, then with the input axes free to lean, then everything the paper's polynomial has.
+# First bias and scale factor only, then with misalignment, then with every term of the paper's polynomial.
 
 # %%
 few = multiposition(xsens, ["bias", "scale_factor"])
@@ -39,9 +39,9 @@ for name, calibration in (("bias, scale", few), ("+ misalignment", lean), ("all 
     print(f"{name:18s} {calibration.stages[-1].rms / 9.80665e-3:7.3f} mg rms")
 
 # %% [markdown]
-# Leaning axes take the misfit from milli-g to a tenth of a milli-g. Second and third order are *declined*, and
-# the reasons are given: the coefficients would be known worse than they are expected to be anyway, and positions left out
-# are predicted no better.
+# Misalignment reduces the misfit from milli-g to a tenth of a milli-g. Quadratic and cubic terms are *omitted*, with
+# the reasons: the coefficients would be less certain than their usual size, and held-out positions are predicted no
+# better.
 
 # %%
 for direction in full.unobservable:

@@ -12,10 +12,10 @@
 # %% [markdown]
 # # From coarse to fine to system level
 #
-# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md in this folder.*
 #
-# The three stages of Wu et al. (2018) on a recording whose truth is known: 18 positions of ten minutes, then 48 hours in
-# which the platform stands still in inertial space and the Earth turns below it. What does each stage add?
+# The three stages of Wu et al. (2018) on a recording with known truth: 18 positions of ten minutes, then 48 hours in
+# which the platform is inertially stable while the Earth rotates. What does each stage add?
 
 # %%
 import json
@@ -34,8 +34,8 @@ alone = three_stage([device])
 fused = three_stage([device, run])
 
 # %% [markdown]
-# The truth that the simulator used, beside what came back. The last column is the error in units of its own stated
-# sigma: most should lie within one, hardly any beyond two.
+# The truth of the simulator and the estimates. The last column is the error in units of its stated sigma: most should
+# lie within one, hardly any beyond two.
 
 # %%
 truth = {
@@ -58,9 +58,9 @@ table(alone)
 table(fused)
 
 # %% [markdown]
-# The static run cannot see a bias by itself: in the x channel, for one, it sees only bias minus sin(latitude) times a
-# misalignment. But the 18 positions know the misalignments, so together they know both. That is why the stages are added
-# as information, with their covariances, instead of one overwriting the other.
+# The static run alone does not determine a bias: in the x channel it determines only bias minus sin(latitude) times a
+# misalignment. The 18 positions determine the misalignments, so that together they determine both. For this reason the
+# stages are combined as information, with their covariances, instead of one replacing the other.
 
 # %%
 labels = [p.label for p in alone.parameters]
@@ -78,7 +78,7 @@ axes.set_xlabel("sigma of the 18 positions alone / sigma of both together")
 plt.show()
 
 # %% [markdown]
-# What neither can see is said in so many words:
+# Combinations that neither determines are listed by name:
 
 # %%
 for direction in fused.unobservable:

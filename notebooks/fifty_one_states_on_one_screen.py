@@ -12,11 +12,11 @@
 # %% [markdown]
 # # 51 states on one screen
 #
-# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md in this folder.*
 #
 # A unit with every error of Cai et al. (2016) is turned through their 18 turns and calibrates itself: it navigates, and
-# its true velocity is zero. 42 parameters and nine navigation errors are estimated together; no angle of the table is
-# asked for. The simulator knows what went in. (An hour at 10 Hz here; the paper's is at 100.)
+# its true velocity is zero. 42 parameters and nine navigation errors are estimated together; table angles are not used.
+# The truth is known from the simulator. (An hour at 10 Hz here; the paper uses 100 Hz.)
 
 # %%
 import matplotlib.pyplot as plt
@@ -45,13 +45,13 @@ recording, truth = simulate({
 print(f"{len(recording.time)} rows, {recording.time[-1] / 3600:.2f} h")
 
 # %% [markdown]
-# First the 30 states of a usual calibration. They do not explain what the navigator did, and the result says so.
+# First the 30 states of a usual calibration. They do not explain the innovations, and the result says so.
 
 # %%
 print(gimbalcal.calibrate(recording, states="30").outcome)
 
 # %% [markdown]
-# Then all 51, and what came back beside what went in.
+# Then all 51, estimates and truth.
 
 # %%
 found = gimbalcal.calibrate(recording, states="51")
@@ -61,9 +61,9 @@ sigmas_off = (found.values - went_in) / found.sigmas
 print(f"errors in stated sigmas: rms {np.sqrt(np.mean(sigmas_off**2)):.2f}, largest {np.abs(sigmas_off).max():.2f}")
 
 # %% [markdown]
-# On one screen: each panel is a kind of error, its three to six or nine axes side by side. Crosses are what went in,
-# bars what came back with three sigmas; beside it, how sigma fell with each turn. Where bars cannot be
-# seen the state is known better than the dot is wide.
+# On one screen: each panel is a kind of error, with its three to six or nine axes. Crosses are the truth, bars the
+# estimates with three sigmas; next to it, the decrease of sigma with each turn. Where bars are invisible, the sigma is
+# smaller than the dot.
 
 # %%
 kinds = list(dict.fromkeys(p.effect for p in found.parameters))
@@ -83,5 +83,6 @@ for (left, right), kind in zip(panels.reshape(-1, 2), kinds, strict=True):
 plt.show()
 
 # %% [markdown]
-# What drops in steps was turned for; what falls slowly has to wait for the Earth. Own-axis g-sensitivities (the upper
-# three lines of their panel) act only while the axis is vertical, where they turn the heading.
+# Sigmas that decrease in steps are determined by a turn; those that decrease slowly depend on the Earth's rate. Own-
+# axis g-sensitivities (the upper three lines of their panel) act only while the axis is vertical, where they turn the
+# heading.

@@ -10,13 +10,13 @@
 # ---
 
 # %% [markdown]
-# # What do 18 positions see?
+# # What do 18 positions show?
 #
-# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md in this folder.*
 #
 # Wu et al. (2018) turn a space-stable platform through 18 positions and fit 18 coefficients. Which of them can such a
-# recording determine, how well, and which not at all? Nothing needs to be recorded to know: the derivative of the
-# forward model by each coefficient says it.
+# recording determine, how well, and which not at all? The answer needs no recording: it follows from the derivatives of
+# the forward model by each coefficient.
 
 # %%
 import matplotlib.pyplot as plt
@@ -26,8 +26,8 @@ from gimbalcal import CATALOGUE, EIGHTEEN_POSITIONS, SPACE_STABLE
 from gimbalcal.effects import parameters
 
 # %% [markdown]
-# The schedule is data: gimbal angles in units of 45 deg. The gravity it turns into each accelerometer follows from
-# the gimbal chain. Six positions put an axis along the vertical; twelve put two axes at 45 deg to it.
+# The schedule is data: gimbal angles in units of 45 deg. The gravity along each accelerometer follows from the gimbal
+# chain. Six positions put an axis along the vertical; twelve put two axes at 45 deg to it.
 
 # %%
 g = EIGHTEEN_POSITIONS.gravity_directions()
@@ -40,8 +40,8 @@ axes.set_title("gravity along the platform axes [g]")
 plt.show()
 
 # %% [markdown]
-# Each column below is one coefficient, each row one accelerometer in one position: how much that reading moves when
-# the coefficient grows by its typical size. A column of zeros would be a coefficient that nothing sees.
+# Each column below is one coefficient, each row one accelerometer in one position: the change of the reading for a
+# coefficient of its usual size. A column of zeros would be an unobservable coefficient.
 
 # %%
 from gimbalcal.design.observability import observe
@@ -60,9 +60,9 @@ wanted = [
 print(len(wanted), "coefficients:", ", ".join(p.label for p in wanted))
 
 # %% [markdown]
-# One combination is invisible, and it is geometry, not noise: turning the platform's zero and both input axes of x and
-# y by the same angle leaves every reading as it is. The paper's Table 1 shows it (theta_10 never enters alone with a
-# sign of its own), and no longer recording would help. The package fixes it by a stated convention and says so.
+# One combination is unobservable, because of geometry and not of noise: if the platform's zero and the input axes of x
+# and y turn by the same angle, no reading changes. The paper's Table 1 shows it (theta_10 never enters with a sign of
+# its own), and a longer recording would not help. The package fixes it by a stated convention and reports it.
 
 # %%
 for direction in seen.solution.unobservable:

@@ -10,12 +10,12 @@
 # ---
 
 # %% [markdown]
-# # What 30 positions see
+# # What 30 positions show
 #
-# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md in this folder.*
 #
-# A unit that stays in its place and is turned there navigates, and its true velocity is known: zero. Which errors of its
-# six sensors does a sequence of turns bring out, and when? Covariances say it before a table is moved.
+# A unit that is turned in place navigates, and its true velocity is known: zero. Which errors of its six sensors does a
+# sequence of turns show, and when? Covariances answer this before anything is recorded.
 
 # %%
 import matplotlib.pyplot as plt
@@ -28,8 +28,8 @@ from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.units import from_si
 
 # %% [markdown]
-# Wei et al. (2022) print 15 turns, the axis of the unit and the direction in which it points; the other 15 are the same
-# and reversed. Everything else follows, and each printed row is checked against the rows above it.
+# Wei et al. (2022) print 15 turns, the axis of the unit and its direction; the other 15 are the same and reversed.
+# Everything else follows, and each printed row is checked against the rows above it.
 
 # %%
 wei = ROTATIONS["wei2022-30"]
@@ -40,7 +40,7 @@ print(len(contradictions(wei)), "rows contradict;", f"{trajectory(wei).duration:
 
 # %% [markdown]
 # Six errors in thirty positions. Nothing is known of a gyroscope's scale factor until its axis has turned, and then
-# much at once; biases come in slowly, with the square root of time and worse.
+# much at once; biases improve slowly, with the square root of time or worse.
 
 # %%
 seen = observe_turning(wei, latitude=34.2, asked="30")
@@ -59,8 +59,9 @@ for panel in panels[-1]:
 plt.show()
 
 # %% [markdown]
-# The paper's Table 2 tells how many times better each state is known than before, sqrt(P0 / Pk), without P0 or noise. Of
-# the gyroscopes' biases it is ours times one number, within a percent; of the last row it is the first row again.
+# The paper's Table 2 states by which factor each state is known better than before, sqrt(P0 / Pk), without P0 or noise.
+# For the gyroscopes' biases the printed values are ours times one number, within a percent; the last row of the table
+# repeats the first row.
 
 # %%
 for row in seen.published["rows"]:
@@ -69,8 +70,9 @@ for row in seen.published["rows"]:
     )
 
 # %% [markdown]
-# The 51 states of Cai et al. (2016), at the same noise and in as much time: their 18 turns, Wei's 30, and 63 that a
-# search on the covariance found for the same table. Largest sigma of each group, in units of the best of the two papers.
+# The 51 states of Cai et al. (2016), at the same noise and in equal time: their 18 turns, Wei's 30, and 63 that a
+# search on the covariance found for the same table. Largest sigma of each group, relative to the better of the two
+# papers.
 
 # %%
 schedules = ("cai2016-18", "wei2022-30", "turns-63")

@@ -12,11 +12,12 @@
 # %% [markdown]
 # # What a real unit hides
 #
-# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md in this folder.*
 #
-# Nobody knows what is wrong with a real unit. An answer can be held against three things: data that the fit has not seen,
-# the same data in another order, and a recording in which nothing should be found. An Xsens MTi turned by hand, 38 rests
-# (its accelerometers ship with the project; Tedaldi, Pretto and Menegatti 2014), and if the raw files are at hand, its gyroscopes.
+# The errors of a real unit are unknown. An answer can be tested in three ways: with held-out data, with the same data
+# in another order, and with a recording in which nothing should be found. The example is an Xsens MTi turned by hand,
+# 38 dwells (its accelerometers ship with the project; Tedaldi, Pretto and Menegatti 2014), and its gyroscopes if the
+# raw files are available.
 
 # %%
 from dataclasses import replace
@@ -33,10 +34,10 @@ xsens = gimbalcal.read(shipped() / "xsens_positions")
 RAW = [Path("../shared/data/imu_tk_xsens") / name for name in ("xsens_acc.mat", "xsens_gyro.mat")]
 
 # %% [markdown]
-# ## Left out on purpose: how the axes lean
+# ## Omitted on purpose: misalignment
 #
-# Bias and scale factor alone leave 3.4 mg of the norm of gravity. The leaning of the axes is named, and then something that a
-# calibration of the textbook does not have.
+# With bias and scale factor only, 3.4 mg of the norm of gravity remain. The misalignment is identified, and then an
+# effect that a textbook calibration does not contain.
 
 # %%
 found = gimbalcal.diagnose(xsens, baseline=["bias", "scale_factor"])
@@ -44,10 +45,10 @@ print(found.in_words)
 print(found.to_frame().select("effect", "probability", "in_sigmas", "parameter", "value", "sigma", "unit"))
 
 # %% [markdown]
-# ## Where is it?
+# ## Where is the misfit?
 #
-# Residuals of the norm at each rest, in mg: with bias and scale factor, with the leaning, and with the drift. To the eye the second is noise;
-# against the order of visits it is not: neighbours in time are alike once what each attitude says of three axes is put together.
+# Residuals of the norm in each dwell, in mg: with bias and scale factor, with misalignment, and with drift. The second
+# looks like noise; against time it is not: neighbours are correlated once the attitudes are accounted for.
 
 # %%
 lean = gimbalcal.diagnose(xsens)  # its model holds misalignment from the start
@@ -66,10 +67,10 @@ panels[0].set_ylabel("norm of the force - gravity [mg]")
 plt.show()
 
 # %% [markdown]
-# ## Is it there?
+# ## Is it real?
 #
-# Each rest is predicted once from a fit that has not seen it. And if the biases really wander in *time*, the same
-# rests shuffled must show no wandering: attitudes, readings and noise are the same.
+# Each dwell is predicted from a fit without it. And if the biases change in *time*, the same dwells in random order
+# must not show a drift: attitudes, readings and noise are the same.
 
 # %%
 fit = found.fit
@@ -83,8 +84,9 @@ print("in a random order:    ", again.verdict, [f["effect"] for f in again.findi
 # %% [markdown]
 # ## What these data cannot show
 #
-# The drift has no equation; a step of the biases does nearly as well, and the answer names both. Squares and cubes of the
-# force were offered to the calibration and are declined, with how large they might still be; and a unit in the hand has no attitude.
+# The drift has no equation; a step of the biases fits nearly as well, and the answer names both. Quadratic and cubic
+# terms are omitted by the calibration, with upper limits of their size; and a unit turned by hand has no known
+# attitude.
 
 # %%
 for f in lean.findings:
@@ -93,10 +95,11 @@ for u in gimbalcal.calibrate(xsens).unobservable:
     print("-", u["why"])
 
 # %% [markdown]
-# ## Its gyroscopes, if the raw files are there
+# ## Its gyroscopes, if the raw files are available
 #
-# Left alone, a gyroscope shows its bias. These show more: the bias follows the attitude. Nine coefficients, force to rate, are
-# learned at rest; the turns between the rests took no part, and gravity carried through them is met three times better.
+# At rest, a gyroscope should show a constant bias. Here the bias depends on the attitude. Nine coefficients, force to
+# rate, are estimated at rest; the turns between the dwells are not used, and gravity propagated through them deviates
+# three times less.
 
 # %%
 if all(path.is_file() for path in RAW):

@@ -10,12 +10,12 @@
 # ---
 
 # %% [markdown]
-# # What was left out?
+# # What does the model omit?
 #
-# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md in this folder.*
 #
-# An effect is concealed in a recording, and the model does not know of it. Where does the misfit show, what is it, what
-# does the fit gain by it, and what can these data not tell, whoever asks?
+# A simulated recording contains an effect that the model does not. Where does the misfit show, what is its cause, what
+# does the fit gain, and what can these data not distinguish?
 
 # %%
 import copy
@@ -48,9 +48,10 @@ def recorded(concealed, holds=None):
 
 
 # %% [markdown]
-# ## Concealed: a bias that follows the temperature
+# ## The omitted effect: a bias that depends on the temperature
 #
-# 12 ug/degC on y. The calibration has 18 coefficients and no thermometer; it says that something is missing, not what.
+# 12 ug/degC on y. The calibration has 18 coefficients and does not use the thermometer; it states that something is
+# missing, not what.
 
 # %%
 drifting, truth = recorded({"bias_temperature": {"y": 12.0}})
@@ -60,8 +61,8 @@ print(without.outcome)
 # %% [markdown]
 # ## Where?
 #
-# The diagnosis takes the constants out of data and causes alike, and looks where what is left is not noise: in which
-# channel, and against what.
+# The diagnosis profiles the constants out of data and candidates alike, and locates where the residual is not noise: in
+# which channel, and as a function of what.
 
 # %%
 found = gimbalcal.diagnose(drifting)
@@ -95,14 +96,14 @@ panels[1].set(xlabel="temperature [degC]", ylabel="the same, once the constants\
 plt.show()
 
 # %% [markdown]
-# Left, what a calibration shows: 30 ug at most, and no line against anything, because the constants had taken most of it. Right,
-# the same positions with the constants of the joint fit: a line of 70 ug.
+# Left: the residuals of a calibration, 30 ug at most and without a trend, because the constants absorb most of the
+# effect. Right: the same positions with the constants of the joint fit, a line of 70 ug.
 
 # %% [markdown]
 # ## What, and how much?
 #
-# Each effect of the catalogue was compared, alone and in pairs. The name comes with its size, with its probability (90 %
-# at most: a law that nobody wrote down may look like one that is) and with what the fit has not seen.
+# Each effect of the catalogue was compared, alone and in pairs. The cause is stated with its size, its probability (90
+# % at most: an unknown law may resemble a known one) and the misfit of held-out data.
 
 # %%
 print(found.in_words)
@@ -111,8 +112,8 @@ print(found.to_frame())
 # %% [markdown]
 # ## The fit with it
 #
-# Part of what was concealed had gone into the coefficients. With the effect in the model they come back: their errors,
-# in stated sigmas, without it and with it.
+# Part of the effect had been absorbed by the coefficients. With the effect in the model they agree with the truth
+# again: their errors, in stated sigmas, without it and with it.
 
 # %%
 with_it = gimbalcal.calibrate(drifting, more=["bias_temperature:y"])
@@ -130,10 +131,10 @@ for name, made in (("without", without), ("with", with_it)):
           ", ".join(f"{made.parameters[i].label} {off[i]:+.1f}" for i in shown))  # fmt: skip
 
 # %% [markdown]
-# ## What these data cannot tell
+# ## What these data cannot distinguish
 #
-# A cubic nonlinearity of 60 ug/g^3 on x instead. Its name cannot be had: at these 18 positions gravity along x takes the
-# values 0, 0.7 and 1 g only, and three laws pass through them alike. They stand together, whatever the size.
+# A cubic nonlinearity of 60 ug/g^3 on x instead. It cannot be identified: at these 18 positions gravity along x takes
+# the values 0, 0.7 and 1 g only, and three laws pass through them. They are reported together, whatever the size.
 
 # %%
 bent, truth = recorded({"cubic_nonlinearity": {"x": 60.0}})
@@ -148,8 +149,8 @@ for name in rivals:
     print(f"{name:20s} chi^2 {made.residual.chi2:6.1f} for {made.residual.dof} degrees of freedom")
 
 # %% [markdown]
-# Which is no loss for a correction: all of them predict the same readings here. For the name, other inputs are
-# needed. Sixteen positions at 30 and 60 degrees besides:
+# This is no loss for a correction: all of them predict the same readings here. To identify the law, other inputs are
+# needed. Sixteen positions at 30 and 60 degrees in addition:
 
 # %%
 wu = [
@@ -163,9 +164,9 @@ print(clearer.in_words)
 print(clearer.findings[0].separate_by)
 
 # %% [markdown]
-# One law is out; a saturation with a free knee can still bend as a cubic does between nothing and 1 g, and the answer says
-# that no position would change that: it takes more than gravity, a centrifuge say. Sizes are to be read with that in
-# mind: 60 went in, under the name that says so.
+# One law is excluded; a saturation with a free knee can still resemble a cubic between zero and 1 g, and the answer
+# says that no position would change that: it takes more than gravity, a centrifuge for instance. The size, 60 in the
+# simulation, is stated under the name that is chosen.
 
 # %%
 print(clearer.to_frame())

@@ -12,10 +12,10 @@
 # %% [markdown]
 # # Your own data
 #
-# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md beside it.*
+# *A notebook as text: VS Code, PyCharm and Spyder run it cell by cell; for Jupyter see README.md in this folder.*
 #
-# Arrays or a data frame in; checked, calibrated, judged; arrays out. Everything goes through the same checks, and gets
-# the same sigmas, as a recording in files. Replace the next cell by your own log.
+# Arrays or a data frame in; checks, calibration, diagnosis; arrays out. Everything passes the same checks, and gets the
+# same sigmas, as a recording in files. Replace the next cell by your own log.
 
 # %%
 import matplotlib.pyplot as plt
@@ -54,10 +54,10 @@ t, f, w, warm = my_log()
 print(f"{len(t)} rows in {t[-1]:.0f} s; the first: {f[0].round(4)} g, {w[0].round(3)} deg/s, {warm[0]:.2f} degC")
 
 # %% [markdown]
-# ## In
+# ## Input
 #
-# Units are said once. Where the unit stood tells gravity to some 30 ppm (latitude and height); without a place it is good to
-# 1530 ppm, and every scale factor says so in its sigma.
+# Units are stated once. The site gives gravity to some 30 ppm (latitude and height); without it gravity is uncertain by
+# 1530 ppm, which is part of the sigma of every scale factor.
 
 # %%
 units = {"specific_force": "g", "angular_rate": "deg/s", "temperature": "degC"}
@@ -65,7 +65,7 @@ where = {"latitude": (48.1, "deg"), "height": (520.0, "m")}
 recording = gimbalcal.from_arrays(t, specific_force=f, angular_rate=w, temperature=warm, units=units, site=where)
 
 # %% [markdown]
-# A data frame is as good: polars, pandas, or a dictionary of columns. Each column says what it holds.
+# A data frame is accepted as well: polars, pandas, or a dictionary of columns. Each column states what it holds.
 
 # %%
 frame = pl.DataFrame({"t": t, **dict(zip(["ax", "ay", "az", "gx", "gy", "gz"], [*f.T, *w.T], strict=True)), "T": warm})
@@ -77,10 +77,10 @@ assert all(np.array_equal(same.channels[key], recording.channels[key]) for key i
 print(frame.head(3))
 
 # %% [markdown]
-# ## Checked
+# ## Checks
 #
-# What cannot be right is refused in one sentence: a force called m/s^2 that is in g, two accelerometers exchanged, a
-# clock that runs backwards for one row. Nobody has to think of these checks.
+# Input that cannot be right is refused in one sentence: a force declared as m/s^2 that is in g, two accelerometers
+# exchanged, a clock that runs backwards in one row.
 
 # %%
 of_both = {"specific_force": "g", "angular_rate": "deg/s"}
@@ -95,10 +95,10 @@ for time, force, unit in ((t, f, "m/s^2"), (t, f[:, [1, 0, 2]], "g"), (swapped, 
         print("refused:", refusal, "\n")
 
 # %% [markdown]
-# ## Calibrated
+# ## Calibration
 #
-# No attitude is known: at rest the force is as long as gravity, and the turns carry gravity from one rest to the next. The
-# rests are found, the noise is measured.
+# No attitude is known: at rest the norm of the force is gravity, and the turns carry gravity from one dwell to the
+# next. The dwells are detected, and the noise is estimated.
 
 # %%
 calibration = gimbalcal.calibrate(recording)
@@ -106,7 +106,7 @@ print(calibration)
 print(calibration.outcome)
 
 # %% [markdown]
-# ## Judged
+# ## Diagnosis
 #
 # Something is missing: positions scatter 77 times as much as their samples. What is it?
 
@@ -116,9 +116,9 @@ print(found)
 found.plot()
 
 # %% [markdown]
-# The bias of z follows the temperature. *Or the time*: this log was made while the unit warmed up evenly, so that the
-# two are one here, and the answer says so. Either corrects these data; which of them holds tomorrow another log would
-# tell, at another temperature. It goes into the model:
+# The bias of z depends on the temperature. *Or on the time*: this log was made while the unit warmed up evenly, so that
+# the two are equivalent here, and the answer says so. Either corrects these data; a log at another temperature would
+# distinguish them. The effect is added to the model:
 
 # %%
 calibration = gimbalcal.calibrate(recording, more=["bias_temperature:z"])
@@ -128,17 +128,17 @@ print(table.select("name", "axis", "value", "sigma", "unit"))
 calibration.plot()
 
 # %% [markdown]
-# ## What was not seen
+# ## What is unobservable
 #
-# `unobservable` says what these data do not tell, and why. A common turn of the whole triad is nothing that a unit in the hand could
-# know; terms that were tried and not called for stand there with the reason.
+# `unobservable` lists what these data do not determine, with the reason. A rotation of the whole triad is unobservable
+# for a unit in the hand; terms that were tried and not supported are listed with the reason.
 
 # %%
 for u in calibration.unobservable:
     print("-", u["why"])
 
 # %% [markdown]
-# Sigmas are not the whole of it: coefficients go together. A quantity that is computed from several takes the covariance.
+# The estimates are correlated: the sigma of a quantity that is computed from several of them requires the covariance.
 
 # %%
 labels = [p.label for p in calibration.parameters]
@@ -153,9 +153,9 @@ fig.colorbar(drawn, label="correlation")
 plt.show()
 
 # %% [markdown]
-# ## Out
+# ## Output
 #
-# Corrected arrays, in the units that went in. At rest the force should be as long as gravity now.
+# Corrected arrays, in the units of the input. The norm of the force at rest should now be gravity.
 
 # %%
 readings = {"time": t, "specific_force": f, "angular_rate": w, "temperature": warm}

@@ -1,4 +1,4 @@
-"""Pages that are written by a program say what the program would write today."""
+"""Generated pages are up to date, and pages name only what exists."""
 
 import json
 import re
@@ -37,7 +37,7 @@ def test_every_link_of_a_page_leads_to_a_file_of_the_project() -> None:
     assert not [f"{page.name}: {link}" for page, link in links if not (page.parent / link).exists()]
 
 
-def test_links_that_lead_nowhere_and_files_from_elsewhere_are_told(tmp_path: Path) -> None:
+def test_broken_links_and_external_files_are_reported(tmp_path: Path) -> None:
     faults = runpy.run_path(str(DOCS / "check_links.py"))["faults"]
     (tmp_path / "a.html").write_text('<a href="b.html#here">b</a><a href="https://x.org">x</a><img src="data:image/">')
     (tmp_path / "b.html").write_text('<p id="here"></p>')
@@ -56,7 +56,7 @@ MODULE = re.compile(r"python -m ((?:gimbalcal|derivations|tests)[\w.]*)")
 FILE = re.compile(r"`((?:gimbalcal|tests|docs|data|notebooks|derivations)/[\w./-]+)`")
 
 
-def slips(page: str) -> list[str]:
+def unknown_names(page: str) -> list[str]:
     """Commands, options, modules and files of the project that a page names and that do not exist."""
     known = {name: {o for p in c.params for o in p.opts} | {"--help", "-h"} for name, c in gimbalcal.commands.items()}
     out = [f"gimbalcal {name}" for name, _ in CALL.findall(page) if name not in known]
@@ -70,16 +70,16 @@ def slips(page: str) -> list[str]:
     return out + [f for f in FILE.findall(page) if not (DOCS.parent / f).exists()]
 
 
-def test_what_a_page_names_is_there() -> None:
+def test_pages_name_only_what_exists() -> None:
     pages = [p for p in DOCS.rglob("*.md") if "_build" not in p.parts]
-    told = [f"{p.name}: {slip}" for p in [*pages, *DOCS.parent.glob("[!.]*/README.md"), DOCS.parent / "README.md"]
-            for slip in slips(p.read_text())]  # fmt: skip
-    assert told == []
+    unknown = [f"{p.name}: {name}" for p in [*pages, *DOCS.parent.glob("[!.]*/README.md"), DOCS.parent / "README.md"]
+            for name in unknown_names(p.read_text())]  # fmt: skip
+    assert unknown == []
 
 
-def test_what_is_not_there_is_told() -> None:
+def test_unknown_names_are_reported() -> None:
     page = "`gimbalcal calibrate REC --metod x` and `gimbalcal calibrat`, `--nothing`, `docs/no.md`, python -m tests.no"
-    assert slips(page) == ["gimbalcal calibrat", "calibrate --metod", "--nothing", "tests.no", "docs/no.md"]
+    assert unknown_names(page) == ["gimbalcal calibrat", "calibrate --metod", "--nothing", "tests.no", "docs/no.md"]
 
 
 DATA = DOCS.parent / "data"
