@@ -13,6 +13,7 @@ CHECKED := gimbalcal $(wildcard derivations)
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
+export PYTHONUTF8 := 1  # the files of the tests are UTF-8, whatever the locale
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint docs mutate bench lock clean

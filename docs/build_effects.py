@@ -79,5 +79,5 @@ def rows(c: type[Effect]) -> list[str]:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page())
+    PAGE.write_text(page(), encoding="utf-8")
     sys.stdout.write(f"wrote {PAGE.name}: {len(CATALOGUE)} effects\n")

@@ -61,7 +61,7 @@ def furnish(place: Path, recordings: Path) -> None:
     """The program, the recordings that ship, and the real files, as a reader would have them."""
     (place / ".bin").mkdir()
     program = place / ".bin" / "gimbalcal"
-    program.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -m gimbalcal "$@"\n')
+    program.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -m gimbalcal "$@"\n', encoding="utf-8")
     program.chmod(0o755)
     (place / "data").symlink_to(ROOT / "data")
     for name, path in FILES.items():

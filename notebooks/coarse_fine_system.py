@@ -40,7 +40,7 @@ fused = three_stage([device, run])
 # %%
 truth = {
     f"{p['name']}:{p['axis']}": to_si(p["value"], p["unit"])
-    for p in json.loads((Path(data) / "space_stable_18" / "truth.json").read_text())["parameters"]
+    for p in json.loads((Path(data) / "space_stable_18" / "truth.json").read_text(encoding="utf-8"))["parameters"]
 }
 
 

@@ -20,6 +20,7 @@ from gimbalcal.cli.catalogue import catalogue
 from gimbalcal.cli.demonstration import demo
 from gimbalcal.cli.files import apply, export, import_, new
 from gimbalcal.cli.options import EFFECTS, example
+from gimbalcal.cli.plain_characters import print_plain_characters
 from gimbalcal.cli.planning import budget, campaign, design, observe, simulate
 from gimbalcal.errors import InputError
 
@@ -30,6 +31,7 @@ CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 def main() -> None:
     """Run the command line; every refusal is one sentence on stderr and exit status 2."""
     gc.set_threshold(GC_THRESHOLD)
+    print_plain_characters((sys.stdout, sys.stderr))
     try:
         gimbalcal(standalone_mode=False)
     except InputError as problem:

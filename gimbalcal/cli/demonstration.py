@@ -63,7 +63,7 @@ def _truth(folders: list[Path]) -> dict[str, float] | None:
 
     truth: dict[str, float] = {}
     for path in (folder / "truth.json" for folder in folders):
-        for p in json.loads(path.read_text())["parameters"] if path.exists() else ():
+        for p in json.loads(path.read_text(encoding="utf-8"))["parameters"] if path.exists() else ():
             truth.setdefault(label_of(p), float(to_si(p["value"], p["unit"])))
     return truth or None
 
