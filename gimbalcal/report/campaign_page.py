@@ -1,4 +1,4 @@
-"""The report of a campaign: whether errors are as large as the sigmas say, parameter by parameter."""
+"""The page of a campaign: the ratio of error to sigma, parameter by parameter."""
 
 from __future__ import annotations
 
@@ -17,40 +17,40 @@ from gimbalcal.report.parameters import in_sigmas
 from gimbalcal.report.rounding import significant
 from gimbalcal.units import from_si
 
-SURPRISE = 1e-3  # probability, over all parameters together, below which chance is not believed
-NEGLIGIBLE = 0.1  # relative excess of errors over sigmas that nobody would act on, however significant
-NAMED = 3  # parameters that a headline names
+MIN_P_VALUE = 1e-3  # of all parameters jointly; a smaller one is not attributed to chance
+MAX_RELATIVE_EXCESS = 0.1  # of errors over sigmas; less changes no decision, however significant
+MAX_NAMED = 3  # parameters that a headline names
 
 Row = Mapping[str, Any]
 
 
 def headline(content: Mapping[str, Any]) -> str:
-    """What a campaign.json comes to: are the sigmas honest, is anything off on average, what next."""
-    rows = _told(content)
+    """Return whether errors and sigmas agree, which parameters have an offset, and what to do next."""
+    rows = _estimated(content)
     runs = amount(content["runs"], "run")
     if not rows:
-        return f"{runs}, none with an estimate: {_reasons(content)}. Next: look at the scenario."
+        return f"{runs} without an estimate: {_reasons(content)}. Next: check the scenario."
     low, high = chance(min(int(r["runs"]) for r in rows), len(rows))
     ratios = [float(r["ratio"]) for r in rows]
     large, off = _larger(rows), _off(rows)
-    seen = f"{min(ratios):.2f} to {max(ratios):.2f} times their σ over {amount(len(rows), 'parameter')}"
-    text = f"In {runs} errors are {seen}; chance alone makes {low:.2f} to {high:.2f}."
+    size = f"{min(ratios):.2f} to {max(ratios):.2f} times their σ over {amount(len(rows), 'parameter')}"
+    text = f"In {runs} errors are {size}; chance alone gives {low:.2f} to {high:.2f}."
     if large:
-        text += f" {_names(large)} err more than their σ says." if len(large) > 1 else (
-            f" {_names(large)} errs more than its σ says.")  # fmt: skip
+        text += f" The errors of {_names(large)} exceed their σ." if len(large) > 1 else (
+            f" The error of {_names(large)} exceeds its σ.")  # fmt: skip
     if off:
-        text += f" Off on average: {_names(off)}."
+        text += f" The mean error of {_names(off)} is not zero."
     if content["failed"]:
         text += f" {amount(content['failed'], 'run')} ended with a reservation: {_reasons(content)}."
     if large or off:
         return f"{text} Next: `gimbalcal diagnose` a simulated recording of this scenario."
     small = min(int(r["runs"]) for r in rows) < 50
-    return f"{text} The σ are honest" + (" as far as so few runs tell. Next: more of them, -n 200." if small else ".")
+    return f"{text} The σ are honest" + (" as far as so few runs show. Next: more of them, -n 200." if small else ".")
 
 
 def campaign_report(content: Mapping[str, Any]) -> str:
-    """The page for the content of a campaign.json."""
-    rows = _told(content)
+    """Return the page for the content of a campaign.json."""
+    rows = _estimated(content)
     doubtful = bool(not rows or content["failed"] or _larger(rows) or _off(rows))
     identity = content["identity"]
     context = {
@@ -63,7 +63,7 @@ def campaign_report(content: Mapping[str, Any]) -> str:
         "reasons": [(words, amount(count, "run")) for words, count in content["outcomes"].items()],
         "provenance": [
             ("method", str(identity["method"])), ("seed", str(identity["seed"])), ("kind", str(identity["kind"])),
-            ("the numbers turn", str(content["direction"])), ("version", str(identity["version"])),
+            ("direction", str(content["direction"])), ("version", str(identity["version"])),
             ("SHA-256 of the scenario", str(identity["scenario"])),
         ],
     }  # fmt: skip
@@ -71,7 +71,7 @@ def campaign_report(content: Mapping[str, Any]) -> str:
 
 
 def chance(runs: int, parameters: int) -> tuple[float, float]:
-    """Between what the ratio of RMS error and sigma lies by chance, over so many parameters together.
+    """Return the interval of the ratio of RMS error to sigma by chance, over all parameters jointly.
 
     n ratio^2 is chi^2 with n degrees of freedom.
 
@@ -80,46 +80,46 @@ def chance(runs: int, parameters: int) -> tuple[float, float]:
     """
     from scipy.special import chdtri
 
-    tail = SURPRISE / parameters / 2
+    tail = MIN_P_VALUE / parameters / 2
     return sqrt(float(chdtri(runs, 1 - tail)) / runs), sqrt(float(chdtri(runs, tail)) / runs)
 
 
-def _told(content: Mapping[str, Any]) -> list[Row]:
+def _estimated(content: Mapping[str, Any]) -> list[Row]:
     return [r for r in content["parameters"] if r["ratio"] is not None]
 
 
 def _larger(rows: Sequence[Row]) -> list[Row]:
-    """Parameters whose errors exceed their sigmas by more than chance and by what one would act on, worst first."""
-    over = [r for r in rows if r["ratio"] > max(chance(int(r["runs"]), len(rows))[1], 1 + NEGLIGIBLE)]
+    """Return parameters whose errors exceed their sigmas significantly and by a relevant amount, worst first."""
+    over = [r for r in rows if r["ratio"] > max(chance(int(r["runs"]), len(rows))[1], 1 + MAX_RELATIVE_EXCESS)]
     return sorted(over, key=lambda r: -float(r["ratio"]))
 
 
 def _off(rows: Sequence[Row]) -> list[Row]:
-    """Parameters whose errors do not have a mean of zero."""
+    """Return parameters whose mean error is significant."""
     return [r for r in rows if abs(_offset(r)) > _far(len(rows))]
 
 
 def _offset(r: Row) -> float:
-    """The mean error in its own sigmas."""
+    """Return the mean error in its own sigmas."""
     return float(r["mean"] / r["sigma"] * sqrt(r["runs"]))
 
 
 def _far(parameters: int) -> float:
-    """Sigmas of a mean that chance does not reach in any of so many parameters."""
+    """Return the sigmas that a mean exceeds by chance in none of so many parameters."""
     from scipy.special import ndtri
 
-    return float(-ndtri(SURPRISE / parameters / 2))
+    return float(-ndtri(MIN_P_VALUE / parameters / 2))
 
 
 def _names(rows: Sequence[Row]) -> str:
-    names = [naming.label_in_words(r["parameter"]) for r in rows[:NAMED]]
-    more = len(rows) - NAMED
+    names = [naming.label_in_words(r["parameter"]) for r in rows[:MAX_NAMED]]
+    more = len(rows) - MAX_NAMED
     return naming.listed([*names, f"{more} more"] if more > 0 else names)
 
 
 def _reasons(content: Mapping[str, Any]) -> str:
     worst = next(iter(content["outcomes"]), "")
-    return naming.typeset(worst.rstrip(".")) or "no reason was given"
+    return naming.typeset(worst.rstrip(".")) or "no reason is stated"
 
 
 def _facts(content: Mapping[str, Any], rows: Sequence[Row]) -> list[tuple[str, str]]:
@@ -146,7 +146,7 @@ def _row(r: Row, before: Row | None) -> dict[str, Any]:
 
 
 def _printed(r: Row) -> tuple[float, float, str]:
-    """RMS error and sigma in the unit that the parameter is printed in everywhere."""
+    """Return RMS error and sigma in the unit in which the parameter is printed."""
     stated = r["unit"] != "SI"  # of pulses: no parameter of the catalogue
     unit = str(r["unit"]) if stated else _units().get(r["parameter"].partition(":")[0], "1")
     rms, sigma = (float(r[k]) if stated else float(from_si(r[k], unit)) for k in ("rms", "sigma"))
@@ -161,24 +161,24 @@ def _units() -> dict[str, str]:
 
 
 def _picture(rows: Sequence[Row]) -> Picture:
-    """The ratio of every parameter, and where chance leaves it."""
+    """Draw the ratio of every parameter, and its interval by chance."""
     words = [naming.label_in_words(r["parameter"]) for r in rows][::-1]
     ratio = np.array([float(r["ratio"]) for r in rows])[::-1]
     y, ends = np.arange(len(words), dtype=float), np.array([-0.5, len(words) - 0.5])
     low, high = chance(min(int(r["runs"]) for r in rows), len(rows))
     odd = ratio > high
-    told = [f"{w}: errors {x:.2f} times σ" for w, x in zip(words, ratio, strict=True)]
+    points = [f"{w}: errors {x:.2f} times σ" for w, x in zip(words, ratio, strict=True)]
     chart = Chart(
         (Band(np.array([low, high]), ends[[0, 0]], ends[[1, 1]], "grey", "chance"), Rule(1.0, "ink", upright=True),
-         Points(ratio[~odd], y[~odd], size=3.6, names=[t for t, o in zip(told, odd, strict=True) if not o]),
-         *([Points(ratio[odd], y[odd], "c1", "diamond", 4.2, names=[t for t, o in zip(told, odd, strict=True) if o],
+         Points(ratio[~odd], y[~odd], size=3.6, names=[t for t, o in zip(points, odd, strict=True) if not o]),
+         *([Points(ratio[odd], y[odd], "c1", "diamond", 4.2, names=[t for t, o in zip(points, odd, strict=True) if o],
                    label="more than chance")] if odd.any() else [])),
         x_label="RMS error / σ", y_names=words, height=14.0 * len(words) + 14,
     )  # fmt: skip
     return picture(
         chart,
         f"Error over sigma of {amount(len(words), 'parameter')}, from {ratio.min():.2f} to {ratio.max():.2f}; chance "
-        f"leaves {low:.2f} to {high:.2f}.",
-        "How large the errors were, in units of the σ that each run stated. Right of the band: σ promises too much. "
-        "Left of it: σ is larger than it need be, as where it is partly the prior’s.",
+        f"gives {low:.2f} to {high:.2f}.",
+        "RMS error in units of the σ that each run stated. Right of the band σ is too small, left of it too large, as "
+        "where it is partly the prior’s.",
     )

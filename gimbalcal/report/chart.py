@@ -1,7 +1,7 @@
-"""A chart: what is marked where, on which axes; `draw` makes SVG of it.
+"""Charts as data: marks on axes; `draw` renders them as SVG.
 
-Colours are numbers of the palette in style.css, that of Okabe and Ito, which colour-blind readers tell apart; marks
-differ in shape and lines in dashes too, so that grey print does.
+Colours are numbers of the palette in style.css, that of Okabe and Ito, which colour-blind readers distinguish; marks
+also differ in shape and lines in dashes, for grey print.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ COLOURS: tuple[Colour, ...] = ("c0", "c1", "c2", "c3", "c4", "c5")
 Dash = Literal["", "dashed", "dotted", "dashdot", "long", "sparse"]
 DASHES: tuple[Dash, ...] = ("", "dashed", "dotted", "dashdot", "long", "sparse")
 SHAPES: tuple[Shape, ...] = ("dot", "square", "diamond", "triangle")
-POINTS = 600  # of a curve; more cannot be told apart on a page
+POINTS = 600  # of a curve; more overlap on a page
 
 BLUE, VERMILION, GREEN, ORANGE = COLOURS[:4]
 
@@ -42,7 +42,7 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A curve through x, y (n,); `step` keeps each value until halfway to the next; `dash` tells it from others."""
+    """A curve through x, y (n,); `step` keeps each value until halfway to the next; `dash` is its pattern."""
 
     x: Array
     y: Array
@@ -54,7 +54,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """What lies between `low` and `high` (n,) over x (n,)."""
+    """An area between `low` and `high` (n,) over x (n,)."""
 
     x: Array
     low: Array
@@ -118,12 +118,12 @@ class Chart:
 
 
 def thin(n: int) -> slice:
-    """Every so many of n rows that no more than `POINTS` are drawn."""
+    """Return a slice of n rows that keeps at most `POINTS` of them."""
     return slice(None, None, max(1, -(-n // POINTS)))
 
 
 def envelope(x: Array, y: Array) -> tuple[Array, Array]:
-    """A long curve by the least and the largest value of each stretch, so that no spike is lost."""
+    """Return a long curve by the minimum and the maximum of each stretch, so that spikes remain visible."""
     if len(x) <= POINTS:
         return x, y
     edges = np.linspace(0, len(x), POINTS // 2 + 1).astype(int)[:-1]
@@ -132,7 +132,7 @@ def envelope(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def limits(chart: Chart) -> tuple[tuple[float, float], tuple[float, float]]:
-    """What both axes span: all marks and a little beyond, the logarithm where an axis is logarithmic."""
+    """Return the limits of both axes: all marks and a margin, as logarithms where an axis is logarithmic."""
     xs: list[Array] = []
     ys: list[Array] = []
     for m in chart.marks:
@@ -162,7 +162,7 @@ def _span(values: Sequence[Array], log: bool, beyond: float) -> tuple[float, flo
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """Round numbers between two: 1, 2 or 5 times a power of ten apart, no more than `most` of them.
+    """Return round numbers between two, in steps of 1, 2, 2.5 or 5 times a power of ten, at most `most` of them.
 
     >>> ticks(-0.31, 0.94)
     [-0.25, 0.0, 0.25, 0.5, 0.75]
@@ -175,7 +175,7 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
 
 
 def tick_words(values: Sequence[float]) -> list[str]:
-    """The numbers at ticks, all with as many places; large and small ones as powers of ten.
+    """Return the numbers at ticks in words; large and small ones as powers of ten.
 
     >>> tick_words([0.0, 0.25, 0.5]), tick_words([-20000.0, 0.0])
     (['0', '0.25', '0.5'], ['−20 000', '0'])
@@ -187,7 +187,7 @@ def tick_words(values: Sequence[float]) -> list[str]:
 
 
 def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    """Powers of ten between two logarithms, with 2 and 5 between them where there are few."""
+    """Return powers of ten between two logarithms, with 2 and 5 between them where there are few."""
     span = high - low
     every = max(1, int(np.ceil(span / 7)))
     powers = [k for k in range(int(np.floor(low)), int(np.ceil(high)) + 1) if k % every == 0]
@@ -201,7 +201,7 @@ def _power(v: float) -> str:
 
 
 def lasting(seconds: float) -> str:
-    """A stretch of time in the unit a person would say it in.
+    """Return a duration in a readable unit.
 
     >>> lasting(0.02), lasting(300.0), lasting(172800.0), lasting(400000.0)
     ('0.02 s', '5 min', '48 h', '4.63 days')
@@ -211,7 +211,7 @@ def lasting(seconds: float) -> str:
 
 
 def sensible_time(seconds: Array) -> tuple[Array, str]:
-    """Time in the unit a person would read it in.
+    """Return time in a readable unit, and that unit.
 
     >>> sensible_time(np.array([0.0, 7200.0]))[1], sensible_time(np.array([0.0, 30.0]))[1]
     ('h', 's')

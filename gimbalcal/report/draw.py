@@ -1,6 +1,6 @@
-"""A chart as SVG inside the page: letters and colours are the page's, readable on a phone and in the dark.
+"""Render a chart as SVG inside the page, with the letters and colours of the page, on a phone and in the dark.
 
-The axes' ranges stand in data attributes, from which page.js tells the values under the pointer. Equal charts give
+The limits of the axes are data attributes, from which page.js computes the values under the pointer. Equal charts give
 equal text.
 
 Notebooks, `.plot()` and documents are drawn by matplotlib. A page is not: two thirds of the processor time of
@@ -44,7 +44,7 @@ To = Callable[[Array], Array]
 
 
 def svg(chart: Chart) -> str:
-    """The chart as an SVG element."""
+    """Return the chart as an SVG element."""
     (x0, x1), (y0, y1) = limits(chart)
     across, up = ([], []) if chart.bare else (_ticks(chart, x0, x1, True), _ticks(chart, y0, y1, False))
     left = 14 + LETTER * max((len(w) for _, w in up), default=0) + (16 if chart.y_label else 0)
@@ -85,7 +85,7 @@ def svg(chart: Chart) -> str:
 
 
 def sheet(charts: Sequence[Chart], columns: int = 2) -> str:
-    """Charts beside each other as an SVG file that needs no page."""
+    """Return charts side by side as an SVG file that needs no page."""
     style = (files("gimbalcal.report") / "templates" / "chart.css").read_text(encoding="utf-8")
     drawn = [svg(c) for c in charts]
     heights = [float(re.search(r'viewBox="0 0 \S+ ([\d.]+)"', d)[1]) for d in drawn]  # type: ignore[index]
@@ -112,24 +112,24 @@ def _ticks(chart: Chart, low: float, high: float, across: bool) -> list[tuple[fl
     if across and chart.x_ticks:
         return [(at, word) for at, word in chart.x_ticks if low <= at <= high]
     if names:
-        # as many as stand beside each other
+        # as many as fit
         room = (WIDTH - 60) / (LETTER * (max(map(len, names)) + 1.5)) if across else chart.height / 9
         every = max(1, int(np.ceil(len(names) / room))) if not across or max(map(len, names)) < 6 else 1
         return [(float(i), names[i]) for i in range(0, len(names), every)]
     if log:
         return log_ticks(low, high)
     most = 6 if across else max(2, int(chart.height / 36))
-    values = next(v for k in range(most, 20) if len(v := ticks(low, high, k)) > 1)  # one alone tells no scale
+    values = next(v for k in range(most, 20) if len(v := ticks(low, high, k)) > 1)  # one alone gives no scale
     return list(zip(values, tick_words(values), strict=True))
 
 
 def _crossed(across: Sequence[tuple[float, str]], wide: float) -> bool:
-    """Whether words under the chart have to stand upright."""
+    """Return whether words under the chart have to be vertical."""
     return sum(len(w) + 1.5 for _, w in across) * LETTER > wide
 
 
 def _shortened(words: str, room: float, letter: float = LETTER) -> str:
-    """Words that would leave the picture, cut where it ends."""
+    """Return words, cut where they would leave the picture."""
     most = int(room / letter)
     return words if len(words) <= most else f"{words[: most - 1].rstrip()}…"
 
@@ -165,13 +165,13 @@ def _axes(
 
 
 def _legend(chart: Chart, left: float) -> tuple[list[str], float]:
-    """The names of marks beside each other under the title, in as many lines as they take, and how high that is."""
-    told = [m for m in chart.marks if not isinstance(m, (Rule, Words)) and m.label]
-    if any(left + 34 + LETTER * len(m.label) > WIDTH for m in told):
-        left = 4.0  # beside long names of an axis there is no room for long ones
+    """Return the names of marks under the title, in as many lines as needed, and their height."""
+    named = [m for m in chart.marks if not isinstance(m, (Rule, Words)) and m.label]
+    if any(left + 34 + LETTER * len(m.label) > WIDTH for m in named):
+        left = 4.0  # long names of an axis leave no room for long labels
     parts: list[str] = []
     y, x = (34.0 if chart.title else 16.0), left
-    for m in told:
+    for m in named:
         wide = 22 if isinstance(m, Line) else 14
         label = _shortened(m.label, WIDTH - left - wide - 12)
         long = wide + 12 + LETTER * (len(label) + 1)
@@ -187,7 +187,7 @@ def _legend(chart: Chart, left: float) -> tuple[list[str], float]:
             parts.append(f'<rect class="{kind} {m.colour}" x="{_n(x)}" y="{_n(y - 9)}" width="14" height="9"/>')
         parts.append(f'<text x="{_n(x + wide + 4)}" y="{_n(y)}">{escape(label)}</text>')
         x += long
-    return parts, (y - (18.0 if chart.title else 0.0) if told else 0.0)
+    return parts, (y - (18.0 if chart.title else 0.0) if named else 0.0)
 
 
 def _mark(m: object, px: To, py: To, frame: tuple[float, ...]) -> Iterable[str]:
@@ -200,7 +200,7 @@ def _mark(m: object, px: To, py: To, frame: tuple[float, ...]) -> Iterable[str]:
         free = -np.inf
         for x, y, word in zip(px(m.x), m.y, m.words, strict=True):
             if np.isinf(y) and x - LETTER * len(word) / 2 < free:
-                continue  # above the chart they stand in a line: what has no room is left out
+                continue  # above the chart words form a line: those without room are omitted
             free = x + LETTER * (len(word) / 2 + 0.5) if np.isinf(y) else free
             at = top - 3 if np.isinf(y) else float(py(np.array(y))) + 4
             small = ' class="small"' if len(m.words) > 14 else ""
@@ -269,7 +269,7 @@ def _shape(shape: str, x: float, y: float, r: float, colour: str, name: str) -> 
 
 
 def _path(x: Array, y: Array) -> str:
-    """A path through points; where one is not finite it is lifted."""
+    """Return a path through points, interrupted where one is not finite."""
     out, pen = [], "M"
     for a, b in zip(x, y, strict=True):
         if np.isfinite(a) and np.isfinite(b):

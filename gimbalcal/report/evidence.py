@@ -1,4 +1,4 @@
-"""What a calibration leaves of a recording, as arrays in printed units ready to be drawn."""
+"""Residuals of a calibration in a recording, as arrays in printed units for charts."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from gimbalcal.report.figures import Curve
 from gimbalcal.report.naming import unit_in_print
 from gimbalcal.units import from_si, to_si
 
-BLOCKS = 288  # points a curve over time is drawn with; more cannot be told apart on a page
-OF_ONE_RUN = (Stage.BASE, Stage.PLATFORM)  # how the base and the platform stood in a static run
+MAX_POINTS = 288  # of a curve over time; more overlap on a page
+STATIC_RUN_STAGES = (Stage.BASE, Stage.PLATFORM)  # attitude of base and platform in one static run
 
 
 @dataclass(frozen=True)
 class Spread:
-    """What a position mean is expected to scatter by: noise of a sample, setting error, and what is beyond both."""
+    """Expected scatter of a position mean: noise of a sample, setting error, and excess scatter."""
 
     accelerometer: float | None = None  # m/s^2
     setting: float = 0.0  # rad
@@ -52,7 +52,7 @@ class ByPosition:
 
 
 def spread_of(recording: Recording, provenance: Mapping[str, Any]) -> Spread:
-    """The noise that a calibration was made with, as its provenance tells it, else as the recording does."""
+    """Return the noise that a calibration assumed, from its provenance, else from the recording."""
     noise, options = provenance.get("noise", {}), provenance.get("options", {})
     force, setting = noise.get("accelerometer_ug"), noise.get("gimbal_angle_arcsec")
     return Spread(
@@ -65,7 +65,7 @@ def spread_of(recording: Recording, provenance: Mapping[str, Any]) -> Spread:
 def by_position(
     recording: Recording, effects: Sequence[Effect], provenance: Mapping[str, Any], readout: Readout
 ) -> ByPosition:
-    """Position means of the accelerometers against the model; against |f| = g for a unit without gimbals."""
+    """Return position means of the accelerometers minus the model; minus g of their norm for a unit without gimbals."""
     means = in_si(dwell_means(recording), readout)
     s, spread = stimulus_from_readings(means), spread_of(means, provenance)
     measured = means.triad("specific_force")
@@ -73,7 +73,7 @@ def by_position(
     sigma = spread.accelerometer and np.hypot(spread.accelerometer / np.sqrt(means.weight), spread.excess)
     bars = None if sigma is None else np.broadcast_to(np.asarray(sigma)[:, None], shape)
     if means.platform.axes:
-        own = tuple(e for e in effects if e.stage not in OF_ONE_RUN)
+        own = tuple(e for e in effects if e.stage not in STATIC_RUN_STAGES)
         before = measured - predict(means.platform, s, ())["specific_force"]
         after = measured - predict(means.platform, s, own)["specific_force"]
         axes: tuple[str, ...] = ("x", "y", "z")
@@ -99,7 +99,7 @@ def by_position(
 
 
 def setting_spread(platform: Platform, s: Stimulus, sigma: float) -> Array:
-    """Sigma (n, 3) [m/s^2] of the force when every gimbal is set with an error of `sigma` [rad]."""
+    """Return sigma (n, 3) [m/s^2] of the force if every gimbal is set with an error of `sigma` [rad]."""
     slope = complex_step(lambda angle: predict(platform, s.at(readout=angle), ())["specific_force"], s.readout)
     return np.sqrt(((slope * sigma) ** 2).sum(axis=-1))
 
@@ -109,31 +109,31 @@ def _norm(f: Array) -> Array:
 
 
 def over_time(recording: Recording, effects: Sequence[Effect]) -> tuple[Array, tuple[Curve, ...]]:
-    """Hours (m,) and departures of a static run from perfect sensors: attitude errors, and force along gravity.
+    """Return hours (m,) and deviations of a static run from perfect sensors: attitude errors, and force along gravity.
 
-    Rows are averaged into at most `BLOCKS` blocks.
+    Rows are averaged into at most `MAX_POINTS` blocks.
     """
     run = static_readings(recording)
-    measured, left = run.residual(), run.residual(effects)
-    edges = np.unique(np.linspace(0, len(measured), BLOCKS + 1).astype(int))
+    measured, residual = run.residual(), run.residual(effects)
+    edges = np.unique(np.linspace(0, len(measured), MAX_POINTS + 1).astype(int))
     thin = np.sqrt(np.median(np.diff(edges)))
     curves = []
     for i, (quantity, axis) in enumerate(run.channels):
         if quantity == "attitude_error":
-            columns = (measured[:, i], left[:, i])
+            columns = (measured[:, i], residual[:, i])
             curves.append(_curve(axis, "arcsec", columns, edges, float(np.median(run.sigma[:, i]) / thin)))
     force = run.columns("specific_force")
     if len(force) == 3:
-        along = tuple((d[:, force] * run.direction).sum(axis=-1) for d in (measured, left))
+        along = tuple((d[:, force] * run.direction).sum(axis=-1) for d in (measured, residual))
         sigma = np.sqrt(((run.sigma[:, force] * run.direction) ** 2).sum(axis=-1))
         curves.append(_curve("force along g", "ug", along, edges, float(np.median(sigma) / thin)))
     return _block_means(recording.time - recording.time[0], edges) / 3600, tuple(curves)
 
 
 def _curve(name: str, unit: str, columns: Sequence[Array], edges: Array, sigma: float) -> Curve:
-    """Departures (n,) in SI, measured and left by the fit, as a curve in `unit`."""
-    measured, left = (np.asarray(from_si(_block_means(x, edges), unit)) for x in columns)
-    return Curve(name, unit_in_print(unit), measured, measured - left, float(from_si(sigma, unit)))
+    """Return deviations (n,) in SI, measured and after the fit, as a curve in `unit`."""
+    measured, residual = (np.asarray(from_si(_block_means(x, edges), unit)) for x in columns)
+    return Curve(name, unit_in_print(unit), measured, measured - residual, float(from_si(sigma, unit)))
 
 
 def _block_means(x: Array, edges: Array) -> Array:

@@ -39,7 +39,7 @@ MAX_CELL = 22.0  # px of a correlation matrix
 
 @dataclass(frozen=True)
 class Curve:
-    """One channel over time in printed units, less what perfect sensors would read: measured, and as calibrated."""
+    """One channel over time in printed units, minus the output of perfect sensors: measured, and as calibrated."""
 
     name: str
     unit: str
@@ -63,7 +63,7 @@ class Panel:
 
     @property
     def changed(self) -> bool:
-        """Whether anything was added; else there is no before and after to draw."""
+        """Whether before and after differ."""
         return not np.array_equal(self.before, self.after, equal_nan=True)
 
 
@@ -154,8 +154,8 @@ def schedule(
     lines = tuple(
         Line(x, angles[:, i], COLOURS[k % 6], axis_names[i], DASHES[k % 6], step=True) for k, i in enumerate(moving)
     )
-    held = Chart(lines, "gimbal angles" if of == "platform" else "angles of the axes", by, "[°]", x_names=labels)
-    return [held, *(c for side in (1, -1) if (c := _hemisphere(labels, gravity, side, of, by)))]
+    by_position = Chart(lines, "gimbal angles" if of == "platform" else "angles of the axes", by, "[°]", x_names=labels)
+    return [by_position, *(c for side in (1, -1) if (c := _hemisphere(labels, gravity, side, of, by)))]
 
 
 def _hemisphere(labels: Sequence[str], gravity: Array, side: int, of: str, by: str) -> Chart | None:

@@ -1,4 +1,4 @@
-"""Results as files: the JSON of the contract and the page beside it, of one run all or none."""
+"""Write results: JSON and page of one run, all of them or none."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def write_calibration(
     calibration: Calibration, recordings: Sequence[Recording], out: Path, truth: Mapping[str, float] | None = None,
     question: str = "",
 ) -> None:  # fmt: skip
-    """calibration.json and report.html into `out`; the page is made first, so that both are written or neither.
+    """Write calibration.json and report.html into `out`, both or neither.
 
-    question: which one the page answers; as with all others here it marks the page.
+    question: the question that the page answers, with which it is marked.
     """
     from gimbalcal.report.calibration_page import calibration_report
 
@@ -30,21 +30,21 @@ def write_calibration(
 
 
 def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: str = "") -> None:
-    """diagnosis.json, calibration.json of its refit, law.py of a law and report.html; `title`: of which recording."""
+    """Write diagnosis.json, calibration.json of its refit, law.py and report.html; `title`: of the recording."""
     write_diagnoses([(diagnosis, title, "")], out, question)
 
 
 def write_calibrations(
     each: Sequence[tuple[Calibration, Sequence[Recording], str]], out: Path, question: str = ""
 ) -> None:
-    """The calibration of each sensor, of its recordings, into its place in `out` ("" or a folder): all or none."""
+    """Write the calibration of each sensor, of its recordings, into its folder in `out` ("" or a name), all or none."""
     with folder(out) as new:
         for calibration, recordings, own in each:
             write_calibration(calibration, recordings, new / own, question=question)
 
 
 def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, question: str = "") -> None:
-    """The diagnosis of each sensor, titled, into its place in `out` ("" or a folder of its own): all or none."""
+    """Write the diagnosis of each sensor, with its title, into its folder in `out` ("" or a name), all or none."""
     from gimbalcal.diagnose.laws.law_file import is_found, source
     from gimbalcal.report.diagnosis_page import diagnosis_report, panels
 
@@ -65,7 +65,7 @@ def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, quest
 def write_report(
     name: str, content: Mapping[str, Any] | Sequence[Any], page: str, out: Path, question: str = ""
 ) -> None:
-    """A result as the JSON `name` and its page as report.html into `out`."""
+    """Write a result as the JSON `name`, and its page as report.html, into `out`."""
     with folder(out) as new:
         write_json(new / name, content)
         write(new / "report.html", marked(page, question))
@@ -74,7 +74,7 @@ def write_report(
 def write_comparison(
     content: Mapping[str, Any], diagnoses: Sequence[tuple[str, str]], out: Path, question: str = ""
 ) -> None:
-    """compare.json, report.html and all values as history.csv and history.parquet into `out`."""
+    """Write compare.json, report.html and all values as history.csv and history.parquet into `out`."""
     import polars as pl
 
     from gimbalcal.history.compare import flat

@@ -16,7 +16,7 @@ from gimbalcal.report.rounding import minus, pdg, significant
 
 
 def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, str]] = ()) -> str:
-    """The page for the content of a compare.json; `diagnoses`: date and answer of each that a store holds."""
+    """Return the page for the content of a compare.json; `diagnoses`: date and result of each in the store."""
     calibrations, steps, parameters = content["calibrations"], content["steps"], content["parameters"]
     names = _names(calibrations)
     context = {
@@ -39,13 +39,13 @@ def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, st
 
 
 def _names(calibrations: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Dates, with the time of the day where two calibrations are of one day."""
+    """Return dates, with the time of the day where two calibrations are of one day."""
     days = [c["date"][:10] for c in calibrations]
     return [d if days.count(d) == 1 else _day(c["date"]) for d, c in zip(days, calibrations, strict=True)]
 
 
 def _day(date: str) -> str:
-    """A date of ISO 8601 as it is read; midnight is no time that anybody noted.
+    """Return a date of ISO 8601 as printed; midnight stands for an unknown time.
 
     >>> _day("2026-02-03T00:00:00+00:00"), _day("2026-02-03T14:05:00+00:00")
     ('2026-02-03', '2026-02-03 14:05')
@@ -57,15 +57,15 @@ def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     dates = [datetime.fromisoformat(c["date"]) for c in content["calibrations"]]
     seconds = (dates[-1] - dates[0]).total_seconds()
     days = seconds / 86400
-    told = [s["p_value"] for s in content["steps"] if s["p_value"] is not None]
+    p_values = [s["p_value"] for s in content["steps"] if s["p_value"] is not None]
     facts = [
         (str(len(dates)), "calibrations"),
-        (f"{significant(days / 365.25, 2)} years" if days > 365 else lasting(seconds), "apart"),
+        (f"{significant(days / 365.25, 2)} years" if days > 365 else lasting(seconds), "from first to last"),
         (f"{sum(bool(p['jumps']) for p in content['parameters'])} of {len(content['parameters'])}",
          "parameters that jumped"),
     ]  # fmt: skip
-    if told:
-        facts.append((f"{min(told):.2g}" if min(told) >= 1e-4 else "< 0.0001", "least probable step"))
+    if p_values:
+        facts.append((f"{min(p_values):.2g}" if min(p_values) >= 1e-4 else "< 0.0001", "least probable step"))
     if content["due"]:
         facts.append((content["due"], "next calibration due"))
     return facts
@@ -80,7 +80,7 @@ def _row(p: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
         rate, rate_sigma = pdg(p["drift_per_year"], p["drift_sigma"])
         drift = f"{minus(rate)} ± {rate_sigma}"
     jumps = [f"jump by {names[k]}" for k in p["jumps"]]
-    off = [f"{names[k]} off the others" for k in p["outliers"]]
+    off = [f"{names[k]} is an outlier" for k in p["outliers"]]
     due = [f"due {p['due']}"] if p["due"] else []
     return {
         "words": naming.named(p["name"], p["axis"]), "value": minus(value), "sigma": sigma,
@@ -98,13 +98,13 @@ def _step(s: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
 
 
 def _pictures(parameters: Sequence[Mapping[str, Any]], calibrations: Sequence[Mapping[str, Any]]) -> list[Picture]:
-    """One of each parameter, those that moved first."""
+    """Return a picture of each parameter, those with the largest changes first."""
     dates = [datetime.fromisoformat(c["date"]) for c in calibrations]
     drawn = []
     for p in sorted(parameters, key=lambda p: -_moved(p)):
         words = naming.named(p["name"], p["axis"])
-        said = "with a jump" if p["jumps"] else "with a value off the others" if p["outliers"] else "without a jump"
-        drawn.append(picture(_course(p, dates, words), f"{words} over {len(p['values'])} calibrations, {said}."))
+        course = "with a jump" if p["jumps"] else "with an outlier" if p["outliers"] else "without a jump"
+        drawn.append(picture(_course(p, dates, words), f"{words} over {len(p['values'])} calibrations, {course}."))
     return drawn
 
 
@@ -113,7 +113,7 @@ def _moved(p: Mapping[str, Any]) -> float:
 
 
 def _course(p: Mapping[str, Any], dates: Sequence[datetime], words: str) -> Chart:
-    """A parameter over the dates, with two sigma, and its drift where that stands clear."""
+    """Draw a parameter over the dates, with two sigmas, and its drift where that is significant."""
     days = np.array([d.timestamp() for d in dates]) / 86400
     t, x, sigma = days[list(p["calibrations"])], np.array(p["values"]), np.array(p["sigmas"])
     odd = np.isin(p["calibrations"], [*p["jumps"], *p["outliers"]])
@@ -134,7 +134,7 @@ def _course(p: Mapping[str, Any], dates: Sequence[datetime], words: str) -> Char
 
 
 def _dates(first: float, last: float) -> list[tuple[float, str]]:
-    """A few days between two, counted since 1970, as a person reads them."""
+    """Return a few dates between two days, counted since 1970, in words."""
     days = np.linspace(first, last, 4 if last - first >= 3 else 2)
     form = next(f for least, f in ((300, "%Y-%m"), (3, "%Y-%m-%d"), (0.05, "%m-%d %H:%M"), (-1, "%H:%M:%S"))
                 if last - first > least)  # fmt: skip

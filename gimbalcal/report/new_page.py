@@ -1,4 +1,4 @@
-"""What `new` proposes: the header with a comment at each guess, and a page with the rests that were found."""
+"""The proposal of `new`: the header with a comment at each guess, and a page with the dwells that were detected."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from gimbalcal.report.html import picture, render
 from gimbalcal.report.rounding import significant
 from gimbalcal.units import from_si
 
-# lines of the header before which a guess about the whole is said
+# lines of the header before which notes on the whole recording are written
 HEADED = {"kind": ("kind", "signs", "order", "hours", "sky", "sign", "unit"), "samples": ("samples",),
           "[site]": ("site",), "[platform]": ("platform",), "[noise]": ("noise", "sigma")}  # fmt: skip
 NEXT = "Next: correct recording.toml where a guess below is wrong, then `gimbalcal calibrate` this folder."
-NUMBERED = 60  # rests; the numbers of more would stand on each other
+MAX_NUMBERS = 60  # of dwells; more would overlap
 
 
 def commented(header: str, found: Proposal) -> str:
-    """The text of recording.toml with the reason beside each column that was guessed, and above it of what else was."""
+    """Return recording.toml with a comment on each column that was guessed, and notes on the whole recording."""
     by_key = {(g.quantity, g.axis): (name, g) for name, g in found.guesses.items()}
     lines = [
         "# Proposed by gimbalcal new. Correct what is wrong: a unit, an axis, sign = -1; then calibrate.",
         *([] if found.recording.site.latitude is not None or found.recording.kind.sighting else [
-            "# The place is not known from a log: --latitude and --height, or both in [site], tell gravity to 100 ppm",
+            "# A log does not state its site: --latitude and --height, or both in [site], give gravity to 100 ppm",
             '# and the rate of the Earth: latitude = { value = 48.1, unit = "deg" }',
         ]),
     ]  # fmt: skip
@@ -38,35 +38,35 @@ def commented(header: str, found: Proposal) -> str:
                     and (f'axis = "{a}"' in line if a else "axis" not in line)), None)  # fmt: skip
         lines.append(line if hit is None else f"{line}  # {hit[0].strip()}: by {hit[1].why}")
     if found.left_out:
-        lines.append(f"# left out: {', '.join(name.strip() for name in found.left_out)}")
+        lines.append(f"# not used: {', '.join(name.strip() for name in found.left_out)}")
     return "\n".join(lines) + "\n"
 
 
 def proposal_page(found: Proposal) -> str:
-    """The page: what each column is taken for, and the forces with the rests marked, or what the stars are off by."""
+    """Return the page: the interpretation of each column, and the forces with dwells marked or the offsets of stars."""
     r = found.recording
     stars, stays = r.kind.sighting, () if (r.kind.sighting or r.kind.rotating) else dwells(r)
     enough = r.kind.rotating or (len(r.time) if stars else len(stays)) >= 9
-    told = [f"{what}: {note}" for what, note in found.notes.items()]
+    notes = [f"{what}: {note}" for what, note in found.notes.items()]
     context = {
         "title": r.title,
         "answer": f"{amount(len(r.time), 'star')} found. {NEXT}" if stars else _answer(found, len(stays)),
         "verdict": "fits" if enough else "reserved",
         "facts": [(str(len(r.time)), "stars")] if stars else _facts(found, stays),
-        "picture": picture(_offsets(r), "What the readouts of each axis are off by, before any model.")
+        "picture": picture(_offsets(r), "Offset of the readouts of each axis, before any model.")
         if stars else picture(_rests(found, stays), f"Forces over time; {amount(len(stays), 'rest')} marked."
                               if stays else "Rates over time."),
         "rows": [{"name": n.strip(), "quantity": g.quantity.replace("_", " "), "axis": g.axis.replace("_", " "),
                   "unit": naming.unit_in_print(g.unit), "why": naming.typeset(g.why)}
                  for n, g in found.guesses.items()],
         "left_out": ", ".join(name.strip() for name in found.left_out),
-        "remarks": [naming.sentence(naming.typeset(text)) for text in (*told, *r.remarks)],
+        "remarks": [naming.sentence(naming.typeset(text)) for text in (*notes, *r.remarks)],
     }  # fmt: skip
     return render("new.html", context)
 
 
 def clocked(r: Recording) -> str:
-    """How long a recording lasts and how often it was logged, as its clock was understood."""
+    """Return duration and rate of a recording by its clock."""
     rate = 1 / float(np.median(np.diff(r.time)))
     often = f"at {significant(rate, 3)} Hz" if rate >= 0.5 else f"a row every {lasting(1 / rate)}"
     return f"{lasting(float(np.ptp(r.time)))} {often}"
@@ -101,7 +101,7 @@ def _facts(found: Proposal, stays: Sequence[Dwell]) -> list[tuple[str, str]]:
 
 
 def _offsets(r: Recording) -> list[Chart]:
-    """Readout minus true angle of each axis, against the angle of the outer one."""
+    """Draw readout minus true angle of each axis, against the angle of the outer one."""
     inner, outer = r.axes("true_angle")[:2]
     charts = []
     for axis in (inner, outer):
@@ -113,7 +113,7 @@ def _offsets(r: Recording) -> list[Chart]:
 
 
 def _rests(found: Proposal, stays: Sequence[Dwell]) -> list[Chart]:
-    """Each triad over time, the rests shaded and numbered."""
+    """Draw each triad over time, with dwells shaded and numbered."""
     r = found.recording
     t, unit = sensible_time(r.time - r.time[0])
     ends = [(float(t[d.start]), float(t[d.stop - 1])) for d in stays]
@@ -125,7 +125,7 @@ def _rests(found: Proposal, stays: Sequence[Dwell]) -> list[Chart]:
         every = size * np.concatenate([r.channels[quantity, a] for a in axes])
         low, high = np.full(2, every.min()), np.full(2, every.max())
         marks: list[Mark] = [Band(np.array(e), low, high, "grey", "" if k else "at rest") for k, e in enumerate(ends)]
-        if len(stays) <= NUMBERED and stays:
+        if len(stays) <= MAX_NUMBERS and stays:
             middle = np.array([sum(e) / 2 for e in ends])
             marks.append(Words(middle, np.full(len(stays), np.inf), [str(d.position) for d in stays], "grey"))
         marks += [Line(*envelope(t, size * r.channels[quantity, a]), COLOURS[i % 6], a) for i, a in enumerate(axes)]

@@ -1,4 +1,4 @@
-"""The report of noise at rest: the Allan deviation that engineers read, its coefficients, what to write where."""
+"""The page of noise at rest: Allan deviation, its coefficients, and the lines for recording.toml."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ TITLES = {"specific_force": "Accelerometers", "angular_rate": "Gyroscopes"}
 
 
 def noise_report(content: Mapping[str, Any], title: str) -> str:
-    """The page for the content of a noise.json."""
-    told = [c for c in content["channels"] if c["p_value"] < 1e-3]
+    """Return the page for the content of a noise.json."""
+    misfits = [c for c in content["channels"] if c["p_value"] < 1e-3]
     context = {
         "title": title,
         "answer": headline(content),
-        "verdict": "unexplained" if told else "found",
+        "verdict": "unexplained" if misfits else "found",
         "facts": [
             (lasting(content["seconds"]), f"at rest, in {naming.counted(content['rests'], 'stretch', 'stretches')}"),
             *([(lasting(content["longest_s"]), "longest rest")] if content["rests"] > 1 else []),
@@ -33,8 +33,8 @@ def noise_report(content: Mapping[str, Any], title: str) -> str:
         "picture": picture(
             [_chart(content, quantity) for quantity in TITLES if _of(content, quantity)],
             "Allan deviation over averaging time, logarithmic, with the fitted noise as lines.",
-            "Overlapping Allan deviation with one sigma, and the fitted noise: falling with the root of time white "
-            "noise, level bias instability (0.664 of it), rising random walk.",
+            "Overlapping Allan deviation with one sigma, and the fitted noise: white noise falls with the root of "
+            "time, bias instability (times 0.664) is level, random walk rises.",
         ),
         "rows": [_row(c) for c in content["channels"]],
         "header": [f'{k} = {{ value = {v["value"]:g}, unit = "{v["unit"]}" }}' for k, v in content["header"].items()],
@@ -45,12 +45,12 @@ def noise_report(content: Mapping[str, Any], title: str) -> str:
 
 
 def headline(content: Mapping[str, Any]) -> str:
-    """What a noise.json comes to: how large the noise is, and what to do with it."""
-    told = [naming.sentence(naming.typeset(part)) for part in content["in_words"].split("; ")]
+    """Return how large the noise is, and what to do next."""
+    sentences = [naming.sentence(naming.typeset(part)) for part in content["in_words"].split("; ")]
     short = content["longest_s"] < HOUR and "below" in content["in_words"]
     steps = ["copy the lines of [noise] below into recording.toml"] if content["header"] else []
-    steps += ["leave it alone for some hours to see what is only bounded here"] if short else []
-    return " ".join([*told, *([f"Next: {', or '.join(steps)}."] if steps else [])])
+    steps += ["record it undisturbed for some hours to determine what is only bounded here"] if short else []
+    return " ".join([*sentences, *([f"Next: {', or '.join(steps)}."] if steps else [])])
 
 
 def _rate(hertz: float) -> str:

@@ -60,22 +60,22 @@ def headline(content: Mapping[str, Any]) -> str:
     return text
 
 
-def design_headline(seen: Mapping[str, Any]) -> str:
+def design_headline(plan: Mapping[str, Any]) -> str:
     """Return which parameters a designed schedule determines, how well, compared with which, and what to do next."""
-    first, *others = seen["in_words"].split("\n")
-    if "groups" in seen:
-        turns, stop, whole = counted(seen["turns"], "turn"), seen["stop_s"], lasting(seen["total_s"])
+    first, *others = plan["in_words"].split("\n")
+    if "groups" in plan:
+        turns, stop, whole = counted(plan["turns"], "turn"), plan["stop_s"], lasting(plan["total_s"])
         text = f"{naming.capitalised(turns)} with stops of {stop:.3g} s take {whole}." + precision(
-            (g["group"], g["sigma"], g["unit"]) for g in seen["groups"]
+            (g["group"], g["sigma"], g["unit"]) for g in plan["groups"]
         )
-        compared = others[len(seen["groups"]) :]
+        compared = others[len(plan["groups"]) :]
     else:
-        rows, unseen = seen["parameters"], seen["unobservable"]
+        rows, unseen = plan["parameters"], plan["unobservable"]
         share = _share(len(rows) - len(unseen), len(rows))
         text = naming.sentence(f"{first}, determine {share} of the parameters") + _precision(rows, unseen)
-        position = seen["criterion"] == "position"
+        position = plan["criterion"] == "position"
         ratios = {name: a["criterion_ratio_equal_time" if position else "sigma_ratio_equal_time"]
-                  for name, a in seen["against"].items()}  # fmt: skip
+                  for name, a in plan["against"].items()}  # fmt: skip
         what, which = ("that error", "") if position else ("σ", ", on average")
         text += f" {naming.sentence(others[0])}" if position else ""
         compared = [f"In the time that {n} takes, {what} is {x:.2f} times that of {n}{which}"
@@ -89,29 +89,29 @@ def _precision(rows: Sequence[Mapping[str, Any]], unseen: Sequence[Mapping[str, 
     return precision((p["name"], p["sigma"], p["unit"]) for p in rows if label_of(p) not in lost)
 
 
-def design_report(seen: Mapping[str, Any], made: Schedule | RotationSchedule) -> str:
+def design_report(plan: Mapping[str, Any], made: Schedule | RotationSchedule) -> str:
     """Return the page of a designed schedule, of positions or of turns."""
-    _, *others = seen["in_words"].split("\n")
+    _, *others = plan["in_words"].split("\n")
     if isinstance(made, RotationSchedule):
         rows = [{"words": naming.named(g["group"]), "sigma": significant(g["sigma"], 3), "first": True, "prior": "",
                  "unit": unit_in_print(g["unit"]), "better": _better(g["ratio"]),
-                 "others": [significant(v, 3) for v in g["against"].values()]} for g in seen["groups"]]  # fmt: skip
-        title, names = f"{len(made.moves)} turns", list(seen["groups"][0]["against"]) if seen["groups"] else []
-        facts = [(str(seen["turns"]), "turns"), (lasting(seen["total_s"]), "in total"),
-                 (lasting(seen["stop_s"]), "each stop")]  # fmt: skip
+                 "others": [significant(v, 3) for v in g["against"].values()]} for g in plan["groups"]]  # fmt: skip
+        title, names = f"{len(made.moves)} turns", list(plan["groups"][0]["against"]) if plan["groups"] else []
+        facts = [(str(plan["turns"]), "turns"), (lasting(plan["total_s"]), "in total"),
+                 (lasting(plan["stop_s"]), "each stop")]  # fmt: skip
         drawn, unseen, others = _turns(made), [], []
     else:
-        title, names = made.name, list(seen["against"])
-        rows, unseen = _rows(seen["parameters"], names), seen["unobservable"]
+        title, names = made.name, list(plan["against"])
+        rows, unseen = _rows(plan["parameters"], names), plan["unobservable"]
         facts = [
-            (str(seen["positions"]), "positions"),
-            (seen["angles"], "uncertainty of the angles"),
-            (CRITERIA.get(seen["criterion"], seen["criterion"]), "minimised"),
+            (str(plan["positions"]), "positions"),
+            (plan["angles"], "uncertainty of the angles"),
+            (CRITERIA.get(plan["criterion"], plan["criterion"]), "minimised"),
         ]
         drawn = _drawn(made)
         others = [o for o in others if not o.startswith("not seen")]
     return render("plan.html", {
-        **_shared("Designed schedule", title, design_headline(seen), bool(unseen)),
+        **_shared("Designed schedule", title, design_headline(plan), bool(unseen)),
         "facts": facts, "picture": drawn, "side_by_side": False, "unobservable": naming.directions(unseen),
         "remarks": [naming.answered(o) for o in others],
         "rows": rows, "others": names, "confounded": [], "candidates": [],
@@ -123,8 +123,8 @@ def _shared(kind: str, title: str, answer: str, doubtful: bool) -> dict[str, Any
             "verdict": "reserved" if doubtful else "fits"}  # fmt: skip
 
 
-def _share(seen: int, every: int) -> str:
-    return f"all {counted(every, 'combination')}" if seen == every else f"{seen} of {every} combinations"
+def _share(determined: int, every: int) -> str:
+    return f"all {counted(every, 'combination')}" if determined == every else f"{determined} of {every} combinations"
 
 
 def _unit(key: str) -> str:

@@ -89,7 +89,7 @@ def test_the_psins_equations_correct(tmp_path: Path) -> None:
 
 def test_what_a_format_cannot_hold_is_said(tmp_path: Path) -> None:
     made = made_of(("bias", "cubic_nonlinearity"))
-    assert export(made, "kalibr", tmp_path / "a") == ("kalibr has no term for cubic_nonlinearity: it is left out",)
+    assert export(made, "kalibr", tmp_path / "a") == ("kalibr has no term for cubic_nonlinearity: it is omitted",)
     assert "# kalibr has no term for cubic_nonlinearity" in (tmp_path / "a").read_text()
     assert export(made, "csv", tmp_path / "b") == ()
 

@@ -154,4 +154,4 @@ def test_what_a_file_cannot_say(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="TPOINT has no name for it"):
         export(unnamed, "tpoint", path)
     more = pointing_calibration([run(ALT_AZ, sky(ALT_AZ), (), 1.0)], more=("gimbal_zero_drift",))
-    assert "tpoint has no term for gimbal_zero_drift:azimuth: it is left out" in export(more, "tpoint", path)
+    assert "tpoint has no term for gimbal_zero_drift:azimuth: it is omitted" in export(more, "tpoint", path)

@@ -220,10 +220,10 @@ def test_files_and_the_page(tmp_path: Path) -> None:
     made = compare([dated_file(p) for p in paths[::-1]], "bench 4")
     assert [d.name for d in made.calibrations] == [str(p) for p in paths]
     content = json.loads(json.dumps(made.to_dict()))
-    page = history_report(content, [("2024-05-01T10:00", "What was left out: warm up")])
+    page = history_report(content, [("2024-05-01T10:00", "Missing physics: warm up")])
     assert "History: bench 4" in page
     assert page.count('<div class="tiles">') == 1
-    assert "What was left out: warm up" in page
+    assert "Missing physics: warm up" in page
     rows = flat(content)
     assert len(rows["value"]) == 18
     assert rows["value"][:3] == content["parameters"][0]["values"]

@@ -19,6 +19,7 @@ from gimbalcal.design.positions import rig_of
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.diagnose.answer import Curves
 from gimbalcal.earth import G0
+from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.guess.log import Guess
 from gimbalcal.guess.proposal import Proposal
 from gimbalcal.navigate.navigation_errors import Navigated
@@ -34,6 +35,7 @@ from gimbalcal.report.new_page import proposal_page
 from gimbalcal.report.noise_page import noise_report
 from gimbalcal.report.plan_page import design_report, observability_report, plan_report
 from gimbalcal.schedule.rotations import ROTATIONS
+from tests.estimate.pointing.mounts import ALT_AZ, effects, run, sky
 from tests.report.example import example
 
 LONG = "Bench_4-of-the-laboratory_with-a-title-that-nobody-broke_" * 4
@@ -80,7 +82,7 @@ def diagnosis(verdict: str = "missing-physics", **changes: Any) -> dict[str, Any
     }
     fit = {"chi2_reduced_before": 3.1, "chi2_reduced_after": 1.02, "heldout_before": 3.3, "heldout_after": 1.05}
     content = {"format": 1, "verdict": verdict, "mismatch": [mismatch], "findings": [CUBIC], "unexplained": []}
-    words = "What was left out: cubic nonlinearity (y). Reduced chi^2 goes from 3.1 to 1.02."
+    words = "Missing physics: cubic nonlinearity (y). Reduced chi^2 goes from 3.1 to 1.02."
     return content | {"fit": fit, "provenance": {"seed": 1}, "in_words": words} | changes
 
 
@@ -129,6 +131,25 @@ def of_forces(verdict: str = "missing-physics", **changes: Any) -> str:
     return diagnosis_report(diagnosis(verdict, **changes), drawn, LONG, known)
 
 
+def pointing_page() -> str:
+    """The page of a telescope of seven terms, calibrated by sixty stars with one outlier."""
+    night = run(ALT_AZ, sky(ALT_AZ, 60), effects(ALT_AZ, axis_collimation=60.0, base_tilt__north=25.0), 1.0)
+    elevation = night.channels["true_angle", "elevation"].copy()
+    elevation[16] += np.radians(0.025)
+    night = replace(night, channels={**night.channels, ("true_angle", "elevation"): elevation})
+    content = pointing_calibration([night]).to_dict()
+    content["provenance"] |= {"created": "", "recordings": []}
+    return calibration_report(content, [night])
+
+
+LAW = {
+    "channel": "specific_force", "axis": "y", "form": "a*force_y*Heaviside(temperature - 23.003)",
+    "latex": r"a f_y \operatorname{H}(T - 23.0)", "units": {"force_y": "g", "temperature": "degC"},
+    "parameters": [{"name": "a", "axis": None, "value": 20.81, "sigma": 1.0, "unit": "ug/g"}],
+    "domain": {"force_y": [-1.0, 1.0], "temperature": [19.0, 27.5]}, "alternatives": ["a*force_y**3"],
+    "beside": ["bias_temperature:y"], "with": "law_specific_force_y",
+}  # fmt: skip
+
 PAGES: dict[str, Callable[[], str]] = {
     "calibration": lambda: calibration_report(*example()),
     "diagnosis": of_forces,
@@ -140,6 +161,8 @@ PAGES: dict[str, Callable[[], str]] = {
         "unexplained", findings=[], unexplained=[{"channel": "x", "shape": "grows with time"}]
     ),
     "adequate": lambda: of_forces("adequate", findings=[], mismatch=[]),
+    "law": lambda: of_forces("unexplained", findings=[], laws=[LAW]),
+    "pointing": pointing_page,
     "mount": lambda: diagnosis_report(diagnosis(), panels(mount(), []), LONG, mount()),
     "noise": lambda: noise_report(noise_content(bench(), noise_at_rest(bench())), LONG),
     "observe": lambda: plan_report(observe("wu2018-18", candidates=["cross_coupling"]).to_dict()),

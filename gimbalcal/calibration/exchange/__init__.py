@@ -10,7 +10,7 @@ tpoint   reading to physics     a term of a mount to a line, true minus raw posi
 json     physics to reading     calibration.json itself
 =======  =====================  ====================================================================================
 
-`export` returns the sentences on what the format cannot hold; a term that is lost is never lost silently.
+`export` returns sentences on what the format cannot represent, so that no term is lost silently.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ def export(calibration: Calibration, kind: str, path: Path) -> tuple[str, ...]:
 
 
 def read_calibration(path: Path) -> Calibration:
-    """The calibration in a file, told by its ending: ours (.json) or another program's. Raises InputError."""
+    """Return the calibration in a file, whose ending gives its format: ours (.json) or another program's."""
     kind = ENDINGS.get(path.suffix.lower())
     return own.read(path) if kind is None else read_exchange(kind, path)
 
 
 def read_exchange(kind: str, path: Path) -> Calibration:
-    """The calibration in another program's file. Raises InputError, naming file and field, where it cannot be read."""
+    """Return the calibration in another program's file. Raises InputError, which names file and field."""
     if _known(kind) == "json":
         return own.read(path)
     if not path.is_file():
@@ -93,7 +93,7 @@ def _lost(calibration: Calibration, kind: str) -> tuple[str, ...]:
     present = {p.effect for p, v in zip(calibration.parameters, calibration.values, strict=True) if v != 0}
     held = {"kalibr": set(LINEAR), "psins": {*LINEAR, *QUADRATIC}}.get(kind, present)
     unnamed = tpoint.unnamed(calibration) if kind == "tpoint" else sorted(present - held)
-    lost = [f"{kind} has no term for {e}: it is left out" for e in unnamed]
+    lost = [f"{kind} has no term for {e}: it is omitted" for e in unnamed]
     if np.count_nonzero(calibration.covariance - np.diag(np.diag(calibration.covariance))):
         lost.append(f"{kind} has no place for correlations: calibration.json has them")
     if calibration.readout.counts:

@@ -22,7 +22,7 @@ KEYS: Mapping[str, tuple[str, ...]] = {
 
 
 def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
-    """The YAML file of a calibration; `lost` says in its head what the format cannot hold."""
+    """Return the YAML file of a calibration; `lost`, in its head, is what the format cannot represent."""
     m = matrices(calibration.effects)
     Q, R = np.linalg.qr(m["Mg"].T)  # Mg = L C_gyro_i, L lower triangular with positive diagonal
     sign = np.sign(np.diag(R))

@@ -17,7 +17,7 @@ HEADING = b"MATLAB 5.0 MAT-file, written by gimbalcal".ljust(116)  # SciPy's has
 
 
 def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
-    """The .mat file of a calibration; `lost` says what the format cannot hold."""
+    """Return the .mat file of a calibration; `lost` is what the format cannot represent."""
     from scipy.io import savemat
 
     m = matrices(calibration.effects)

@@ -22,7 +22,7 @@ HEADER = ("name", "axis", "value", "sigma", "unit", "effect")
 
 
 def content(calibration: Calibration, _: Sequence[str]) -> bytes:
-    """The CSV file of a calibration."""
+    """Return the CSV file of a calibration."""
     file = io.StringIO()
     file.write("# Direction: physics to reading, as in calibration.json; correlations are not in this file.\n")
     file.write(f"{FORMAT}\n")

@@ -70,20 +70,20 @@ class Term:
 
 
 def mount_of(platform: Platform) -> str:
-    """Which mount a platform is, alt-azimuth or equatorial, whatever its axes are called; empty for any other."""
+    """Return the mount of a platform, alt-azimuth or equatorial, by its axes; empty for any other."""
     turns = "".join(axis.direction for axis in platform.axes)
     upright = all(axis.sign == 1 for axis in platform.axes)
     return {"yz": ALT_AZ, "yzy": EQUATORIAL}.get(turns, "") if upright else ""
 
 
 def mount_record(platform: Platform, latitude: float | None) -> dict[str, object]:
-    """What a calibration has to say of a mount, so that its terms have names in TPOINT."""
+    """Return the provenance of a mount by which its terms have names in TPOINT."""
     place = {} if latitude is None else {"latitude_deg": float(from_si(latitude, "deg"))}
     return {"kind": mount_of(platform), "axes": list(platform.axis_names), **place}
 
 
 def tpoint_terms(calibration: Calibration) -> tuple[Term, ...]:
-    """The terms of a pointing calibration as TPOINT counts them; none for a mount or effect that it has no name for."""
+    """Return the terms of a pointing calibration in TPOINT's convention; none for a mount or effect without a name."""
     mount = calibration.provenance.get("mount", {})
     rows = _rows(str(mount.get("kind", "")), tuple(mount.get("axes", ())), mount.get("latitude_deg"))
     labels = [p.label for p in calibration.parameters]
@@ -105,7 +105,7 @@ def unnamed(calibration: Calibration) -> list[str]:
 
 
 def _rows(kind: str, axes: Sequence[str], latitude: float | None) -> dict[str, dict[str, float]]:
-    """Each term as a sum of our parameters, label to weight; an equatorial mount's need its latitude [deg]."""
+    """Return each term as a sum of our parameters, label to weight; equatorial mounts need their latitude [deg]."""
     if kind == ALT_AZ:
         return _alt_az(axes)
     if kind == EQUATORIAL and latitude is not None:
@@ -164,7 +164,7 @@ NAMES = frozenset({*_alt_az(AXES[ALT_AZ]), *_equatorial(AXES[EQUATORIAL], 0.0)})
 
 
 def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
-    """The model file; InputError for a calibration that is none of an alt-azimuth or equatorial mount."""
+    """Return the model file. Raises InputError for a calibration of any other mount."""
     terms = tpoint_terms(calibration)
     mount = calibration.provenance.get("mount", {})
     if not terms:
@@ -252,7 +252,7 @@ def _terms(path: Path) -> tuple[dict[str, Term], str]:
 
 
 def _is_method(line: str) -> bool:
-    """Whether it is the line of method (S or T), number of stars and sky rms."""
+    """Return whether a line has the method (S or T), the number of stars and the rms on the sky."""
     first, *numbers = line.split() or [""]
     return first in ("S", "T") and bool(numbers) and all(_NUMBER.match(word) for word in numbers)
 
