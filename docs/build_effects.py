@@ -19,15 +19,15 @@ PAGE = Path(__file__).parent / "effects.md"
 HEAD = """# The physical effects
 
 {count} effects, each one class in [`gimbalcal/effects`](../gimbalcal/effects) that the simulator, the estimators, the
-diagnosis and the derivations read alike. Written from their cards by `make docs`; `gimbalcal catalogue EFFECT` shows
-the same card. "Usual" is the prior sigma: the size of the effect on a sensor of the class it is known from; the
-diagnosis allows from a thousandth to a hundred times that. Two causes are confounded whose patterns are the same
-on the usual schedules.
+diagnosis and the derivations share. This page is generated from their cards by `make docs`; `gimbalcal catalogue
+EFFECT` shows the same card. *Usual* is the prior sigma: the size of the effect on a sensor of the class it is known
+from; the diagnosis allows from a thousandth to a hundred times that. Two effects are confounded if their patterns are
+the same on the usual schedules.
 """
 
 
 def page() -> str:
-    """The page as text."""
+    """Return the page as text."""
     families: dict[str, list[type[Effect]]] = {}
     for effect_id in sorted(CATALOGUE):
         families.setdefault(CATALOGUE[effect_id].__module__.rpartition(".")[2], []).append(CATALOGUE[effect_id])
@@ -42,12 +42,12 @@ def page() -> str:
 
 
 def _about(c: type[Effect]) -> str:
-    """First sentence of the module in which a family is defined."""
+    """Return the first sentence of the module in which a family is defined."""
     return (inspect.getmodule(c).__doc__ or "").strip().split("\n\n")[0].replace("\n", " ")
 
 
 def card(c: type[Effect]) -> str:
-    """One effect: sentence, formula, parameters, what it needs, and the notes of its card."""
+    """Return the section of one effect: sentence, formula, parameters, requirements, and the notes of its card."""
     text = inspect.getdoc(c) or ""
     formula = re.search(r"\.\. math::(.*?)(?:\n\s*\n|\Z)", text, re.DOTALL)
     lead, _, rest = text.partition("\n\n")
@@ -62,7 +62,7 @@ def card(c: type[Effect]) -> str:
 
 
 def rows(c: type[Effect]) -> list[str]:
-    """One line a parameter; non-linear constants with the range in which they are sought."""
+    """Return one line per parameter; nonlinear constants with the range of their search."""
     out = []
     for f in dataclasses.fields(c):
         m = f.metadata

@@ -1,4 +1,4 @@
-"""Photograph the pages that the documents show: run their commands, open what was written, and take a picture.
+"""Take pictures of the pages that the documents show: run their commands and photograph the result in a browser.
 
     python docs/build_screens.py FOLDER [NAME ...]
 
@@ -37,7 +37,7 @@ SCREENS = {  # picture: the commands, the page, and the size of the window
 
 
 def main(recordings: Path, names: list[str]) -> None:
-    """Take the pictures that are named, or all."""
+    """Take the named pictures, or all."""
     browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if browser is None:
         raise SystemExit("no chromium on the path")
@@ -45,12 +45,12 @@ def main(recordings: Path, names: list[str]) -> None:
         commands, page, (wide, high) = SCREENS[name]
         with tempfile.TemporaryDirectory() as folder:
             for words in commands:
-                told = [w.format(log=(recordings / LOG).resolve()) for w in words]
+                arguments = [w.format(log=(recordings / LOG).resolve()) for w in words]
                 done = subprocess.run(  # noqa: S603  the commands are those above
-                    [sys.executable, "-m", "gimbalcal", *told, "--quiet"], cwd=folder, check=False
+                    [sys.executable, "-m", "gimbalcal", *arguments, "--quiet"], cwd=folder, check=False
                 )
                 if done.returncode > 1:
-                    raise SystemExit(f"gimbalcal {' '.join(told)} ended with status {done.returncode}")
+                    raise SystemExit(f"gimbalcal {' '.join(arguments)} ended with status {done.returncode}")
             subprocess.run(  # noqa: S603
                 [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
                  f"--user-data-dir={folder}/b", f"--window-size={wide},{high}", f"--screenshot={DOCS / name}",

@@ -1,4 +1,4 @@
-"""Run every command of the tutorials again, and put what it printed under it.
+"""Run every command of the tutorials again, and insert its output.
 
     python docs/build_tutorials.py FOLDER [--check] [PAGE ...]
 
@@ -30,7 +30,7 @@ FILES = {
 
 
 def rerun(text: str, place: Path) -> str:
-    """The page with the output of its commands as they print it now."""
+    """Return the page with the present output of its commands."""
 
     def block(found: re.Match[str]) -> str:
         lines: list[str] = []
@@ -42,7 +42,7 @@ def rerun(text: str, place: Path) -> str:
 
 
 def printed(command: str, place: Path) -> str:
-    """What a command prints, progress too, and its exit status where that is not 0. Refusals of input end the run."""
+    """Return what a command prints, progress included, and an exit status other than 0. Refusals end the run."""
     programs = place / ".bin"
     environment = {**os.environ, "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "100"}
     done = subprocess.run(  # noqa: S602  the commands are those of our own pages
@@ -58,7 +58,7 @@ def printed(command: str, place: Path) -> str:
 
 
 def furnish(place: Path, recordings: Path) -> None:
-    """The program, the recordings that ship, and the real files, as a reader would have them."""
+    """Provide the program, the recordings that ship, and the real files in a folder."""
     (place / ".bin").mkdir()
     program = place / ".bin" / "gimbalcal"
     program.write_text(f'#!/bin/sh\nPYTHONPATH={ROOT} exec {sys.executable} -m gimbalcal "$@"\n', encoding="utf-8")
@@ -70,7 +70,7 @@ def furnish(place: Path, recordings: Path) -> None:
 
 
 def main() -> int:
-    """Run the pages; 1 where --check finds a difference."""
+    """Run the pages; return 1 if --check finds a difference."""
     parser = argparse.ArgumentParser(description="run the tutorials again")
     parser.add_argument("recordings", type=Path)
     parser.add_argument("pages", nargs="*", type=Path)
@@ -83,7 +83,7 @@ def main() -> int:
             furnish(Path(folder), asked.recordings)
             after = rerun(before, Path(folder))
         differ |= after != before
-        sys.stdout.write(f"{page.name}: {'as it was' if after == before else 'another answer'}\n")
+        sys.stdout.write(f"{page.name}: {'unchanged' if after == before else 'changed'}\n")
         if not asked.check:
             page.write_text(after, encoding="utf-8")
     return int(asked.check and differ)
