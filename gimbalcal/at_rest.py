@@ -1,6 +1,6 @@
-"""The noise of sensors at rest: Allan deviation of each channel, its coefficients, and what a header may state.
+"""Determine the noise of sensors at rest: Allan deviation of each channel, its coefficients, and a header line.
 
-Rests are those of the recording; of a static run everything is one, less the Earth's turn under the platform.
+The rests are those of the recording; a static run is one rest, less the Earth's turn under the platform.
 """
 
 from __future__ import annotations
@@ -39,38 +39,38 @@ class Channel:
     sensor: str
     raw: str  # the unit of counts or pulses; empty of a reading in SI
     curve: Curve
-    found: Fitted
+    fitted: Fitted
     weight: float
 
     @property
     def name(self) -> str:
-        """As a person says it."""
+        """Name for people."""
         return " ".join(filter(None, [WORDS[self.key[0]], self.key[1], self.sensor]))
 
     @property
     def units(self) -> tuple[str, str, str]:
-        """Of white noise, bias instability (and the curve), random walk."""
+        """Units of white noise, of bias instability (and the curve), and of random walk."""
         return (f"{self.raw}/sqrt(Hz)", self.raw, f"{self.raw}/sqrt(h)") if self.raw else UNITS[self.key[0]]
 
     def printed(self, value: Array | float, part: int) -> Any:
-        """A value of SI in the unit that coefficients of this kind are told in."""
+        """Return an SI value in the unit in which coefficients of this kind are printed."""
         si = np.asarray(value, dtype=float)
         return si * (60.0 if part == 2 else 1.0) if self.raw else from_si(si, self.units[part])
 
     def coefficient(self, part: int) -> dict[str, Any]:
-        """Value and sigma of a coefficient; where it does not show, None and what it is below (95 %)."""
-        square, spread = self.found.square[part], np.sqrt(self.found.covariance[part, part])
-        seen, root = bool(spread > 0), float(np.sqrt(square))
-        most = float(np.sqrt(max(self.found.most[part], 0.0)))
+        """Return value and sigma of a coefficient; where it is not significant, None and its 95 % limit."""
+        square, spread = self.fitted.square[part], np.sqrt(self.fitted.covariance[part, part])
+        significant, root = bool(spread > 0), float(np.sqrt(square))
+        most = float(np.sqrt(max(self.fitted.most[part], 0.0)))
         return {
-            "value": float(self.printed(root, part)) if seen else None,
-            "sigma": float(self.printed(spread / (2 * root), part)) if seen else None,
-            "below": None if seen else float(self.printed(most, part)),
+            "value": float(self.printed(root, part)) if significant else None,
+            "sigma": float(self.printed(spread / (2 * root), part)) if significant else None,
+            "below": None if significant else float(self.printed(most, part)),
             "unit": self.units[part],
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """As noise.json has it."""
+        """Return the entry of noise.json."""
         return {
             "quantity": self.key[0],
             "axis": self.key[1],
@@ -79,22 +79,22 @@ class Channel:
             "unit": self.units[1],
             "tau_s": self.curve.tau.tolist(),
             "deviation": self.printed(np.sqrt(self.curve.variance), 1).tolist(),
-            "sigma": self.printed(self.found.spread / (2 * np.sqrt(self.model)), 1).tolist(),
+            "sigma": self.printed(self.fitted.spread / (2 * np.sqrt(self.model)), 1).tolist(),
             "model": self.printed(np.sqrt(self.model), 1).tolist(),
-            "fitted_from_s": float(self.curve.tau[self.found.first]),
-            "chi2": self.found.chi2,
-            "dof": self.found.dof,
-            "p_value": probability(self.found),
+            "fitted_from_s": float(self.curve.tau[self.fitted.first]),
+            "chi2": self.fitted.chi2,
+            "dof": self.fitted.dof,
+            "p_value": probability(self.fitted),
         }
 
     @property
     def model(self) -> Array:
-        """Allan variance (P,) of the fitted noise."""
-        return np.asarray(law(self.curve.tau) @ self.found.square)
+        """Return the Allan variance (P,) of the fitted noise."""
+        return np.asarray(law(self.curve.tau) @ self.fitted.square)
 
 
 def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
-    """The noise of every accelerometer and gyroscope of a recording. Raises InputError where nothing rests."""
+    """Return the noise of every accelerometer and gyroscope of a recording; `InputError` where nothing is at rest."""
     if recording.kind.sighting:
         raise InputError(f"{recording.title!r} is a pointing run: no inertial sensor rests in it")
     out = []
@@ -116,7 +116,7 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
 
 
 def _stretches(recording: Recording) -> tuple[list[slice], float]:
-    """Rows at rest without a gap of the clock, and the step of the clock [s]."""
+    """Return stretches of rows at rest without a gap of the clock, and the step of the clock [s]."""
     step = float(np.median(np.diff(recording.time))) if len(recording.time) > 1 else 1.0
     rests = stops(recording) if recording.kind.rotating else dwells(recording)
     cut = np.flatnonzero(np.diff(recording.time) > MISSED * step) + 1
@@ -135,9 +135,9 @@ def _stretches(recording: Recording) -> tuple[list[slice], float]:
 
 
 def _without_the_earth(recording: Recording, x: Array) -> Array:
-    """Readings (n,) less the Earth's turn, which the force does in the axes of a still platform.
+    """Return readings (n,) less the Earth's turn, which the force follows in the axes of a stabilised platform.
 
-    Its second harmonic is what a nonlinear sensor makes of it, and both may change steadily as the platform drifts.
+    Its second harmonic comes from nonlinear sensors, and both may change steadily as the platform drifts.
     """
     t = (recording.time - recording.time[0]) / (recording.time[-1] - recording.time[0])
     angle = EARTH_RATE * (recording.time - recording.time[0])
@@ -147,22 +147,22 @@ def _without_the_earth(recording: Recording, x: Array) -> Array:
 
 
 def header(channels: tuple[Channel, ...]) -> dict[str, dict[str, Any]]:
-    """What `[noise]` may state: one sigma of one sample as white noise, the rms of the axes of the first sensors.
+    """Return what `[noise]` may state: one sigma of a sample as white noise, the rms of the axes of the first sensors.
 
     Axes whose curve is another, or in which no white noise shows, do not count; where none is left nothing is stated.
     """
     out = {}
     for name, quantity in SENSORS.items():
         mine = [c for c in channels if c.key[0] == quantity and c.sensor == channels[0].sensor and not c.raw]
-        mine = [c for c in mine if c.found.covariance[0, 0] > 0 and probability(c.found) > UNLIKELY]
+        mine = [c for c in mine if c.fitted.covariance[0, 0] > 0 and probability(c.fitted) > UNLIKELY]
         if mine:
-            squares = [c.found.square[0] * c.weight / c.curve.step for c in mine]
+            squares = [c.fitted.square[0] * c.weight / c.curve.step for c in mine]
             out[name] = {"value": float(f"{np.sqrt(np.mean(squares)):.4g}"), "unit": SI[quantity]}
     return out
 
 
 def content(recording: Recording, channels: tuple[Channel, ...]) -> dict[str, Any]:
-    """noise.json."""
+    """Return the content of noise.json."""
     first = channels[0].curve
     seconds = float(first.lengths.sum() * first.step)
     return {
@@ -179,29 +179,29 @@ def content(recording: Recording, channels: tuple[Channel, ...]) -> dict[str, An
 
 
 def in_words(channels: tuple[Channel, ...]) -> str:
-    """The answer: the largest of each kind among channels that follow the law, and which do not."""
-    odd = [c.name for c in channels if probability(c.found) < UNLIKELY]
+    """Return the answer: the largest coefficients of channels that follow the model, and those that do not."""
+    unmodelled = [c.name for c in channels if probability(c.fitted) < UNLIKELY]
     parts = []
     for quantity, word in WORDS.items():
         every = [c for c in channels if c.key[0] == quantity]
-        mine = [c for c in every if c.name not in odd] or every  # numbers of a law that does not hold say nothing
+        mine = [c for c in every if c.name not in unmodelled] or every  # else the numbers mean nothing
         if not mine:
             continue
         told = [_largest(mine, k) for k in range(3)]
         parts.append(f"{word}s: {', '.join(told)}")
     sentence = "; ".join(parts)
-    if odd:
-        one = "s" if len(odd) == 1 else ""
-        sentence += f"; {', '.join(odd)} follow{one} no such law, sigmas are widened: look at the curve"
-    late = [c.name for c in channels if c.found.first and c.name not in odd]
+    if unmodelled:
+        one = "s" if len(unmodelled) == 1 else ""
+        sentence += f"; {', '.join(unmodelled)} follow{one} no such law, sigmas are widened: look at the curve"
+    late = [c.name for c in channels if c.fitted.first and c.name not in unmodelled]
     if late:
-        tau = max(c.curve.tau[c.found.first] for c in channels if c.name in late)
+        tau = max(c.curve.tau[c.fitted.first] for c in channels if c.name in late)
         sentence += f"; {', '.join(late)} only from {tau:.3g} s on, as behind a filter"
     return sentence
 
 
 def _largest(mine: list[Channel], part: int) -> str:
-    """The largest coefficient of a kind among channels, in words."""
+    """Return the largest coefficient of a kind among channels in words."""
     names = ("white noise", "bias instability", "random walk")
     seen = [(c.coefficient(part)["value"], c) for c in mine if c.coefficient(part)["value"] is not None]
     if seen:

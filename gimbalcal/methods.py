@@ -1,4 +1,4 @@
-"""How recordings are calibrated: by which method, each of several sensors by itself, with where the numbers come from.
+"""Calibrate recordings by a method, each of several sensors by itself, and record the provenance of the result.
 
 `gimbalcal calibrate` and `gimbalcal.calibrate` run this; the three stages themselves are in `pipeline`.
 """
@@ -31,11 +31,11 @@ from gimbalcal.recording import Recording, when_recorded
 from gimbalcal.recording.kinds import Method
 from gimbalcal.unusual_constants import with_question
 
-ALONE = {"attitude": gyroscopes_against_attitude, "two-position": two_position}  # methods for gyroscopes alone
+GYROSCOPE_METHODS = {"attitude": gyroscopes_against_attitude, "two-position": two_position}
 
 
 def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], ...]:
-    """The recordings of each of several sensors that were logged side by side; as they are where there is one."""
+    """Return the recordings of each sensor, where several were logged side by side."""
     first = recordings[0]
     names = [r.sensor for r in first.sensors]
     for r in recordings[1:]:
@@ -64,7 +64,7 @@ def calibrate(
     recordings: Sequence[Source], method: str = "", terms: Sequence[str] = (), tell: Tell = silent,
     more: Sequence[str] = (), states: str = "51", grade: str = "",
 ) -> tuple[Calibration, tuple[Recording, ...]]:  # fmt: skip
-    """Take or read recordings and calibrate by `method`, else by the one that is usual for them (`usual_method`).
+    """Calibrate recordings, or folders of them, by `method`, else by their preferred one (`usual_method`).
 
     "three-stage" takes angles, "multiposition" none and one session or more, "systematic" takes a rotation recording
     and estimates `states`: "30", "51" or "EFFECT[:AXIS],...". Pointing runs, one or several of a mount, have a method
@@ -87,7 +87,7 @@ def calibrate_each(
     states: str = "51",
     grade: str = "",
 ) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
-    """The same for each of several sensors that were logged side by side, held against the first at rest."""
+    """Calibrate each of several sensors that were logged side by side, and compare them with the first at rest."""
     groups = by_sensor(load(recordings, tell))
     if not method:
         method = usual_method(groups[0])
@@ -100,7 +100,7 @@ def calibrate_each(
         made.append((_calibrated(group, method, terms, tell, more, states, grade), group))
     if len(made) == 1:
         return tuple(made)
-    checks = held_together(made, tell)
+    checks = cross_checks(made, tell)
     words = [check.in_words for check in checks]
     off = [check.in_words for check in checks if not check.agree]
     return tuple(
@@ -116,8 +116,8 @@ def calibrate_each(
     )
 
 
-def held_together(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], tell: Tell = silent) -> list[CrossCheck]:
-    """Every triad held against the first in the rests of the first recording, where that can be done."""
+def cross_checks(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], tell: Tell = silent) -> list[CrossCheck]:
+    """Compare every triad with the first in the rests of the first recording, where that is possible."""
     made = []
     (a, (r, *_)) = each[0]
     for b, (s, *_) in each[1:]:
@@ -133,7 +133,7 @@ def _calibrated(
     recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell, more: Sequence[str],
     states: str = "51", grade: str = "",
 ) -> Calibration:  # fmt: skip
-    """One unit by `method`, its constants held against those that such a unit has, with its provenance."""
+    """Calibrate one unit by `method`, question unusual constants, and add the provenance."""
 
     def again(changed: Sequence[Recording]) -> Calibration:
         return _estimated(tuple(changed), method, terms, silent, more, states, grade)
@@ -150,7 +150,7 @@ def _estimated(
     recordings: tuple[Recording, ...], method: str, terms: Sequence[str], tell: Tell, more: Sequence[str],
     states: str, grade: str,
 ) -> Calibration:  # fmt: skip
-    """One unit by `method`."""
+    """Calibrate one unit by `method`."""
     if grade and method != "three-stage":
         raise InputError(
             f"--grade {grade} says how large errors are that the positions of gimbals do not show; other methods take "
@@ -177,10 +177,10 @@ def _estimated(
             raise InputError("--method rate-table has its own terms; leave --terms and --with out")
         made = gyroscopes_on_a_table(graded(recordings).of(recordings))
         tell(made.provenance["options"]["in_words"])
-    elif method in ALONE:
+    elif method in GYROSCOPE_METHODS:
         if len(recordings) > 1 or terms or more:
             raise InputError(f"--method {method} takes one recording and has its own terms; give it alone")
-        made = ALONE[method](recordings[0])
+        made = GYROSCOPE_METHODS[method](recordings[0])
         tell(made.provenance["options"]["in_words"])
     elif terms:
         raise InputError(
@@ -202,7 +202,7 @@ def _estimated(
 def _navigated(
     recordings: tuple[Recording, ...], terms: Sequence[str], tell: Tell, more: Sequence[str], asked: str
 ) -> Calibration:
-    """A unit that was turned in its place, by navigation."""
+    """Calibrate a unit that was turned in its place by navigation."""
     from gimbalcal.estimate.systematic.calibrate import systematic  # numba takes a second to load
     from gimbalcal.estimate.systematic.joint_recordings import calibrate_jointly
 
@@ -222,7 +222,7 @@ def _modelled(recordings: Sequence[Recording]) -> tuple[str, ...]:
 
 
 def _left_out(made: Calibration) -> list[str]:
-    """What was asked for and not taken up, and why."""
+    """Return what was requested and is not part of the result, and why."""
     options = made.provenance["options"]
     declined = ", ".join({**options.get("declined", {}), **options.get("gyro_declined", {})}).replace("_", " ")
     told = [f"these data do not show {declined}, so they are left out; why, and how large each may be, says the report"]
@@ -233,7 +233,7 @@ def _left_out(made: Calibration) -> list[str]:
 def provenance(
     recordings: Sequence[Recording], made: Calibration, terms: Sequence[str], more: Sequence[str] = ()
 ) -> dict[str, object]:
-    """Where a calibration came from: files with their hashes, version, options, time, and remarks made on the way."""
+    """Return the provenance of a calibration: files with their hashes, version, options, time, and remarks."""
     defined = outside({p.effect for p in made.parameters})
     return {
         **made.provenance,

@@ -138,7 +138,7 @@ def diagnose(
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.diagnose import diagnose as run
     from gimbalcal.diagnose.cost import with_cost
-    from gimbalcal.methods import by_sensor, held_together
+    from gimbalcal.methods import by_sensor, cross_checks
     from gimbalcal.pipeline import load
     from gimbalcal.report.console import findings_table, headline_and_numbers
     from gimbalcal.report.files import write_diagnoses
@@ -165,7 +165,7 @@ def diagnose(
         content["beside"] = {group[0].sensor: d.to_dict() for group, d in zip(groups[1:], diagnoses[1:], strict=True)}
         sentences = [f"{group[0].title}: {headline_and_numbers(d)}" for group, d in zip(groups, diagnoses, strict=True)]
         refits = [(d.calibration, group) for d, group in zip(diagnoses, groups, strict=True) if d.calibration]
-        checks = held_together(refits, tell) if len(refits) == len(diagnoses) else []
+        checks = cross_checks(refits, tell) if len(refits) == len(diagnoses) else []
         content["cross_check"] = [check.in_words for check in checks]
         sentences += [f"{check.in_words[0].upper()}{check.in_words[1:]}." for check in checks]
     if not (as_json or quiet) and any(d.findings for d in diagnoses):

@@ -23,8 +23,8 @@ from gimbalcal.estimate.systematic.innovation_tests import innovation_statistics
 from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
 from gimbalcal.estimate.systematic.linearisation_error import linearisation_covariance
 from gimbalcal.estimate.systematic.observability import data_information
-from gimbalcal.estimate.systematic.slips import likely, limits
 from gimbalcal.estimate.systematic.state_lists import states
+from gimbalcal.estimate.systematic.suspected_errors import limitations, suspected_error
 from gimbalcal.inference.information import solve
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -83,7 +83,7 @@ def calibrated(m: SystematicFit) -> Calibration:
     solution = solve(data_information(wanted, m.last.factor, m.unregularised - m.prior_mean, scale))
     smoothed = attitude_covariance(segments, m.last, m.excluded, solution.covariance / np.outer(scale, scale))
     navigation = innovation_statistics(segments, wanted, m.last, m.C, m.passes, smoothed)
-    words = outcome(navigation, 9 + len(wanted), m.converged, len(solution.unobservable), lambda: likely(m))
+    words = outcome(navigation, 9 + len(wanted), m.converged, len(solution.unobservable), lambda: suspected_error(m))
     rms = {f"velocity {axis}": float(v) for axis, v in navigation.pop("velocity_rms").items()}
     return Calibration(
         method="systematic",
@@ -95,6 +95,6 @@ def calibrated(m: SystematicFit) -> Calibration:
         outcome=words,
         provenance={
             "options": {"velocity_m_per_s": segments.velocity, "stops": int(segments.stop.max()) + 1},
-            "limits": limits(m, solution.sigma),
+            "limits": limitations(m, solution.sigma),
         },
     )

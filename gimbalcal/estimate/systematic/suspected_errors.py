@@ -1,11 +1,11 @@
-r"""Slips that no fit absorbs: a clock or a latitude that is another, a noise that is not so; what noise forbids.
+r"""Input errors that a systematic calibration can suspect: noise, clock, lever arm, latitude; and limits of the data.
 
-A latitude that is off by dL adds to the rates, in the axes of the unit, what no sensor did:
+A latitude that is off by dL adds to the rates, in the axes of the unit,
 
 .. math:: \delta\omega = C_n^b \, \frac{d\omega_{ie}}{dL} \, dL, \qquad
           \frac{d\omega_{ie}}{dL} = \Omega \, (-\sin L, \; 0, \; -\cos L)
 
-so it is a cause like any other, and least squares on the innovations says whether it is the one.
+so it is one more parameter, and least squares on the innovations shows whether it explains the misfit.
 """
 
 from __future__ import annotations
@@ -22,56 +22,61 @@ from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.estimate.systematic.turn_consistency import NONLINEAR_SCALE_ERROR
 from gimbalcal.number import Array
 
-ALIKE = 0.1  # how far three of a triad are alike
-SHARE = 0.8  # of the misfit: a slip that explains so much of it is the likeliest
-CERTAIN = 10.0  # sigma
-LOST = 10.0  # deg, one sigma of the heading
-UNTOLD = 0.5  # of the size that is usual: a recording that leaves so much has not told it
-NOISE = 3.0  # times: a stated noise that is further from what the stops show
+MAX_DIFFERENCE = 0.1  # of the scale errors of a triad that have one cause
+MIN_SHARE = 0.8  # of the misfit, that an input error has to explain
+MIN_SIGNIFICANCE = 10.0  # sigma
+MAX_HEADING_SIGMA_DEG = 10.0
+MIN_SIGMA_RATIO = 0.5  # posterior over prior sigma: beyond, the recording has not determined the parameter
+MAX_NOISE_RATIO = 3.0  # scatter at the stops over stated noise
 
 
-def limits(m: SystematicFit, sigmas: Array) -> list[str]:
-    """Sentences on what this noise and these hands do not allow; sigmas (p,) of the states."""
+def limitations(m: SystematicFit, sigmas: Array) -> list[str]:
+    """Return sentences on what the noise and the motion do not allow; sigmas (p,) of the states."""
     out = []
     if m.segments.handled:
         out.append("a hand turned the unit and carried it along, so its velocity is believed at the stops alone")
     heading = float(np.degrees(np.sqrt(m.last.attitude[2, 2])))
-    if heading > LOST:
+    if heading > MAX_HEADING_SIGMA_DEG:
         out.append(f"north is known to {heading:.2g} deg: these gyroscopes hardly see the Earth turn")
-    untold = [
+    undetermined = [
         effect.replace("_", " ")
         for effect in dict.fromkeys(p.effect for p in m.wanted)
-        if all(s > UNTOLD * p.sigma for p, s in zip(m.wanted, sigmas, strict=True) if p.effect == effect)
+        if all(s > MIN_SIGMA_RATIO * p.sigma for p, s in zip(m.wanted, sigmas, strict=True) if p.effect == effect)
     ]
-    if untold:
+    if undetermined:
+        is_are = "is" if len(undetermined) == 1 else "are"
         out.append(
-            f"{' and '.join(untold)} {'is' if len(untold) == 1 else 'are'} told no better than the grade of the unit "
+            f"{' and '.join(undetermined)} {is_are} told no better than the grade of the unit "
             "tells beforehand: at this noise the turns decline them"
         )
     return out
 
 
-def likely(m: SystematicFit) -> str:
-    """What a recording that the model does not explain may suffer from: a clause, empty where nothing stands out."""
-    return _noise(m.segments) or _clock(m) or _in_turns(m) or _latitude(m) or _wandering(m.segments)
+def suspected_error(m: SystematicFit) -> str:
+    """Return the likeliest input error behind a lack of fit as a clause; empty where none is likely."""
+    return _noise(m.segments) or _clock(m) or _lever_arm(m) or _latitude(m) or _bias_instability(m.segments)
 
 
 def _noise(segments: Segments) -> str:
-    """A noise that the header states and the stops do not show."""
+    """Suspect a stated noise that is below the scatter at the stops."""
     for k, (sensor, unit) in ((0, ("accelerometer", "m/s^2")), (3, ("gyroscope", "rad/s"))):
-        said, seen = float(segments.sigma[k]), float(np.sqrt(np.mean(segments.shown[k : k + 3] ** 2)))
-        if segments.stated and seen > NOISE * said:
+        stated, shown = float(segments.sigma[k]), float(np.sqrt(np.mean(segments.shown[k : k + 3] ** 2)))
+        if segments.stated and shown > MAX_NOISE_RATIO * stated:
             return (
-                f"[noise] says {said:.2g} {unit} a sample of the {sensor}, and the stops scatter by {seen:.2g} {unit}: "
-                "correct it, or leave it out to have it taken from the stops"
+                f"[noise] says {stated:.2g} {unit} a sample of the {sensor}, and the stops scatter by {shown:.2g} "
+                f"{unit}: correct it, or leave it out to have it taken from the stops"
             )
     return ""
 
 
 def _clock(m: SystematicFit) -> str:
-    """Rates, or a clock, in another unit: all three gyroscopes are off by the same."""
+    """Suspect rates, or a clock, in another unit: all three gyroscopes are off by the same."""
     sizes = np.array([x for p, x in zip(m.wanted, m.theta, strict=True) if p.effect == "gyro_scale_factor"])
-    if len(sizes) != 3 or np.abs(sizes).min() <= NONLINEAR_SCALE_ERROR or np.ptp(sizes) > ALIKE * np.abs(sizes).max():
+    if (
+        len(sizes) != 3
+        or np.abs(sizes).min() <= NONLINEAR_SCALE_ERROR
+        or np.ptp(sizes) > MAX_DIFFERENCE * np.abs(sizes).max()
+    ):
         return ""
     off = 100 * (1 / (1 + float(np.mean(sizes))) - 1)  # of what they read, where the scale factor is of what was there
     return (
@@ -80,8 +85,8 @@ def _clock(m: SystematicFit) -> str:
     )
 
 
-def _wandering(segments: Segments) -> str:
-    """Biases of a unit that is no navigation grade, and of which nobody says how they wander."""
+def _bias_instability(segments: Segments) -> str:
+    """Suspect the bias instability of a unit below navigation grade, where none is stated."""
     grade = segments.grade.name
     if grade == "navigation" or len(bias_processes(segments)):
         return ""
@@ -92,13 +97,13 @@ def _wandering(segments: Segments) -> str:
     )
 
 
-def _in_turns(m: SystematicFit) -> str:
-    """Velocities that are not zero while the unit turns, and are at the stops."""
+def _lever_arm(m: SystematicFit) -> str:
+    """Suspect a lever arm, or a hand: velocities that are zero at the stops and not in the turns."""
     bad = m.last.calibrated.distance > GATE_NIS
     turning = m.segments.stop < 0
     turns = np.cumsum(np.diff(turning, prepend=False) & turning)
     struck = len(np.unique(turns[bad & turning]))
-    if not bad.any() or np.mean(turning[bad]) < SHARE or struck < turns[-1] / 2:
+    if not bad.any() or np.mean(turning[bad]) < MIN_SHARE or struck < turns[-1] / 2:
         return ""
     return (
         f"its velocity is zero at the stops and not in {struck} of {turns[-1]} turns, so it does not turn about its "
@@ -108,26 +113,26 @@ def _in_turns(m: SystematicFit) -> str:
 
 
 def _latitude(m: SystematicFit) -> str:
-    """A latitude with which it would be explained."""
+    """Suspect the latitude, where another one explains the misfit."""
     w = innovation_rows(m)
     stated = m.segments.rows.site.latitude
     assert stated is not None
     slope = EARTH_RATE * np.array([-np.sin(stated), 0.0, -np.cos(stated)])
     D = np.zeros((len(w.felt.rate), 6, 1))
     D[:, 3:, 0] = in_body(m.segments, m.u, m.C, slope)
-    mine = [D]
+    columns = [D]
     for effect_id in dict.fromkeys(p.effect for p in m.wanted):
         effect = next(e for e in m.effects if e.id == effect_id)
-        mine.append(w.addition(effect, [p for p in m.wanted if p.effect == effect_id]))
+        columns.append(w.addition(effect, [p for p in m.wanted if p.effect == effect_id]))
     scale = np.array([1.0, *(p.sigma for p in m.wanted)])
     sigma = np.broadcast_to(w.sigma[..., None], (*w.sigma.shape, len(scale)))
-    A = (w.response(np.concatenate(mine, axis=2)) * scale / sigma).reshape(-1, len(scale))
+    A = (w.response(np.concatenate(columns, axis=2)) * scale / sigma).reshape(-1, len(scale))
     y = (w.residual / w.sigma).reshape(-1)
     fits = [np.linalg.lstsq(B, y, rcond=None)[0] for B in (A[:, 1:], A)]
     without, with_it = (float(np.sum((y - B @ x) ** 2)) for B, x in zip((A[:, 1:], A), fits, strict=True))
     off = float(fits[1][0])
     excess = without - (len(y) - len(scale))
-    if without - with_it < max(SHARE * excess, CERTAIN**2):
+    if without - with_it < max(MIN_SHARE * excess, MIN_SIGNIFICANCE**2):
         return ""
     return (
         f"a latitude of some {np.degrees(stated + off):.1f} deg instead of {np.degrees(stated):.4g} deg would nearly "
