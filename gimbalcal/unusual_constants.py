@@ -65,13 +65,13 @@ def largest_usual(unit: Graded, lasted: float, p: Parameter) -> float:
 
 
 def beyond_grade(made: Calibration, limit: Limit) -> tuple[int, ...]:
-    """Which parameters are beyond what a unit of this grade has, the farthest first."""
+    """Return the parameters beyond what a unit of this grade has, the farthest first."""
     over = (np.abs(made.values) - MIN_SIGMAS * made.sigmas) / np.array([limit(p) for p in made.parameters])
     return tuple(int(i) for i in np.argsort(-over) if over[i] > 1)
 
 
 def in_words(made: Calibration, beyond: Sequence[int], limit: Limit, cause: str, grade: str) -> str:
-    """What is far, what would be usual, and what would explain it."""
+    """Return in words the constants beyond the grade, their usual size, and the likely cause."""
     stated = []
     for i in beyond[:MAX_SHOWN]:
         p = made.parameters[i]

@@ -55,7 +55,7 @@ class Examined:
 
     @property
     def attitude_known(self) -> bool:
-        """Whether gimbal readouts say how the unit stands."""
+        """Return whether gimbal readouts say how the unit stands."""
         logged = set(self.recording.axes(ANGLE))
         complete = {"platform", "middle"} <= logged if self.recording.kind.stabilised else bool(logged)
         return bool(self.recording.platform.axes) and complete
@@ -71,7 +71,7 @@ class Examined:
         return {}
 
     def has(self, item: str) -> bool:
-        """Whether a triad was logged completely, another quantity at all, or "dwells", "latitude", "attitude" known.
+        """Return whether a triad is complete, another quantity logged, or "dwells", "latitude", "attitude" known.
 
         "physical X": a triad in physical units; "any X": some of its axes; "no X": not so.
         """
@@ -103,7 +103,7 @@ class Check:
     question: bool = False
 
     def applies(self, examined: Examined) -> bool:
-        """Whether the check can be made."""
+        """Return whether the check can be made."""
         return examined.recording.kind in self.kinds and all(map(examined.has, self.requires))
 
 

@@ -19,7 +19,7 @@ MIN_NOISE = 1e-15  # SI; less is zero to any instrument
 
 
 def noise_below_any_instrument(e: Examined) -> str:
-    """A stated noise that is none."""
+    """Refuse a stated noise below that of any instrument."""
     r = e.recording
     for sensor, sigma in r.noise.items():
         units = () if sensor in COLOURED else [u for (q, _), u in r.units.items() if q == SENSORS[sensor]]
@@ -32,7 +32,7 @@ def noise_below_any_instrument(e: Examined) -> str:
 
 
 def temperature_too_high(e: Examined) -> str:
-    """Kelvin called degC."""
+    """Refuse temperatures at which no sensor works: kelvin called degC."""
     middle, unit, number = _usual_temperature(e)
     if not middle > MAX_TEMPERATURE_DEGC:
         return ""
@@ -45,7 +45,7 @@ def temperature_too_high(e: Examined) -> str:
 
 
 def temperature_too_low(e: Examined) -> str:
-    """Degrees Celsius called K."""
+    """Question temperatures of no place on Earth: degrees Celsius called K."""
     middle, unit, number = _usual_temperature(e)
     if not middle < MIN_TEMPERATURE_DEGC:
         return ""
@@ -63,7 +63,7 @@ def _usual_temperature(e: Examined) -> tuple[float, str, float]:
 
 
 def dwell_times(e: Examined) -> str:
-    """Dwells of days or milliseconds: nothing at rest shows the unit of a clock."""
+    """Question dwells of days or milliseconds: nothing at rest shows the unit of a clock."""
     each = dwells(e.recording)
     middle = float(np.median([np.ptp(e.recording.time[d.rows]) for d in each]))
     if middle > MAX_DWELL_S:
@@ -80,7 +80,7 @@ def dwell_times(e: Examined) -> str:
 
 
 def rows_marked_as_moving(e: Examined) -> str:
-    """Rows marked 0, as if on the way, in a table that holds each rest in a row."""
+    """Remark on rows marked 0, as if on the way, in a table that holds each rest in a row."""
     r = e.recording
     marked = np.flatnonzero(r.position == 0)
     means = all(d.stop - d.start == 1 for d in dwells(r))

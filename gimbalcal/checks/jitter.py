@@ -1,6 +1,6 @@
 r"""Time stamps that jitter although the sensor's clock is regular: times of arrival, not of sampling.
 
-A reading is told by its four neighbours, by the cubic through them: once at the times that were logged, once at the
+A reading is predicted by the cubic through its four neighbours: once at the times that were logged, once at the
 numbers of the rows. What the noise of the five leaves is the same both ways,
 
 .. math:: \left\langle \frac{(x_i - \sum_j w_j x_j)^2}{1 + \sum_j w_j^2} \right\rangle ,
@@ -20,12 +20,12 @@ import numpy as np
 
 from gimbalcal.number import Array
 
-JITTER = 0.02  # of a step: less is below what any turn shows
-SMOOTHER = 0.9  # times the roughness with the stamps: white noise alone gives 1
+MIN_JITTER = 0.02  # of a step: less is below what any turn shows
+MAX_ROUGHNESS = 0.9  # times the roughness with the stamps: white noise alone gives 1
 GAP = 3.0  # steps; a longer one is a pause, and a clock of its own begins
-FEWEST = 100  # rows from one pause to the next to fit a clock to
-ASTRAY = 2.0  # steps that a stamp may be off the regular clock, but for one in a hundred
-ASIDE = 10  # rows on each side of a long step that tell whether what comes later stays late: then rows were lost
+MIN_ROWS = 100  # rows from one pause to the next to fit a clock to
+MAX_STRAY_STEPS = 2.0  # steps that a stamp may be off the regular clock, but for one in a hundred
+ROWS_ASIDE = 10  # rows on each side of a long step that tell whether what comes later stays late: then rows were lost
 
 
 @dataclass(frozen=True)
@@ -42,29 +42,32 @@ class Jitter:
 
 
 def jitter_of(time: Array, row: Array, channels: Sequence[Array]) -> Jitter | None:
-    """How the stamps `time` (n,) [s] of rows number `row` (n,) jitter; None where they do not, or nothing shows it."""
+    """Return the jitter of the stamps `time` (n,) [s] of rows number `row` (n,); None where none shows."""
     n, dt = len(time), np.diff(time)
-    if n < FEWEST or not channels or dt.min() <= 0:
+    if n < MIN_ROWS or not channels or dt.min() <= 0:
         return None
     step = float(np.median(dt / np.diff(row)))
     near = dt < GAP * step
     scatter = float(np.std(dt[near])) / step if near.any() else 0.0
-    if scatter < JITTER:
+    if scatter < MIN_JITTER:
         return None
     five = near[:-3] & near[1:-2] & near[2:-1] & near[3:]
-    if np.count_nonzero(five) < FEWEST:
+    if np.count_nonzero(five) < MIN_ROWS:
         return None
-    rough = [[float(np.mean(_missed(x, clock)[five] ** 2)) for clock in (row.astype(float), time)] for x in channels]
+    rough = [
+        [float(np.mean(_prediction_error(x, clock)[five] ** 2)) for clock in (row.astype(float), time)]
+        for x in channels
+    ]
     ratio = float(np.sqrt(np.mean([a / b for a, b in rough if b > 0]))) if any(b > 0 for _, b in rough) else 1.0
     clock = regular(time, row)
     rate = 1 / float(np.mean(np.diff(time)[near] / np.diff(row)[near]))
     return Jitter(scatter, ratio, rate, clock)
 
 
-def regular(time: Array, row: Array, told: bool = False) -> Array | None:
-    """The regular clock (n,) [s] through the stamps, a straight line from pause to pause; None where they stray.
+def regular(time: Array, row: Array, stated: bool = False) -> Array | None:
+    """Return the regular clock (n,) [s] through the stamps, a line from pause to pause; None where they stray.
 
-    `told`: somebody knows that the clock is regular, however coarse the stamps are; None then if it runs backwards.
+    `stated`: the clock is known to be regular, however coarse the stamps are; None then if it runs backwards.
     """
     dt = np.diff(time)
     if not len(dt) or time[-1] <= time[0]:
@@ -75,33 +78,33 @@ def regular(time: Array, row: Array, told: bool = False) -> Array | None:
     edges = [0, *(np.flatnonzero(dt > pause) + 1), len(time)]
     out, stray = np.array(time, dtype=float), []
     for start, stop in pairwise(edges):
-        if stop - start >= (3 if told else FEWEST):
+        if stop - start >= (3 if stated else MIN_ROWS):
             k, t = row[start:stop] - row[start], time[start:stop] - time[start]
-            k = k if told else k + _lost(t, k)
+            k = k if stated else k + _lost(t, k)
             out[start:stop] = time[start] + np.polyval(np.polyfit(k, t, 1), k)
             stray.append(np.abs(out[start:stop] - time[start:stop]) / step)
-    astray = not told and bool(stray) and np.quantile(np.concatenate(stray), 0.99) > ASTRAY
+    astray = not stated and bool(stray) and np.quantile(np.concatenate(stray), 0.99) > MAX_STRAY_STEPS
     if not stray or astray or np.any(np.diff(out) <= 0):
         return None
     return out
 
 
 def _lost(t: Array, k: Array) -> Array:
-    """Rows (n,) that were lost before each: where stamps are late by whole steps, and stay late."""
-    far = min(2 * ASIDE, len(t) - 1)
+    """Return the rows (n,) that were lost before each: where stamps are late by whole steps, and stay late."""
+    far = min(2 * ROWS_ASIDE, len(t) - 1)
     step = float(np.median((t[far:] - t[:-far]) / (k[far:] - k[:-far])))
     late = t / step - k
     lost = np.zeros(len(t))
     jump = np.diff(late)
     for i in sorted(np.flatnonzero(jump > 0.5) + 1, key=lambda i: -jump[i - 1]):  # the clearest first
-        before, after = late[max(0, i - ASIDE) : i], late[i : i + ASIDE]
+        before, after = late[max(0, i - ROWS_ASIDE) : i], late[i : i + ROWS_ASIDE]
         lost[i] = max(0.0, np.round(np.median(after) - np.median(before)))
         late[i:] -= lost[i]
     return np.cumsum(lost)
 
 
-def _missed(x: Array, clock: Array) -> Array:
-    """Readings (n - 4,) less the cubic through their four neighbours, over the noise that it leaves of all five."""
+def _prediction_error(x: Array, clock: Array) -> Array:
+    """Return readings (n - 4,) less the cubic through their four neighbours, over the noise of all five."""
     T = np.stack([clock[:-4], clock[1:-3], clock[3:-1], clock[4:]], axis=1) - clock[2:-2, None]
     X = np.stack([x[:-4], x[1:-3], x[3:-1], x[4:]], axis=1)
     w = np.ones_like(T)

@@ -80,7 +80,7 @@ class Turns:
 
     @property
     def reference(self) -> str:
-        """What the reference is."""
+        """Name of the reference."""
         return "gravity" if self.before.shape[-1] == 1 else "the gimbals"
 
     @cached_property

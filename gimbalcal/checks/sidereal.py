@@ -22,7 +22,7 @@ PLATFORM = ("gimbal_angle", "platform")
 
 
 def duration(e: Examined) -> str:
-    """A run of two rows."""
+    """Refuse a run of two rows."""
     t = e.recording.time
     return "" if len(t) >= 3 else (
         f"the static run lasts {np.ptp(t):.6g} s, in which the Earth hardly turns; record hours, or correct the unit "
@@ -31,7 +31,7 @@ def duration(e: Examined) -> str:
 
 
 def rate_of_the_platform_gimbal(e: Examined) -> str:
-    """The platform gimbal of a static run follows the Earth; where it does not, the clock or a unit is wrong."""
+    """Refuse a platform gimbal that does not follow the Earth: the clock or a unit is wrong."""
     time, angle = e.recording.time, e.recording.channels[PLATFORM]
     dt = np.diff(time)
     short = EARTH_RATE * dt < 1.0
@@ -46,7 +46,7 @@ def rate_of_the_platform_gimbal(e: Examined) -> str:
 
 
 def jumps_of_the_clock(e: Examined) -> str:
-    """A single readout far off its neighbours, or a clock that jumps."""
+    """Refuse a single readout far off its neighbours, or a clock that jumps."""
     time, angle = e.recording.time, e.recording.channels[PLATFORM]
     dt = np.diff(time)
     lag = _wrapped(np.diff(angle) - EARTH_RATE * dt)
@@ -68,7 +68,7 @@ def jumps_of_the_clock(e: Examined) -> str:
 
 
 def attitude_errors(e: Examined) -> str:
-    """A navigator that is off by many degrees is not navigating: its errors are in another unit."""
+    """Refuse attitude errors of many degrees: they are in another unit."""
     r = e.recording
     for axis in r.axes("attitude_error"):
         largest = float(np.max(np.abs(r.channels["attitude_error", axis])))
@@ -82,7 +82,7 @@ def attitude_errors(e: Examined) -> str:
 
 
 def axes_against_the_earth(e: Examined) -> str:
-    r"""Axes and signs of a triad whose gimbals were not read, against the turn of the Earth; the phase is not known.
+    r"""Refuse axes and signs of a triad that do not follow the turn of the Earth, whose phase is unknown.
 
     .. math:: f / |f| = (\cos L \cos S_t, \; \cos L \sin S_t, \; \sin L), \qquad \dot S_t = \Omega
     """
@@ -110,7 +110,7 @@ def axes_against_the_earth(e: Examined) -> str:
 
 
 def latitude_of_the_site(e: Examined) -> str:
-    """The force of an inertially stable platform circles the Earth's axis at the height of the pole, the latitude."""
+    """Refuse a latitude that is not the height at which the force circles the Earth's axis."""
     stated, measured = e.rests.site.latitude, latitude_of(e.force)
     if stated is None or not _inertial(e.rests) or abs(measured - stated) <= MAX_LATITUDE_ERROR_RAD:
         return ""

@@ -33,7 +33,7 @@ UNITS |= {"arcsec": np.pi / 648000}
 
 @dataclass(frozen=True, eq=False)
 class Sky:
-    """What the two axes of a mount read (n, 2) [rad], and where its stars were."""
+    """The readouts of the two axes of a mount (n, 2) [rad], and the angles of its stars."""
 
     recording: Recording
     axes: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Why a file of rows cannot be read: one sentence with the line or the column, and what to write instead."""
+"""Explain why a file of rows cannot be read: one sentence with the line or the column, and what to write instead."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gimbalcal.recording.lines import first_line, heading, is_number, lines
 if TYPE_CHECKING:
     import polars as pl
 
-MOST_NAMES = 20  # shown of a file that has other columns than it should
+MAX_NAMES = 20  # shown of a file that has other columns than it should
 
 
 def check_bytes(path: Path) -> None:
@@ -53,10 +53,10 @@ def check_names(path: Path, names: Sequence[str], present: Mapping[str, pl.DataT
     if any("\ufffd" in name for name in present):
         hint = "the names are not text in UTF-8, save the file as UTF-8"
     has = [repr(shortened(name)) for name in present]
-    more = f" and {len(has) - MOST_NAMES} more" if len(has) > MOST_NAMES else ""
+    more = f" and {len(has) - MAX_NAMES} more" if len(has) > MAX_NAMES else ""
     raise InputError(
         f"{path} has no column {alternatives([repr(name) for name in missing])}, which [columns] of recording.toml "
-        f"names; it has {', '.join(has[:MOST_NAMES])}{more}; {hint}"
+        f"names; it has {', '.join(has[:MAX_NAMES])}{more}; {hint}"
     )
 
 
@@ -76,7 +76,7 @@ def check_types(path: Path, names: Sequence[str], present: Mapping[str, pl.DataT
 
 
 def explained(path: Path, names: Sequence[str], error: BaseException) -> InputError:
-    """What an error of the engine means for the user, with the line where one can be found."""
+    """Return what an error of the engine means for the user, with the line where one can be identified."""
     if path.suffix == ".parquet":
         reason = shortened(str(error).splitlines()[0].removeprefix("parquet: "), 150)
         text = re.search(r"conversion from `str`.* in column '(.*?)'.*?\[(\".*?\")", reason)

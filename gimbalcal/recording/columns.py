@@ -39,7 +39,7 @@ SPARSE = ("attitude",)
 """Quantities that may be logged less often than the others; rows without them are kept."""
 UNITLESS = ("position", "weight")
 RATE_OF = {"velocity_increment": "specific_force", "angle_increment": "angular_rate"}
-"""What an increment over the interval that ends at its row is the mean of, times that interval."""
+"""The rate that each increment, over the interval that ends at its row, is the integral of."""
 SIGNED = ("specific_force", "angular_rate", *RATE_OF, "gimbal_angle")
 OF_A_SENSOR = ("specific_force", "angular_rate", *RATE_OF, "temperature")
 """Quantities of which a recording may hold several triads, told apart by `sensor`."""
@@ -73,7 +73,7 @@ COUNTED = Column(" time", "time", "", "s")  # made from the number of the row; a
 
 
 def columns_of(document: Document, platform: Platform, clock_needed: bool = True) -> tuple[Column, ...]:
-    """Every column that the header names, checked; `InputError` names the line. Rows may be counted for a clock."""
+    """Return every column that the header names, checked; `InputError` names the line. Rows may serve as clock."""
     table = document.table("columns")
     columns: list[Column] = []
     for name, entry in table.items():
@@ -154,7 +154,7 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
 
 
 def _sign(where: str, name: str, quantity: str, value: object) -> int:
-    """-1 for what counts backwards."""
+    """Return -1 for what counts backwards."""
     if isinstance(value, bool) or value not in (1, -1) or (value == -1 and quantity not in SIGNED):
         raise InputError(
             f"{where}: the sign of column {name!r} is {value!r}; write 1, or -1 where an accelerometer, a gyroscope or "
@@ -164,7 +164,7 @@ def _sign(where: str, name: str, quantity: str, value: object) -> int:
 
 
 def _sensor(where: str, name: str, entry: Mapping[str, object]) -> str:
-    """Which of several sensors a column belongs to: a word, of the quantities that come with a sensor."""
+    """Return the sensor that a column belongs to: a word, of quantities that come with a sensor."""
     sensor = entry.get("sensor", "")
     if not isinstance(sensor, str) or (sensor and not re.fullmatch(r"[A-Za-z0-9_-]+", sensor)):
         raise InputError(f'{where}: sensor = {sensor!r} of column {name!r} must be one word, as in sensor = "b"')
@@ -177,7 +177,7 @@ def _sensor(where: str, name: str, entry: Mapping[str, object]) -> str:
 
 
 def _resolution(where: str, name: str, quantity: str, value: object) -> float:
-    """How coarse a clock is, in its unit: rows within it may be stamped alike."""
+    """Return the resolution of a clock in its unit: rows within it may be stamped alike."""
     if quantity != "time" and value != 0.0:
         raise InputError(f"{where}: resolution of column {name!r} is for the time; leave it out of a {quantity}")
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < float("inf"):

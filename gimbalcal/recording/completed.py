@@ -1,4 +1,4 @@
-"""A recording that was made in Python, completed as a file is when it is read: rests found, scatter measured."""
+"""Complete a recording that was made in Python as a file is when it is read: rests detected, scatter measured."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gimbalcal.recording.scatter import pooled
 
 
 def completed(recording: Recording) -> Recording:
-    """The recording with the positions that nobody numbered, and the scatter of its rows at rest.
+    """Return the recording with its rests as positions, and the scatter of its rows at rest.
 
     A multi-position recording without positions is searched for rests, as `read` does with a file; what a recording
     has already stays. Rows that are means say nothing of the samples, and a channel that never moves has no scatter.
@@ -19,13 +19,13 @@ def completed(recording: Recording) -> Recording:
         recording = with_rests(recording)
     if recording.scatter or recording.kind.sighting or len(recording.time) == 0:
         return recording
-    found = pooled(recording.time, recording.position, recording.channels, recording.weight)
-    seen = {key: sigma for key, sigma in found.items() if sigma > 0}
-    return replace(recording, scatter=seen) if seen else recording
+    sigmas = pooled(recording.time, recording.position, recording.channels, recording.weight)
+    scatter = {key: sigma for key, sigma in sigmas.items() if sigma > 0}
+    return replace(recording, scatter=scatter) if scatter else recording
 
 
 def with_rests(recording: Recording) -> Recording:
-    """The recording with its rests as positions, found where its sensors are quiet if nobody numbered them."""
+    """Return the recording with its rests as positions, detected where its sensors are quiet if none are numbered."""
     if recording.position is not None:
         return recording
     forces, rates = ({a: recording.channels[q, a] for a in recording.axes(q)} for q in (FORCE, RATE))

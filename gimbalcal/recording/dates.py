@@ -23,13 +23,13 @@ _PARTS = (
 
 
 def names_iso(unit: object) -> bool:
-    """Whether the text of a unit means dates: "ISO 8601", however it is spelled."""
+    """Return whether the text of a unit means dates: "ISO 8601", however it is spelled."""
     plain = "".join(c for c in unit.lower() if c.isalnum()) if isinstance(unit, str) else ""
     return plain in ("iso", "iso8601", "isotime", "datetime", "rfc3339")
 
 
 def is_date(cell: str) -> bool:
-    """Whether a cell is a date, or a time of day, and no number.
+    """Return whether a cell is a date, or a time of day, and no number.
 
     >>> is_date("2026-11-18 05:33:10,25"), is_date("05:33:10"), is_date("20261118")
     (True, True, False)
@@ -60,7 +60,7 @@ class Dates:
 
     @property
     def day(self) -> str:
-        """That day, ISO 8601; empty where the cells are times of a day that they do not name."""
+        """The day of the clock's zero, ISO 8601; empty where the cells are times of an unnamed day."""
         return str(np.datetime64(self.midnight, "D")) if self.midnight else ""
 
     def seconds(self, cells: pl.Series) -> Array:
@@ -114,7 +114,7 @@ class Dates:
 
 
 def recorded_on(given: object, where: str) -> str:
-    """When something was recorded, as recording.toml says it: a date of TOML or of ISO 8601, with a time or without.
+    """Return the date of a recording as recording.toml states it: of TOML or of ISO 8601, with a time or without.
 
     >>> recorded_on("2026-11-18", ""), recorded_on(datetime(2026, 11, 18, 5, 33), ""), recorded_on("", "")
     ('2026-11-18', '2026-11-18T05:33:00', '')

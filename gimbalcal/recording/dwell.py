@@ -46,7 +46,7 @@ def dwells(recording: Recording) -> tuple[Dwell, ...]:
 
 
 def rests_are_means(recording: Recording) -> bool:
-    """Whether rows of rests are means and those on the way between them are not."""
+    """Return whether rows of rests are means and those on the way between them are not."""
     p = recording.position
     if p is None or np.all(p > 0) or not np.any(p > 0):
         return False

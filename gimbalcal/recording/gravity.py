@@ -1,4 +1,4 @@
-"""How well the gravity of a site is known: what is stated, what the ellipsoid says, and what nobody has said.
+"""The gravity of a site and its sigma: as stated, by the ellipsoid, or unknown.
 
 Every accelerometer is scaled by it, so its uncertainty is one of the scale factors'. Sources: Rapp, "The determination
 of geoid undulations and gravity anomalies", J. Geophys. Res. 86 (1981), for free-air anomalies of some 30 mGal rms;
@@ -32,7 +32,7 @@ def stated(latitude: float | None, height: float | None, gravity: float, sigma: 
 
 
 def odd(site: Site) -> float:
-    """How far [m/s^2] the gravity of a site is from that of the ellipsoid there; zero where that is no wonder."""
+    """Return the gravity of a site less that of the ellipsoid [m/s^2]; zero where the difference is usual."""
     if site.latitude is None:
         return 0.0
     off = site.gravity - float(normal_gravity(site.latitude, site.height))

@@ -24,7 +24,7 @@ NAME = "recording.toml"
 
 @dataclass(frozen=True)
 class Header:
-    """All that `recording.toml` says."""
+    """The content of a `recording.toml`."""
 
     path: Path
     kind: Kind
@@ -116,7 +116,7 @@ def _header(document: Document, samples: Path, clock_needed: bool = True) -> Hea
 
 
 def _instant(document: Document, columns: tuple[Column, ...]) -> bool:
-    """What [samples] says of the readings: means over the interval that ends at the row, or of that instant."""
+    """Return whether [samples] states readings of the instant, not means over the interval that ends at the row."""
     table = document.content.get("samples")
     if not isinstance(table, dict):
         return False
@@ -163,7 +163,7 @@ def _samples(document: Document, folder: Path) -> Path:
 
 
 def _inside(path: Path, folder: Path) -> bool | None:
-    """Whether `path`, links followed, lies in `folder`; None if it is no path: too long, a link to itself, a NUL."""
+    """Return whether `path`, links followed, lies in `folder`; None if it is no path (too long, a link to itself)."""
     try:
         with suppress(FileNotFoundError, NotADirectoryError):
             path.stat()  # since Python 3.13 neither `exists` nor `resolve` minds a link to itself
@@ -173,7 +173,7 @@ def _inside(path: Path, folder: Path) -> bool | None:
 
 
 def platform_of(document: Document, kind: str) -> Platform:
-    """The platform that [platform] names, or spells out."""
+    """Return the platform that [platform] names, or spells out."""
     table = document.table("platform")
     document.only("platform", ("name", "axes"), table)
     if "axes" in table:
@@ -208,7 +208,7 @@ def _axes(document: Document, entries: object) -> tuple[Axis, ...]:
 
 
 def _noise_of(document: Document, kind: Kind, columns: tuple[Column, ...]) -> dict[str, dict[str, float]]:
-    """What is stated for each of several sensors alone."""
+    """Return the noise that is stated for each of several sensors alone."""
     names = {c.sensor for c in columns if c.sensor}
     own = {name: document.table("noise")[name] for name in document.table("noise") if name in names}
     for name, table in own.items():
@@ -248,7 +248,7 @@ def _noise(
 
 
 def _positive(document: Document, heading: str, key: str, entry: object) -> float:
-    """The size of a coloured noise."""
+    """Return the size of a coloured noise."""
     size = document.number(heading, key, entry, COLOURED[key][1])
     if size < 0 or (not size and key.endswith("_tau")):
         raise InputError(f"{document.where(heading, key)}: {key} must be above zero, got {size:g}")

@@ -1,4 +1,4 @@
-"""Several sessions of one instrument as one recording: one after the other, with a pause between them."""
+"""Join several sessions of one instrument into one recording: one after the other, with a pause between them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from gimbalcal.recording.record import Recording
 
 Name = TypeVar("Name")
 DAY = 86400.0  # s
-PAUSE = DAY  # between sessions that nobody says how far apart they are: it keeps them in order, and no clock runs on
+PAUSE = DAY  # between sessions of unknown separation: it keeps them in order
 SINCE_1970 = 1e9, 4e9  # s; a clock that shows so much counts from 1970 UTC, and shows the years 2001 to 2096
 ALIKE = 1e-6  # relative difference of gravity below which two sessions stand in one place
 
 
 def join(sessions: Sequence[Recording]) -> Recording:
-    """One recording of all sessions: rests are numbered on, channels are those that every session has.
+    """Return one recording of all sessions: rests are numbered on, channels are those that every session has.
 
     Sessions stand in the order and as far apart as their dates, or clocks that follow each other, say. Where nobody
     says, `restarts` has the times at which the clock of a session begins anew. Raises InputError for sessions that are
@@ -30,7 +30,7 @@ def join(sessions: Sequence[Recording]) -> Recording:
     """
     if len(sessions) == 1:
         return sessions[0]
-    sessions, time, restarts, told = _clock(sessions)
+    sessions, time, restarts, remark = _clock(sessions)
     first = sessions[0]
     for other in sessions[1:]:
         _refuse_unlike(first, other)
@@ -52,7 +52,7 @@ def join(sessions: Sequence[Recording]) -> Recording:
         beside=(),
         units={key: unit for key, unit in first.units.items() if key in common},
         scatter=_shared([r.scatter for r in sessions]),
-        remarks=(*(remark for r in sessions for remark in r.remarks), *remarks, told),
+        remarks=(*(remark for r in sessions for remark in r.remarks), *remarks, remark),
         restarts=restarts,
     )  # fmt: skip
 
@@ -87,14 +87,14 @@ def _refuse_unlike(first: Recording, other: Recording) -> None:
 
 
 class _Begun(NamedTuple):
-    """When a session began [s since 1970], and whether to better than its day."""
+    """The start of a session [s since 1970], and whether it is known to better than a day."""
 
     at: float
     exact: bool
 
 
 def _begun(r: Recording) -> _Begun | None:
-    """What a session says of when it began: by the dates of its clock, seconds since 1970, or the header's date."""
+    """Return the start of a session by the dates of its clock, seconds since 1970, or the header's date."""
     if r.epoch is not None:
         return _Begun(r.epoch + float(r.time[0]), exact=True)
     if SINCE_1970[0] < r.time[0] < SINCE_1970[1]:
@@ -106,7 +106,7 @@ def _begun(r: Recording) -> _Begun | None:
 
 
 def _clock(sessions: Sequence[Recording]) -> tuple[Sequence[Recording], Array, tuple[float, ...], str]:
-    """The sessions in order, times (n,) that go on, those at which a clock begins anew, and a sentence on it."""
+    """Return the sessions in order, continued times (n,), those at which a clock begins anew, and a remark."""
     begun = [(b, r) for r in sessions if (b := _begun(r)) is not None]
     if len(begun) == len(sessions):
         begun.sort(key=lambda each: each[0].at)
@@ -132,7 +132,7 @@ UNKNOWN = (
 
 
 def _follows(a: _Begun, r: Recording, b: _Begun) -> bool:
-    """Whether a session that began at b began after the end of one r that began at a."""
+    """Return whether a session that began at b began after the end of one r that began at a."""
     certain = (a.exact and b.exact) or a.at // DAY < b.at // DAY
     return certain and a.at + float(r.time[-1] - r.time[0]) < b.at
 
@@ -148,16 +148,16 @@ def _numbered_on(sessions: Sequence[Recording]) -> Array | None:
 
 
 def _shares(sessions: Sequence[Recording], noise: Mapping[str, float]) -> list[float]:
-    """What a row of each session weighs where they state different noise of what they measure."""
+    """Return the weight of a row of each session, where they state different noise."""
     sensor = sessions[0].kind.measured_by
     common = noise.get(sensor, 0.0)
     return [(common / r.noise[sensor]) ** 2 if common and r.noise[sensor] != common else 1.0 for r in sessions]
 
 
-def _shared(told: Sequence[Mapping[Name, float]]) -> dict[Name, float]:
-    """The rms of what every session tells."""
+def _shared(values: Sequence[Mapping[Name, float]]) -> dict[Name, float]:
+    """Return the rms of the values that every session has."""
     return {
-        name: float(np.sqrt(np.mean([each[name] ** 2 for each in told])))
-        for name in told[0]
-        if all(name in each for each in told)
+        name: float(np.sqrt(np.mean([each[name] ** 2 for each in values])))
+        for name in values[0]
+        if all(name in each for each in values)
     }

@@ -58,27 +58,27 @@ class Kind(str):
 
     @property
     def inertial(self) -> bool:
-        """Whether inertial sensors are read."""
+        """Return whether inertial sensors are read."""
         return not self.sighting
 
     @property
     def at_rest(self) -> bool:
-        """Whether the unit is at rest where its force is compared with gravity: held in positions, or stabilised."""
+        """Return whether the force is measured at rest: the unit is held in positions, or stabilised."""
         return self.in_positions or self.stabilised
 
     @property
     def continuous(self) -> bool:
-        """Whether the time between rows is part of the physics, so that the clock may not pause."""
+        """Return whether the time between rows is part of the physics, so that the clock may not pause."""
         return self.stabilised or self.rotating
 
     @property
     def weighed(self) -> bool:
-        """Whether its estimators weigh rows by the samples, or the sigma, behind each."""
+        """Return whether its estimators weigh rows by the samples, or the sigma, behind each."""
         return not self.rotating
 
     @property
     def gimbals_are_set(self) -> bool:
-        """Whether gimbals are set to an angle and left there, with a setting error, instead of following the Earth."""
+        """Return whether gimbals are set to an angle, with a setting error, instead of following the Earth."""
         return not self.stabilised
 
 

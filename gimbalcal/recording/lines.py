@@ -10,11 +10,11 @@ from pathlib import Path
 from gimbalcal.recording.dates import is_date
 
 EMPTY = ("NA", "N/A", "n/a", "null", "NULL", "None", "nan", "NaN", "NAN")
-"""What programs write where they have no value."""
+"""Cells that programs write where they have no value."""
 
 
 def has_names(path: Path, names: Sequence[str]) -> bool:
-    """Whether a file begins with a line of names.
+    """Return whether a file begins with a line of names.
 
     It always does, but where it begins with numbers and the columns are numbered, or named by the last comment above.
     A first line 0, 1, 2, ... or 1, 2, 3, ... is names, made up.
@@ -23,7 +23,7 @@ def has_names(path: Path, names: Sequence[str]) -> bool:
 
 
 def heading(path: Path, names: Sequence[str]) -> tuple[bool, list[str]]:
-    """Whether the first line without ``#`` names the columns of a CSV, and what they are called."""
+    """Return whether the first line without ``#`` names the columns of a CSV, and what they are called."""
     first = [cell.strip() for cell in next((cells for _, cells in lines(path)), [])]
     counted = [str(i) for i in range(1, len(first) + 1)]
     made_up = len(first) > 1 and first in (counted, [str(i) for i in range(len(first))])
@@ -35,7 +35,7 @@ def heading(path: Path, names: Sequence[str]) -> tuple[bool, list[str]]:
 
 
 def names_above(path: Path, columns: int, skip: int = 0) -> list[str]:
-    """The words of the last comment above the rows, if there is one for each column: many logs name them there."""
+    """Return the words of the last comment above the rows, if there is one for each column."""
     last = ""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for i, line in enumerate(file):
@@ -46,19 +46,19 @@ def names_above(path: Path, columns: int, skip: int = 0) -> list[str]:
 
 
 def comment_words(line: str) -> Iterator[list[str]]:
-    """The words of a comment between separators, and between blanks; a unit in brackets belongs to the word before."""
+    """Yield the words of a comment between separators, and between blanks; a unit in brackets belongs to its word."""
     text = re.sub(r"\s+([\[(])", r"\1", line.lstrip("#%!/ ").strip())
     for pattern in (r"\s*[;,\t|]\s*", r"[\s,;|]+"):
         yield [word for word in re.split(pattern, text) if word]
 
 
 def numbered(names: Sequence[str]) -> bool:
-    """Whether columns are called by number, counted from 1, not by name."""
+    """Return whether columns are called by number, counted from 1, not by name."""
     return bool(names) and all(re.fullmatch(r"[1-9]\d{0,3}", name) for name in names)
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell is a number, or says that there is none."""
+    """Return whether a cell is a number, or says that there is none."""
     try:
         float("nan" if cell.strip() in ("", *EMPTY) else cell)
     except ValueError:
@@ -67,12 +67,12 @@ def is_number(cell: str) -> bool:
 
 
 def first_line(path: Path) -> int:
-    """The line with the column names."""
+    """Return the number of the line with the column names."""
     return next((line for line, _ in lines(path)), 1)
 
 
 def lines(path: Path, skip: int = 0) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of each line that is no comment, after the first `skip`."""
+    """Yield number and cells of each line that is no comment, after the first `skip`."""
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         for line, text in enumerate(file, start=1):
             if line > skip and not text.startswith("#"):

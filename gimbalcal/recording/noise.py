@@ -1,4 +1,4 @@
-"""The noise of a recording: what its header states, as processes, and else what its rows show."""
+"""The noise of a recording: as its header states it, as processes, and else as its rows show it."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def stated(recording: Recording) -> Mapping[str, Noise]:
     def process(sensor: str, sigma: float) -> Process:
         return SettingError(sigma) if sensor == "gimbal_angle" and recording.kind.gimbals_are_set else WhiteNoise(sigma)
 
-    told = {sensor: sigma for sensor, sigma in recording.noise.items() if sensor in SENSORS}
-    return {SENSORS[sensor]: (process(sensor, sigma),) for sensor, sigma in told.items()}
+    sigmas = {sensor: sigma for sensor, sigma in recording.noise.items() if sensor in SENSORS}
+    return {SENSORS[sensor]: (process(sensor, sigma),) for sensor, sigma in sigmas.items()}
 
 
 def coloured(recording: Recording, shortest: float, longest: float) -> Mapping[str, Noise]:
@@ -56,8 +56,8 @@ def sample_sigma(recording: Recording, channels: Sequence[Key], value: Array) ->
 
     value (n, C): the rows of the channels, or what a model leaves of them; angles must not jump by a turn.
     """
-    told = stated(recording)
-    known = [one_sigma(told[q]) if q in told else None for q, _ in channels]
+    processes = stated(recording)
+    known = [one_sigma(processes[q]) if q in processes else None for q, _ in channels]
     shown = np.zeros(len(channels))
     if None in known:
         begins, still = np.ones(len(value), dtype=bool), np.zeros(len(value), dtype=bool)
@@ -68,6 +68,6 @@ def sample_sigma(recording: Recording, channels: Sequence[Key], value: Array) ->
 
 
 def resolution(x: Array) -> float:
-    """The step of the converter behind readings (n,): the least difference, where most readings occur again; else 0."""
+    """Return the step of the converter behind readings (n,): the least difference, if most readings recur; else 0."""
     levels = np.unique(x)
     return float(np.diff(levels).min()) if 1 < len(levels) < len(x) / 2 else 0.0

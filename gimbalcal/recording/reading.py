@@ -13,7 +13,7 @@ import numpy as np
 
 from gimbalcal.checks.columns import check_columns
 from gimbalcal.checks.dropouts import Dropouts
-from gimbalcal.checks.jitter import SMOOTHER, jitter_of, regular
+from gimbalcal.checks.jitter import MAX_ROUGHNESS, jitter_of, regular
 from gimbalcal.checks.stream import StreamChecks
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
@@ -37,10 +37,10 @@ def read(folder: str | Path, average_s: float | None = None, most: int | None = 
     """The recording in `folder`, in SI; with `average_s`, means over blocks of that many seconds.
 
     Blocks never reach across a gap or a change of position; `weight` says how many samples each row stands for. The
-    rests of a multi-position recording of more than `most` rows come as means over so many rows that `LEFT` of `most`
-    are left, in bounded memory; what is on the way between them stays as it is. A multi-position recording without a
-    position column is searched for dwells (see `detection`). `InputError` says in one sentence what is wrong with the
-    folder, and where.
+    rests of a multi-position recording of more than `most` rows come as means over so many rows that `SHARE_KEPT` of
+    `most` are left, in bounded memory; what is on the way between them stays as it is. A multi-position recording
+    without a position column is searched for dwells (see `detection`). `InputError` says in one sentence what is wrong
+    with the folder, and where.
     """
     if average_s is not None and not average_s > 0:
         raise InputError(f"the time to average over must be positive, got {average_s} s")
@@ -48,12 +48,12 @@ def read(folder: str | Path, average_s: float | None = None, most: int | None = 
     clock = header.column("time")
     stream = batches(header.samples, [c.name for c in header.columns], clock, dates)
     rests = 1 if average_s or not most else rows_of_a_mean(header, most)
-    made = assemble(header, stream, lambda name: column(header.samples, name, clock), average_s, rests=rests)
-    told = (RESTS.format(path=header.samples, rows=rests),) if rests > 1 else ()
-    return dated(replace(made, remarks=(*made.remarks, *told)), header, dates)
+    recording = assemble(header, stream, lambda name: column(header.samples, name, clock), average_s, rests=rests)
+    remarks = (RESTS.format(path=header.samples, rows=rests),) if rests > 1 else ()
+    return dated(replace(recording, remarks=(*recording.remarks, *remarks)), header, dates)
 
 
-LEFT = 0.01  # of the most rows that are kept as they are: a diagnosis holds a hundred numbers for each
+SHARE_KEPT = 0.01  # of the most rows that are kept as they are: a diagnosis holds a hundred numbers for each
 RESTS = "{path}: so many rows that each rest is kept as means over {rows} rows; what is on the way stays as it is"
 
 
@@ -65,7 +65,7 @@ def rows_of_a_mean(header: Header, most: int) -> int:
     if not header.kind.in_positions or not header.column("position"):
         return 1
     rows = rows_in(header.samples)
-    return 1 if rows <= most else ceil(rows / (LEFT * most))
+    return 1 if rows <= most else ceil(rows / (SHARE_KEPT * most))
 
 
 def dated(recording: Recording, header: Header, dates: Dates) -> Recording:
@@ -73,12 +73,12 @@ def dated(recording: Recording, header: Header, dates: Dates) -> Recording:
     clock = header.column("time")
     if clock is None or dates.zoned is None:
         return recording
-    told = f"{header.samples}, column {clock.name}: dates, taken as seconds since {dates.start}"
+    remark = f"{header.samples}, column {clock.name}: dates, taken as seconds since {dates.start}"
     day = recording.date or dates.day
     known = dates.day or recording.date[:10]  # of times of a day the header may say which
     epoch = (date.fromisoformat(known) - date(1970, 1, 1)).total_seconds() if known else None
     beside = tuple(replace(other, date=day, epoch=epoch) for other in recording.beside)
-    return replace(recording, remarks=(*recording.remarks, told), date=day, epoch=epoch, beside=beside)
+    return replace(recording, remarks=(*recording.remarks, remark), date=day, epoch=epoch, beside=beside)
 
 
 def assemble(
@@ -107,7 +107,7 @@ def assemble(
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
     clock = next(c for c in columns if c.quantity == "time")
     time, values = _si(clock, table[clock.name]), {c.name: _si(c, table[c.name]) for c in measured}
-    made = [
+    recordings = [
         Recording(
             kind=header.kind,
             title=f"{header.title} ({sensor})" if sensor else header.title,
@@ -128,7 +128,7 @@ def assemble(
         )
         for sensor, own in _by_sensor(measured).items()
     ]
-    return replace(made[0], beside=tuple(replace(other, remarks=()) for other in made[1:]))
+    return replace(recordings[0], beside=tuple(replace(other, remarks=()) for other in recordings[1:]))
 
 
 def _by_sensor(columns: Sequence[Column]) -> dict[str, tuple[Column, ...]]:
@@ -153,13 +153,13 @@ def _rows(
     dropouts: Dropouts,
     rests: int,
 ) -> tuple[tuple[Column, ...], dict[str, Array], dict[str, float], tuple[str, ...]]:
-    """Columns, rows and scatter in the units of the file, and what to tell the user."""
+    """Return columns, rows and scatter in the units of the file, and remarks."""
     header, whole = increments.header, increments.whole(whole)
     checks = StreamChecks(header, whole, dropouts)
     if not header.kind.in_positions or header.column("position"):
         table, scatter = _gather(stream, header.columns, checks, average_s, rests)
-        told = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, dropouts)
-        return header.columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), *told)
+        regular_clock = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, dropouts)
+        return header.columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), *regular_clock)
     columns = (*header.columns, _DETECTED)
     table, _ = _gather(stream, header.columns, checks, None)
     forces = [c for c in checks.sensors if c.quantity == "specific_force"]
@@ -173,15 +173,15 @@ def _rows(
         f"{header.samples}: there is no position column; {amount(int(position.max()), 'dwell')} found where the "
         "sensors are quiet, numbered in order of time"
     )
-    found = StreamChecks(replace(header, columns=columns), whole, dropouts)
-    found.sensors, found.angles = [], []  # they have passed
-    table, scatter = _gather([table], columns, found, average_s)
-    told = () if average_s else _on_a_regular_clock(increments, table, dropouts)
-    return columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), remark, *told)
+    numbered = StreamChecks(replace(header, columns=columns), whole, dropouts)
+    numbered.sensors, numbered.angles = [], []  # they have passed
+    table, scatter = _gather([table], columns, numbered, average_s)
+    regular_clock = () if average_s else _on_a_regular_clock(increments, table, dropouts)
+    return columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), remark, *regular_clock)
 
 
 def _on_a_regular_clock(increments: Increments, table: dict[str, Array], dropouts: Dropouts) -> tuple[str, ...]:
-    """Puts the clock of `table` right where its stamps are times of arrival, and says so; see `jitter`."""
+    """Correct the clock of `table` where its stamps are times of arrival; return a remark. See `jitter`."""
     header = increments.header
     clock = next(c for c in header.columns if c.quantity == "time")
     own = [table[c.name] for c in header.columns if c.quantity == "angular_rate"]
@@ -190,32 +190,32 @@ def _on_a_regular_clock(increments: Increments, table: dict[str, Array], dropout
         own = [x * increments.interval for x in own]  # by a clock that jitters they would be rough as rates
     time, column = to_si(table[clock.name], clock.unit), f"{header.samples}, column {clock.name}"
     if clock.regular:
-        made = regular(time, dropouts.kept, told=True)
-        if made is None:
+        fitted = regular(time, dropouts.kept, stated=True)
+        if fitted is None:
             raise InputError(
                 f"{column}: the stamps are those of no regular clock; take regular = true out of [columns]"
             )
-        table[clock.name] = from_si(made, clock.unit)
-        increments.on_clock(table, made)
+        table[clock.name] = from_si(fitted, clock.unit)
+        increments.on_clock(table, fitted)
         return (f"{column}: a regular clock is laid through the stamps, as [columns] asks for",)
-    found = None if clock.regular is False or header.kind.sighting else jitter_of(time, dropouts.kept, own)
-    if found is None or found.roughness > SMOOTHER:
+    jitter = None if clock.regular is False or header.kind.sighting else jitter_of(time, dropouts.kept, own)
+    if jitter is None or jitter.roughness > MAX_ROUGHNESS:
         return ()
     what = (
-        f"{column}: the steps scatter by {100 * found.scatter:.2g} %, and the readings are {found.roughness:.2g} times "
-        f"as rough on a regular clock of {found.rate:.6g} Hz: the stamps are times of arrival"
+        f"{column}: the steps scatter by {100 * jitter.scatter:.2g} %, and the readings are {jitter.roughness:.2g} "
+        f"times as rough on a regular clock of {jitter.rate:.6g} Hz: the stamps are times of arrival"
     )
-    if found.clock is None:
+    if jitter.clock is None:
         return (f"{what}, but they follow no regular clock closely: log the sensor's own counter beside them",)
-    table[clock.name] = from_si(found.clock, clock.unit)
-    increments.on_clock(table, found.clock)
+    table[clock.name] = from_si(jitter.clock, clock.unit)
+    increments.on_clock(table, jitter.clock)
     return (f"{what}, and that clock is used; regular = false in [columns] keeps the stamps",)
 
 
 def _gather(
     stream: Iterable[Batch], columns: tuple[Column, ...], checks: StreamChecks, average_s: float | None, rests: int = 1
 ) -> tuple[dict[str, Array], dict[str, float]]:
-    """Every row past the checks and into what is kept of it."""
+    """Check every row and keep it, whole or in means; return the columns and the scatter."""
     weight = next((c.name for c in columns if c.quantity == "weight"), None)
     position = next((c.name for c in columns if c.quantity == "position"), None)
     kept: AllRows | Blocks = AllRows(rows_in(checks.header.samples))

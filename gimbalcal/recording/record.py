@@ -1,4 +1,4 @@
-"""The noun: arrays in SI and radians, time first, with the platform, the site and the source of every number."""
+"""A recording: arrays in SI and radians, time first, with the platform, the site and the source of every number."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ COLOURED: Mapping[str, tuple[str, str]] = MappingProxyType(
                             ("gauss_markov_tau", "time"))
     }
 )  # fmt: skip
-"""What ``[noise]`` of a rotation recording may say beside: of which quantity, and as what it is given."""
+"""Coloured noise that ``[noise]`` of a rotation recording may state: the quantity, and that of its unit."""
 
 ANGLES = ("gimbal_angle", "attitude_error", "true_angle")
 """Quantities that are angles: they may wrap."""
@@ -53,7 +53,7 @@ ANGLES = ("gimbal_angle", "attitude_error", "true_angle")
 
 @dataclass(frozen=True)
 class Site:
-    """Where the rig stands: latitude [rad] (None where it was not given), height [m], gravity and its sigma [m/s^2]."""
+    """The site of a rig: latitude [rad] (None where it was not given), height [m], gravity and its sigma [m/s^2]."""
 
     latitude: float | None = None
     height: float = 0.0
@@ -62,7 +62,7 @@ class Site:
 
 
 ANYWHERE = Site(gravity_sigma=0.015)
-"""Nobody has said where: gravity is anywhere from 9.780 to 9.832 m/s^2, NIMA TR8350.2, Table 3.4."""
+"""An unknown site: gravity is anywhere from 9.780 to 9.832 m/s^2, NIMA TR8350.2, Table 3.4."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What a rig logged, in SI and radians (temperature in degC), one entry per row.
+    """The log of a rig, in SI and radians (temperature in degC), one entry per row.
 
     kind: its name as a string, with the properties of that kind (`gimbalcal.recording.kinds`); a plain string is taken
     too. time (n,) s; position (n,) 1, 2, ... or 0 while moving, None where the idea does not apply; channels (n,) each;
@@ -92,8 +92,8 @@ class Recording:
     `sensor` is the name of the sensors where a recording holds several triads; the others are `beside`, a recording
     each, in the same rows. `instant`: forces and rates are those of the row's time; else, where it matters, they are
     means over the interval that ends there. `grade` says how large the usual imperfections of such sensors are. `date`
-    is when it was recorded, ISO 8601, empty where nobody says; `epoch` [s since 1970] is where a clock of dates has its
-    zero. `restarts` are the times of rows at which a session begins that nobody says how long after the one before.
+    is when it was recorded, ISO 8601, empty where unknown; `epoch` [s since 1970] is where a clock of dates has its
+    zero. `restarts` are the times of rows at which a session begins an unknown time after the one before.
     """
 
     kind: Kind
@@ -130,7 +130,7 @@ class Recording:
                 raise ValueError(f"`{name}` must have one value per row of `time` ({n}), got {size}")
 
     def __str__(self) -> str:
-        """What it holds, in a few lines: kind, rows, rests, channels with their units, remarks."""
+        """Summary in a few lines: kind, rows, rests, channels with their units, remarks."""
         p = self.position
         visits = 0 if p is None else int(np.count_nonzero((np.diff(p, prepend=0) != 0) & (p > 0)))
         span = float(np.ptp(self.time)) if len(self.time) else 0.0
@@ -146,7 +146,7 @@ class Recording:
 
     @property
     def elapsed(self) -> Array:
-        """Time (n,) [s] since the first row, or since the first of its session where nobody says what came between."""
+        """Time (n,) [s] since the first row, or since the first of its session where their separation is unknown."""
         if not self.restarts:
             return np.asarray(self.time - self.time[0])
         _, first, session = np.unique(self.session, return_index=True, return_inverse=True)
@@ -154,7 +154,7 @@ class Recording:
 
     @property
     def session(self) -> NDArray[np.int64]:
-        """Which of the sessions that nobody says how far apart they are each row (n,) belongs to, from 0."""
+        """Number, from 0, of the session that each row (n,) belongs to, where their separation is unknown."""
         return np.searchsorted(np.asarray(self.restarts), self.time, side="right")
 
     @property
@@ -164,11 +164,11 @@ class Recording:
 
     @property
     def files(self) -> list[dict[str, str]]:
-        """The files behind it and their SHA-256, as a provenance tells them."""
+        """The files behind it and their SHA-256, for a provenance."""
         return [{"path": s.path, "sha256": s.sha256} for s in self.source]
 
     def has(self, quantity: str) -> bool:
-        """Whether any axis of `quantity` was logged, or the one that is named ("covariate:pressure").
+        """Return whether any axis of `quantity` was logged, or the one that is named ("covariate:pressure").
 
         Gimbals have an "attitude", whichever of them were read; rows have a "position" where one was written down.
         """
@@ -194,7 +194,7 @@ class Recording:
         return np.stack([self.channels[quantity, axis] for axis in axes], axis=-1)
 
     def counted(self, quantity: str) -> bool:
-        """Whether a quantity was logged in counts or pulses, so that its numbers are not in SI."""
+        """Return whether a quantity was logged in counts or pulses, so that its numbers are not in SI."""
         return any(is_raw(u) for (q, _), u in self.units.items() if q == quantity)
 
     def angles(self) -> Array:
@@ -209,10 +209,10 @@ class Recording:
         """
         if sensor in self.noise:
             return self.noise[sensor]
-        seen = [s for (q, _), s in self.scatter.items() if q == SENSORS[sensor]]
-        if not seen or sensor == "gimbal_angle":
+        shown = [s for (q, _), s in self.scatter.items() if q == SENSORS[sensor]]
+        if not shown or sensor == "gimbal_angle":
             return None
-        return float(np.sqrt(np.mean(np.square(seen))))
+        return float(np.sqrt(np.mean(np.square(shown))))
 
     def select(self, rows: NDArray[Any] | slice) -> Recording:
         """The same recording with only `rows` (a mask, indices or a slice)."""
@@ -232,6 +232,6 @@ class Recording:
 
 
 def when_recorded(recordings: Iterable[Recording]) -> dict[str, str]:
-    """When the last of some recordings was made, as a provenance tells it; nothing where none says."""
+    """Return the date of the last of some recordings, for a provenance; nothing where none is known."""
     last = max((r.date for r in recordings), default="")
     return {"recorded": last} if last else {}

@@ -1,4 +1,4 @@
-"""How much is in a file: its rows, and what it may become when it is unpacked, by memory and by what readings pack."""
+"""Limit the memory of a file: its rows, and the size that it may have when it is unpacked."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PACKED, LARGE = 50, 500_000_000  # times its file, and bytes: readings of sensor
 
 
 def room() -> int:
-    """Bytes that one file may take."""
+    """Return the bytes that one file may take."""
     return int(HALF * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
 
 
@@ -31,7 +31,7 @@ def refuse_bomb(path: Path, needed: int, streamed: bool = False) -> None:
 
 
 def rows_in(path: Path) -> int:
-    """How many rows a samples file has: of text by its size and its first lines, 0 where it cannot be read."""
+    """Return the number of rows of a samples file: of text by its size and its first lines, 0 where unreadable."""
     import polars as pl
 
     try:

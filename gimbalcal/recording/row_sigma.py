@@ -50,16 +50,16 @@ def by_sigma(header: Header, stream: Iterable[Batch], dropouts: Dropouts) -> tup
     noise = header.noise if is_raw(column.unit) else {**header.noise, sensor: to_si(typical, column.unit)}
 
     def weighed() -> Iterator[Batch]:
-        seen = 0
+        rows_before = 0
         for batch in chain([first], rows):
             sigma = batch[column.name]
             wrong = np.flatnonzero(~(sigma > 0))
             if len(wrong):
                 raise InputError(
-                    f"{dropouts.place(seen + int(wrong[0]))}, column {column.name}: a sigma is positive, got "
+                    f"{dropouts.place(rows_before + int(wrong[0]))}, column {column.name}: a sigma is positive, got "
                     f"{sigma[wrong[0]]:g}; leave such rows out"
                 )
-            seen += len(sigma)
+            rows_before += len(sigma)
             before = batch[logged.name] if logged else 1.0
             values = {name: x for name, x in batch.items() if name in {c.name for c in kept}}
             yield {**values, WEIGHT.name: before * (typical / sigma) ** 2}

@@ -1,4 +1,4 @@
-"""What reading keeps of the streamed rows: all of them, the mean of each block of time, or means over rests."""
+"""Keep streamed rows: all of them, the mean of each block of time, or means over rests."""
 
 from __future__ import annotations
 
@@ -67,11 +67,11 @@ class Blocks:
         self._append("", total.astype(float), joined, lambda old, new: old + new)
 
     def _new(self, batch: Mapping[str, Array], begins: Array) -> Array:
-        """Which rows of a batch begin a block."""
+        """Return which rows of a batch begin a block."""
         return self._changes(batch[self.time], begins)
 
     def _changes(self, t: Array, begins: Array) -> Array:
-        """Where the next block begins by a clock t that is anything that grows, or where a row begins anew."""
+        """Return where the next block begins by a growing clock t, or where a row begins anew."""
         index = np.floor((t - self._starts(t, begins)) / self.length)
         new = begins.copy()
         new[0] |= index[0] != self.index

@@ -169,7 +169,7 @@ def _numbers(name: str, kind: pl.DataType, path: Path) -> pl.Expr:
 
 
 def _dated(path: Path, clock: Column, kind: pl.DataType, named: bool) -> bool:
-    """Whether the clock holds dates; `InputError` where it holds numbers and the header says dates."""
+    """Return whether the clock holds dates; `InputError` where it holds numbers and the header says dates."""
     import polars as pl
 
     first = ""
@@ -190,7 +190,7 @@ def _dated(path: Path, clock: Column, kind: pl.DataType, named: bool) -> bool:
 
 
 def _blank(frame: pl.DataFrame | None) -> bool:
-    """Whether nothing is in a frame, or none follows."""
+    """Return whether nothing is in a frame, or none follows."""
     return frame is None or all(frame[name].null_count() == frame.height for name in frame.columns)
 
 

@@ -1,4 +1,4 @@
-"""What [site] of a recording.toml says: latitude, height and gravity, and how well the gravity is known."""
+"""Read [site] of a recording.toml: latitude, height and gravity, and its sigma."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LOWEST, HIGHEST = -12e3, 100e3  # m, from the deepest trench to the edge of spac
 
 
 def site_of(document: Document, kind: Kind) -> tuple[Site, tuple[str, ...]]:
-    """The site of a recording of this kind, checked, and remarks on its gravity."""
+    """Return the site of a recording of this kind, checked, and remarks on its gravity."""
     table = document.table("site")
     document.only("site", ("latitude", "height", "gravity"), table)
     quantities = {"latitude": "angle", "height": "height", "gravity": "gravity"}
@@ -72,14 +72,14 @@ def _gravity_sigma(document: Document, table: dict[str, Any]) -> tuple[dict[str,
 
 
 def _odd_gravity(document: Document, site: Site) -> tuple[str, ...]:
-    """A remark where the stated gravity is not that of the stated place: it goes straight into the scale factors."""
+    """Return a remark where the stated gravity is not that of the stated place: the scale factors follow it."""
     off = gravity.odd(site)
     if not off:
         return ()
     normal = site.gravity - off
-    told = f"gravity {site.gravity:.6g} m/s^2 is {1e6 * off / normal:+.0f} ppm off the {normal:.6g} m/s^2 of this"
+    stated = f"gravity {site.gravity:.6g} m/s^2 is {1e6 * off / normal:+.0f} ppm off the {normal:.6g} m/s^2 of this"
     held = "so is their sigma; if it was measured, write its sigma beside its unit"
     after = (
         f"latitude and height; the scale factors follow it{f', and {held}' if site.gravity_sigma >= abs(off) else ''}"
     )
-    return (f"{document.where('site', 'gravity')}: {told} {after}",)
+    return (f"{document.where('site', 'gravity')}: {stated} {after}",)

@@ -47,7 +47,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.dwell", "rests_are_means", "> MEANS *", "< MEANS *"),
     ),
     "checks/test_jitter.py": (
-        ("checks.jitter", "_missed", "np.sqrt(1 + (w**2).sum(1))", "np.sqrt(1 + w.sum(1))"),
+        ("checks.jitter", "_prediction_error", "np.sqrt(1 + (w**2).sum(1))", "np.sqrt(1 + w.sum(1))"),
         ("checks.jitter", "jitter_of", "np.sqrt(np.mean([a / b", "(np.mean([a / b"),
     ),
     "recording/test_increments.py": (

@@ -26,7 +26,7 @@ REST = [1, 29, 30, 30, 4, 1]  # its first and last row, by which turns begin and
 
 @pytest.fixture(autouse=True)
 def _a_tenth(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gimbalcal.recording.reading.LEFT", 0.1)
+    monkeypatch.setattr("gimbalcal.recording.reading.SHARE_KEPT", 0.1)
 
 
 def turned_twice(seed: int = 0, rest: int = 95, way: int = 7) -> np.ndarray:
