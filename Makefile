@@ -13,7 +13,8 @@ CHECKED := gimbalcal $(wildcard derivations)
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
-export PYTHONUTF8 := 1  # the files of the tests are UTF-8, whatever the locale
+# Files of the tests are UTF-8 in every locale.
+export PYTHONUTF8 := 1
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint docs mutate bench lock clean
@@ -38,7 +39,7 @@ docs/_build/errata.json: $(wildcard derivations/*.py derivations/*/*.py) | $(VEN
 	mkdir -p docs/_build
 	$(BIN)/python -m derivations --out docs/_build --faults
 
-mutate: $(VENV)/.dev-ready  ## whether the tests can fail: effects and equations of the estimators falsified, feared mistakes made
+mutate: $(VENV)/.dev-ready  ## whether the tests fail where effects and equations are falsified
 	$(BIN)/python -m tests.mutate
 
 bench: $(VENV)/.dev-ready  ## measure the figures of docs/performance.md (about two hours; the diagnosis takes one of them)
