@@ -17,7 +17,7 @@ from gimbalcal.report.figures import correlation
 from gimbalcal.report.formulas import formula
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.parameters import nominal_in_words, rows, stages
-from gimbalcal.report.rounding import minus, significant
+from gimbalcal.report.rounding import minus, p_value, significant
 from gimbalcal.units import from_si, is_raw
 
 MIN_CORRELATION = 0.3  # of a pair in the table
@@ -73,18 +73,12 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
         freedom = (
             f"χ² {residual['chi2']:.{0 if residual['chi2'] > 100 else 1}f} with {residual['dof']} degrees of freedom"
         )
-        facts.append((f"{ratio:.2f} × noise", f"residual; as large by chance: {_chance(p)} ({freedom})"))
+        facts.append((f"{ratio:.2f} × noise", f"residual; p-value {p_value(p)} ({freedom})"))
     facts += sections.navigation_facts(content)
     rows = sum(int(r.weight.sum()) for r in recordings)
     if rows:
         facts.append((f"{rows:,}".replace(",", " "), "samples used"))
     return facts
-
-
-def _chance(p: float) -> str:
-    if p > 0.99:
-        return "more than 99 %"
-    return f"{100 * p:.2g} %" if p >= 1e-4 else "less than 0.01 %"
 
 
 def _unobservable(content: Mapping[str, Any]) -> dict[str, Any]:

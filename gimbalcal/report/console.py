@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.report import naming
-from gimbalcal.report.parameters import rows
-from gimbalcal.report.rounding import minus, pdg, significant
+from gimbalcal.report.parameters import estimate, rows
+from gimbalcal.report.rounding import significant
 from gimbalcal.report.words import calibration_in_words as answer
 from gimbalcal.report.words import headline
 
@@ -83,9 +83,8 @@ def bounds_table(content: Mapping[str, Any]) -> str:
 
 
 def _row(p: Mapping[str, Any], remark: str) -> tuple[str, str, str, str, str]:
-    value, sigma = pdg(p["value"], p["sigma"])
-    name = naming.named(p["name"], str(p.get("axis") or "").replace("_", " "))
-    return name, minus(value), sigma, naming.unit_in_print(str(p["unit"])), remark
+    row = estimate(p)
+    return row["words"], row["value"], row["sigma"], row["unit"], remark
 
 
 def _aligned(table: Sequence[tuple[str, str, str, str, str]]) -> list[str]:

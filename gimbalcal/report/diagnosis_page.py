@@ -18,7 +18,7 @@ from gimbalcal.report.figures import Panel, before_after, sky
 from gimbalcal.report.formulas import formula
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.parameters import estimate, in_sigmas
-from gimbalcal.report.rounding import minus, rms, significant
+from gimbalcal.report.rounding import minus, p_value, rms, significant
 from gimbalcal.report.words import does, headline
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
             facts.append((" → ".join(values) + unit, f"{what}, before → after" if len(values) > 1 else what))
     if (p := fit.get("scan_p_after")) is not None:
         pattern = "no pattern" if float(p) >= MIN_P_VALUE else "a pattern"
-        facts.append((f"{pattern} in the residuals", f"as strong by chance: {_p_value(float(p))}"))
+        facts.append((f"{pattern} in the residuals", f"p-value {p_value(float(p))}"))
     return facts
 
 
@@ -162,10 +162,6 @@ def _provenance(given: Mapping[str, Any]) -> list[tuple[str, str]]:
         if key not in ("recordings", "effects", "grade", "notes") and text:
             pairs.append((PROVENANCE.get(key, str(key).replace("_", " ")), text))
     return pairs
-
-
-def _p_value(p: float) -> str:
-    return "< 10⁻⁶" if p < 1e-6 else minus(f"{p:.2g}")
 
 
 def _probability(p: float) -> str:
@@ -203,7 +199,7 @@ def _mismatch(m: Mapping[str, Any]) -> dict[str, str]:
     named = not at or f" {at[0]}" in text  # the sentence names them
     return {
         "where": "" if named else f"{number}{'s' if len(at) > 1 else ''} {naming.listed(at)}",
-        "p": "" if p is None else _p_value(float(p)),
+        "p": "" if p is None else p_value(float(p)),
         "in_words": text,
     }
 

@@ -12,7 +12,8 @@ from gimbalcal.history.parameter_history import YEAR
 from gimbalcal.report import naming
 from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule, lasting
 from gimbalcal.report.html import Picture, picture, render
-from gimbalcal.report.rounding import minus, pdg, significant
+from gimbalcal.report.parameters import estimate, plus_minus
+from gimbalcal.report.rounding import minus, p_value, significant
 
 
 def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, str]] = ()) -> str:
@@ -65,34 +66,28 @@ def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
          "parameters that jumped"),
     ]  # fmt: skip
     if p_values:
-        facts.append((f"{min(p_values):.2g}" if min(p_values) >= 1e-4 else "< 0.0001", "least probable step"))
+        facts.append((p_value(min(p_values)), "smallest p-value of a step"))
     if content["due"]:
         facts.append((content["due"], "next calibration due"))
     return facts
 
 
 def _row(p: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
-    value, sigma = pdg(p["values"][-1], p["sigmas"][-1])
     change, spread = p["values"][-1] - p["values"][-2], float(np.hypot(*p["sigmas"][-2:]))
-    moved, moved_sigma = pdg(change, spread)
-    drift = ""
-    if p["drift_per_year"] is not None:
-        rate, rate_sigma = pdg(p["drift_per_year"], p["drift_sigma"])
-        drift = f"{minus(rate)} ± {rate_sigma}"
     jumps = [f"jump by {names[k]}" for k in p["jumps"]]
-    off = [f"{names[k]} is an outlier" for k in p["outliers"]]
+    outliers = [f"{names[k]} is an outlier" for k in p["outliers"]]
     due = [f"due {p['due']}"] if p["due"] else []
     return {
-        "words": naming.named(p["name"], p["axis"]), "value": minus(value), "sigma": sigma,
-        "unit": naming.unit_in_print(p["unit"]), "change": f"{minus(moved)} ± {moved_sigma}",
-        "in_sigmas": minus(f"{change / spread:+.1f}"), "drift": drift,
+        **estimate({**p, "value": p["values"][-1], "sigma": p["sigmas"][-1]}),
+        "change": plus_minus(change, spread), "in_sigmas": minus(f"{change / spread:+.1f}"),
+        "drift": "" if p["drift_per_year"] is None else plus_minus(p["drift_per_year"], p["drift_sigma"]),
         "scatter": significant(p["scatter"], 2) if p["scatter"] else "none",
-        "remark": "; ".join([*jumps, *off, *due]),
+        "remark": "; ".join([*jumps, *outliers, *due]),
     }  # fmt: skip
 
 
 def _step(s: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
-    p = "the same recording" if s["same_recording"] else f"{s['p_value']:.2g}" if s["p_value"] >= 1e-4 else "< 0.0001"
+    p = "the same recording" if s["same_recording"] else p_value(s["p_value"])
     return {"before": names[s["before"]], "after": names[s["after"]], "chi2": significant(s["chi2"], 3),
             "dof": str(s["dof"]), "p": p}  # fmt: skip
 
@@ -118,7 +113,7 @@ def _course(p: Mapping[str, Any], dates: Sequence[datetime], words: str) -> Char
     t, x, sigma = days[list(p["calibrations"])], np.array(p["values"]), np.array(p["sigmas"])
     odd = np.isin(p["calibrations"], [*p["jumps"], *p["outliers"]])
     unit = naming.unit_in_print(p["unit"])
-    names = [f"{dates[k]:%Y-%m-%d}: {' ± '.join(map(minus, pdg(v, s)))} {unit}"
+    names = [f"{dates[k]:%Y-%m-%d}: {plus_minus(v, s)} {unit}"
              for k, v, s in zip(p["calibrations"], x, sigma, strict=True)]  # fmt: skip
     marks: list[Mark] = [Rule(float(x[0]), "pale")]
     for chosen, colour, shape in ((~odd, BLUE, "dot"), (odd, VERMILION, "diamond")):

@@ -12,7 +12,7 @@ from gimbalcal.report import naming
 from gimbalcal.report.chart import COLOURS, DASHES, SHAPES, Chart, Line, Mark, Points, lasting
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.naming import unit_in_print
-from gimbalcal.report.rounding import pdg, significant
+from gimbalcal.report.rounding import p_value, pdg, significant
 
 HOUR = 3600.0
 TITLES = {"specific_force": "Accelerometers", "angular_rate": "Gyroscopes"}
@@ -83,7 +83,7 @@ def _row(c: Mapping[str, Any]) -> dict[str, Any]:
         "name": " ".join(filter(None, [TITLES[c["quantity"]][:-1].lower(), c["axis"], c["sensor"]])),
         "cells": [_cell(c[part]) for part in ("white_noise", "bias_instability", "random_walk")],
         "from": lasting(c["fitted_from_s"]),
-        "p": significant(c["p_value"], 2) if c["p_value"] >= 1e-4 else "< 0.0001",
+        "p": p_value(c["p_value"]),
     }
 
 

@@ -72,6 +72,15 @@ def significant(x: float, digits: int = 3) -> str:
     return f"{float(f'{x:.{digits - 1}e}'):.{max(digits - 1 - exponent, 0)}f}"
 
 
+def p_value(p: float) -> str:
+    """Return a p-value as printed; below 1e-6 its bound.
+
+    >>> p_value(0.1304), p_value(0.00002), p_value(1e-9)
+    ('0.13', '2.0·10⁻⁵', '< 10⁻⁶')
+    """
+    return "< 10⁻⁶" if p < 1e-6 else significant(p, 2)
+
+
 def minus(text: str) -> str:
     """Return a number as it is printed: with the minus sign that lines up with figures, a power of ten raised.
 

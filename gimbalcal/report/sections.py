@@ -19,7 +19,7 @@ from gimbalcal.report.chart import BLUE, COLOURS, SHAPES, Chart, Mark, Points, R
 from gimbalcal.report.html import Picture, picture
 from gimbalcal.report.naming import counted, label_in_words, label_of, listed, named, unit_in_print
 from gimbalcal.report.parameters import plus_minus
-from gimbalcal.report.rounding import minus, pdg, rms, signed, significant
+from gimbalcal.report.rounding import minus, p_value, pdg, rms, signed, significant
 from gimbalcal.units import from_si
 
 Pictures = tuple[list[Picture], list[Picture]]  # of the first screen; of the section on the data
@@ -194,12 +194,11 @@ def night_by_night(content: Mapping[str, Any]) -> dict[str, Any]:
             "changes": [f"{'' if t['change'] < 0 else '+'}{plus_minus(t['change'], t['change_sigma'])}"
                         for t in terms[1:]],
         })  # fmt: skip
-    p = content["provenance"]["same_terms_every_night"]
-    probability = f"{p:.2g}" if p >= 1e-4 else "less than 0.0001"
+    p = p_value(content["provenance"]["same_terms_every_night"])
     return {
         "nights": [f"{n['title']}, {n['stars']} stars, {significant(n['rms_arcsec'], 3)} arcsec" for n in nights],
         "night_rows": rows,
-        "nights_in_words": f"The probability that all nights share one set of terms is {probability}.",
+        "nights_in_words": f"The hypothesis that all nights share one set of terms has a p-value of {p}.",
     }
 
 
