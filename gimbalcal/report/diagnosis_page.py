@@ -110,7 +110,8 @@ def _moved(m: Mapping[str, Any]) -> dict[str, Any]:
 
 def _law(law: Mapping[str, Any]) -> dict[str, Any]:
     """Return a formula that no catalogue holds: as it is written, its parameters, and the domain of the data."""
-    domain = (f"{v.replace('_', ' ')} from {significant(low, 3)} to {significant(high, 3)} {law['units'][v]}"
+    units = {v: naming.unit_in_print(unit) for v, unit in law["units"].items()}
+    domain = (f"{v.replace('_', ' ')} from {significant(low, 3)} to {significant(high, 3)} {units[v]}"
               for v, (low, high) in law["domain"].items())  # fmt: skip
     return {
         "where": f"{law['channel']} {law['axis']}".replace("_", " "),
