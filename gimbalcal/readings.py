@@ -7,7 +7,7 @@ back. Without a readout of its platform gimbal the force itself tells the phase 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,11 +25,6 @@ from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.recording.record import Key
 
-READ_AT_REST: Mapping[str, tuple[str, ...]] = {  # that are read at rest, by kind of recording
-    "multi-position": ("specific_force",),
-    "rotation": ("specific_force",),
-    "static-run": ("specific_force", "gimbal_angle", "attitude_error"),
-}
 SENSOR_OF = {quantity: sensor for sensor, quantity in SENSORS.items()}
 
 
@@ -111,10 +106,10 @@ def readings(recording: Recording) -> Readings:
 
 
 def measured_channels(recording: Recording) -> tuple[Key, ...]:
-    """Channels of this kind of recording that the forward model predicts and the recording has."""
+    """Return the channels of a recording that the forward model predicts for its kind."""
     axes = {**AXES, "gimbal_angle": recording.platform.axis_names}
-    keys = [(q, a) for q in READ_AT_REST[recording.kind] for a in axes[q]]
-    found = tuple(key for key in keys if key in recording.channels)
-    if not found:
-        raise InputError(f"{recording.title!r} has no {' and no '.join(READ_AT_REST[recording.kind])} channel")
-    return found
+    keys = [(q, a) for q in recording.kind.predicted for a in axes[q]]
+    logged = tuple(key for key in keys if key in recording.channels)
+    if not logged:
+        raise InputError(f"{recording.title!r} has no {' and no '.join(recording.kind.predicted)} channel")
+    return logged

@@ -35,8 +35,7 @@ class Kind(str):
     in_positions: the unit is held in one position after the other, and its rows are numbered by position;
     stabilised: the platform keeps its attitude in inertial space while the Earth turns beneath it;
     rotating: the unit is turned in its place, and its angular rate is integrated over every step of the clock;
-    sighting: a mount points at stars of known direction, and no inertial sensor is read;
-    gimbals: the attitude of the unit is read from gimbals.
+    sighting: a mount points at stars of known direction, and no inertial sensor is read.
     methods: the methods that calibrate it, the preferred one first. baseline: the effects that its calibrated model
     holds. predicted: the quantities that the forward model predicts at the readings. measured_by: the sensor whose
     stated noise weighs its rows.
@@ -50,7 +49,6 @@ class Kind(str):
     stabilised: bool = False
     rotating: bool = False
     sighting: bool = False
-    gimbals: bool = True
     measured_by: str = "accelerometer"
 
     def __new__(cls, name: str, *_: object, **__: object) -> Kind:
@@ -97,7 +95,6 @@ HAND_TURNED = Kind(
     baseline=ACCELEROMETER_TERMS,
     predicted=("specific_force",),
     in_positions=True,
-    gimbals=False,
 )
 """A unit without gimbals that is laid down in one position after the other: only the norm of gravity is known."""
 
