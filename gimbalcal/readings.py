@@ -1,4 +1,4 @@
-r"""What was read in a recording, in the channels that the forward model predicts, and how it is held against a model.
+r"""Readings of a recording in the channels that the forward model predicts, and their residuals about a model.
 
 Rows may be means over blocks of time. Gimbal angles and attitude errors are as good as linear over a minute; the
 specific force of an inertially fixed platform turns with the Earth, and what the mean of a turning vector loses is put
@@ -62,7 +62,7 @@ class Readings:
         return linearise(platform, self.stimulus, effects, self.kind, self.channels, self.value, stages)
 
     def predicted(self, effects: Sequence[Effect] = ()) -> Array:
-        """What the model expects to be read (n, C)."""
+        """Return the readings (n, C) that the model predicts."""
         platform = self.recording.platform
         return picked(platform, predict(platform, self.stimulus, effects, self.kind), self.channels)
 

@@ -44,7 +44,7 @@ class CrossCheck:
 
     @property
     def agree(self) -> bool:
-        """Whether the triads agree as well as each agrees with gravity."""
+        """Return whether the triads agree as well as each agrees with gravity."""
         return self.rms <= MAX_EXPECTED_RATIO * self.expected
 
     @property

@@ -108,7 +108,7 @@ def _one(
 
 
 def unfit(cls: type[Effect], recording: Recording) -> str:
-    """Why a recording cannot show an effect, to be said after its name; empty where it can."""
+    """Return why a recording cannot show an effect, as the predicate of a sentence; empty where it can."""
     if recording.kind not in cls.kinds:
         kinds = " and ".join(cls.kinds)
         return f"shows in {kinds} recordings, and {recording.title!r} is a {recording.kind} recording"
@@ -147,14 +147,14 @@ def _followed(said: str, cls: type[Effect], recordings: Sequence[Recording]) -> 
 
 
 def _belongs(p: Parameter, axes: Sequence[str]) -> bool:
-    """Whether a parameter is of one of these axes: "xy" is x's, "equatorial_x" is equatorial."""
+    """Return whether a parameter is of one of these axes: "xy" is x's, "equatorial_x" is equatorial."""
     pair = len(p.axis) == 2 and set(p.axis) <= set("xyz")
     return any(a in (p.axis, p.axis[0] if pair else p.axis.rpartition("_")[0] or p.axis) for a in axes)
 
 
 @dataclass(frozen=True)
 class Extension:
-    """What extra effects add to a fit: absent effects with starting constants, free parameters, and held constants.
+    """The extension of a fit by extra effects: effects with starting constants, free parameters, and held constants.
 
     parameters: the sizes, and of the constants those that a fit can follow, whose prior mean is where the fit starts.
     held: constants that were stated, or that have no derivative (a whole number, a position, an instant), in SI.

@@ -100,7 +100,7 @@ def contradiction(together: Solution, device: Solution, static: Solution) -> str
 
 
 def _gain(together: Solution, device: Solution, rms: float) -> StageResult:
-    """What the static run added, for the record; rms [m/s^2] is that of the positions, which it hardly moves."""
+    """Return the stage with the gain by the static run; rms [m/s^2] is that of the positions, which it hardly moves."""
     before = dict(zip(device.parameters, device.sigma, strict=True))
     ratio = [s / before[p] for p, s in zip(together.parameters, together.sigma, strict=True) if p in before]
     best = min(ratio, default=1.0)

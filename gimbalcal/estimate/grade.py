@@ -44,7 +44,7 @@ class Graded:
         return f"the unit is taken for {self.grade.name} grade: {self.source} (another: --grade)"
 
     def to_dict(self) -> dict[str, Any]:
-        """What a provenance tells."""
+        """Return the entry of the provenance."""
         return {"name": self.grade.name, "from": self.source}
 
 
@@ -118,7 +118,7 @@ def _step(recording: Recording) -> float | None:
 
 
 def _of_means(recording: Recording, quantity: str, step: float) -> float | None:
-    """What means over a second scatter by at rest; no less than a step of the converter makes. None without rests."""
+    """Return the scatter of means over a second at rest, at least that of a converter step; None without dwells."""
     size, axes = max(1, round(AVERAGING_S / step)), recording.axes(quantity)
     x = np.stack([recording.channels[quantity, a] for a in axes], axis=-1)
     squares = []

@@ -22,6 +22,7 @@ from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.term_selection import AGREEMENT_SIGNIFICANCE
 from gimbalcal.estimate.unit import inertial_unit
+from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells, join
 from gimbalcal.units import from_si
@@ -29,9 +30,9 @@ from gimbalcal.units import from_si
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """One session against all others: its own calibration, the difference (p,) [SI] with one sigma, and its chance.
+    """One session against all others: its own calibration, the difference (p,) [SI] with one sigma, and its p-value.
 
-    It does not agree where the chance is below `bar`; `why` says what keeps it from being judged alone.
+    It does not agree where the p-value is below `bar`; `why` says what keeps it from being judged alone.
     """
 
     alone: Calibration | None
@@ -39,21 +40,20 @@ class Session:
     units: tuple[str, ...]
     difference: Array
     sigma: Array
-    chance: float
+    p_value: float
     bar: float
     why: str = ""
 
     @property
     def in_words(self) -> str:
-        """How it stands to the others."""
+        """Describe the agreement with the other sessions."""
         if self.why:
             return f"it cannot be judged alone: {self.why}"
         k = int(np.argmax(np.abs(self.difference) / self.sigma))
         unit = self.units[k]
         size, sigma = (float(f"{from_si(float(v), unit):.3g}") for v in (self.difference[k], self.sigma[k]))
-        agrees = "agrees with the others" if self.chance >= self.bar else "does not agree with the others"
-        chance = f"p = {self.chance:.2g}"
-        return f"{agrees} ({chance}; most in {self.labels[k]}, by {size:+g} +- {sigma:g} {unit})"
+        agrees = "agrees with the others" if self.p_value >= self.bar else "does not agree with the others"
+        return f"{agrees} (p = {self.p_value:.2g}; most in {self.labels[k]}, by {size:+g} +- {sigma:g} {unit})"
 
 
 def unit_of_sessions(
@@ -73,10 +73,10 @@ def with_agreement(made: Calibration, sessions: Sequence[Recording], more: Seque
     scaled = [in_si(r, made.readout) for r in sessions]  # counts of all by one nominal scale
     judged = [_judged(scaled, k, taken, more) for k in range(len(sessions))]
     told = [
-        {"title": r.title, "rests": len(dwells(r)), "p_value": None if s.why else s.chance, "in_words": s.in_words}
+        {"title": r.title, "rests": len(dwells(r)), "p_value": None if s.why else s.p_value, "in_words": s.in_words}
         for r, s in zip(sessions, judged, strict=True)
     ]
-    off = [k for k, s in enumerate(judged) if not s.why and s.chance < s.bar]
+    off = [k for k, s in enumerate(judged) if not s.why and s.p_value < s.bar]
     options = {**made.provenance.get("options", {}), "sessions": told}
     return replace(
         made,
@@ -100,12 +100,10 @@ def _judged(sessions: Sequence[Recording], k: int, terms: tuple[str, ...], more:
     root = np.linalg.cholesky(C / np.outer(sigma, sigma))
     chi2 = float(np.sum(np.linalg.solve(root, difference / sigma) ** 2))
     dof = max(1, min(alone.residual.dof, others.residual.dof))
-    from scipy.special import fdtrc
-
-    chance = float(fdtrc(len(shared), dof, chi2 / len(shared)))
+    p_value = probability(chi2, len(shared), dof)
     labels = tuple(p.label for p in shared)
     return Session(
-        alone, labels, tuple(p.unit for p in shared), difference, sigma, chance, AGREEMENT_SIGNIFICANCE / len(sessions)
+        alone, labels, tuple(p.unit for p in shared), difference, sigma, p_value, AGREEMENT_SIGNIFICANCE / len(sessions)
     )
 
 

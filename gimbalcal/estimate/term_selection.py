@@ -1,4 +1,4 @@
-r"""Whether data support a term: a coefficient stands clear of its sigma, and what was left out is told no worse.
+r"""Selection of terms that data support: a coefficient is significant, and rows left out are predicted no worse.
 
 How far it must stand clear is paid for by what was tried. With n further coefficients, none of them there, and sigmas
 scaled to the scatter of nu degrees of freedom,
@@ -39,7 +39,7 @@ def needed(tried: int, dof: float) -> float:
 
 
 def coefficients(terms: Sequence[str]) -> int:
-    """How many coefficients these terms have together."""
+    """Return the number of coefficients of these terms."""
     return sum(len(parameters(CATALOGUE[i])) for i in terms)
 
 
@@ -47,7 +47,7 @@ def refusal(
     term: str, data: str, wanted: Sequence[Parameter], x: Array, sigma: Array,
     left_out: tuple[float, float], unit: str, condition: tuple[float, float], clear_of: float,
 ) -> str:  # fmt: skip
-    """Why `data` ("38 positions") do not support `term`, in a sentence; empty where they do.
+    """Explain in a sentence why `data` ("38 positions") do not support `term`; empty where they do.
 
     wanted, x, sigma: parameters of the fit with the term, SI; left_out: rms misfit [unit] of what took no part,
     without and with the term; condition: the condition numbers, columns of length one; clear_of: sigmas that its

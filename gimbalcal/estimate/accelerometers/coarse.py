@@ -78,7 +78,7 @@ def coarse(positions: Positions) -> Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """Where the two steps came to rest: x (p,), its covariance, the last linearisation and the last solution."""
+    """The converged result of both steps: x (p,), its covariance, the last linearisation and the last solution."""
 
     x: Array
     covariance: Array

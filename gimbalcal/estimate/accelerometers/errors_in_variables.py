@@ -62,7 +62,7 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is fitted: readings (n, 3), `weight` (n,) raw samples each, `visit` (n,) = 0 ... m-1 of each row."""
+    """A least-squares problem: readings (n, 3), `weight` (n,) raw samples each, `visit` (n,) = 0 ... m-1 of a row."""
 
     readings: Readings
     weight: Array
@@ -78,12 +78,12 @@ class Problem:
 
     @property
     def grade(self) -> Grade:
-        """How large the usual imperfections of the sensors are."""
+        """The grade of the unit, which sets the usual sizes of its imperfections."""
         return self.readings.recording.grade
 
     @property
     def stimulus(self) -> Stimulus:
-        """What the hardware experienced as far as the readouts tell."""
+        """The stimulus of the hardware as far as the readouts determine it."""
         return self.readings.stimulus
 
     @property

@@ -18,7 +18,7 @@ from gimbalcal.units import from_si
 
 
 def noise_of_a_mean(recording: Recording, sample: float, counts: Counts | None = None) -> float:
-    """What the noise of a sample [m/s^2], stated or seen, makes of the mean of a position; 0 where nothing tells it.
+    """Return the noise [m/s^2] of the mean of a position from that of a sample; 0 where it is unknown.
 
     Where samples scatter less than a step of the converter, their mean is no better than the step.
     """

@@ -1,4 +1,4 @@
-"""What a schedule is expected to show, before or without its data; and what a recording that skips positions lost."""
+"""Planned recordings of a schedule, and the information that a recording loses by skipping positions."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
 
 
 def _expected_together(p: Problem, other: Problem, noise: Noise, x: Array) -> Solution:
-    """What both recordings determine, linearised at the estimate x (p,) of one."""
+    """Return the solution of both recordings, linearised at the estimate x (p,) of one."""
     parts = [whiten(by_visit(q, x, np.zeros((q.visits, q.turns))), noise).information(q.parameters) for q in (p, other)]
     return solve(parts[0] + parts[1])
 
 
 def _follows(p: Problem, schedule: Schedule) -> bool:
-    """Whether positions of the recording are those of the schedule under the same numbers."""
+    """Return whether positions of the recording are those of the schedule under the same numbers."""
     if schedule.platform != p.platform or p.positions.min() < 1 or p.positions.max() > len(schedule.holds):
         return False
     mine = -apply_matrix(p.platform.attitude(_readouts(p)), np.array([0.0, 0.0, 1.0]))

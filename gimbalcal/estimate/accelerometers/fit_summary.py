@@ -1,4 +1,4 @@
-"""How a fit of a multi-position recording is reported: residual, stage, outcome and provenance of a Calibration."""
+"""Report of a fit of a multi-position recording: residual, stage, outcome and provenance of a Calibration."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def stage(name: str, p: Problem, fit: PositionFit, in_words: str) -> StageResult
 
 
 def outcome(fit: PositionFit, faults: Sequence[Fault], larger: str = "") -> str:
-    """Why this calibration should not be used as it is; empty where nothing speaks against it.
+    """Return why this calibration should not be used as it is; empty where nothing speaks against it.
 
     larger: which larger noise would explain the misfit, as `larger_noise` says it.
     """
@@ -74,7 +74,7 @@ def joined(sentences: Sequence[str]) -> str:
 
 
 def provenance(recording: Recording, p: Problem, fit: PositionFit, faults: Sequence[Fault]) -> dict[str, Any]:
-    """Where the numbers come from: files, noise and its source, visits left out, setting errors, what was lost."""
+    """Return the provenance: files, noise and its source, visits left out, setting errors, positions missing."""
     names = recording.platform.axis_names
     said = {
         "recordings": recording.files,

@@ -59,14 +59,14 @@ def joint(positions: Positions, start: Calibration | None = None, judged: bool =
 
 
 def information_of(positions: Positions, effects: Sequence[Effect]) -> Information:
-    """What the positions say, linearised at `effects` with the setting errors that go with them."""
+    """Return the information of the positions, linearised at `effects` with the setting errors of the fit."""
     p = positions.problem
     linear = by_visit(p, starting_values(p, effects), positions.fit.setting)
     return whiten(linear, positions.noise).information(p.parameters)
 
 
 def in_words(p: Problem, fit: PositionFit) -> str:
-    """What was fitted to what, and how well."""
+    """Describe the fit in one sentence."""
     setting = from_si(fit.noise.setting, "arcsec")
     return (
         f"{len(p.parameters)} coefficients from the force at {p.visits} visits, with their setting errors of "

@@ -73,7 +73,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
 
 
 def _extension(means: Recording, base: Sequence[str], more: Sequence[ExtraEffect]) -> Extension:
-    """What is added to the fits, with constants that start where they leave the smallest misfit of the base terms."""
+    """Return the extra effects, with constants that start where the misfit beside the base terms is smallest."""
     if not more:
         return NO_EXTENSION
     sizes = tuple(p for e in more for p in e.parameters(()))
@@ -113,7 +113,7 @@ def _attempt(means: Recording, terms: Sequence[str], extra: Extension) -> NormFi
 
 
 def _refusal(term: str, without: NormFit, candidate: NormFit | None, tried: int) -> str:
-    """Why the positions do not support a term, of `tried` coefficients in all; empty where they do."""
+    """Return why the positions do not support a term, of `tried` coefficients in all; empty where they do."""
     positions = len(without.problem.force)
     if candidate is None:
         return f"{term} is left out: {positions} positions are fewer than the parameters it would make"

@@ -165,7 +165,7 @@ def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
 
 
 def _on_faces(n: Array) -> bool:
-    """Whether rests n (m, 3), each axis from -1 to 1, hold every axis upright both ways."""
+    """Return whether rests n (m, 3), each axis from -1 to 1, hold every axis upright both ways."""
     ends = n[np.concatenate([n.argmax(0), n.argmin(0)])]
     across = ends[~np.tile(np.eye(3, dtype=bool), (2, 1))]
     return bool(np.all(np.abs(across) < MAX_FACE_TILT))

@@ -169,7 +169,7 @@ def _design(u: Array) -> Array:
 
 
 def _against_others(through: _Ellipsoids, i: int, rests: NDArray[np.int64]) -> tuple[Array, Array]:
-    """How far the norm of rests (k,) is off choice i, over the norm, and how well that tells it: d^T G^-1 d."""
+    """Return the relative deviation (k,) of the norm of rests from choice i, and its leverage d^T G^-1 d."""
     c = through.c[i]
     middle = -np.linalg.solve(c[[0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(3, 3), c[6:]) / 2
     norm = np.sqrt(np.maximum(1 + through.s[i] * through.rho[i, rests], 0.0))

@@ -1,4 +1,4 @@
-r"""What a fit to the norm of gravity leaves out and the positions do not rule out: how far it may have moved the rest.
+r"""Consider covariance: what terms that a fit to the norm of gravity omits may have done to its estimates.
 
 A term is declined where its coefficients do not stand clear of chance; that is no proof that they are zero. With J and
 C the whitened rows of what is estimated and of what is not, r the misfit, and c normal with the usual size of such a
@@ -29,7 +29,7 @@ NOTABLE_SIGMAS = 1.0  # sigmas by which it must move an estimate to be worth a w
 
 
 def covariance_of_omitted_terms(made: NormFit, means: Recording, terms: Sequence[str]) -> Array:
-    """What the covariance (p, p) of a fit grows by for terms that are left out of it; zero for none."""
+    """Return the increase of the covariance (p, p) of a fit by terms that are omitted from it; zero for none."""
     n = len(made.fit.solution.parameters)
     out = usual(means, terms)
     if not out:
@@ -57,7 +57,7 @@ def usual(means: Recording, terms: Sequence[str]) -> tuple[Parameter, ...]:
 
 
 def in_words(added: Array, covariance: Array) -> str:
-    """How much wider the widest sigma became, as the end of a sentence; empty where it hardly did."""
+    """Describe the largest increase of a sigma as the end of a sentence; empty where it is small."""
     own, more = np.diag(covariance), np.diag(added)
     times = float(np.sqrt(np.max(more / own))) if len(own) else 0.0
     return (

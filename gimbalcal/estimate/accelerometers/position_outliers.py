@@ -54,7 +54,7 @@ class Fault:
 
 
 def acceptable(chi2: float, dof: int) -> bool:
-    """Whether chance alone may leave a chi^2 as large as this."""
+    """Return whether chance alone may leave a chi^2 as large as this."""
     return probability(chi2, dof) >= SIGNIFICANCE
 
 
@@ -120,7 +120,7 @@ def _worst(J: Array, r: Array, W: Array, free: Array, measured: Array, scaled: b
 
 
 def _interchanged(J: Array, r: Array, swapped: Array, pair: tuple[int, int], falls: Array, scaled: bool) -> bool:
-    """Whether two visits fit each other's angles, and neither fits its own when the other is left out.
+    """Return whether two visits fit each other's angles, and neither fits its own when the other is left out.
 
     r, swapped (m, 3): the rows, and those with the readings of the two exchanged. A third visit may be wrong as well:
     they are asked with the worst other one too, and with it left out.

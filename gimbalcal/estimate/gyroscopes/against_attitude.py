@@ -91,7 +91,7 @@ def gyroscopes_against_attitude(recording: Recording) -> Calibration:
 
 
 def _left_out(known: Reference) -> list[str]:
-    """Which attitudes took no part, in a list; empty where all did."""
+    """Name the attitudes that took no part, in a list; empty where all did."""
     if not known.gone:
         return []
     at = ", ".join(f"{t:.10g}" for t in known.gone[:MAX_TIMES_NAMED])

@@ -32,7 +32,7 @@ def horizontal_sigma(latitude: float | None) -> float:
 
 
 def horizontal_rate(recording: Recording, turns: Turns, down: Array) -> Array:
-    """What one sigma of each component of the Earth's horizontal rate makes of the rests, (m, 3, 2 c) [rad/s].
+    """Return the rates of the rests by one sigma of each component of the Earth's horizontal rate, (m, 3, 2 c) [rad/s].
 
     For c groups of rests that turns join, down (m, 3) being the unit force in each; none where gimbals tell the
     attitude or no turn was logged: there a heading is whatever it was.

@@ -149,7 +149,7 @@ def _rows(recordings: Sequence[Recording], each: Sequence[Stretches], scale: Arr
 
 
 def _up(r: Recording) -> Array | None:
-    """Where the accelerometers feel up (3,) in the axes of the base; None without them, or where it does not stay."""
+    """Return the vertical (3,) in the axes of the base by the accelerometers; None without them, or where it varies."""
     if set(r.axes(FORCE)) != {"x", "y", "z"} or r.counted(FORCE):
         return None
     force = r.triad(FORCE)

@@ -59,7 +59,7 @@ class Reference:
         return at, np.linalg.norm(w, axis=1)
 
     def covers(self, begin: float, end: float) -> bool:
-        """Whether attitudes were logged from begin to end without a pause."""
+        """Return whether attitudes were logged from begin to end without a pause."""
         if begin < self.time[0] or end > self.time[-1]:
             return False
         a, b = np.searchsorted(self.time, [begin, end])

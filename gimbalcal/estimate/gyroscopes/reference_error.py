@@ -1,4 +1,4 @@
-r"""What the accelerometers' own errors make of gyroscopes that are held against the gravity they tell.
+r"""Errors of the reference: the covariance that accelerometers add to gyroscopes calibrated against their gravity.
 
 Turns start and end where the calibrated accelerometers say down is. An error of theirs, with covariance :math:`P_a`,
 stands in every turn alike, so that no scatter of turns shows it; it moves the estimate x by
@@ -40,7 +40,7 @@ def with_reference_error(fit: TurnFit, turns: Turns, recording: Recording, accel
 
 
 def _moved(recording: Recording, accelerometers: Calibration) -> Array:
-    """How the direction of the force at each rest answers each parameter of the accelerometers (p, k, 3)."""
+    """Return the derivative (p, k, 3) of the direction of the force at each rest by the accelerometers' parameters."""
     rests, sigma = dwell_means(recording), accelerometers.sigmas
     x = accelerometers.values
 

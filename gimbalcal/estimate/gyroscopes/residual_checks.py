@@ -1,4 +1,4 @@
-r"""Whether gyroscopes are explained: what is left at rest and after turns, against what their noise explains.
+r"""Residuals of gyroscopes at rest and after turns, compared with what their noise explains.
 
 At rest, one sigma of a mean is that of its samples, beside the Earth's horizontal rate, whose direction is not known.
 After a turn of duration T in n steps between rests of n_1 and n_2 samples, gravity may be missed by
@@ -69,7 +69,7 @@ def turns_in_words(
 
 
 def turn_sigma(recording: Recording, turns: Turns, accelerometers: Calibration, wander: Array, scale: float) -> float:
-    """By how much noise makes turns miss gravity [rad rms, per component], module docstring; 0 where it is not known.
+    """Return the error of gravity after turns due to noise [rad rms, per component], see above; 0 where it is unknown.
 
     In the units that the rates were logged in, `scale` rad/s each.
     """

@@ -88,11 +88,10 @@ def fit_rests(
     found: Rests, terms: Sequence[str] = (BIAS, G_SENSITIVITY), extra: Extension = NO_EXTENSION,
     about: Array | None = None,
 ) -> RestFit:  # fmt: skip
-    """Weighted least squares of gyroscope effects, which are linear at rest; the excess of each axis with it.
+    """Fit gyroscope effects, which are linear at rest, by weighted least squares with an excess scatter of each axis.
 
-    more: further parameters, of these absent effects. about: values (p,) near which they are linear, of a unit that
-    turns. The Earth's horizontal rate, as far as it is known, is fitted
-    beside them within what it can be.
+    about: values (p,) near which effects are linear, of a unit that turns. The Earth's horizontal rate, as far as it is
+    known, is fitted beside them within what it can be.
     """
     wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *extra.parameters)
     if extra.constants and about is None:

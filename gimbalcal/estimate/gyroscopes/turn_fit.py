@@ -82,7 +82,7 @@ def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSIO
 
 
 def _dark(J: Array) -> bool:
-    """Whether some combination of the columns changes nothing."""
+    """Return whether some combination of the columns changes nothing."""
     size = np.sqrt((J**2).sum(0))
     return bool(np.any(size == 0)) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] < MIN_SINGULAR_RATIO)
 

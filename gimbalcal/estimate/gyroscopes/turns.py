@@ -87,26 +87,26 @@ def turns_between_rests(
 
 
 def turns_on_record(recording: Recording) -> bool:
-    """Whether there is a row for each turn on the way; a row of a table of rests that is marked 0 is none."""
+    """Return whether there is a row for each turn on the way; a row of a table of rests that is marked 0 is none."""
     if recording.position is None:
         return False
     return bool(np.count_nonzero(recording.position == 0) >= max(len(dwells(recording)) - 1, 1))
 
 
 def logged_turns(recording: Recording) -> bool:
-    """Whether a turn between two rests was logged from end to end."""
+    """Return whether a turn between two rests was logged from end to end."""
     if not turns_on_record(recording):
         return False
     return any(not paused(recording, slice(a.stop - 1, b.start + 1)) for a, b in pairwise(dwells(recording)))
 
 
 def paused(recording: Recording, span: slice) -> bool:
-    """Whether the clock pauses between two rests, so that nobody knows how the unit turned meanwhile."""
+    """Return whether the clock pauses between two rests, so that nobody knows how the unit turned meanwhile."""
     return bool(np.any(np.diff(recording.time[span]) > PAUSED * usual_step(recording)))
 
 
 def _relevelled(turns: Turns, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:
-    """What to add to the readings (m, n, 3) so that effects tell their level, not the neighbouring rests."""
+    """Return the correction of the readings (m, n, 3) for a level by effects instead of the neighbouring rests."""
     felt = gyroscopes(0 * turns.stimulus.rate, turns.stimulus, at_rest).reshape(turns.reading.shape)
     neighbours = (level[turns.ends - 1] + level[turns.ends]) / 2
     return np.where(turns.step[..., None] > 0, neighbours[:, None] - felt / scale, 0.0)
@@ -142,7 +142,7 @@ def _rough_scale(turns: Turns) -> float:
 
 
 def turned(turns: Turns, effects: Sequence[Effect]) -> Array:
-    """By how much the frame turns in each turn (m, 3, 3), with these effects of the gyroscopes."""
+    """Return the rotation of the frame in each turn (m, 3, 3), with these effects of the gyroscopes."""
     m, n = turns.step.shape
     rate, _, _ = invert(lambda w: gyroscopes(w, turns.stimulus, effects), turns.reading.reshape(-1, 3))
     C = exponential(rate.reshape(m, n, 3) * turns.step[..., None])

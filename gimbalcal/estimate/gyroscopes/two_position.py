@@ -156,7 +156,7 @@ def _calibration(
 
 
 def _unobservable(C: Array) -> tuple[dict[str, Any], ...]:
-    """What gravity does to the gyroscopes is bias to rests that all feel the same force."""
+    """Name the g-sensitivity that is confounded with the bias where all rests feel the same force."""
     down = apply_matrix(C, DOWN)
     if np.abs(down - down[0]).max() > SAME_DIRECTION:
         return ()

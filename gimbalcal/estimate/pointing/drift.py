@@ -1,4 +1,4 @@
-r"""How the terms of a mount differ from night to night: each night alone, against the first, with sigma.
+r"""Differences of the terms of a mount between nights: each night alone, against the first, with sigma.
 
 All nights share one model if what they leave together is no more than what they leave apart,
 
@@ -50,23 +50,14 @@ def by_night(together: Fit, sigma: float | None) -> Nights | None:
         alone = tuple(fit([r], wanted, apart, together.absent) for r in runs)
     common = together if len(runs) == len(together.runs) else fit(runs, wanted, sigma, together.absent)
     gain = max(common.square - left, 0.0)
-    p = _probability(gain, left, ranks - _seen(common), nu, sigma)
+    shared, variance = ranks - _seen(common), sigma**2 if sigma is not None else left / max(nu, 1)
+    p = probability(gain / variance, shared, nu if sigma is None else np.inf) if variance > 0 else 1.0
     return Nights(alone, p, _moved(alone) if p < SIGNIFICANCE else ())
 
 
 def _seen(f: Fit) -> int:
-    """How many directions the stars determine."""
+    """Return the number of directions that the stars determine."""
     return len(f.solution.parameters) - len(f.solution.unobservable)
-
-
-def _probability(gain: float, left: float, q: int, nu: int, sigma: float | None) -> float:
-    from scipy.special import fdtrc
-
-    if q <= 0:
-        return 1.0
-    if sigma is not None:
-        return probability(max(gain, 0.0) / sigma**2, q)
-    return float(fdtrc(q, nu, max(gain, 0.0) / q / (left / nu))) if nu > 0 and left > 0 else 1.0
 
 
 def change(first: Fit, other: Fit) -> tuple[Array, Array]:

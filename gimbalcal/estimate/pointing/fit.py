@@ -41,7 +41,7 @@ class Fit:
 
     @property
     def weighted(self) -> tuple[Array, ...]:
-        """What is left of each star (n, 2) [rad] times the root of its weight: of one sigma for all."""
+        """Residual of each star (n, 2) [rad] times the root of its weight: of one sigma for all."""
         return tuple(r * np.sqrt(run.weight)[:, None] for run, r in zip(self.runs, self.residuals, strict=True))
 
     @property

@@ -80,7 +80,7 @@ def pointing_calibration(
 
 
 def _named(one: ExtraEffect) -> tuple[str, ...]:
-    """What is asked for, as terms: an effect, or its axes one by one."""
+    """Return the terms of an extra effect: the effect, or its axes one by one."""
     return tuple(f"{one.effect}:{axis}" for axis in one.axes) or (one.effect,)
 
 

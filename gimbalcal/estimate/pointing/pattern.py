@@ -1,4 +1,4 @@
-r"""What is left of the stars that is no noise: it follows an angle of the mount, or a star is far off the others.
+r"""Patterns in the residuals of stars: they follow an angle of the mount, or a star is far off the others.
 
 Neighbours along an angle are alike where something follows it,
 
@@ -33,7 +33,7 @@ MEDIAN_LENGTH = 1.1774  # of a plane vector of normal noise with sigma 1: the me
 
 @dataclass(frozen=True)
 class Pattern:
-    """What is left across or along that follows an axis of the mount, and the probability that noise looks so."""
+    """A residual across or along that follows an axis of the mount, and the probability that noise looks so."""
 
     channel: str
     axis: str
@@ -64,7 +64,7 @@ def strays(left: Array) -> list[int]:
 
 
 def why_far(left: Array, angles: Array, far: Sequence[int], axis: str) -> str:
-    """Why stars are far off the others, in words: mistakes, unless they have more in common than chance gives them.
+    """Explain why stars are far off the others: mistakes, unless they have more in common than chance gives them.
 
     left (n, 2): what is left of every star; angles (n, 2) [rad]: where it is, inner and outer; far: ordinals of those;
     axis: the inner one. A mistaken star is off any way, and anywhere; a gear that plays, or an axis that slips, moves

@@ -29,7 +29,7 @@ MIN_NIGHT_GAP_S = 6 * 3600.0  # s; a longer pause ends a night
 
 
 def on_stars(recording: Recording) -> Stimulus:
-    """What the mount experienced; every star is a visit of its own.
+    """Return the stimulus of the mount; every star is a visit of its own.
 
     A move is all of the way since an axis last turned back: told by where the stars are, or by readouts that are
     calmer. An axis that stands still or creeps goes on as it went, whatever its noise.
@@ -44,7 +44,7 @@ def on_stars(recording: Recording) -> Stimulus:
 
 
 def calmer(recording: Recording) -> NDArray[np.bool_]:
-    """Which readouts (k,) follow the clock more closely than their stars do: those of a mount that tracks.
+    """Return which readouts (k,) follow the clock more closely than their stars do: those of a mount that tracks.
 
     There the noise is in where the star was seen, and readouts hold less of it. Where a mount goes from star to star
     both jump alike, and nothing is told.

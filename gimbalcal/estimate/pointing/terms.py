@@ -1,4 +1,4 @@
-"""Which terms of a mount are estimated: the textbook's by default, and which axes of each the mount has."""
+"""Terms of a mount that are estimated: those of the textbooks by default, for the axes that the mount has."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Operator:
 
 
 def operators(run: Readings, effects: Sequence[Effect], drift: int = 1, noise: str = "auto") -> tuple[Operator, ...]:
-    """What the paper does with force, roll and pitch, as far as they were logged."""
+    """Return the operators of the paper for force, roll and pitch, as far as they were logged."""
     d = run.residual(effects)
     out = [_force_operator(run)] if len(run.columns("specific_force")) == 3 else []
     for axis, name in (("roll", "phi"), ("pitch", "theta")):

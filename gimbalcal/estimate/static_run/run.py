@@ -33,7 +33,7 @@ def static_readings(recording: Recording) -> Readings:
 
 
 def noise_from(run: Readings) -> str:
-    """Whether the header tells the noise of every channel, or the samples had to."""
+    """Return whether the header tells the noise of every channel, or the samples had to."""
     return HEADER if set(dict(run.channels)) <= set(stated(run.recording)) else SAMPLES
 
 

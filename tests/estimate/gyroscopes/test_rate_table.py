@@ -269,6 +269,5 @@ def test_the_page_draws_what_is_left_over_the_rate() -> None:
     recordings = [run(a, seed=k) for k, a in enumerate("xyz")]
     made = gyroscopes_on_a_table(recordings)
     page = calibration_report(made.to_dict(), recordings)
-    assert "the table turns by" in page
-    assert "noise that the samples show" in page
+    assert "rate of the table" in page
     assert page.count("rms</text>") >= 6
