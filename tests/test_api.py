@@ -91,10 +91,10 @@ def test_arrays_are_corrected_in_their_own_units() -> None:
     little = made.apply(free, units={"specific_force": "m/s^2"})
     np.testing.assert_allclose(np.linalg.norm(little["specific_force"] + 0.05, axis=1), 0.9993, rtol=0.01)
     fast = {"specific_force": f, "angular_rate": 400 * w, "temperature": warm}
-    with pytest.raises(gimbalcal.InputError, match="more than gyroscopes read in rad/s"):
+    with pytest.raises(gimbalcal.InputError, match="more than gyroscopes measure in rad/s"):
         made.apply(fast)
     assert made.apply(fast, units={"angular_rate": "rad/s"})["angular_rate"].max() > 35
-    with pytest.raises(gimbalcal.InputError, match="units names 'angular_rate', and there is no such array"):
+    with pytest.raises(gimbalcal.InputError, match="units names 'angular_rate', but there is no such array"):
         made.apply({"specific_force": f}, units={"angular_rate": "deg/s"})
     with pytest.raises(gimbalcal.InputError, match="'deg' is not a unit of specific_force"):
         made.apply({"specific_force": f}, units={"specific_force": "deg"})
@@ -107,7 +107,7 @@ def test_arrays_of_a_unit_that_counts() -> None:
     out = made.apply(arrays, units={"specific_force": "count"})
     np.testing.assert_allclose(np.linalg.norm(out["specific_force"], axis=1), 9.80665, atol=4e-3)
     np.testing.assert_array_equal(out["specific_force"], made.apply(r).triad("specific_force"))
-    with pytest.raises(gimbalcal.InputError, match="the calibration is of a unit that counts: say units="):
+    with pytest.raises(gimbalcal.InputError, match="the unit of the calibration outputs counts: state units="):
         made.apply(arrays)
 
 

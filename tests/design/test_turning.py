@@ -126,5 +126,5 @@ def test_the_command_writes_the_contract(tmp_path):
     assert row["degree"] == pytest.approx(1.0 / row["sigma"][-1])  # the usual size is 1 deg/h
     assert np.all(np.diff(row["sigma"]) <= 0)
     page = (tmp_path / "report.html").read_text()
-    assert "tells all six errors" in page
+    assert "determines all six errors" in page
     assert "gyro bias" in page
