@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.systematic.segments import stops
-from gimbalcal.inference.allan import FEWEST, UNLIKELY, Curve, Fitted, curve, fit, law, probability
+from gimbalcal.inference.allan import MIN_P_VALUE, MIN_ROWS, AllanCurve, AllanFit, curve, fit, law
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.recording.dwell import MISSED
@@ -124,11 +124,11 @@ def _stretches(recording: Recording) -> tuple[list[slice], float]:
     for d in rests:
         inside = cut[(cut > d.start) & (cut < d.stop)]
         ends = [d.start, *map(int, inside), d.stop]
-        out += [slice(a, b) for a, b in pairwise(ends) if b - a >= FEWEST]
+        out += [slice(a, b) for a, b in pairwise(ends) if b - a >= MIN_ROWS]
     if not out:
         longest = max((d.stop - d.start for d in rests), default=0)
         raise InputError(
-            f"{recording.title!r}: the longest rest has {amount(longest, 'row')}, and noise takes {FEWEST} or more; "
+            f"{recording.title!r}: the longest rest has {amount(longest, 'row')}, and noise takes {MIN_ROWS} or more; "
             "leave the unit alone for an hour while it is logged"
         )
     return out, step

@@ -28,7 +28,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, by_visit, position_parameters, problem, whiten
 from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.forward import jacobian
-from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, information, solve
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.navigate.stationary_base import static_plan
 from gimbalcal.number import Array
@@ -82,7 +82,7 @@ class Observability:
         lines = [f"{self.schedule} sees {n - len(unobservable)} of {amount(n, 'combination')} of parameters"]
         lines += [f"not seen: {u.why}" for u in unobservable]
         lines += [f"confounded: {t.one} and {t.other} (cosine {t.cosine:+.4f})" for t in self.confounded]
-        hidden = [c.effect for c in self.candidates if c.strength < SEEN]
+        hidden = [c.effect for c in self.candidates if c.strength < MIN_SIGNAL_TO_NOISE]
         lines += [f"would not show at their usual size: {', '.join(hidden)}"] if hidden else []
         return "\n".join(lines)
 
@@ -221,7 +221,7 @@ def assess_information(
         groups.setdefault(q.effect, []).append(i)
     residual = {e: rows[:, i] - basis @ (basis.T @ rows[:, i]) for e, i in groups.items()}
     candidates = tuple(_candidate(e, residual[e], rows[:, i]) for e, i in groups.items())
-    visible = {c.effect: residual[c.effect] for c in candidates if c.strength > SEEN}
+    visible = {c.effect: residual[c.effect] for c in candidates if c.strength > MIN_SIGNAL_TO_NOISE}
     for one, other in combinations(visible, 2):
         cosine = float(np.linalg.svd(_basis(visible[one]).T @ _basis(visible[other]), compute_uv=False)[-1])
         if cosine > CONFOUNDED_COSINE:
@@ -232,7 +232,7 @@ def assess_information(
 def _basis(rows: Array) -> Array:
     """Return an orthonormal basis of the directions that exceed the noise."""
     U, S, _ = np.linalg.svd(rows, full_matrices=False)
-    return np.asarray(U[:, S >= SEEN])
+    return np.asarray(U[:, S >= MIN_SIGNAL_TO_NOISE])
 
 
 def _candidate(effect: str, residual: Array, signal: Array) -> NotCalibrated:

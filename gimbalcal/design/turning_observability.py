@@ -23,7 +23,7 @@ from gimbalcal.design.turning import StretchModel, TurningExperiment, turning_ex
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE
-from gimbalcal.inference.information import SEEN, information, name_directions
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, information, name_directions
 from gimbalcal.inference.innovations import Innovations
 from gimbalcal.number import Array
 from gimbalcal.schedule import RotationSchedule
@@ -174,7 +174,7 @@ def _weak(R: Array, wanted: Sequence[Parameter]) -> tuple[tuple[dict[str, float]
     """Return the weakest observable directions, and how many times better known than before they are."""
     _, S, Vt = np.linalg.svd(R, full_matrices=True)
     S = np.concatenate([S, np.zeros(len(wanted) - len(S))])
-    weak = np.flatnonzero((S >= SEEN) & (S < HIGH_DEGREE))[-MAX_WEAK_DIRECTIONS:]
+    weak = np.flatnonzero((S >= MIN_SIGNAL_TO_NOISE) & (S < HIGH_DEGREE))[-MAX_WEAK_DIRECTIONS:]
     named = [name_directions(Vt[[i]].T, wanted, R)[0].direction for i in weak]
     return tuple(
         ({label: w for label, w in d.items() if abs(w) >= MIN_TERM}, float(S[i]))

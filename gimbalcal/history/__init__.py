@@ -1,4 +1,4 @@
-"""A unit has a history: calibrations and diagnoses in one file, and how each parameter moves from one to the next."""
+"""History of a unit: calibrations and diagnoses in one file, and changes of parameters between them."""
 
 from gimbalcal.history.compare import Comparison, compare
 from gimbalcal.history.dated_calibration import DatedCalibration, date_in, dated_file, of_store

@@ -1,11 +1,11 @@
-r"""How the parameters of a unit move from calibration to calibration: jumps, drift, and when to calibrate next.
+r"""Changes of a unit's parameters between calibrations: jumps, drift, and when the next calibration is due.
 
 Two calibrations with estimates x_k and covariances C_k of their common parameters, from different recordings, differ by
 
 .. math:: \chi^2 = (x_2 - x_1)^T (C_1 + C_2)^{-1} (x_2 - x_1).
 
-Made in one place they share the error of its gravity, which is in every scale factor and in no difference: it is taken
-out of both covariances.
+Calibrations at the same place share the error of gravity, which affects every scale factor and no difference: it is
+removed from both covariances.
 """
 
 from __future__ import annotations
@@ -21,96 +21,97 @@ from gimbalcal.calibration.gravity import common_gravity, without_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.history.dated_calibration import DatedCalibration, day_of
-from gimbalcal.history.parameter_history import DAY, SURPRISE, YEAR, ParameterHistory, parameter_history
+from gimbalcal.history.parameter_history import DAY, SIGNIFICANCE, YEAR, ParameterHistory, parameter_history
 from gimbalcal.units import from_si, parse, to_si
 
-LATEST = 253402300799.0  # s; the last second of the year 9999
-UNSEEN = 1e-3  # of its sigma: a value that is nearer to zero was held there
+LATEST_S = 253402300799.0  # the last second of the year 9999
+FIXED_VALUE_SIGMAS = 1e-3  # a value nearer to zero was fixed there
 
 
 @dataclass(frozen=True)
 class CalibrationStep:
-    """Two calibrations that follow each other: chi^2 of their difference over `dof` parameters, and its chance."""
+    """Difference of two successive calibrations: chi^2 over `dof` parameters, and its p-value."""
 
     before: int
     after: int
     chi2: float
     dof: int
-    chance: float
-    shared: bool  # recordings: then the two are not independent and the chance says nothing
+    p_value: float
+    shared: bool  # the same recording: then the two are not independent and the p-value is meaningless
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Calibrations of one unit in order of time, each step between them, and the course of each parameter."""
+    """Calibrations of one unit in order of time, the steps between them, and the history of each parameter."""
 
     unit: str
     calibrations: tuple[DatedCalibration, ...]
     steps: tuple[CalibrationStep, ...]
     histories: tuple[ParameterHistory, ...]
-    gravity: float = 0.0  # one sigma of gravity, as a share of it, that all of them have in common
+    gravity: float = 0.0  # relative sigma of gravity that all of them share
 
     @property
     def agree(self) -> bool:
-        """Whether nothing moved by more than the sigmas allow."""
-        return not any(c.moved for c in self.histories) and not self.odd
+        """Whether no change exceeds the sigmas."""
+        return not any(c.moved for c in self.histories) and not self.significant
 
     @property
-    def odd(self) -> tuple[CalibrationStep, ...]:
-        """Steps that chance does not explain."""
-        return tuple(s for s in self.steps if not s.shared and s.chance < SURPRISE / len(self.steps))
+    def significant(self) -> tuple[CalibrationStep, ...]:
+        """Significant steps."""
+        return tuple(s for s in self.steps if not s.shared and s.p_value < SIGNIFICANCE / len(self.steps))
 
     @property
     def due(self) -> datetime | None:
-        """When the first parameter will have moved by more than is allowed."""
+        """When the first parameter will exceed its allowed change."""
         first = min((c.due for c in self.histories if np.isfinite(c.due)), default=None)
         return None if first is None else _date(first)
 
     @property
     def in_words(self) -> str:
-        """The answer in a few sentences: whether the unit stayed as it was, what moved most, and when to calibrate."""
+        """Summary: whether the unit changed, which parameters most, and when to calibrate."""
         n, of = len(self.calibrations), f" of {self.unit}" if self.unit else ""
         made = self.calibrations
         first, last = (day_of(d.date, made) for d in (made[0], made[-1]))
         start = f"{n} calibrations{of} from {first} to {last}"
         moved = sorted((c for c in self.histories if c.moved), key=lambda c: -c.clear)
-        if not moved and not self.odd:
-            said = f"{start} agree within their sigmas in all {len(self.histories)} parameters."
+        if not moved and not self.significant:
+            text = f"{start} agree within their sigmas in all {len(self.histories)} parameters."
         elif not moved:
-            worst = min(self.odd, key=lambda s: s.chance)
+            worst = min(self.significant, key=lambda s: s.p_value)
             names = [self.calibrations[k].name for k in (worst.before, worst.after)]
-            said = (
+            text = (
                 f"{start} do not agree: {names[0]} and {names[1]} differ in their parameters together "
-                f"(p = {worst.chance:.2g}), though no parameter does by itself."
+                f"(p = {worst.p_value:.2g}), though no parameter does by itself."
             )
         else:
             more = f", and {len(moved) - 3} more" if len(moved) > 3 else ""
-            said = f"{start} do not agree: {'; '.join(_moved(c, self.calibrations) for c in moved[:3])}{more}."
-            said += f" Next: {_next(moved[0], self.calibrations)}."
+            text = f"{start} do not agree: {'; '.join(_change(c, self.calibrations) for c in moved[:3])}{more}."
+            text += f" Next: {_next(moved[0], self.calibrations)}."
         if any(s.shared for s in self.steps):
-            said += " Some were made from the same recording and are not held against each other."
+            text += " Some were made from the same recording and are not held against each other."
         if self.gravity:
-            said += (
+            text += (
                 f" All took the same gravity, good to {1e6 * self.gravity:.3g} ppm: that is in each scale factor, and "
                 "not in how they differ."
             )
-        said += self._dates_in_words
+        text += self._dates_in_words
         if self.due is not None:
-            said += f" The next calibration is due by {self.due:%Y-%m-%d}."
-        return said
+            text += f" The next calibration is due by {self.due:%Y-%m-%d}."
+        return text
 
     @property
     def _dates_in_words(self) -> str:
-        """What is to be said of dates that are not those of the recordings; empty where nothing hangs on them."""
-        told = [d for d in self.calibrations if "recorded" in d.calibration.provenance]
+        """Remark on dates that are not those of the recordings; empty where they do not matter."""
+        dated = [d for d in self.calibrations if "recorded" in d.calibration.provenance]
         write = "write date = 2026-11-18, say, into each recording.toml and calibrate again."
-        if told and len(told) < len(self.calibrations):
-            few = "one of them says" if len(told) == 1 else f"{len(told)} of them say"
+        if dated and len(dated) < len(self.calibrations):
+            few = "one of them says" if len(dated) == 1 else f"{len(dated)} of them say"
             return f" Only {few} when it was recorded; others stand at the day they were computed: {write}"
         one_day = np.ptp([d.date.timestamp() for d in self.calibrations]) < DAY
-        if not told and one_day and len(self.calibrations) > 2:
+        if not dated and one_day and len(self.calibrations) > 2:
             return (
-                f" When they were recorded is not said, and all were computed within a day: no drift is told; {write}"
+                " When they were recorded is not stated, and all were computed within a day: no drift is estimated; "
+                f"{write}"
             )
         return ""
 
@@ -130,7 +131,7 @@ class Comparison:
             ],
             "steps": [
                 {"before": s.before, "after": s.after, "chi2": s.chi2, "dof": s.dof,
-                 "p_value": None if s.shared else s.chance, "same_recording": s.shared}
+                 "p_value": None if s.shared else s.p_value, "same_recording": s.shared}
                 for s in self.steps
             ],
             "parameters": [_row(c) for c in self.histories],
@@ -140,10 +141,10 @@ class Comparison:
 def compare(
     calibrations: Sequence[DatedCalibration], unit: str = "", allowed: Mapping[str, str] | None = None
 ) -> Comparison:
-    """How a unit changed over its calibrations, two or more, of any methods, as far as they share parameters.
+    """Compare two or more calibrations of a unit, of any methods, in their common parameters.
 
-    allowed: by the name of a parameter, how far it may move before the next calibration, "50 ug"; without it three
-    sigmas of the last calibration, which a new one would show. Raises InputError for fewer than two, or nothing shared.
+    allowed: by the name of a parameter, its allowed change before the next calibration, "50 ug"; default: three sigmas
+    of the last calibration. Raises InputError for fewer than two, or nothing shared.
     """
     if len(calibrations) < 2:
         raise InputError(f"to compare takes two calibrations, and {len(calibrations)} was given")
@@ -153,7 +154,7 @@ def compare(
     for k, d in enumerate(made):
         each = zip(d.calibration.parameters, d.calibration.values, d.calibration.sigmas, strict=True)
         for p, x, sigma in each:
-            if sigma > 0 and abs(x) > UNSEEN * sigma:  # what nothing shows keeps its prior's zero
+            if sigma > 0 and abs(x) > FIXED_VALUE_SIGMAS * sigma:  # unobservable parameters keep zero
                 held.setdefault(p.label, []).append(k)
                 named[p.label] = p
     common = {label: at for label, at in held.items() if len(at) > 1}
@@ -163,8 +164,8 @@ def compare(
     time = np.array([d.date.timestamp() for d in made])
     independent = [not (made[i].hashes & made[i + 1].hashes) for i in range(len(made) - 1)]
     tried = sum(len(at) - 1 for at in common.values())
-    alike = min((common_gravity(made[0].calibration, d.calibration) for d in made[1:]), default=0.0)
-    own = [np.sqrt(np.diag(without_gravity(d.calibration, alike))) for d in made]
+    gravity = min((common_gravity(made[0].calibration, d.calibration) for d in made[1:]), default=0.0)
+    own = [np.sqrt(np.diag(without_gravity(d.calibration, gravity))) for d in made]
     places = [{p.label: i for i, p in enumerate(d.calibration.parameters)} for d in made]
     histories = []
     for label, at in common.items():
@@ -174,12 +175,12 @@ def compare(
         sigma = np.array([own[k][i] for k, i in there])
         limit = limits.get(label, limits.get(p.name, np.inf))
         histories.append(parameter_history(p, at, time[at], x, sigma, tried, independent, limit))
-    steps = tuple(_step(made, k, not told) for k, told in enumerate(independent))
-    return Comparison(unit, made, steps, tuple(histories), alike)
+    steps = tuple(_step(made, k, not own) for k, own in enumerate(independent))
+    return Comparison(unit, made, steps, tuple(histories), gravity)
 
 
 def _date(seconds: float) -> datetime:
-    return datetime.fromtimestamp(min(seconds, LATEST), UTC)
+    return datetime.fromtimestamp(min(seconds, LATEST_S), UTC)
 
 
 def _step(made: Sequence[DatedCalibration], k: int, shared: bool) -> CalibrationStep:
@@ -193,8 +194,8 @@ def _step(made: Sequence[DatedCalibration], k: int, shared: bool) -> Calibration
         return CalibrationStep(k, k + 1, 0.0, 0, 1.0, shared)
     i, j = ([of[label] for label in both] for of in (of_a, of_b))
     difference = b.values[j] - a.values[i]
-    alike = common_gravity(a, b)
-    C = without_gravity(a, alike)[np.ix_(i, i)] + without_gravity(b, alike)[np.ix_(j, j)]
+    gravity = common_gravity(a, b)
+    C = without_gravity(a, gravity)[np.ix_(i, i)] + without_gravity(b, gravity)[np.ix_(j, j)]
     size = np.sqrt(np.diag(C))
     lam, V = np.linalg.eigh(C / np.outer(size, size))
     seen = lam > len(lam) * np.finfo(float).eps * lam[-1]  # a direction that both hold exactly has no difference
@@ -204,7 +205,7 @@ def _step(made: Sequence[DatedCalibration], k: int, shared: bool) -> Calibration
 
 
 def _limits(allowed: Mapping[str, str], known: Iterable[Parameter]) -> dict[str, float]:
-    """How far parameters may move, SI, by label or name."""
+    """Return allowed changes in SI, by label or name."""
     units = {key: p.unit for p in known for key in (p.label, p.name)}
     out = {}
     for name, text in allowed.items():
@@ -225,7 +226,7 @@ def _limits(allowed: Mapping[str, str], known: Iterable[Parameter]) -> dict[str,
 
 
 def _rounded(size: float, sigma: float) -> str:
-    """A signed size to the second digit of its sigma.
+    """Return a signed size to the second digit of its sigma.
 
     >>> _rounded(-11.4412, 0.7032), _rounded(1234.5, 432.1)
     ('-11.44 +- 0.70', '+1234 +- 432')
@@ -234,20 +235,22 @@ def _rounded(size: float, sigma: float) -> str:
     return f"{size:+.{places}f} +- {sigma:.{places}f}"
 
 
-def _moved(c: ParameterHistory, made: Sequence[DatedCalibration]) -> str:
-    """What one parameter did."""
+def _change(c: ParameterHistory, made: Sequence[DatedCalibration]) -> str:
+    """Describe the change of one parameter."""
     unit, called = c.parameter.unit, _called(c.parameter)
     days = [day_of(made[k].date, made) for k in c.at]
     when = [f" between {days[k - 1]} and {days[k]}" if len(made) > 2 else "" for k in c.jumps]
-    told = [f"jumped by {_sized(size, unit)}{w}" for size, w in zip(c.sizes, when, strict=False)]
+    parts = [f"jumped by {_sized(size, unit)}{w}" for size, w in zip(c.sizes, when, strict=False)]
     if c.drifts:
-        told.append(f"drifts by {_sized((c.rate * YEAR, c.rate_sigma * YEAR), unit)} a year")
+        parts.append(f"drifts by {_sized((c.rate * YEAR, c.rate_sigma * YEAR), unit)} a year")
     off = c.sizes[len(c.jumps) :]
-    told += [f"is off the others by {_sized(size, unit)} on {days[k]}" for k, size in zip(c.outliers, off, strict=True)]
-    if not told:
+    parts += [
+        f"is off the others by {_sized(size, unit)} on {days[k]}" for k, size in zip(c.outliers, off, strict=True)
+    ]
+    if not parts:
         size, sigma = (float(from_si(v, unit)) for v in (c.scatter, float(np.median(c.sigma))))
-        told = [f"scatters by {size:.3g} {unit} beyond its sigma of {sigma:.2g}"]
-    return f"{called} {' and '.join(told)}"
+        parts = [f"scatters by {size:.3g} {unit} beyond its sigma of {sigma:.2g}"]
+    return f"{called} {' and '.join(parts)}"
 
 
 def _sized(size: tuple[float, float], unit: str) -> str:
@@ -255,7 +258,7 @@ def _sized(size: tuple[float, float], unit: str) -> str:
 
 
 def _next(c: ParameterHistory, made: Sequence[DatedCalibration]) -> str:
-    """What to do about a parameter that moved."""
+    """Return what to do about a parameter that changed."""
     if c.jumps:
         after = day_of(made[c.at[c.jumps[-1]]].date, made)
         return f"use the calibration of {after} and later for what was recorded since, and look for what happened then"
@@ -267,7 +270,7 @@ def _next(c: ParameterHistory, made: Sequence[DatedCalibration]) -> str:
 
 
 def _called(p: Parameter) -> str:
-    """A parameter by its effect, as everywhere; by its own name where the effect has several."""
+    """Return the name of a parameter's effect; its own name where the effect has several."""
     several = p.effect not in CATALOGUE or len({q.name for q in parameters(CATALOGUE[p.effect], ("inner",))}) > 1
     return f"{p.name if several else p.effect} {p.axis}".replace("_", " ").strip()
 
@@ -289,12 +292,12 @@ def _row(c: ParameterHistory) -> dict[str, Any]:
 
 
 def flat(content: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """The histories of a compare.json as one table, a row for each parameter of each calibration, by column."""
+    """Return the histories of a compare.json as columns, a row for each parameter of each calibration."""
     out: dict[str, list[Any]] = {c: [] for c in ("calibration", "date", "name", "axis", "value", "sigma", "unit")}
     for row in content["parameters"]:
         for k, value, sigma in zip(row["calibrations"], row["values"], row["sigmas"], strict=True):
-            told = content["calibrations"][k]
-            each = (told["name"], told["date"], row["name"], row["axis"], value, sigma, row["unit"])
+            source = content["calibrations"][k]
+            each = (source["name"], source["date"], row["name"], row["axis"], value, sigma, row["unit"])
             for column, cell in zip(out.values(), each, strict=True):
                 column.append(cell)
     return out

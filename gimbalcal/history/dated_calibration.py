@@ -1,4 +1,4 @@
-"""A calibration with its date, from a file or from a store."""
+"""Calibrations with their dates, from files or from a store."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gimbalcal.recording.header import NAME as HEADER
 
 @dataclass(frozen=True)
 class DatedCalibration:
-    """A calibration, when it was made, and what it is called: a file, or its date in a store."""
+    """A calibration with its date, and its name: a file, or its date in a store."""
 
     name: str
     date: datetime
@@ -25,7 +25,7 @@ class DatedCalibration:
 
     @property
     def hashes(self) -> frozenset[str]:
-        """Of the samples it was made from; headers may well be alike."""
+        """Hashes of its samples; headers may be equal."""
         files = self.calibration.provenance.get("recordings", ())
         return frozenset(
             str(f["sha256"]) for f in files if f.get("sha256") and Path(str(f.get("path", ""))).name != HEADER
@@ -33,21 +33,21 @@ class DatedCalibration:
 
 
 def dated_file(path: Path) -> DatedCalibration:
-    """A calibration.json with the date it was made at, else that of the file. Raises InputError."""
+    """Read a calibration.json with its date, else that of the file. Raises InputError."""
     calibration = read_calibration(path)
     return DatedCalibration(str(path), when(date_in(calibration.provenance), path), calibration)
 
 
 def date_in(provenance: Mapping[str, Any]) -> str:
-    """When its recordings were made, else when it was computed; empty where neither is told."""
+    """Return the date of its recordings, else that of the computation; empty where neither is stated."""
     return str(provenance.get("recorded") or provenance.get("created") or "")
 
 
 def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], tuple[tuple[str, str], ...]]:
-    """The calibrations of a unit in a store, and date and answer of its diagnoses, in order of their dates.
+    """Return the calibrations of a unit in a store, and date and answer of its diagnoses, in order of their dates.
 
-    Of the same recordings the one that was computed last counts, and one that a diagnosis ended in only where there is
-    no other. Raises InputError where the store holds several units and none is named, or none of this name.
+    Of the same recordings the last computed one is taken, and that of a diagnosis only where there is no other.
+    Raises InputError where the store holds several units and none is named, or none of this name.
     """
     entries = kept(path, unit)
     units = sorted({e.unit for e in entries})
@@ -64,12 +64,12 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], 
         key = tuple(sorted(made.hashes)) or (e.date,)
         if key not in last or made.calibration.method != "diagnosis" or last[key].calibration.method == "diagnosis":
             last[key] = made
-    told = tuple((e.date, str(e.content.get("in_words", ""))) for e in entries if e.kind == DIAGNOSIS)
-    return tuple(sorted(last.values(), key=lambda d: d.date)), told
+    diagnoses = tuple((e.date, str(e.content.get("in_words", ""))) for e in entries if e.kind == DIAGNOSIS)
+    return tuple(sorted(last.values(), key=lambda d: d.date)), diagnoses
 
 
 def when(text: str, path: Path | None = None) -> datetime:
-    """A date of ISO 8601, without a zone in UTC; else when the file was last changed."""
+    """Return a date of ISO 8601, without a zone in UTC; else the date of the file."""
     try:
         date = datetime.fromisoformat(text)
     except ValueError:
@@ -80,6 +80,6 @@ def when(text: str, path: Path | None = None) -> datetime:
 
 
 def day_of(date: datetime, among: Sequence[DatedCalibration]) -> str:
-    """A date, with its time where another calibration is of the same day."""
+    """Return a date, with its time where another calibration is of the same day."""
     alone = sum(d.date.date() == date.date() for d in among) == 1
     return f"{date:%Y-%m-%d}" if alone else f"{date:%Y-%m-%d %H:%M:%S}"

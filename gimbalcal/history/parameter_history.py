@@ -1,13 +1,13 @@
-r"""The course of one parameter over the calibrations of a unit: constant or a drift, jumps, scatter beyond the sigmas.
+r"""History of one parameter over the calibrations of a unit: constant or drift, jumps, scatter beyond the sigmas.
 
 Over K calibrations a parameter is a constant or, from three of them on, a line in time (with a step where a
-jump explains more than a drift), and a scatter tau beyond the stated sigmas, as a unit is never twice the same after it
-was switched off, found so that
+jump explains more than a drift), and a scatter tau beyond the stated sigmas, by repeatability from one switching-on to
+the next, such that
 
 .. math:: \sum_k \frac{(x_k - \hat x(t_k))^2}{\sigma_k^2 + \tau^2} = K - q .
 
-Where one thing explains the whole course, a line, a step or one value that is off, it is the one that leaves least, at
-2 ln of the places where it could be; each of them takes all values, where a change from one to the next takes two.
+Where a line, a step or one outlier explains the whole history, the best of them is taken, with a penalty of 2 ln of the
+number of its possible places; each is fitted to all values.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ import numpy as np
 from gimbalcal.effects import Parameter
 from gimbalcal.number import Array
 
-YEAR, DAY = 365.25 * 86400.0, 86400.0  # s; within a day no drift is told
-SURPRISE = 0.01  # chance, over all parameters and steps together, that a difference is called a jump where none is
-MOST_JUMPS = 2  # of one parameter
-FEWEST = 4  # values, of which one can be off the others
-CLEAR = 3.0  # sigmas: a change that a new calibration would show
+YEAR, DAY = 365.25 * 86400.0, 86400.0  # s; no drift is estimated within a day
+SIGNIFICANCE = 0.01  # false-alarm probability over all parameters and steps together
+MAX_JUMPS = 2  # of one parameter
+MIN_VALUES = 4  # to recognise an outlier
+CLEAR_SIGMAS = 3.0  # of a change that a new calibration would show
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +54,17 @@ class ParameterHistory:
 
     @property
     def moved(self) -> bool:
-        """Whether it did anything that its sigmas do not allow."""
+        """Whether its changes exceed the sigmas."""
         return bool(self.jumps or self.outliers or self.drifts or self.scatters)
 
     @property
     def scatters(self) -> bool:
-        """Whether it varies from calibration to calibration by far more than the sigmas say, without a pattern."""
-        return bool(self.scatter > CLEAR * np.median(self.sigma)) and not self.jumps and not self.outliers
+        """Whether it varies between calibrations by far more than the sigmas, without a pattern."""
+        return bool(self.scatter > CLEAR_SIGMAS * np.median(self.sigma)) and not self.jumps and not self.outliers
 
     @property
     def clear(self) -> float:
-        """The largest change from one calibration to the next, or the drift, in sigmas."""
+        """Largest change between successive calibrations, or the drift, in sigmas."""
         steps = np.abs(np.diff(self.value)) / np.hypot(self.sigma[1:], self.sigma[:-1])
         return float(max(steps.max(), abs(self.rate) / self.rate_sigma if self.rate_sigma > 0 else 0.0))
 
@@ -73,38 +73,38 @@ def parameter_history(
     p: Parameter, at: Sequence[int], time: Array, x: Array, sigma: Array, tried: int, independent: Sequence[bool],
     allowed: float,
 ) -> ParameterHistory:  # fmt: skip
-    """The course of a parameter whose estimates x (k,) with sigma (k,) [SI] were made at `time` (k,) [s].
+    """Return the history of a parameter with estimates x (k,) and sigma (k,) [SI] at `time` (k,) [s].
 
-    at: which calibrations these are; tried: how many steps are looked at in all parameters together; independent
-    (calibrations - 1,): whether each calibration is of other recordings than the one before; allowed: how far it may
-    move before it is due [SI], three sigmas of the last where that is not finite.
+    at: indices of the calibrations; tried: number of steps tested over all parameters; independent (calibrations - 1,):
+    whether each calibration is of other recordings than the one before; allowed: allowed change before it is due [SI],
+    three sigmas of the last where that is not finite.
     """
     from scipy.special import ndtri
 
     t = time - time[0]
-    clear, sure = (-float(ndtri(SURPRISE / 2 / n)) for n in (tried, max(1.0, tried / (len(at) - 1))))
-    apart = [all(independent[a:b]) for a, b in pairwise(at)]
+    clear, sure = (-float(ndtri(SIGNIFICANCE / 2 / n)) for n in (tried, max(1.0, tried / (len(at) - 1))))
+    independent_pairs = [all(independent[a:b]) for a, b in pairwise(at)]
     line = len(at) > 2 and np.ptp(t) > DAY
     constant = np.ones((len(t), 1))
     design = np.concatenate([constant, t[:, None] / YEAR], axis=1) if line else constant
-    told = _explained(design, x, sigma, clear, apart) if len(at) >= FEWEST else None
-    if told is not None:
-        jumps, off, shapes = told
+    explained = _explained(design, x, sigma, clear, independent_pairs) if len(at) >= MIN_VALUES else None
+    if explained is not None:
+        jumps, off, shapes = explained
         design = np.concatenate([design, shapes], axis=1)
     else:
-        jumps, off = _one_by_one(design, x, sigma, clear, apart)
+        jumps, off = _one_by_one(design, x, sigma, clear, independent_pairs)
         design = _with_step(design, x, sigma, jumps)
     tau, beta, C = _fitted(design, x, sigma)
     rate, rate_sigma = (beta[1] / YEAR, float(np.sqrt(C[1, 1])) / YEAR) if line else (np.nan, np.nan)
-    drifts = bool(abs(rate) > max(CLEAR, sure) * rate_sigma)
-    if drifts and told is None:  # what is drift is no jump
+    drifts = bool(abs(rate) > max(CLEAR_SIGMAS, sure) * rate_sigma)
+    if drifts and explained is None:  # what is drift is no jump
         still = np.abs(np.diff(x) - rate * np.diff(t)) / np.hypot(sigma[1:], sigma[:-1])
         jumps = tuple(k for k in jumps if still[k - 1] > clear)
-    if len(jumps) > MOST_JUMPS:  # what jumps each time scatters
+    if len(jumps) > MAX_JUMPS:  # what jumps each time scatters
         jumps = ()
-    allowed = allowed if np.isfinite(allowed) else CLEAR * float(sigma[-1])
+    allowed = allowed if np.isfinite(allowed) else CLEAR_SIGMAS * float(sigma[-1])
     due = float(time[-1] + allowed / abs(rate)) if drifts else np.nan
-    if told is None:
+    if explained is None:
         sizes = _sizes(x, sigma, jumps, off)
     else:
         A = design if drifts or not line else np.delete(design, 1, axis=1)
@@ -113,35 +113,35 @@ def parameter_history(
 
 
 def _one_by_one(
-    A: Array, x: Array, sigma: Array, clear: float, apart: Sequence[bool]
+    A: Array, x: Array, sigma: Array, clear: float, independent_pairs: Sequence[bool]
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Jumps, from one value to the next, and outliers where no few of them explain a course by columns A (k, q)."""
+    """Return significant jumps between successive values, and outliers, about columns A (k, q)."""
     step = np.abs(np.diff(x)) / np.hypot(sigma[1:], sigma[:-1])
-    jumps = tuple(k for k, (s, ok) in enumerate(zip(step, apart, strict=True), start=1) if ok and s > clear)
+    jumps = tuple(k for k, (s, ok) in enumerate(zip(step, independent_pairs, strict=True), start=1) if ok and s > clear)
     off = _outliers(A, x, sigma, clear)
     back = {k + 1 for k in jumps if k in off and k + 1 in jumps and (x[k] - x[k - 1]) * (x[k + 1] - x[k]) < 0}
     return tuple(k for k in jumps if not {k, k + 1} & back), off  # there and back again is one value that is off
 
 
 def _explained(
-    A: Array, x: Array, sigma: Array, clear: float, apart: Sequence[bool]
+    A: Array, x: Array, sigma: Array, clear: float, independent_pairs: Sequence[bool]
 ) -> tuple[tuple[int, ...], tuple[int, ...], Array] | None:
-    """Jumps, outliers and their columns where a line and a few of them explain all; None where they do not.
+    """Return jumps, outliers and their columns where a line and a few of them explain all; else None.
 
     A (k, q) are a constant and, where time tells one, a line. One after the other the one is taken that explains most,
     a step or a value from `clear` sigmas on; where more than two of a kind would be taken, none explains it. The first
-    and the last value are told from a step by nothing, and count as one.
+    and the last value are explained from a step by nothing, and count as one.
     """
     from scipy.special import chdtri
 
     K = np.arange(len(x))
-    where = [k for k, ok in enumerate(apart, start=1) if ok], K[1:-1].tolist()
+    where = [k for k, ok in enumerate(independent_pairs, start=1) if ok], K[1:-1].tolist()
     names = [("line", 0)] * (A.shape[1] - 1) + [
         (kind, k) for kind, at in zip(("jump", "off"), where, strict=True) for k in at
     ]
     shapes = [A[:, 1:], np.array(where[0])[None] <= K[:, None], np.array(where[1])[None] == K[:, None]]
     columns = np.concatenate([np.reshape(s, (len(x), -1)).astype(float) for s in shapes], axis=1)
-    least = np.array([CLEAR**2 if kind == "line" else clear**2 for kind, _ in names])
+    least = np.array([CLEAR_SIGMAS**2 if kind == "line" else clear**2 for kind, _ in names])
     places = np.array([1 if kind == "line" else len(where[kind == "off"]) for kind, _ in names])
     taken: list[int] = []
     while names:
@@ -151,17 +151,17 @@ def _explained(
             break
         taken.append(best)
         kinds = [names[i][0] for i in taken]
-        if max(kinds.count("jump"), kinds.count("off")) > MOST_JUMPS or len(taken) + A.shape[1] > len(x) - 2:
+        if max(kinds.count("jump"), kinds.count("off")) > MAX_JUMPS or len(taken) + A.shape[1] > len(x) - 2:
             return None
-    left = _chi2(np.concatenate([A[:, :1], columns[:, taken]], axis=1), x, sigma)
-    if left > chdtri(max(len(x) - 1 - len(taken), 1), SURPRISE):
+    residual = _chi2(np.concatenate([A[:, :1], columns[:, taken]], axis=1), x, sigma)
+    if residual > chdtri(max(len(x) - 1 - len(taken), 1), SIGNIFICANCE):
         return None
     jumps, off = (sorted(i for i in taken if names[i][0] == kind) for kind in ("jump", "off"))
     return tuple(names[i][1] for i in jumps), tuple(names[i][1] for i in off), columns[:, [*jumps, *off]]
 
 
 def _gains(A: Array, columns: Array, x: Array, sigma: Array) -> Array:
-    """By how much each of some columns (k, c) makes chi^2 beside A (k, q) smaller; nothing where A holds it."""
+    """Return the reduction of chi^2 by each of some columns (k, c) besides A (k, q); zero for columns in A."""
     w = 1 / sigma
     Q = np.linalg.qr(A * w[:, None])[0]
     C = columns * w[:, None]
@@ -172,33 +172,33 @@ def _gains(A: Array, columns: Array, x: Array, sigma: Array) -> Array:
 
 
 def _sizes_of(A: Array, x: Array, sigma: Array, n: int) -> tuple[tuple[float, float], ...]:
-    """Sizes and sigmas of the last n columns of A (k, q), jumps and outliers."""
+    """Return sizes and sigmas of the last n columns of A (k, q), jumps and outliers."""
     _, beta, C = _fitted(A, x, sigma)
     return tuple((float(b), float(np.sqrt(v))) for b, v in zip(beta[-n:], np.diag(C)[-n:], strict=True)) if n else ()
 
 
 def _sizes(x: Array, sigma: Array, jumps: Sequence[int], off: Sequence[int]) -> tuple[tuple[float, float], ...]:
-    """How large jumps and outliers are, with sigma: the last change, and what is off all others."""
+    """Return sizes and sigmas of jumps, from the values on both sides, and of outliers, from all others."""
     pairs = [((float(x[k - 1]), float(sigma[k - 1])), (float(x[k]), float(sigma[k]))) for k in jumps]
     pairs += [(_mean(np.delete(x, k), np.delete(sigma, k)), (float(x[k]), float(sigma[k]))) for k in off]
     return tuple((after - before, float(np.hypot(s, t))) for (before, s), (after, t) in pairs)
 
 
 def _mean(x: Array, sigma: Array) -> tuple[float, float]:
-    """The weighted mean of values x (k,) and its sigma."""
+    """Return the weighted mean of values x (k,) and its sigma."""
     w = sigma**-2
     return float(w @ x / w.sum()), float(1 / np.sqrt(w.sum()))
 
 
 def _with_step(A: Array, x: Array, sigma: Array, jumps: Sequence[int]) -> Array:
-    """Columns A (k, q) with a step at the jump that leaves least, where that explains more than a drift does."""
-    if not 0 < len(jumps) <= MOST_JUMPS or len(x) < A.shape[1] + 2:
+    """Add a step at the best jump to columns A (k, q), where that explains more than a drift."""
+    if not 0 < len(jumps) <= MAX_JUMPS or len(x) < A.shape[1] + 2:
         return A
     steps = [(np.arange(len(x)) >= k).astype(float)[:, None] for k in jumps]
-    left = [_chi2(np.concatenate([A[:, :1], s], axis=1), x, sigma) for s in steps]
-    if min(left) >= _chi2(A, x, sigma):
+    residual = [_chi2(np.concatenate([A[:, :1], s], axis=1), x, sigma) for s in steps]
+    if min(residual) >= _chi2(A, x, sigma):
         return A
-    return np.concatenate([A, steps[int(np.argmin(left))]], axis=1)
+    return np.concatenate([A, steps[int(np.argmin(residual))]], axis=1)
 
 
 def _chi2(A: Array, x: Array, sigma: Array) -> float:
@@ -208,7 +208,7 @@ def _chi2(A: Array, x: Array, sigma: Array) -> float:
 
 
 def _fitted(A: Array, x: Array, sigma: Array) -> tuple[float, Array, Array]:
-    """tau, estimates and their covariance of x (k,) by columns A (k, q), such that chi^2 is its degrees of freedom."""
+    """Return tau, estimates and covariance of x (k,) by columns A (k, q), with tau for a chi^2 of its dof."""
 
     def fit(tau: float) -> tuple[float, Array, Array]:
         w = 1 / np.hypot(sigma, tau)
@@ -229,9 +229,9 @@ def _fitted(A: Array, x: Array, sigma: Array) -> tuple[float, Array, Array]:
 
 
 def _outliers(A: Array, x: Array, sigma: Array, clear: float) -> tuple[int, ...]:
-    """Places of values that the others, by themselves consistent, do not predict; none below four values."""
+    """Return the indices of values that the others do not predict; none below four values."""
     out: list[int] = []
-    if len(x) < FEWEST or _chi2(A, x, sigma) < clear**2:  # one value that is off by so much makes it larger
+    if len(x) < MIN_VALUES or _chi2(A, x, sigma) < clear**2:  # one value that is off by so much makes it larger
         return ()
     for k in range(len(x)):
         rest = np.arange(len(x)) != k

@@ -1,8 +1,8 @@
-"""Every calibration and diagnosis of a unit in one SQLite file, whatever happens to the program that writes it.
+"""Store of calibrations and diagnoses of units in one SQLite file.
 
-The file is in WAL mode: readers never wait, two writers wait for one another, and what is killed at any moment leaves
-the entries that were there before. Numbers stand in `parameters` for whoever asks in SQL; `entries.content` has the
-whole JSON, covariance included.
+The file is in WAL mode: readers never wait, two writers wait for one another, and a process killed at any moment leaves
+the previous entries intact. Table `parameters` has numbers for queries in SQL; `entries.content` has the whole JSON,
+covariance included.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from typing import Any
 
 from gimbalcal.errors import InputError
 
-FORMAT = 1  # of the tables, kept as SQLite's user_version
+FORMAT = 1  # of the tables, as SQLite's user_version
 MARK = 0x67696D62  # "gimb", SQLite's application_id: another program's database is not written into
-WAIT = 60.0  # s that a writer waits for another
+WAIT_S = 60.0  # of a writer for another
 CALIBRATION, DIAGNOSIS = "calibration", "diagnosis"
 
 TABLES = """
@@ -48,7 +48,7 @@ create index parameters_of on parameters (name, axis, entry);
 
 @dataclass(frozen=True)
 class Entry:
-    """One calibration or diagnosis: of which unit, when, and the content of its JSON."""
+    """One calibration or diagnosis: unit, date, and the content of its JSON."""
 
     unit: str
     date: str  # ISO 8601
@@ -57,7 +57,7 @@ class Entry:
 
 
 def keep(path: Path, entry: Entry) -> bool:
-    """Put an entry into the store, which is made where there is none; False if the very same one is there already.
+    """Add an entry to the store, which is created if needed; return False if the same one exists already.
 
     The same recordings calibrated again by the same version, to the same numbers, are one entry.
     """
@@ -82,7 +82,7 @@ def keep(path: Path, entry: Entry) -> bool:
 
 
 def kept(path: Path, unit: str = "", kind: str = "") -> tuple[Entry, ...]:
-    """Entries in order of their dates; of one unit or one kind if these are named.
+    """Return entries in order of their dates, of one unit or one kind if these are named.
 
     Raises InputError for no store, and for an entry that is not what was kept.
     """
@@ -106,7 +106,7 @@ def kept(path: Path, unit: str = "", kind: str = "") -> tuple[Entry, ...]:
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    """SHA-256 of what was found, less when it was computed."""
+    """Return the SHA-256 of a result without its date of computation."""
     provenance = {k: v for k, v in content.get("provenance", {}).items() if k != "created"}
     text = json.dumps({**content, "provenance": provenance}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -117,7 +117,7 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
     if path.is_dir() or not (path.is_file() or make):
         raise InputError(f"there is no store {path}; `--store {path}` of calibrate and diagnose makes one")
     path.parent.mkdir(parents=True, exist_ok=True)
-    base = sqlite3.connect(path.absolute(), timeout=WAIT, isolation_level=None)
+    base = sqlite3.connect(path.absolute(), timeout=WAIT_S, isolation_level=None)
     try:
         base.execute("begin")  # one look at all of it: another process may be making the tables just now
         mark, version = (base.execute(f"pragma {name}").fetchone()[0] for name in ("application_id", "user_version"))
@@ -137,8 +137,8 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
 
 
 def _make(base: sqlite3.Connection) -> None:
-    """The tables, by whichever of several processes comes first."""
-    until = time.monotonic() + WAIT
+    """Create the tables, in the first of several processes."""
+    until = time.monotonic() + WAIT_S
     while True:  # whoever makes the store at the same time: sqlite does not wait by itself where the mode changes
         try:
             base.execute("pragma journal_mode = wal")

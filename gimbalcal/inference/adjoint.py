@@ -1,22 +1,22 @@
-r"""Smoother to `beside_constants`: adjoint variables run backwards, and no covariance is inverted; no physics.
+r"""Smoother for `square_root_filter` by backward adjoint variables, without inverting a covariance; no physics.
 
 .. math:: \tilde\lambda_k = (1 - K h)^T \hat\lambda_k - h^T y / s, \qquad
           \hat\lambda_{k-1} = F_k^T \tilde\lambda_k, \qquad x_{k|n} = x_k - P_k \hat\lambda_k
 
 with innovation y, its variance s and gain K of each measured component. It is the smoother of Rauch, Tung and Striebel
 (Cai et al. 2016, Eqs. (13) and (15)) in another order of the same sums, at the cost of a product of a matrix and a
-vector a step. Of constants the last filtered value and covariance stand; so a state at the start whose covariance is
-wanted (an attitude) is carried as a constant.
+vector a step. Constants keep the last filtered value and covariance; so a state at the start whose covariance is wanted
+(an attitude) is carried as a constant.
 
-Covariances of the moving states are taken in two parts, because P_k of a wide prior less nearly all of it has no
-digits: with the constants known, where nothing is wide, and what is not known of these,
+Covariances of the dynamic states are computed in two parts, because of a wide prior minus nearly all of it no digits
+would be left: with the constants known, and the contribution of their covariance,
 
 .. math:: P_{k|n} = P_k - P_k \hat\Lambda_k P_k + T_k P_{\theta\theta} T_k^T, \qquad
           \tilde\Lambda_k = (1 - K h)^T \hat\Lambda_k (1 - K h) + h^T h / s, \qquad
           T_k = D_k - P_k \hat\mu_k
 
-with P_k, K and s of the moving states alone; D_k is what the constants do to these as they are filtered, and mu their
-adjoint variables, with what the constants do to y in the place of y.
+with P_k, K and s of the dynamic states alone; D_k is the response of these to the constants as they are filtered, and
+mu their adjoint variables, with the response of y to the constants in place of y.
 Source: Bierman (1977), section X (modified Bryson-Frazier smoother).
 """
 
@@ -25,16 +25,16 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.compiled import compiled
-from gimbalcal.inference.square_root_filter import AT_ONCE, Filtered
+from gimbalcal.inference.square_root_filter import BATCH_STEPS, Filtered
 from gimbalcal.number import Array
 
 
 def smooth(Phi: Array, Psi: Array, index: Array, filtered: Filtered, after: Array | None = None) -> Array:
-    r"""The first moving states (K + 1, smoothed) from all measurements, from what `beside_constants.filter` left.
+    r"""Return the first states (K + 1, smoothed) from all measurements, from a result of `square_root_filter.filter`.
 
-    after (m + p,): adjoint variables at the end, of what is known beside: :math:`P_{\theta\theta}^{-1}
+    after (m + p,): adjoint variables at the end, of other information: :math:`P_{\theta\theta}^{-1}
     (\hat\theta - \theta^*)` of constants that are held at theta* (default: nothing).
-    Raises ValueError for a `filtered` that has let go of its gains: the loop below reads them without looking.
+    Raises ValueError for a `filtered` without its gains, which the kernel would read out of bounds.
     """
     if len(filtered.gain) != len(Phi) or len(filtered.cross) != len(Phi) + 1:
         raise ValueError(f"the filter's {len(filtered.gain)} gains do not belong to {len(Phi)} steps")
@@ -48,10 +48,10 @@ def smooth(Phi: Array, Psi: Array, index: Array, filtered: Filtered, after: Arra
 
 
 def covariance(Phi: Array, Psi: Array, index: Array, known: Filtered, before: Array, constants: Array) -> Array:
-    """Covariance (K + 1, smoothed, smoothed) of the first moving states from all measurements.
+    """Return the covariance (K + 1, smoothed, smoothed) of the first states from all measurements.
 
-    known: what `beside_constants.filter` of the moving states alone left, their covariance that beside known constants;
-    before (m, p): what the constants do to them at the start; constants (p, q): a square root of the constants'
+    known: result of `square_root_filter.filter` of the dynamic states alone, with the constants known; before (m, p):
+    response of the states at the start to the constants; constants (p, q): a square root of the constants'
     covariance after all measurements.
     """
     few = known.cross.shape[1]
@@ -62,9 +62,9 @@ def covariance(Phi: Array, Psi: Array, index: Array, known: Filtered, before: Ar
     _responses(Phi, Psi, index, known.innovation, known.gain, np.array(before, dtype=float), innovation, answers)
     _covariance(Phi, index, innovation, known.variance, known.gain, known.cross, out, answers)
     del innovation  # as large as the answers
-    for start in range(0, len(out), AT_ONCE):
-        T = answers[start : start + AT_ONCE] @ constants
-        out[start : start + AT_ONCE] += T @ np.swapaxes(T, -1, -2)
+    for start in range(0, len(out), BATCH_STEPS):
+        T = answers[start : start + BATCH_STEPS] @ constants
+        out[start : start + BATCH_STEPS] += T @ np.swapaxes(T, -1, -2)
     return out
 
 
@@ -124,7 +124,7 @@ def _responses(
 def _covariance(
     Phi: Array, index: Array, innovation: Array, variance: Array, gain: Array, cross: Array, out: Array, answers: Array
 ) -> None:
-    """Both parts at once; `answers` D_k in, T_k out."""
+    """Compute both parts; `answers`: D_k in, T_k out."""
     K, m, p = Phi.shape[0], Phi.shape[1], innovation.shape[2]
     few, T, went = cross.shape[1], np.zeros((m, m)), np.zeros((m, p))
     L, mu, row, along = np.zeros((m, m)), np.zeros((m, p)), np.zeros(m), np.zeros(p)

@@ -1,4 +1,4 @@
-"""Linear algebra that several estimators share."""
+"""Linear algebra for several estimators."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from gimbalcal.number import Array
 
-SEEN = 1e-4  # sigmas per prior sigma: a calibration direction below it changes nothing
+MIN_SINGULAR_VALUE = 1e-4  # sigmas per prior sigma: a calibration direction below it changes nothing
 
 
 def eigh(G: Array) -> tuple[Array, Array]:
-    """Eigenvalues and vectors of Gram matrices (..., p, p).
+    """Return eigenvalues and eigenvectors of Gram matrices (..., p, p).
 
     Divide and conquer fails on some matrices of low rank, and does not on the same with 1e-12 added to the diagonal.
     """
@@ -25,13 +25,13 @@ def eigh(G: Array) -> tuple[Array, Array]:
 
 
 def orthonormal(Z: Array) -> Array:
-    """Orthonormal basis (R, q) of the calibration columns, numerically null directions left out."""
+    """Return an orthonormal basis (R, q) of the columns, without numerically null directions."""
     U, S, _ = np.linalg.svd(Z, full_matrices=False)
-    return np.asarray(U[:, S > SEEN])
+    return np.asarray(U[:, S > MIN_SINGULAR_VALUE])
 
 
 def logsumexp(x: Array, axis: int | None = None) -> Array:
-    """ln of the sum of exp(x) along an axis, or of all; -inf where every term is."""
+    """Return ln of the sum of exp(x) along an axis, or of all; -inf where every term is."""
     top = x.max(axis=axis, keepdims=True)
     top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(divide="ignore"):
@@ -39,7 +39,7 @@ def logsumexp(x: Array, axis: int | None = None) -> Array:
 
 
 def block_diagonal(blocks: Sequence[Array]) -> Array:
-    """Blocks (r, c) along the diagonal of a matrix (sum of r, sum of c) of zeros."""
+    """Return a matrix (sum of r, sum of c) with blocks (r, c) along its diagonal."""
     ends = np.cumsum([b.shape for b in blocks], axis=0)
     out = np.zeros(ends[-1])
     for (i, j), b in zip(ends, blocks, strict=True):

@@ -1,4 +1,4 @@
-r"""Allan variance of readings at rest, and the coefficients of noise that it holds, with honest sigmas.
+r"""Allan variance of readings at rest, and the coefficients of noise with their covariance.
 
 From means :math:`\bar y` over m neighbouring samples, everywhere in every stretch (overlapping),
 
@@ -24,21 +24,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 
-FEWEST = 32  # rows of a stretch that is worth a look
-LONGEST = 4  # times the longest tau that a stretch must last
-FINE = 8  # samples of the shorter tau, to which its summands are thinned where their covariance is computed
-FAR = 8  # octaves between two tau, from which on they are taken as independent (Parzen's taper keeps C positive)
-PARTS = 3  # white noise, bias instability, random walk
-CLEAR = 9.0  # of -2 ln likelihood: a coefficient stands three sigmas clear of zero, or it is left out
-TURNS = 12  # of weights and solution
-ENOUGH = 4  # values of tau that a fit keeps
-SHAKES = 3.0  # sigmas above the law, from which on what is left out of it is no filter
-UNLIKELY = 1e-3  # probability below which the short tau do not follow the law, behind a filter for instance
+MIN_ROWS = 32  # of a stretch
+MIN_STRETCH_TAUS = 4  # length of a stretch over the longest tau
+MIN_SAMPLES_OF_TAU = 8  # to which the shorter tau is thinned to compute a covariance
+INDEPENDENT_OCTAVES = 8  # between two tau that are taken as independent (Parzen's taper keeps C positive)
+TERMS = 3  # white noise, bias instability, random walk
+MIN_LIKELIHOOD_RATIO = 9.0  # of -2 ln likelihood of a coefficient, three sigmas; below, it is omitted
+ITERATIONS = 12  # of weights and solution
+MIN_TAUS = 4  # of a fit
+VIBRATION_SIGMAS = 3.0  # above the law at omitted tau, which a filter does not explain
+MIN_P_VALUE = 1e-3  # below, the short tau do not follow the law, behind a filter for instance
 
 
-class Curve(NamedTuple):
+class AllanCurve(NamedTuple):
     """Allan variance at tau (P,) [s], from stretches of so many rows, tau_0 apart."""
 
     tau: Array  # (P,)
@@ -47,8 +48,8 @@ class Curve(NamedTuple):
     step: float  # s
 
 
-class Fitted(NamedTuple):
-    """N^2, B^2, K^2 (3,) with their covariance (3, 3), zero where one is left out; the most each may be (95 %).
+class AllanFit(NamedTuple):
+    """N^2, B^2, K^2 (3,) with their covariance (3, 3), zero where one is omitted; 95 % upper limits `most` (3,).
 
     spread (P,): one sigma of each variance of the curve; first: index of the first tau that was used.
     """
@@ -61,11 +62,16 @@ class Fitted(NamedTuple):
     chi2: float
     dof: int
 
+    @property
+    def p_value(self) -> float:
+        """Probability that noise alone leaves at least this chi^2."""
+        return probability(self.chi2, self.dof)
 
-def curve(x: Array, stretches: Sequence[slice], step: float) -> Curve:
-    """Overlapping Allan variance of readings x (n,) `step` [s] apart, pooled over the stretches, at octaves of tau."""
+
+def curve(x: Array, stretches: Sequence[slice], step: float) -> AllanCurve:
+    """Return the overlapping Allan variance of readings x (n,) `step` [s] apart, pooled over stretches, at octaves."""
     lengths = np.array([s.stop - s.start for s in stretches])
-    count = int(np.log2(lengths.max() // LONGEST)) + 1
+    count = int(np.log2(lengths.max() // MIN_STRETCH_TAUS)) + 1
     squares, number = np.zeros(count), np.zeros(count)
     for s in stretches:
         total = np.concatenate([[0.0], np.cumsum(x[s] - x[s].mean())])
@@ -76,35 +82,35 @@ def curve(x: Array, stretches: Sequence[slice], step: float) -> Curve:
             z = (total[2 * m :] - 2 * total[m:-m] + total[: -2 * m]) / m
             squares[k] += z @ z / 2
             number[k] += len(z)
-    return Curve(step * 2.0 ** np.arange(count), squares / number, lengths, step)
+    return AllanCurve(step * 2.0 ** np.arange(count), squares / number, lengths, step)
 
 
 def law(tau: Array) -> Array:
-    """Allan variance (P, 3) of white noise, bias instability and random walk of size one."""
+    """Return the Allan variance (P, 3) of white noise, bias instability and random walk of size one."""
     return np.stack([1 / tau, np.full(len(tau), 2 * np.log(2) / np.pi), tau / 3], axis=-1)
 
 
-def covariance(c: Curve, square: Array) -> Array:
-    """Covariance (P, P) of the curve's variances where the noise is N^2, B^2, K^2 (3,)."""
+def covariance(c: AllanCurve, square: Array) -> Array:
+    """Return the covariance (P, P) of the curve's variances for noise N^2, B^2, K^2 (3,)."""
     return np.asarray(np.einsum("abij,i,j->ab", _forms(tuple(map(int, c.lengths)), c.step, len(c.tau)), square, square))
 
 
 @lru_cache(maxsize=8)
 def _forms(lengths: tuple[int, ...], step: float, size: int) -> Array:
-    """Covariances (P, P, 3, 3) as forms of the squares of the noise: they hang on the stretches alone."""
-    out = np.zeros((size, size, PARTS, PARTS))
+    """Return the covariances (P, P, 3, 3) as forms of the squares of the noise, which depend on the stretches alone."""
+    out = np.zeros((size, size, TERMS, TERMS))
     known, many = np.unique(lengths, return_counts=True)
     for i in range(size):
-        for j in range(i, min(size, i + FAR)):
-            d = (j - i) / FAR
+        for j in range(i, min(size, i + INDEPENDENT_OCTAVES)):
+            d = (j - i) / INDEPENDENT_OCTAVES
             kept = 1 - 6 * d**2 * (1 - d) if d <= 0.5 else 2 * (1 - d) ** 3
             out[i, j] = out[j, i] = kept * _form(2**i, 2**j, known, many, step)
     return out
 
 
 def _form(a: int, b: int, lengths: Array, many: Array, step: float) -> Array:
-    """The form (3, 3) of the covariance of the variances at a and b samples, a up to b."""
-    block = max(1, a // FINE)
+    """Return the form (3, 3) of the covariance of the variances at a and b samples, a up to b."""
+    block = max(1, a // MIN_SAMPLES_OF_TAU)
     a, b, step = a // block, b // block, block * step
     longest = int(lengths.max()) // block
     n = 1 << int(np.ceil(np.log2(min(16 * b, 2 * longest))))
@@ -122,31 +128,24 @@ def _form(a: int, b: int, lengths: Array, many: Array, step: float) -> Array:
     return np.asarray(2 * (shared * pairs) @ shared.T / (int(many @ Ma) * int(many @ Mb)))
 
 
-def fit(c: Curve) -> Fitted:
-    """The coefficients of a curve; short tau that lie below white noise, behind a filter, are left out.
+def fit(c: AllanCurve) -> AllanFit:
+    """Fit the coefficients of a curve, without short tau that a filter has put below white noise.
 
-    Where nothing follows the law, the fit is that of all tau, and its sigmas are as wide as what it leaves.
+    Where nothing follows the law, the fit is that of all tau, its covariance scaled by the residuals.
     """
     whole = _fit(c, 0)
-    if probability(whole) > UNLIKELY:
+    if whole.p_value > MIN_P_VALUE:
         return whole
-    for first in range(1, len(c.tau) - ENOUGH + 1):
-        found = _fit(c, first)
-        over = c.variance - law(c.tau) @ found.square > SHAKES * found.spread
-        filtered = found.covariance[0, 0] > 0 and not over[:first].any()  # a filter makes short times quieter
-        if probability(found) > UNLIKELY and filtered:
-            return found
+    for first in range(1, len(c.tau) - MIN_TAUS + 1):
+        part = _fit(c, first)
+        over = c.variance - law(c.tau) @ part.square > VIBRATION_SIGMAS * part.spread
+        filtered = part.covariance[0, 0] > 0 and not over[:first].any()  # a filter makes short times quieter
+        if part.p_value > MIN_P_VALUE and filtered:
+            return part
     return whole._replace(covariance=whole.covariance * whole.chi2 / max(whole.dof, 1))
 
 
-def probability(found: Fitted) -> float:
-    """How likely chance leaves so much."""
-    from scipy.special import gammaincc
-
-    return float(gammaincc(found.dof / 2, found.chi2 / 2)) if found.dof else 1.0
-
-
-def _fit(c: Curve, first: int) -> Fitted:
+def _fit(c: AllanCurve, first: int) -> AllanFit:
     active = [0, 1, 2]
     square, C, surprise = _weighted(c, first, active)
     A = _rows(c, first, C, active)[0]
@@ -154,45 +153,45 @@ def _fit(c: Curve, first: int) -> Fitted:
     while len(active) > 1:
         without = {k: _weighted(c, first, [i for i in active if i != k]) for k in active}
         least = min(without, key=lambda k: without[k][2])
-        if without[least][2] > surprise + CLEAR:
+        if without[least][2] > surprise + MIN_LIKELIHOOD_RATIO:
             break
         active.remove(least)
         square, C, surprise = without[least]
     A, y = _rows(c, first, C, active)
-    V = np.zeros((PARTS, PARTS))
+    V = np.zeros((TERMS, TERMS))
     V[np.ix_(active, active)] = np.linalg.inv(A.T @ A)
     rest = y - A @ square[active]
-    return Fitted(square, V, most, np.sqrt(np.diag(C)), first, float(rest @ rest), len(y) - len(active))
+    return AllanFit(square, V, most, np.sqrt(np.diag(C)), first, float(rest @ rest), len(y) - len(active))
 
 
-def _weighted(c: Curve, first: int, active: Sequence[int]) -> tuple[Array, Array, float]:
-    """Squares (3,) weighted with the covariance that they themselves imply, that covariance, and -2 ln likelihood."""
+def _weighted(c: AllanCurve, first: int, active: Sequence[int]) -> tuple[Array, Array, float]:
+    """Return squares (3,) weighted with the covariance that they imply, that covariance, and -2 ln likelihood."""
     A = law(c.tau)
-    square = np.zeros(PARTS)
+    square = np.zeros(TERMS)
     square[list(active)] = _positive(A[first:, active] / c.variance[first:, None], np.ones(len(A) - first))[0]
-    for turn in range(TURNS):
+    for turn in range(ITERATIONS):
         C = covariance(c, square)
         rows, y = _rows(c, first, C, active)
-        new = np.zeros(PARTS)
-        new[list(active)], left = _positive(rows, y)
-        moved = np.max(np.abs(A @ (new - square)) / (A @ square))
-        square = new if turn == 0 else (square + new) / 2  # the weights answer late: a step of half swings less
-        if moved < 1e-3:
+        new = np.zeros(TERMS)
+        new[list(active)], residual = _positive(rows, y)
+        move = np.max(np.abs(A @ (new - square)) / (A @ square))
+        square = new if turn == 0 else (square + new) / 2  # half steps oscillate less
+        if move < 1e-3:
             break
-    return square, C, left**2 + float(np.linalg.slogdet(C[first:, first:])[1])
+    return square, C, residual**2 + float(np.linalg.slogdet(C[first:, first:])[1])
 
 
-def _rows(c: Curve, first: int, C: Array, active: Sequence[int]) -> tuple[Array, Array]:
-    """The law (P, parts) and the curve (P,) whitened by the covariance."""
+def _rows(c: AllanCurve, first: int, C: Array, active: Sequence[int]) -> tuple[Array, Array]:
+    """Return the law (P, terms) and the curve (P,) whitened by the covariance."""
     L = np.linalg.cholesky(C[first:, first:])
     rows = np.linalg.solve(L, law(c.tau)[first:][:, list(active)])
     return rows, np.linalg.solve(L, c.variance[first:])
 
 
 def _positive(A: Array, y: Array) -> tuple[Array, float]:
-    """Least squares without negative coefficients, columns of any size; and the root of what is left."""
+    """Return the least squares without negative coefficients, and the norm of the residual."""
     from scipy.optimize import nnls
 
     size = np.linalg.norm(A, axis=0)
-    found, left = nnls(A / size, y)
-    return found / size, float(left)
+    x, residual = nnls(A / size, y)
+    return x / size, float(residual)

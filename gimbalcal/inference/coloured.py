@@ -3,13 +3,13 @@ r"""Least squares under coloured noise: white plus at most one process of one st
 .. math:: y = A \beta + s + v, \quad v_k \sim N(0, \sigma^2 / w_k), \quad s_k = \Phi_k s_{k-1} + N(0, Q_k)
 
 with the Phi and Q of a Gauss-Markov process, or of a random walk that was zero one median step before the first row.
-The precision :math:`\Lambda` of s is tridiagonal for any spacing of the rows (`noise.chain`), so with
+The precision :math:`\Lambda` of s is tridiagonal for any spacing of the rows (`noise_processes.chain`), so with
 :math:`W = \mathrm{diag}(w) / \sigma^2`
 
 .. math:: V^{-1} = \Lambda (\Lambda + W)^{-1} W, \qquad \log|V| = \log|\Lambda + W| - \log|\Lambda| - \log|W|
 
-cost banded Cholesky factors. The noise found maximises the restricted likelihood, in which beta and sigma are
-profiled: harmonics and drift that the fit takes out of the noise do not make it look whiter than it is.
+cost banded Cholesky factors. The noise maximises the restricted likelihood, in which beta and sigma are profiled:
+harmonics and drift that the fit removes do not make the noise appear whiter than it is.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from gimbalcal.inference.noise_processes import Noise, chain
 from gimbalcal.number import Array
 
 Kind = Literal["white", "gauss-markov", "random-walk", "auto"]
-HOPELESS = 6.0  # what a refinement between grid points can gain: 1.6 at most in 40 fits of white rows
-NO_NOISE = 1e-200  # a misfit of rows without any noise, whose logarithm is still a number
+MAX_REFINEMENT_GAIN = 6.0  # of the BIC between grid points: 1.6 at most in 40 fits of white rows
+MIN_CHI2 = 1e-200  # of rows without noise, so that the logarithm is finite
 KINDS: tuple[str, ...] = get_args(Kind)
 
 
@@ -40,7 +40,7 @@ class ColouredFit(NamedTuple):
 
 
 def least_squares(time: Array, A: Array, y: Array, weight: Array, noise: Noise) -> ColouredFit:
-    """Fit of A (n, q) to y (n, c): white noise over the root of the weight (n,), and the process that follows it.
+    """Fit A (n, q) to y (n, c) in white noise over the root of the weight (n,), and a second process if any.
 
     Raises numpy.linalg.LinAlgError where A does not determine beta (condition above 1e6 at unit columns: a millionth
     of what the rows say would be left).
@@ -63,7 +63,7 @@ def least_squares(time: Array, A: Array, y: Array, weight: Array, noise: Noise) 
 
 
 def _inverse_noise(time: Array, X: Array, weight: Array, noise: Noise) -> tuple[Array, float]:
-    """V^-1 X (n, c) and log|V|."""
+    """Return V^-1 X (n, c) and log|V|."""
     white, *slow = noise
     weight = weight / white.initial()[0]
     W = weight[:, None]
@@ -85,26 +85,26 @@ def _inverse_noise(time: Array, X: Array, weight: Array, noise: Noise) -> tuple[
 
 
 def estimate_noise(time: Array, A: Array, y: Array, weight: Array, kind: str = "auto") -> Noise:
-    """Noise of what A (n, q) leaves in y (n,), by restricted maximum likelihood; "auto" takes the kind of best BIC."""
+    """Return the noise of y (n,) about A (n, q), by restricted maximum likelihood; "auto": the kind of best BIC."""
     if kind not in KINDS:
         raise ValueError(f"`kind` must be one of {', '.join(KINDS)}, got {kind!r}")
     if kind != "auto":
         return _best(time, A, y, weight, kind)[0]
     best, least = _best(time, A, y, weight, "white")
     for k in ("gauss-markov", "random-walk"):
-        found, criterion = _best(time, A, y, weight, k, least + HOPELESS)
+        found, criterion = _best(time, A, y, weight, k, least + MAX_REFINEMENT_GAIN)
         if criterion < least:
             best, least = found, criterion
     return best
 
 
 def _best(time: Array, A: Array, y: Array, weight: Array, kind: str, bar: float = inf) -> tuple[Noise, float]:
-    """Best noise of one kind and its BIC; from a grid alone where that is not below the bar."""
+    """Return the best noise of one kind and its BIC, refined from the grid where that is below the bar."""
     columns, dof = y[:, None], len(y) - A.shape[1]
 
     def criterion(p: Array) -> float:
         fit = least_squares(time, A, columns, weight, _noise(p))
-        return float(dof * np.log(max(fit.chi2[0] / dof, NO_NOISE)) + fit.log_determinant + len(p) * np.log(dof))
+        return float(dof * np.log(max(fit.chi2[0] / dof, MIN_CHI2)) + fit.log_determinant + len(p) * np.log(dof))
 
     p = np.zeros(0)
     if kind != "white":
@@ -114,11 +114,11 @@ def _best(time: Array, A: Array, y: Array, weight: Array, kind: str, bar: float 
         if min(start) < bar:
             p = _refined(criterion, p, grid)
     chi2 = least_squares(time, A, columns, weight, _noise(p)).chi2[0]
-    return _noise(p, float(np.sqrt(max(chi2 / dof, NO_NOISE)))), criterion(p)
+    return _noise(p, float(np.sqrt(max(chi2 / dof, MIN_CHI2)))), criterion(p)
 
 
 def _refined(criterion: Callable[[Array], float], start: Array, grid: Array) -> Array:
-    """Minimum near a point of the grid."""
+    """Return the minimum near a point of the grid."""
     from scipy.optimize import minimize
 
     result = minimize(
@@ -129,7 +129,7 @@ def _refined(criterion: Callable[[Array], float], start: Array, grid: Array) -> 
 
 
 def _noise(p: Array, sigma: float = 1.0) -> Noise:
-    """White of one sigma, alone for p = (); (log rho,) adds a walk, (log rho, log tau) a Gauss-Markov process.
+    """Return white noise for p = (); (log rho,) adds a random walk, (log rho, log tau) a Gauss-Markov process.
 
     rho is the variance of the process (of a walk: per second) over that of the white noise.
     """
@@ -141,7 +141,7 @@ def _noise(p: Array, sigma: float = 1.0) -> Noise:
 
 
 def _grid(time: Array, kind: str) -> Array:
-    """Starting points: process variance 1e-4 to 1e5 of the white one per row (or per run, for a walk), tau over all."""
+    """Return starting points: ratios of process to white variance of 1e-4 to 1e5 per row or run, and all tau."""
     step, span = float(np.median(np.diff(time))), float(time[-1] - time[0])
     if kind == "random-walk":
         return np.log(np.geomspace(1e-4 / span, 1e5 / step, 12))[:, None]

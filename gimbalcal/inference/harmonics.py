@@ -4,8 +4,7 @@ r"""Harmonics of the Earth's rotation in a series of any length, spacing and noi
 
 with the measured sidereal angle S_t, so the run need not hold whole sidereal days, and Legendre polynomials P_j of
 u = time scaled to [-1, 1] as slow drift. Order 0 is the mean level at mid-run. Everything is one least-squares fit:
-gaps and irregular rows cost accuracy and bias nothing. A bin of an FFT would: its frequencies are multiples of
-1/duration, and a solar day is not a sidereal one.
+gaps and irregular rows cost accuracy and cause no bias. An FFT would, as its frequencies are multiples of 1/duration.
 
 Source: Wu et al. (2018), section 5.2, which says "Fourier expansion" and no more.
 """
@@ -49,7 +48,7 @@ class Harmonics:
         return float(self.value[self.labels.index(label)])
 
     def at(self, angle: Array) -> Array:
-        """The harmonics, without the drift, at these angles (n,) [rad]."""
+        """Return the harmonics, without the drift, at angles (n,) [rad]."""
         return columns(angle, self.orders) @ self.value
 
     @property
@@ -59,18 +58,18 @@ class Harmonics:
 
 
 def columns(angle: Array, orders: Sequence[int]) -> Array:
-    """1, sin, cos of multiples of the angle (n,): (n, q)."""
+    """Return 1, sin, cos of multiples of the angle (n,): (n, q)."""
     parts = [[np.ones_like(angle)] if k == 0 else [np.sin(k * angle), np.cos(k * angle)] for k in orders]
     return np.stack([c for part in parts for c in part], axis=-1)
 
 
 def labels(orders: Sequence[int]) -> tuple[str, ...]:
-    """Names of `columns`."""
+    """Return the names of `columns`."""
     return tuple(name for k in orders for name in ((f"{k}",) if k == 0 else (f"{k}s", f"{k}c")))
 
 
 def design_matrix(time: Array, angle: Array, orders: Sequence[int], drift: int) -> Array:
-    """Harmonics and drift polynomials (n, q + drift)."""
+    """Return harmonics and drift polynomials (n, q + drift)."""
     middle, half = (time[0] + time[-1]) / 2, (time[-1] - time[0]) / 2
     slow = np.polynomial.legendre.legvander((time - middle) / half, drift)[:, 1:]
     return np.concatenate([columns(angle, orders), slow], axis=1)
@@ -85,11 +84,11 @@ def fourier(
     drift: int = 1,
     noise: str | Noise = "auto",
 ) -> Harmonics:
-    """Harmonic coefficients of y (n,) in the angle (n,) [rad]; rows that are not finite are gaps.
+    """Fit harmonic coefficients of y (n,) in the angle (n,) [rad]; rows that are not finite are gaps.
 
     weight (n,): raw samples behind each row. drift: degree of the polynomial. noise: "white", "gauss-markov",
     "random-walk", "auto" (best BIC of the three) or processes that are known, the white one of a row of unit weight.
-    Raises InputError where the run is too short to tell the harmonics from each other and from the drift.
+    Raises InputError where the run is too short to separate the harmonics from each other and from the drift.
     """
     keep = np.isfinite(y)
     time, angle, y = time[keep], angle[keep], y[keep]

@@ -1,9 +1,9 @@
-r"""What data say about parameters, in square-root information form, and what they do not say, by name.
+r"""Information of data about parameters in square-root form, and unobservable directions by name.
 
 Whitened rows ``[J | r]`` of any number of stages are stacked and reduced by QR; nothing is squared, so the condition
 number of the problem is not either. Parameters are scaled by their prior sigma. Then the singular values of the
-triangle are signal-to-noise ratios: a direction whose singular value is below one is one about which the data say
-less than the prior does. Such directions are *named*, held at the prior mean, and given the prior's variance
+triangle are signal-to-noise ratios: below one, the data have less information about a direction than the prior. Such
+directions are unobservable: they are named, held at the prior mean, and given the prior's variance
 (convention: the estimate has the smallest prior-scaled norm among all that fit the data equally well).
 """
 
@@ -20,10 +20,10 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-FAINT = 1e-3  # signal-to-noise below which a direction is not faint but absent: rounding of the Jacobian
-SEEN = 1.0  # singular value below which the prior knows more than the data
-AT_PRIOR = 0.01  # of the prior sigma: an estimate that is nearer than this to its prior, in value and sigma, is it
-TIE = 1e-6  # relative difference of two values that count as equal: far above rounding
+ABSENT_SIGNAL_TO_NOISE = 1e-3  # below, a direction has no signal but rounding of the Jacobian
+MIN_SIGNAL_TO_NOISE = 1.0  # singular value of an observable direction
+PRIOR_TOLERANCE = 0.01  # of the prior sigma, in value and sigma of an estimate that equals its prior
+TIE_TOLERANCE = 1e-6  # relative difference of two values that count as equal: far above rounding
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class Information:
     count: int  # scalar observations behind the rows
 
     def __add__(self, other: Information) -> Information:
-        """Both together, over the union of their parameters."""
+        """Return the sum of both, over the union of their parameters."""
         union = tuple(dict.fromkeys(self.parameters + other.parameters))
         rows = np.concatenate([_widen(part, union) for part in (self, other)])
         return Information(union, _triangle(rows), self.count + other.count)
 
     def at(self, values: Mapping[Parameter, float]) -> Information:
-        """The same of the other parameters, where these have known values in SI."""
+        """Return the information about the other parameters, with these at known values in SI."""
         out = [self.parameters.index(p) for p in values]
         rest = [i for i in range(len(self.parameters)) if i not in out]
         mean, scale = prior([self.parameters[i] for i in out])
@@ -62,10 +62,10 @@ class Information:
         return Information(tuple(self.parameters[i] for i in rest), rows, self.count)
 
     def without(self, nuisance: Sequence[Parameter]) -> Information:
-        """The same of the other parameters, whatever these are: they take up their share of the rows.
+        """Return the information about the other parameters, with the nuisance parameters eliminated.
 
-        With their columns first, the triangle's rows below theirs know nothing of them. Their prior joins the rows, so
-        that no direction among them is free.
+        With their columns first, the triangle's rows below theirs do not depend on them. Their prior is added, so that
+        no direction among them is free.
         """
         out = [i for i, p in enumerate(self.parameters) if p in nuisance]
         rest = [i for i in range(len(self.parameters)) if i not in out]
@@ -93,7 +93,7 @@ class Solution:
 
 
 def information(J: Array, r: Array, parameters: Sequence[Parameter]) -> Information:
-    """Whitened Jacobian J (m, p) per SI unit and whitened residual r (m,) to information about the parameters.
+    """Return the information of a whitened Jacobian J (m, p) per SI unit and residual r (m,) about the parameters.
 
     r is the observation minus its prediction at zero parameters: linearise elsewhere with r = y - h(x0) + J x0.
     """
@@ -104,12 +104,12 @@ def information(J: Array, r: Array, parameters: Sequence[Parameter]) -> Informat
 
 
 def prior(parameters: Sequence[Parameter]) -> tuple[Array, Array]:
-    """Prior mean (p,) and prior sigma (p,) of parameters, SI."""
+    """Return prior mean (p,) and prior sigma (p,) of parameters, in SI."""
     return np.array([p.mean for p in parameters]), np.array([p.sigma for p in parameters])
 
 
-def solve(info: Information, seen: float = SEEN) -> Solution:
-    """Estimate, covariance and unobservable directions: those below `seen` stay at the prior (module docstring)."""
+def solve(info: Information, min_signal: float = MIN_SIGNAL_TO_NOISE) -> Solution:
+    """Return estimate, covariance and unobservable directions: those below `min_signal` keep their prior."""
     p = len(info.parameters)
     mean, scale = prior(info.parameters)
     R, z = info.rows[:, :p], info.rows[:, p]
@@ -120,7 +120,7 @@ def solve(info: Information, seen: float = SEEN) -> Solution:
         )
     U, S, Vt = np.linalg.svd(R, full_matrices=True)
     S = np.concatenate([S, np.zeros(p - S.size)])
-    keep = seen <= S
+    keep = min_signal <= S
     inverse = np.where(keep, 1 / np.where(keep, S, 1), 0.0)
     coefficients = (U.T @ z)[:p] if U.shape[0] >= p else np.concatenate([U.T @ z, np.zeros(p - U.shape[0])])
     x = Vt.T @ (inverse * coefficients)
@@ -134,9 +134,9 @@ def solve(info: Information, seen: float = SEEN) -> Solution:
 
 
 def keeps_prior(parameters: Sequence[Parameter], x: Array, sigma: Array) -> Array:
-    """Whether each parameter, with estimate (p,) and sigma (p,) in SI, is as its prior has it: no row says anything."""
+    """Return for each parameter whether its estimate (p,) and sigma (p,) in SI are those of its prior."""
     mean, scale = prior(parameters)
-    return np.asarray((np.abs(sigma / scale - 1) < AT_PRIOR) & (np.abs(x - mean) < AT_PRIOR * scale))
+    return np.asarray((np.abs(sigma / scale - 1) < PRIOR_TOLERANCE) & (np.abs(x - mean) < PRIOR_TOLERANCE * scale))
 
 
 def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> tuple[Unobservable, ...]:
@@ -162,7 +162,7 @@ def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> t
 
 def _first_largest(values: Array) -> int:
     """Return the index of the largest value, of several that differ by rounding only the first."""
-    return int(np.flatnonzero(values >= (1 - TIE) * values.max())[0])
+    return int(np.flatnonzero(values >= (1 - TIE_TOLERANCE) * values.max())[0])
 
 
 def _unobservable(row: Array, signal: float, parameters: Sequence[Parameter]) -> Unobservable:
@@ -170,7 +170,7 @@ def _unobservable(row: Array, signal: float, parameters: Sequence[Parameter]) ->
     direction = {p.label: float(f"{w:.6g}") for p, w in zip(parameters, row, strict=True) if w}
     terms = " ".join(f"{w:+.3g} {label}" for label, w in direction.items())
     alone = len(direction) == 1
-    if signal > FAINT:
+    if signal > ABSENT_SIGNAL_TO_NOISE:
         what = f"{next(iter(direction))} at its prior size" if alone else f"{terms} together, at their prior size,"
         why = f"{what} moves these data by {signal:.2g} of their noise: less than the prior knows"
         return Unobservable(direction, why)
@@ -180,7 +180,7 @@ def _unobservable(row: Array, signal: float, parameters: Sequence[Parameter]) ->
 
 
 def _triangle(rows: Array) -> Array:
-    """R of a QR, in blocks that fit the cache: LAPACK takes fifty times as long for a tall matrix in one piece."""
+    """Return R of a QR, in blocks that fit the cache: LAPACK takes fifty times as long for a tall matrix at once."""
     p = rows.shape[1]
     block = max(256, 4 * p)
     while len(rows) >= 2 * block:

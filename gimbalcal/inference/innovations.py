@@ -1,15 +1,14 @@
-r"""What measurements of a few moving states say about constants beside them, as rows of information; no physics.
+r"""Information of measurements of a few dynamic states about constants, as whitened rows; no physics.
 
 .. math:: x_{k+1} = \Phi_k x_k + \Psi_k \theta + w_k, \qquad z_k = x_k[i] + v_k, \qquad \theta = \text{const}
 
-Were the constants known, a filter of x alone would leave innovations that are white. What they do to these is linear,
+With the constants known, the innovations of a filter of x alone are white. Their response to the constants is linear,
 
 .. math:: D_{k+1} = (1 - K_k H)(\Phi_k D_k + \Psi_k), \qquad \text{row}_k = s_k^{-1/2} \, H (\Phi_k D_k + \Psi_k) ,
 
 and neither the gain K nor the variance s of an innovation depends on them: each component of z is one whitened row
-about theta (Friedland 1969). That is the whole of what a filter with the constants among its states would know, without
-a prior, at a cost of m^2 p a step instead of (m + p)^3; and it is in the form in which the house looks for null
-directions, twins and bounds.
+about theta (Friedland 1969). That is all the information of a filter with the constants among its states, without a
+prior, at a cost of m^2 p a step instead of (m + p)^3, in the form needed for null directions and bounds.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from gimbalcal.number import Array
 
 
 class Innovations(NamedTuple):
-    """rows (K, c, p) about the constants; D (K + 1, m, p) what they do to x, P (K + 1, m, m) of x were they known."""
+    """Rows (K, c, p) about the constants; D (K + 1, m, p): response of x to them; P (K + 1, m, m) of x if known."""
 
     rows: Array
     D: Array
@@ -31,9 +30,9 @@ class Innovations(NamedTuple):
 
 
 def innovations(Phi: Array, Psi: Array, Q: Array, index: Array, R: Array, P: Array) -> Innovations:
-    """Rows of K steps of m states and p constants: transition, then components `index` (c,) with variances R (K, c).
+    """Return the rows of K steps of m states and p constants: transition, then states `index` (c,), variances R (K, c).
 
-    Phi (K, m, m), Psi (K, m, p), Q (K, m, m), P (m, m) at the start, where the constants have done nothing yet.
+    Phi (K, m, m), Psi (K, m, p), Q (K, m, m), P (m, m) at the start, where D is zero.
     """
     K, m, p = Psi.shape
     out = Innovations(np.empty((K, len(index), p)), np.zeros((K + 1, m, p)), np.empty((K + 1, m, m)))

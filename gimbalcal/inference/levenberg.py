@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt on many small problems at once: the runs of a campaign share a design, so they are one array."""
+"""Levenberg-Marquardt for many small problems at once, as arrays over runs of the same design."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from gimbalcal.number import Array
 
-SEEN = 1e-9  # smallest relative singular value, of columns of length one: below, a matrix is singular
-BENT = 1e-3  # damping after a step that was refused
+MIN_RELATIVE_SINGULAR_VALUE = 1e-9  # of columns of length one, of a regular matrix
+REJECTED_STEP_DAMPING = 1e-3  # at least, after a rejected step
 
 Model = Callable[[Array, Array], tuple[Array, Array]]
 """(x (r, p), indices of the runs (r,)) to residuals (r, m) and Jacobians (r, m, p)."""
@@ -18,7 +18,7 @@ Model = Callable[[Array, Array], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Minimum:
-    """x (r, p), half the sum of squares (r,), Jacobian (r, m, p) there, steps taken (r,), whether it settled (r,)."""
+    """Minima of r runs: x (r, p), half the sum of squares (r,), Jacobian (r, m, p), steps (r,), convergence (r,)."""
 
     x: Array
     cost: Array
@@ -27,7 +27,7 @@ class Minimum:
     converged: Array
 
     def better(self, other: Minimum) -> Minimum:
-        """Run by run, the one with the smaller cost."""
+        """Return, run by run, the one with the smaller cost."""
         first = self.cost <= other.cost
 
         def pick(mine: Array, theirs: Array) -> Array:
@@ -39,11 +39,11 @@ class Minimum:
 def minimise(
     model: Model, x0: Array, tolerance: float = 1e-11, limit: int = 60, gain: float = 0.0, damping: float = 1e-3
 ) -> Minimum:
-    r"""Least squares of many runs from x0 (r, p), by damped Gauss-Newton steps.
+    r"""Minimise the sums of squares of many runs from x0 (r, p), by damped Gauss-Newton steps.
 
     .. math:: \Delta x = -(J^T J + \lambda\, \mathrm{diag}(J^T J))^{-1} J^T r
 
-    Wang et al. (2019), Eq. (40), solved by QR so that the condition number is not squared. A run settles when its
+    Wang et al. (2019), Eq. (40), solved by QR so that the condition number is not squared. A run has converged when its
     step is below `tolerance` of its length plus one, or lowers the cost by less than the share `gain` of it;
     parameters should be scaled to order one by the caller. `damping` is lambda at the start: less where the model is
     nearly linear; a step that is refused says that it is not.
@@ -64,7 +64,7 @@ def minimise(
         small |= good & (cost[a] - cost1 < gain * cost[a])
         hit = a[good]
         x[hit], r[hit], J[hit], cost[hit] = (x[a] + step)[good], r1[good], J1[good], cost1[good]
-        lam[a] = np.where(good, lam[a] / 10, np.maximum(lam[a] * 10, BENT))
+        lam[a] = np.where(good, lam[a] / 10, np.maximum(lam[a] * 10, REJECTED_STEP_DAMPING))
         steps[a] += 1
         # a refused step that is already below the rounding of the cost is arrival, not failure
         live[a] = ~small & (lam[a] < 1e12)
@@ -72,7 +72,7 @@ def minimise(
 
 
 def _step(r: Array, J: Array, damping: Array) -> Array:
-    """The step of Eq. (40) for each run: least squares of [J; sqrt(lambda) D] against [-r; 0]."""
+    """Return the step of Eq. (40) for each run: least squares of [J; sqrt(lambda) D] against [-r; 0]."""
     size = np.sqrt((J**2).sum(-2))
     size = np.where(size > 0, size, 1.0)
     p = J.shape[-1]
@@ -83,12 +83,12 @@ def _step(r: Array, J: Array, damping: Array) -> Array:
 
 
 def covariance_at_minimum(J: Array) -> Array:
-    """Covariance (r, p, p) at the minimum from whitened Jacobians (r, m, p); infinite where one is singular."""
+    """Return the covariance (r, p, p) of whitened Jacobians (r, m, p) at the minimum; infinite where singular."""
     size = np.sqrt((J**2).sum(-2))
     size = np.where(size > 0, size, 1.0)
     _, S, Vt = np.linalg.svd(J / size[:, None, :], full_matrices=False)
     with np.errstate(divide="ignore"):
-        inverse = np.where(SEEN * S[:, :1] < S, 1 / S, np.inf)
+        inverse = np.where(MIN_RELATIVE_SINGULAR_VALUE * S[:, :1] < S, 1 / S, np.inf)
     with np.errstate(invalid="ignore"):
         half = np.swapaxes(Vt, -1, -2) * inverse[:, None, :]
         half = np.where(np.isnan(half), 0.0, half) / size[..., None]  # 0 x inf: the direction does not touch it

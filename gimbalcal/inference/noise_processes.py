@@ -22,18 +22,18 @@ Noise = tuple[Process, ...]
 
 
 def one_sigma(noise: Sequence[Process]) -> float:
-    """One standard deviation of the first row."""
+    """Return one standard deviation of the first row."""
     return float(np.sqrt(sum(p.output() ** 2 @ p.initial() for p in noise)))
 
 
 class Chain(NamedTuple):
-    """A process of one state over n rows: how much of the row before stays, and the variance that is new."""
+    """A process of one state over n rows: transition from the row before, and new variance."""
 
     Phi: Array  # (n,), the first unused
     Q: Array  # (n,), the first that of the first row
 
     def whiten(self, rows: Array) -> Array:
-        """Rows (n, ...) of this covariance to independent ones of unit variance."""
+        """Whiten rows (n, ...) of this covariance."""
         Phi, Q = (a[1:].reshape(-1, *[1] * (rows.ndim - 1)) for a in self)
         return np.concatenate([rows[:1] / np.sqrt(self.Q[0]), (rows[1:] - Phi * rows[:-1]) / np.sqrt(Q)])
 
@@ -51,9 +51,9 @@ class Chain(NamedTuple):
 
 
 def chain(process: Process, time: Array) -> Chain:
-    """The chain of a process of one state that began, with its P_0, one median step before the first row.
+    """Return the chain of a process of one state that began, with its P_0, one median step before the first row.
 
-    A stationary process does not mind; a walk is then known to be zero there. Raises ValueError for more states.
+    This has no effect on a stationary process; a random walk is zero there. Raises ValueError for more states.
     """
     h = np.append(np.median(np.diff(time)) if len(time) > 1 else 0.0, np.diff(time))
     still = np.zeros(len(time), dtype=bool)
@@ -66,7 +66,7 @@ def chain(process: Process, time: Array) -> Chain:
 
 
 def spectrum(noise: Sequence[Process], step: float, angle: Array) -> Array:
-    r"""Variance (k,) of the modes cos(angle (j + 1/2)), j = 0, 1, ..., of rows `step` [s] apart, angle (k,) [rad].
+    r"""Return the variance (k,) of modes cos(angle (j + 1/2)), j = 0, 1, ..., of rows `step` [s] apart, angle [rad].
 
     .. math:: S(\theta) = \sum \frac{H^2 Q}{1 + \Phi^2 - 2 \Phi \cos\theta}
 

@@ -1,4 +1,4 @@
-r"""Kalman filter of a few states that move beside many constants, in square-root form; no physics.
+r"""Square-root Kalman filter of a few dynamic states and many constants; no physics.
 
 .. math:: x_{k+1} = \Phi_k x_k + \Psi_k \theta + d_k + w_k, \qquad \theta = \text{const}, \qquad z_k = x_k[i] + v_k
 
@@ -11,7 +11,7 @@ constants have no dynamics, so a step touches the first m rows of S alone, and w
 
 Components of z are taken one after the other (Carlson's update). A step costs (m + p)^2 where a dense filter costs its
 cube; a square root holds twice the digits of a covariance. Callers scale states to order one (by their prior sigma).
-`adjoint` smooths what this leaves.
+`adjoint` smooths the result.
 
 Source: Carlson, AIAA J. 11 (1973) 1259; Bierman (1977), sections V.3 and X.
 """
@@ -25,7 +25,7 @@ import numpy as np
 from gimbalcal.compiled import compiled
 from gimbalcal.number import Array
 
-AT_ONCE = 10_000  # steps of which products are formed at a time
+BATCH_STEPS = 10_000  # steps of which products are formed at a time
 
 
 class Filtered(NamedTuple):
@@ -47,12 +47,12 @@ def filter(  # noqa: A001 - always written with its module's name
     Phi: Array, Psi: Array, Q: Array, d: Array, z: Array, index: Array, R: Array,
     x: Array, theta: Array, S: Array, gate: float = np.inf, jump: float = 0.0, smoothed: int | None = None,
 ) -> Filtered:  # fmt: skip
-    """Forward pass over K steps; each is a transition, then measurements z (K, c) of the states `index` (c,).
+    """Filter forward over K steps, each a transition, then measurements z (K, c) of the states `index` (c,).
 
     Phi (K, m, m), Psi (K, m, p), Q (K, m, m), d (K, m); R (K, c) variances; x (m,), theta (p,) and S (m + p, m + p)
-    upper triangular at the start. A step whose normalised innovation squared exceeds `gate` is left out, and what it
-    would have measured has the scatter `jump` from then on: a sensor that was knocked has moved the state for good.
-    smoothed: how many of the first states a smoother will be asked for (default: all).
+    upper triangular at the start. A step whose normalised innovation squared exceeds `gate` is not used, and the states
+    that it would have measured get the scatter `jump`, as a knock changes a state permanently. smoothed: number of
+    first states for a smoother (default: all).
     """
     K, m, p = len(Phi), len(x), len(theta)
     n, c = m + p, z.shape[1]
@@ -69,15 +69,15 @@ def filter(  # noqa: A001 - always written with its module's name
 
 
 def _roots(Q: Array) -> Array:
-    """Q^(1/2) (K, m, m): Q may be singular, as noise enters some states through others only.
+    """Return Q^(1/2) (K, m, m); Q may be singular, as noise enters some states through others only.
 
-    The last states may have noise of their own each (chains of a process): nothing has to be decomposed for them.
+    The last states may have independent noise (chains of a process), which is not decomposed.
     """
     together = np.any(Q != 0, axis=0) & ~np.eye(Q.shape[1], dtype=bool)
     m = 1 + int(np.max(np.flatnonzero(together.any(axis=0)), initial=0))
     out = np.zeros_like(Q)
-    for start in range(0, len(Q), AT_ONCE):
-        here = slice(start, start + AT_ONCE)
+    for start in range(0, len(Q), BATCH_STEPS):
+        here = slice(start, start + BATCH_STEPS)
         scale = np.sqrt(np.maximum(np.einsum("kii->ki", Q[here]), 1e-300))
         out[here, range(m, Q.shape[1]), range(m, Q.shape[1])] = np.where(scale[:, m:] > 1e-150, scale[:, m:], 0.0)
         scale = scale[:, :m]
@@ -142,7 +142,7 @@ def _filter(
 
 @compiled
 def _step(Phi: Array, Psi: Array, root: Array, d: Array, m: int, state: Array, S: Array, top: Array, W: Array) -> None:
-    """State and factor over one transition, in place; top (m, n) and W (2 m, m) are room to work in."""
+    """Propagate state and factor over one transition, in place; top (m, n) and W (2 m, m) are work space."""
     n = len(state)
     for i in range(m):
         total = d[i]
@@ -177,7 +177,7 @@ def _step(Phi: Array, Psi: Array, root: Array, d: Array, m: int, state: Array, S
 
 @compiled
 def _triangular(W: Array) -> None:
-    """W (r, m) to the triangle of its QR, in place, by Householder's reflections."""
+    """Reduce W (r, m) to the triangle of its QR, in place, by Householder's reflections."""
     r, m = W.shape
     for c in range(m):
         norm = 0.0
@@ -227,7 +227,7 @@ def _keep(
 
 @compiled
 def _carlson(S: Array, i: int, r: float, gain: Array) -> float:
-    """S of P after a measurement of state i with variance r, in place; the gain; returns the innovation's variance."""
+    """Update S after a measurement of state i with variance r, and the gain; return the innovation's variance."""
     n = S.shape[0]
     total = r
     for j in range(n):

@@ -1,10 +1,9 @@
-r"""Rows of several channels made white by a Kalman filter of the states that colour them: the Cholesky factor of their
-covariance, never formed.
+r"""Whitening of rows of several channels by a Kalman filter of coloured states.
 
 .. math:: x_k = \Phi_k x_{k-1} + w_k, \quad w_k \sim (0, Q_k), \qquad y_k = H_k x_k + e_k, \quad e_k \sim (0, I)
 
-The innovations, each by the inverse root of its covariance, are :math:`L^{-1} y` with :math:`V = L L^T`, at a cost of
-m C a row instead of n C. Source: Sarkka (2013), Eqs. (4.20) to (4.22).
+The innovations, each by the inverse root of its covariance, are :math:`L^{-1} y` with :math:`V = L L^T`, which is never
+formed: the cost is m C a row instead of n C. Source: Sarkka (2013), Eqs. (4.20) to (4.22).
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ import numpy as np
 
 from gimbalcal.number import Array
 
-PART = 2_000_000  # numbers, 16 MB
+BATCH_NUMBERS = 2_000_000  # numbers, 16 MB
 
 
 class Whitening(NamedTuple):
-    """What n rows of C channels and m states need: transition, observation, gain, innovation's root and its inverse."""
+    """Filter over n rows of C channels and m states: transition, observation, gain, innovation's root and inverse."""
 
     Phi: Array  # (n, m)
     H: Array  # (n, C, m)
@@ -29,7 +28,7 @@ class Whitening(NamedTuple):
     inverse: Array  # (n, C, C)
 
     def whiten(self, rows: Array) -> Array:
-        """Rows (n C, p) of this covariance to independent ones of unit variance."""
+        """Whiten rows (n C, p) of this covariance."""
         out = np.empty((len(rows), rows.size // len(rows)))
         at = 0
         for part in self.parts(rows):
@@ -38,39 +37,39 @@ class Whitening(NamedTuple):
         return out.reshape(rows.shape)
 
     def parts(self, rows: Array) -> Iterator[Array]:
-        """The same in pieces of some `PART` numbers, one after the other."""
+        """Yield whitened rows in batches of some `BATCH_NUMBERS` numbers."""
         n, m, C = self.gain.shape
         y = rows.reshape(n, C, -1)
         p = y.shape[-1]
-        x, step = np.zeros((m, p)), max(1, PART // max(C * p, 1))
+        x, step = np.zeros((m, p)), max(1, BATCH_NUMBERS // max(C * p, 1))
         for start in range(0, n, step):
             out = np.empty((min(step, n - start), C, p))
             for k in range(start, start + len(out)):
                 x *= self.Phi[k, :, None]
-                left = y[k] - self.H[k] @ x
-                x += self.gain[k] @ left
-                np.matmul(self.inverse[k], left, out=out[k - start])
+                innovation = y[k] - self.H[k] @ x
+                x += self.gain[k] @ innovation
+                np.matmul(self.inverse[k], innovation, out=out[k - start])
             yield out.reshape(len(out) * C, p)
 
     def colour(self, white: Array) -> Array:
-        """Independent rows (n C, p) of unit variance to ones of this covariance."""
+        """Colour independent rows (n C, p) of unit variance with this covariance."""
         n, m, C = self.gain.shape
         e, out = white.reshape(n, C, -1), np.empty((n, C, white.size // (n * C)))
         x = np.zeros((m, out.shape[-1]))
         for k in range(n):
             x *= self.Phi[k, :, None]
-            left = self.root[k] @ e[k]
-            out[k] = self.H[k] @ x + left
-            x += self.gain[k] @ left
+            innovation = self.root[k] @ e[k]
+            out[k] = self.H[k] @ x + innovation
+            x += self.gain[k] @ innovation
         return out.reshape(white.shape)
 
     def of_scale(self, sigma: float) -> Whitening:
-        """The same for rows that are `sigma` times as large."""
+        """Return the filter for rows that are `sigma` times as large."""
         return self._replace(root=self.root * sigma, inverse=self.inverse / sigma)
 
     @property
     def rows(self) -> int:
-        """How many there are, of all channels."""
+        """Number of rows of all channels."""
         return int(np.prod(self.root.shape[:2]))
 
     @property
@@ -80,16 +79,16 @@ class Whitening(NamedTuple):
 
 
 def whitening(Phi: Array, Q: Array, H: Array) -> Whitening:
-    """The filter of states that do not mix, Phi, Q (n, m), seen by H (n, C, m) under white noise of unit variance.
+    """Return the filter of independent states, Phi, Q (n, m), observed by H (n, C, m) in white noise of unit variance.
 
-    Nothing is there before the first row: the first Q is the variance that the states begin with.
+    The states are zero before the first row: the first Q is their initial variance.
     """
     (made,) = whitenings(Phi[None], Q[None], H)
     return made
 
 
 def whitenings(Phi: Array, Q: Array, H: Array) -> list[Whitening]:
-    """The filters of B sets of states, Phi, Q (B, n, m), that are seen alike: `whitening` of each, all at once."""
+    """Return the filters of B sets of states, Phi, Q (B, n, m), of the same observation, all at once."""
     n, C, m = H.shape
     gain, root = np.empty((len(Phi), n, m, C)), np.empty((len(Phi), n, C, C))
     P = np.zeros((len(Phi), m, m))

@@ -24,7 +24,7 @@ from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, by_visi
 from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, PAIRS, fine
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
-from gimbalcal.inference.information import SEEN
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from tests.benchmarks.collecting import say
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, draw, effects, measured
 
@@ -49,7 +49,7 @@ def bound(truth: np.ndarray, setting: float) -> Bound:
     p = problem(measured(truth, np.random.default_rng(0), setting), PARAMETERS, effects(truth))
     w = whiten(by_visit(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns))), Noise(SAMPLE, setting))
     _, S, Vt = np.linalg.svd(w.information(PARAMETERS).rows[:, :-1])
-    V, S = Vt[S >= SEEN].T, S[S >= SEEN]
+    V, S = Vt[S >= MIN_SIGNAL_TO_NOISE].T, S[S >= MIN_SIGNAL_TO_NOISE]
     covariance = (V / S**2) @ V.T * np.outer(SCALE, SCALE)
     return Bound(covariance, SCALE[:, None] * (V @ V.T) / SCALE, len(S))
 

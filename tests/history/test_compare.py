@@ -31,10 +31,10 @@ def course(axis: str, values: list[float]) -> np.ndarray:
 
 def test_a_unit_that_stays_as_it_was_agrees_with_itself() -> None:
     made = [compare(history(seed)) for seed in range(150)]
-    alarms = sum(bool(m.odd) or any(c.jumps or c.outliers for c in m.histories) for m in made)
+    alarms = sum(bool(m.significant) or any(c.jumps or c.outliers for c in m.histories) for m in made)
     assert alarms <= 8  # steps, jumps and outliers are each one in a hundred at most
     assert sum(not m.agree for m in made) <= 9  # 2.5 % of 600 with six calibrations
-    p = np.array([s.chance for m in made for s in m.steps])
+    p = np.array([s.p_value for m in made for s in m.steps])
     assert np.mean(p < 0.1) == pytest.approx(0.1, abs=0.03)
     z = np.array([c.rate / c.rate_sigma for m in made for c in m.histories])
     assert 0.82 < np.sqrt(np.mean(z**2)) < 1.05  # a scatter that chance makes widens every other sigma
@@ -103,7 +103,7 @@ def test_what_moved_most_is_told_first_and_a_slow_drift_is_no_agreement() -> Non
     said = compare(history(1, 6, slow + course("scale_factor:z", [0, 0, 0, 60, 60, 60]))).in_words
     assert said.startswith("6 calibrations from 2024-03-01 to 2025-05-25 do not agree: scale factor z jumped by +")
     assert said.index("jumped") < said.index("bias y drifts by +")
-    quiet = [made for made in (compare(history(seed, 6, slow)) for seed in range(4)) if not made.odd]
+    quiet = [made for made in (compare(history(seed, 6, slow)) for seed in range(4)) if not made.significant]
     assert quiet  # no step by itself is more than chance
     assert not any(made.agree for made in quiet)
 
@@ -145,7 +145,7 @@ def test_two_things_at_once_are_both_told(shape: Any, told: tuple[object, ...]) 
 
 def test_calibrations_stand_at_the_day_of_their_recordings() -> None:
     made = [replace(d, date=START) for d in history(3, 4)]
-    assert "all were computed within a day: no drift is told; write date = " in compare(made).in_words
+    assert "all were computed within a day: no drift is estimated; write date = " in compare(made).in_words
     for d in made[1:]:
         d.calibration.provenance["recorded"] = "2024-03-01"
     assert "Only 3 of them say when it was recorded; others stand at the day" in compare(made).in_words
@@ -246,7 +246,7 @@ def test_the_gravity_of_one_place_is_in_no_difference() -> None:
     assert "scale factor x jumped by +" in made.in_words
     assert "the same gravity, good to 500 ppm" in made.in_words
     assert compare([placed(0, 0.0), placed(1, 0.0)]).agree
-    p = [compare([placed(0, 0.0, seed=s), placed(1, 0.0, seed=s)]).steps[0].chance for s in range(0, 200, 2)]
+    p = [compare([placed(0, 0.0, seed=s), placed(1, 0.0, seed=s)]).steps[0].p_value for s in range(0, 200, 2)]
     assert np.mean(np.array(p) < 0.2) == pytest.approx(0.2, abs=0.1)
 
 

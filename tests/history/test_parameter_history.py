@@ -114,4 +114,4 @@ def test_of_several_parameters_the_first_to_be_due_counts() -> None:
 
 def test_of_several_steps_chance_has_several_goes() -> None:
     steps = tuple(CalibrationStep(k, k + 1, 9.0, 1, p, False) for k, p in enumerate((0.5, 0.004, 0.002, 0.5)))
-    assert Comparison("", (), steps, ()).odd == steps[2:3]  # one of four: beyond 0.0025
+    assert Comparison("", (), steps, ()).significant == steps[2:3]  # one of four: beyond 0.0025

@@ -152,10 +152,10 @@ def test_who_makes_a_store_waits_for_another_who_makes_it(tmp_path: Path, monkey
     other = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     with closing(other):
         other.execute("begin immediate")  # it reads as empty, and nobody else may change its mode
-        monkeypatch.setattr("gimbalcal.history.unit_store.WAIT", 0.0)
+        monkeypatch.setattr("gimbalcal.history.unit_store.WAIT_S", 0.0)
         with pytest.raises(InputError, match=r"cannot be used as a store .*locked"):
             keep(path, entry(0))
-        monkeypatch.setattr("gimbalcal.history.unit_store.WAIT", 30.0)
+        monkeypatch.setattr("gimbalcal.history.unit_store.WAIT_S", 30.0)
         done = Timer(0.3, other.rollback)
         done.start()
         assert keep(path, entry(0))
@@ -176,7 +176,7 @@ def test_a_store_that_another_makes_while_it_is_looked_at_is_no_other_programs(
                     keep(path, others.pop())
             return super().execute(sql, *values)
 
-    monkeypatch.setattr("gimbalcal.history.unit_store.WAIT", 0.0)
+    monkeypatch.setattr("gimbalcal.history.unit_store.WAIT_S", 0.0)
     monkeypatch.setattr(sqlite3, "connect", partial(connect, factory=Interrupted))
     assert keep(path, entry(0))
     assert others == []

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.inference.allan import covariance, curve, fit, law, probability
+from gimbalcal.inference.allan import covariance, curve, fit, law
 
 
 def noise(n, step, N, B, K, rng):
@@ -48,7 +48,7 @@ def test_coefficients_are_found_with_their_sigmas():
     c = curve(noise(20_000, 0.1, 1, 0.3, 0, np.random.default_rng(4)), [slice(0, 20_000)], 0.1)
     f = fit(c)
     assert f.first == 0
-    assert probability(f) > 1e-3
+    assert f.p_value > 1e-3
     assert np.all(np.abs(f.square - truth)[:2] < 4 * np.sqrt(np.diag(f.covariance))[:2])
     assert np.sqrt(f.covariance[0, 0]) < 0.03
     assert f.square[2] == 0

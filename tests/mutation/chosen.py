@@ -15,11 +15,11 @@ Mistake = tuple[str, str, str, str]  # module, function, what stands there once,
 CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, that ought to notice
     "history/test_parameter_history.py history/test_compare.py": (
         ("history.parameter_history", "parameter_history", "still[k - 1]", "still[k - 2]"),
-        ("history.parameter_history", "parameter_history", "SURPRISE / 2 / n", "SURPRISE / n"),
+        ("history.parameter_history", "parameter_history", "SIGNIFICANCE / 2 / n", "SIGNIFICANCE / n"),
         ("history.parameter_history", "_one_by_one", "< 0}", "> 0}"),
         ("history.parameter_history", "_mean", "1 / np.sqrt(w.sum())", "1 / w.sum()"),
         ("history.parameter_history", "_with_step", ">= k", "> k"),
-        ("history.compare", "Comparison.odd", "SURPRISE / len(self.steps)", "SURPRISE"),
+        ("history.compare", "Comparison.significant", "SIGNIFICANCE / len(self.steps)", "SIGNIFICANCE"),
         ("history.compare", "Comparison.due", "first = min(", "first = max("),
     ),
     "history/test_compare.py": (

@@ -36,7 +36,7 @@ from gimbalcal.estimate.accelerometers.errors_in_variables import (
 )
 from gimbalcal.estimate.accelerometers.fit_summary import joined, outliers_in_words, provenance, rms, stage
 from gimbalcal.estimate.accelerometers.positions import Positions, trusted_positions
-from gimbalcal.inference.information import SEEN, Solution, information, solve
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Solution, information, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 
@@ -156,7 +156,7 @@ def _covariance(
     w = whiten(linear, noise)
     scale = np.array([p.parameters[i].sigma for i in columns])
     U, S, Vt = np.linalg.svd((w.J[rows][..., columns] * scale).reshape(-1, scale.size), full_matrices=False)
-    keep = S >= SEEN
+    keep = S >= MIN_SIGNAL_TO_NOISE
     B = np.zeros((scale.size, m, 3))
     gain = ((scale[:, None] * Vt[keep].T / S[keep]) @ U[:, keep].T).reshape(scale.size, -1, 3)
     B[:, rows] = np.einsum("qvi,vij->qvj", gain, w.W[rows])

@@ -28,7 +28,7 @@ from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.estimate.accelerometers.errors_in_variables import Problem, position_parameters, visit_means
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words, outliers_in_words, provenance
 from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.inference.information import SEEN, Information, Solution, information, solve
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, information, solve
 from gimbalcal.number import Array
 
 FORCE_TERMS = [name for name in BASELINE["multi-position"] if name != "gimbal_zero"]
@@ -127,7 +127,7 @@ def _combine(info: Information, solution: Solution, coarse: Calibration | None, 
     mine = [every.index(q) for q in solution.parameters]
     scale = np.array([q.sigma for q in solution.parameters])
     _, S, Vt = np.linalg.svd(info.rows[:, :-1], full_matrices=True)
-    null = Vt[np.concatenate([S, np.zeros(len(Vt) - len(S))]) < SEEN].T
+    null = Vt[np.concatenate([S, np.zeros(len(Vt) - len(S))]) < MIN_SIGNAL_TO_NOISE].T
     unobservable = null @ null.T
     T = np.eye(len(every))
     T[np.ix_(mine, mine)] = scale[:, None] * unobservable / scale

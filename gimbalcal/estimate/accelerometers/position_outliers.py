@@ -32,7 +32,7 @@ from gimbalcal.estimate.accelerometers.errors_in_variables import (
     whiten,
 )
 from gimbalcal.estimate.accelerometers.noise import RESIDUAL, fit_with_noise
-from gimbalcal.inference.information import SEEN
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.units import from_si
@@ -152,7 +152,7 @@ def _fit_each_other(
 def _seen_basis(J: Array) -> Array:
     """Orthonormal basis (m, 3, rank) of what parameters can do, J (m, 3, p) whitened and prior-scaled."""
     U, S, _ = np.linalg.svd(J.reshape(-1, J.shape[-1]), full_matrices=False)
-    return np.asarray(U[:, S >= SEEN].reshape(*J.shape[:2], -1))
+    return np.asarray(U[:, S >= MIN_SIGNAL_TO_NOISE].reshape(*J.shape[:2], -1))
 
 
 def _falls(basis: Array, rest: Array, free: Array) -> Array:

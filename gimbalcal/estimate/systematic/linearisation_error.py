@@ -20,7 +20,7 @@ from gimbalcal.estimate.systematic.iterate import SystematicFit
 from gimbalcal.estimate.systematic.observability import data_information, inverse_factor
 from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
 from gimbalcal.inference import adjoint
-from gimbalcal.inference.information import SEEN
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.inference.square_root_filter import Filtered
 from gimbalcal.number import Array
 
@@ -36,7 +36,7 @@ def linearisation_covariance(m: SystematicFit, covariance: Array) -> Array:
     p = len(scale)
     rows = data_information(m.wanted, last.factor, m.unregularised - m.prior_mean, scale).rows[:, :p]
     _, s, Vt = np.linalg.svd(rows)
-    observable = Vt[s >= SEEN].T @ Vt[s >= SEEN]
+    observable = Vt[s >= MIN_SIGNAL_TO_NOISE].T @ Vt[s >= MIN_SIGNAL_TO_NOISE]
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     filtered = smoother_inputs(m.segments, last, m.start, m.excluded)
     e = np.empty((DRAWS, p))
