@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gimbalcal.effects import CATALOGUE, Parameter, Stimulus
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import limits
-from gimbalcal.inference.information import SEEN, Information, Solution, prior, solve
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, prior, solve
 from gimbalcal.number import Array
 
 MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
@@ -43,7 +43,7 @@ def gauss_newton(
     start: Array,
     bounds: Array | None = None,
     *,
-    seen: float = SEEN,
+    seen: float = MIN_SIGNAL_TO_NOISE,
     limit: int = MAX_STEPS,
     arrived: Callable[[Array, Array, Solution], bool] | None = None,
     diverged: Callable[[Array], bool] | None = None,
@@ -70,7 +70,9 @@ def gauss_newton(
     return Minimum(solution, 0)
 
 
-def solve_about(info: Information, x: Array, bounds: Array | None = None, seen: float = SEEN) -> Solution:
+def solve_about(
+    info: Information, x: Array, bounds: Array | None = None, seen: float = MIN_SIGNAL_TO_NOISE
+) -> Solution:
     r"""Return the solution of rows that are linearised at x (p,), nonlinear constants within their bounds (2, p).
 
     .. math:: \delta c = \left[ (1 - U U^T) R_c \right]^+ (1 - U U^T) z
