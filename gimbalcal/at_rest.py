@@ -38,8 +38,8 @@ class Channel:
     key: Key
     sensor: str
     raw: str  # the unit of counts or pulses; empty of a reading in SI
-    curve: Curve
-    fitted: Fitted
+    curve: AllanCurve
+    fitted: AllanFit
     weight: float
 
     @property
@@ -84,7 +84,7 @@ class Channel:
             "fitted_from_s": float(self.curve.tau[self.fitted.first]),
             "chi2": self.fitted.chi2,
             "dof": self.fitted.dof,
-            "p_value": probability(self.fitted),
+            "p_value": self.fitted.p_value,
         }
 
     @property
@@ -154,7 +154,7 @@ def header(channels: tuple[Channel, ...]) -> dict[str, dict[str, Any]]:
     out = {}
     for name, quantity in SENSORS.items():
         mine = [c for c in channels if c.key[0] == quantity and c.sensor == channels[0].sensor and not c.raw]
-        mine = [c for c in mine if c.fitted.covariance[0, 0] > 0 and probability(c.fitted) > UNLIKELY]
+        mine = [c for c in mine if c.fitted.covariance[0, 0] > 0 and c.fitted.p_value > MIN_P_VALUE]
         if mine:
             squares = [c.fitted.square[0] * c.weight / c.curve.step for c in mine]
             out[name] = {"value": float(f"{np.sqrt(np.mean(squares)):.4g}"), "unit": SI[quantity]}
@@ -180,7 +180,7 @@ def content(recording: Recording, channels: tuple[Channel, ...]) -> dict[str, An
 
 def in_words(channels: tuple[Channel, ...]) -> str:
     """Return the answer: the largest coefficients of channels that follow the model, and those that do not."""
-    unmodelled = [c.name for c in channels if probability(c.fitted) < UNLIKELY]
+    unmodelled = [c.name for c in channels if c.fitted.p_value < MIN_P_VALUE]
     parts = []
     for quantity, word in WORDS.items():
         every = [c for c in channels if c.key[0] == quantity]
