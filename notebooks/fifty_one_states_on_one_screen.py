@@ -24,7 +24,7 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.effects import values
-from gimbalcal.simulate.run import simulate
+from gimbalcal.simulate.simulation import simulate
 from gimbalcal.units import from_si
 
 ppm, arcsec = {"x": 300.0, "y": -300.0, "z": 300.0}, {"xy": 180.0, "xz": -90.0, "yz": 60.0, "yx": -180.0, "zx": 90.0}

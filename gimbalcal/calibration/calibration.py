@@ -22,7 +22,7 @@ from gimbalcal.calibration.content_checks import (
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.readout import Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
-from gimbalcal.effects.card import stated_law
+from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN

@@ -23,8 +23,7 @@ import numpy as np
 from gimbalcal.calibration.mount import Mount, mount, with_readouts
 from gimbalcal.calibration.readout import SI, Readout, in_counts, in_si, with_noise
 from gimbalcal.effects import Effect, Stimulus
-from gimbalcal.effects.card import happens_once
-from gimbalcal.effects.effect import GIMBALS, lacking
+from gimbalcal.effects.effect import GIMBALS, happens_once, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.forward import accelerometers, gyroscopes
 from gimbalcal.inversion import invert

@@ -33,7 +33,7 @@ from gimbalcal.schedule import ROTATIONS, Hold, RotationSchedule, Schedule
 from gimbalcal.schedule.rotation import standing
 from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.simulate import Scenario
-from gimbalcal.simulate.motion import planned as position_schedule
+from gimbalcal.simulate.timetable import planned as position_schedule
 from gimbalcal.simulate.turned import schedule_of as turning_schedule
 
 EXTRA_DWELL_S, EXTRA_RUN_S = 600.0, 86400.0  # manoeuvres: ten more minutes in a position, or a day at rest

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.card import stated_law
+from gimbalcal.effects.effect import stated_law
 
 
 class Entry:

@@ -8,6 +8,7 @@ cannot matter. A truth, a prior and an estimate are the same type: a tuple of ef
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -16,6 +17,7 @@ from typing import Any, ClassVar, TypeVar, dataclass_transform
 import numpy as np
 
 from gimbalcal.effects.history import Dynamics
+from gimbalcal.effects.stimulus import REFERENCE_TEMPERATURE
 from gimbalcal.effects.stimulus import Stimulus as Stimulus  # noqa: PLC0414 (an effect finds its whole contract here)
 from gimbalcal.number import Array
 from gimbalcal.units import to_si
@@ -266,3 +268,20 @@ def with_values(
         else:
             fields[p.field] = value
     return tuple(dataclasses.replace(e, **changes.get(i, {})) for i, e in by_id.items())
+
+
+def equation(cls: type[Effect]) -> str:
+    """Return the formula of an effect's card, LaTeX; empty where it has none."""
+    match = re.search(r"\.\. math::(.*?)(?:\n\s*\n|\Z)", cls.__doc__ or "", re.DOTALL)
+    return " ".join(match[1].split()) if match else ""
+
+
+def stated_law(cls: type[Effect]) -> dict[str, Any]:
+    """Return the meaning of an effect's numbers: its equation, and T0 in degC where it follows the temperature."""
+    law: dict[str, Any] = {"effect": cls.id, "equation": equation(cls)}
+    return law | ({"T0_degC": REFERENCE_TEMPERATURE} if "temperature" in cls.requires else {})
+
+
+def happens_once(cls: type[Effect]) -> bool:
+    """Return whether an effect is an event of one recording, of no meaning for another."""
+    return any(f.metadata["grid"].once for f in constants(cls))

@@ -25,8 +25,14 @@ ASCENSION = frozenset(["ra", "ascension", "rektaszension", "rightascension", "al
 DECLINATION = frozenset(["dec", "decl", "declination", "deklination", "de"])
 ZENITH = frozenset(["zd", "za", "zenith", "zenit", "zenitdistanz", "zenithdistance", "zdist", "zenitwinkel"])
 SIDEREAL = frozenset(["lst", "lmst", "last", "sidereal", "sternzeit"])
-KEYWORDS = {"OBJCTRA": "ra mount", "OBJCTDEC": "dec mount [deg]", "CRVAL1": "ra solved [deg]",
-            "CRVAL2": "dec solved [deg]", "SITELAT": "latitude", "SITELONG": "longitude"}  # fmt: skip
+KEYWORDS = {
+    "OBJCTRA": "ra mount",
+    "OBJCTDEC": "dec mount [deg]",
+    "CRVAL1": "ra solved [deg]",
+    "CRVAL2": "dec solved [deg]",
+    "SITELAT": "latitude",
+    "SITELONG": "longitude",
+}
 MIN_ELEVATION_RAD = np.radians(-2.0)  # that a telescope is pointed to
 _ANGLE = r"\d{1,3}(?:\.\d+|[\s:°d]+\d{1,2}[\s:'′m]+\d{1,2}(?:\.\d*)?[\"″s]?)?"
 OFFSET = frozenset(

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.guess.proposal import Place, of_tables
+from gimbalcal.guess.proposal import StatedPlace, of_tables
 from gimbalcal.guess.text_table import MIN_COLUMNS, Table, table_of_columns, values_of
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dates import Dates
 from gimbalcal.units import from_si, to_si
 
-UNITS = {"latitude": "deg", "height": "m"}  # of a Place
+UNITS = {"latitude": "deg", "height": "m"}  # of a StatedPlace
 
 
 def guessed_frame(frame: Any, title: str = "frame", site: Mapping[str, tuple[float, str]] | None = None) -> Recording:
@@ -28,7 +28,7 @@ def guessed_frame(frame: Any, title: str = "frame", site: Mapping[str, tuple[flo
     site = site or {}
     if unknown := set(site) - set(UNITS):
         raise InputError(f"site holds {min(unknown)!r}; beside guessed columns it takes latitude and height")
-    place = Place(**{key: float(from_si(to_si(*stated), UNITS[key])) for key, stated in site.items()})
+    place = StatedPlace(**{key: float(from_si(to_si(*stated), UNITS[key])) for key, stated in site.items()})
     proposal = of_tables({Path(title): _table(frame)}, title, 0.0, place)
     taken = tuple(f"{name} is taken for {g.in_words}, by {g.why}" for name, g in proposal.guesses.items())
     notes = tuple(f"{what}: {note}" for what, note in proposal.notes.items())

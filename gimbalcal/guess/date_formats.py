@@ -8,9 +8,10 @@ from collections.abc import Sequence
 DAY = re.compile(r"\s*(\d{1,4})\s*([./-])\s*(\d{1,2})\s*\2\s*(\d{1,4})\.?\s*")
 _AFTER = re.compile(r"^([^\s,]+),\s*")  # a comma behind the day
 _NAMED = re.compile(r"\s*(\d{1,4})[-. ]+([A-Za-zäé]{3,9})\.?[-., ]+(\d{1,4})(?=[ T,]|$)")
-_MONTHS = {name: k for k, names in enumerate(
-    ("jan", "feb fév", "mar mär mrz", "apr avr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov",
-     "dec dez déc"), start=1) for name in names.split()}  # fmt: skip
+_NAMES_OF_MONTHS = (
+    "jan,feb fév,mar mär mrz,apr avr,may mai,jun,jul,aug,sep,oct okt,nov,dec dez déc"  # English, German, French
+)
+_MONTHS = {name: number for number, names in enumerate(_NAMES_OF_MONTHS.split(","), start=1) for name in names.split()}
 TIME = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*([AaPp])?\.?(?:[Mm]\.?)?\s*(Z|UTC)?\s*")
 
 

@@ -147,10 +147,13 @@ def _of_words(lines: Sequence[str], at: int) -> dict[str, _Kind]:
     if not any(own_names.values()) and not uneven and not {FORCE, RATE} <= hints:
         return {}
     return {
-        tag: _Kind(own_names[tag] or (common if len(common) == widths[tag] else ()),
-                   [cells for cells in own if len(cells) == widths[tag]])
-        for tag, own in rows.items() if len(own) >= MIN_TRIAD_ROWS
-    }  # fmt: skip
+        tag: _Kind(
+            own_names[tag] or (common if len(common) == widths[tag] else ()),
+            [cells for cells in own if len(cells) == widths[tag]],
+        )
+        for tag, own in rows.items()
+        if len(own) >= MIN_TRIAD_ROWS
+    }
 
 
 def _names(tag: str, headings: Sequence[str], columns: int) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.celestial import angle_stated, latitude_column, sidereal, sidereal_hours
-from gimbalcal.guess.column_names import ANGLES, by_name, plain, unit_written
+from gimbalcal.guess.column_names import ANGLES, by_name, by_spelling, plain, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.guess.text_table import Table
 from gimbalcal.importers.pointing import ROW_STEP_S, elapsed, in_order, pointing_run
@@ -26,22 +26,26 @@ from gimbalcal.recording.gravity import not_stated
 from gimbalcal.recording.record import Recording
 from gimbalcal.units import to_si
 
-_AXES = {
-    "azimuth": "az azi azimuth azimut azim", "elevation": "el ele elev elevation alt altitude hoehe hohe",
-    "hour_angle": "ha hourangle stundenwinkel hour", "declination": "dec decl declination deklination de",
-}  # fmt: skip
-_AXIS = {word: axis for axis, words in _AXES.items() for word in words.split()}
+_AXIS = by_spelling(
+    {
+        "azimuth": "az azi azimuth azimut azim",
+        "elevation": "el ele elev elevation alt altitude hoehe hohe",
+        "hour_angle": "ha hourangle stundenwinkel hour",
+        "declination": "dec decl declination deklination de",
+    }
+)
 _PAIRS = (("azimuth", "elevation"), ("hour_angle", "declination"))
-_ROLES = {
-    "true": "true cmd command commanded cat catalog catalogue target star soll ref reference nominal expected calc "
-    "calculated model requested demand demanded source ideal apparent topo sky computed comp solved plate astrometric "
-    "solution setpoint goto",
-    "read": "enc encoder meas measured obs observed raw ist actual act read reading readout mount reported tel "
-    "telescope measure scope encoders current position",
-    "offset": "d delta diff off offset offs err error corr correction residual ablage abweichung dev deviation",
-    "sigma": "sig sigma sd std stdev unc uncertainty rms",
-}  # fmt: skip
-_ROLE = {word: role for role, words in _ROLES.items() for word in words.split()}
+_ROLE = by_spelling(
+    {
+        "true": "true cmd command commanded cat catalog catalogue target star soll ref reference nominal expected calc "
+        "calculated model requested demand demanded source ideal apparent topo sky computed comp solved plate "
+        "astrometric solution setpoint goto",
+        "read": "enc encoder meas measured obs observed raw ist actual act read reading readout mount reported tel "
+        "telescope measure scope encoders current position",
+        "offset": "d delta diff off offset offs err error corr correction residual ablage abweichung dev deviation",
+        "sigma": "sig sigma sd std stdev unc uncertainty rms",
+    }
+)
 _ERROR = frozenset(["err", "error", "residual", "dev", "deviation"])  # of an offset, where one stands beside it
 _SOLVED = frozenset(["solved", "plate", "astrometric", "solution"])  # where it looked, whatever was aimed at
 _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky", "onsky"])
@@ -119,8 +123,9 @@ def _angle_column(name: str) -> AngleColumn | None:
     return AngleColumn(name, axis, role, unit, on_sky) if axis else None
 
 
-def pointing_proposal(path: Path, table: Table, columns: tuple[AngleColumn, ...], title: str, latitude: float | None,
-                      height: float | None) -> PointingRun:  # fmt: skip
+def pointing_proposal(
+    path: Path, table: Table, columns: tuple[AngleColumn, ...], title: str, latitude: float | None, height: float | None
+) -> PointingRun:
     """Return the run whose angles are `columns`; latitude [rad] and height [m] where they are known.
 
     Raises InputError for an equatorial mount whose latitude nobody says, and where readouts are not told from angles.
@@ -129,8 +134,10 @@ def pointing_proposal(path: Path, table: Table, columns: tuple[AngleColumn, ...]
     notes: dict[str, str] = {}
     latitude = latitude if latitude is not None else _latitude(table, notes)
     if axes[0] == "hour_angle" and latitude is None:
-        raise InputError(f"{path}: hour angle and declination are those of an equatorial mount, whose polar axis leans "
-                         "by the latitude; give --latitude DEG")  # fmt: skip
+        raise InputError(
+            f"{path}: hour angle and declination are those of an equatorial mount, whose polar axis leans by the "
+            "latitude; give --latitude DEG"
+        )
     platform = KNOWN["alt-az"] if axes[0] == "azimuth" else equatorial(float(latitude or 0.0))
     read: dict[str, Array] = {}
     true: dict[str, Array] = {}
@@ -144,8 +151,10 @@ def pointing_proposal(path: Path, table: Table, columns: tuple[AngleColumn, ...]
             notes["sky"] = f"{off.name} is on the sky by its name: divided by the cosine of the {lower}"
     order = {axis.name: axis for axis in platform.axes if axis.name in axes}
     site = not_stated(latitude, height)
-    clock = next((n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time"
-                  and np.all(np.diff(x) >= 0)), "")  # fmt: skip
+    clock = next(
+        (n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time" and np.all(np.diff(x) >= 0)),
+        "",
+    )
     rows = len(read[axes[0]])
     time, remarks = (_seconds(clock, table), ()) if clock else _sidereal_seconds(path, table, rows)
     back = next((n for n in table.columns if (g := by_name(n)) and g.quantity == "time"), "")

@@ -24,15 +24,15 @@ from gimbalcal.guess.log import FORCE, Guess, Log
 from gimbalcal.guess.merged_logs import are_parts, concatenated, on_one_clock, slowest_first
 from gimbalcal.guess.novatel import rawimu
 from gimbalcal.guess.pointing_run import angles_in, pointing_proposal
-from gimbalcal.guess.rate_table import (
+from gimbalcal.guess.space_stable import static_run
+from gimbalcal.guess.text_table import Table, tables_of
+from gimbalcal.guess.turned_by_table import (
     TurnedLog,
     gravity_is_constant,
     missing_table,
     orientation_note,
     turned_by_table,
 )
-from gimbalcal.guess.static_run import static_run
-from gimbalcal.guess.text_table import Table, tables_of
 from gimbalcal.guess.unit_candidates import unit_candidates
 from gimbalcal.importers.mmt import import_mmt
 from gimbalcal.importers.tpoint import import_tpoint
@@ -60,7 +60,7 @@ class Proposal:
 
 
 @dataclass(frozen=True)
-class Place:
+class StatedPlace:
     """The place as a user states it: deg, east positive, and m; None where it is not stated."""
 
     latitude: float | None = None
@@ -132,10 +132,10 @@ def propose(
     for path in logs:
         raw = rawimu(path)
         tables |= {path: raw} if raw else tables_of(path, dates)
-    return of_tables(tables, title, rate, Place(latitude, height, longitude))
+    return of_tables(tables, title, rate, StatedPlace(latitude, height, longitude))
 
 
-def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Place) -> Proposal:
+def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: StatedPlace) -> Proposal:
     """Return the proposal of tables by the path, or the name, of their logs, as `propose` does."""
     first = next(iter(tables))
     if len(tables) == 1 and (pointing := _pointing(first, tables[first], title, place)):
@@ -174,7 +174,7 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Plac
     return _multi_position(log, context, above)
 
 
-def _pointing(path: Path, table: Table, title: str, place: Place) -> Proposal | None:
+def _pointing(path: Path, table: Table, title: str, place: StatedPlace) -> Proposal | None:
     """Return the pointing run in a table; None where it holds no pair of axes of a mount."""
     table, assumed = axis_angles(table, place.longitude)
     angles = angles_in(table)

@@ -40,7 +40,7 @@ _NUMBER = re.compile(
 
 
 @dataclass(frozen=True)
-class Layout:
+class TableLayout:
     """Lines before a table (its line of names belongs to it), its separator, and whether it has names."""
 
     skip: int
@@ -65,8 +65,9 @@ def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
     with path.open(encoding=encoding_of(path)) as file:
         head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
     messages = tables_in(path, head)
-    return {path / word: table_of(path, dates, lines) for word, lines in messages.items()} or {
-        path: table_of(path, dates)}  # fmt: skip
+    if not messages:
+        return {path: table_of(path, dates)}
+    return {path / word: table_of(path, dates, lines) for word, lines in messages.items()}
 
 
 def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None = None) -> Table:
@@ -139,8 +140,14 @@ def _one_stamp(frame: pl.DataFrame) -> pl.DataFrame:
         return frame
     first = {name: str(frame[name][0] or "").strip(" \"'") for name in frame.columns}
     day = next((n for n, cell in first.items() if date_formats.is_day(cell)), "")
-    time = next((n for n, cell in first.items() if date_formats.TIME.fullmatch(cell) and (g := by_name(n))
-                 and g.quantity == "time"), "")  # fmt: skip
+    time = next(
+        (
+            n
+            for n, cell in first.items()
+            if date_formats.TIME.fullmatch(cell) and (g := by_name(n)) and g.quantity == "time"
+        ),
+        "",
+    )
     if not day or not time:
         return frame
     days, times = ([str(cell or "").strip(" \"'") for cell in frame[n].to_list()] for n in (day, time))
@@ -197,7 +204,7 @@ def _in_first_unit(cell: str | None) -> float:
     return (-1.0 if cell.lstrip().startswith("-") else 1.0) * sum(x / 60**i for i, x in enumerate(parts[:3]))
 
 
-def _layout(head: Sequence[str]) -> Layout | None:
+def _layout(head: Sequence[str]) -> TableLayout | None:
     """Return where the table in the first lines of a file begins, and its separator.
 
     Most lines of one width in which most cells are numbers are the table; its names stand in the line above, or above a
@@ -218,14 +225,14 @@ def _layout(head: Sequence[str]) -> Layout | None:
         return None
     above = [(i, row) for i, row in enumerate(cells[mark][:first]) if row]
     if not above or head[above[-1][0]].startswith(("#", "!", "//")):
-        return Layout(first, mark, False)
+        return TableLayout(first, mark, False)
     names, row = above[-1]
     remarked = len(row) > width and mark != " " and any(map(by_name, row[:width]))  # a last column is often left empty
     if len(row) != width and not remarked:
-        return Layout(first, mark, False)
+        return TableLayout(first, mark, False)
     if len(above) > 1 and len(above[-2][1]) == width and _holds_units(row) and any(map(_holds_letters, above[-2][1])):
         names, row = above[-2]
-    return Layout(names, mark, True) if any(map(_holds_letters, row)) else Layout(first, mark, False)
+    return TableLayout(names, mark, True) if any(map(_holds_letters, row)) else TableLayout(first, mark, False)
 
 
 def _cells(line: str, mark: str) -> list[str]:
@@ -276,8 +283,9 @@ def _names_above(above: Sequence[str], columns: int) -> list[str]:
             tail = [f"{words[k - 1]} sigma" if w in _BESIDE and k else w for k, w in enumerate(words)][-columns:]
             if len(tail) < columns or len(set(tail)) < columns:
                 continue
-            known = sum(bool(by_name(word)) or bool(re.search(r"[\[(]", word) and unit_written(plain(word)))
-                        for word in tail)  # fmt: skip
+            known = sum(
+                bool(by_name(word)) or bool(re.search(r"[\[(]", word) and unit_written(plain(word))) for word in tail
+            )
             if (len(words) == columns or 2 * known >= columns) and known >= best[0]:
                 best = known, tail
                 break

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.importers.described_table import header_for, recording_of
 from gimbalcal.importers.registry import importer, number
-from gimbalcal.importers.table import header_for, recording_of
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import is_date
 from gimbalcal.recording.lines import EMPTY, names_above, numbered
@@ -66,8 +66,9 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     return recording_of(replace(header, named=named), options, fetch)
 
 
-def frame_of(path: Path, separator: str, skip: int, named: bool, quoted: bool = True,
-             lines: Sequence[str] | None = None) -> pl.DataFrame:  # fmt: skip
+def frame_of(
+    path: Path, separator: str, skip: int, named: bool, quoted: bool = True, lines: Sequence[str] | None = None
+) -> pl.DataFrame:
     """Return every cell as text, the blanks around names removed; not `quoted`: quotation marks are ordinary letters.
 
     lines: of the file, where they were made plainer.
@@ -85,12 +86,19 @@ def frame_of(path: Path, separator: str, skip: int, named: bool, quoted: bool = 
         source = path.read_text(encoding=encoding).encode()
     try:
         frame = pl.read_csv(
-            source, separator=separator, skip_lines=skip, comment_prefix="#", infer_schema=False, has_header=named,
-            glob=False, quote_char='"' if quoted else None,
-        )  # fmt: skip
+            source,
+            separator=separator,
+            skip_lines=skip,
+            comment_prefix="#",
+            infer_schema=False,
+            has_header=named,
+            glob=False,
+            quote_char='"' if quoted else None,
+        )
     except pl.exceptions.PolarsError as error:
-        raise InputError(_longer_line(path, separator, skip) or
-                         f"{path} cannot be read as a table: {str(error).splitlines()[0]}") from None  # fmt: skip
+        raise InputError(
+            _longer_line(path, separator, skip) or f"{path} cannot be read as a table: {str(error).splitlines()[0]}"
+        ) from None
     stripped = [name.strip() for name in frame.columns]
     if len(set(stripped)) == len(stripped):
         frame.columns = stripped

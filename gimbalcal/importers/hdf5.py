@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.importers.described_table import component, header_for, recording_of, without_index
 from gimbalcal.importers.registry import importer
-from gimbalcal.importers.table import component, header_for, recording_of, without_index
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
 from gimbalcal.recording.room import refuse_bomb

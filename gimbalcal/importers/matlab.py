@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.importers.described_table import component, header_for, recording_of, without_index
 from gimbalcal.importers.hdf5 import dataset, dataset_names
 from gimbalcal.importers.registry import importer
 from gimbalcal.importers.sandboxed_reader import matlab_variables
-from gimbalcal.importers.table import component, header_for, recording_of, without_index
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording, Source
 

@@ -39,8 +39,20 @@ def import_tilt_table(files: Sequence[Path], _options: Mapping[str, str]) -> Rec
             arrays = {name: np.asarray(archive[name], dtype=float) for name in [*names, "fs"]}
     except InputError:
         raise
-    except (KeyError, OSError, TypeError, ValueError, EOFError, MemoryError, OverflowError, NotImplementedError,
-            RuntimeError, SyntaxError, zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
+    except (
+        KeyError,
+        OSError,
+        TypeError,
+        ValueError,
+        EOFError,
+        MemoryError,
+        OverflowError,
+        NotImplementedError,
+        RuntimeError,
+        SyntaxError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
         raise InputError(
             f"{path} is not the archive of a tilt table, it must hold {', '.join(names)}, fs: {error}"
         ) from None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.card import stated_law
+from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import amount
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.references import cite

@@ -44,9 +44,12 @@ class Swing:
         C = self.start @ np.swapaxes(frame_rotation("x", r) @ frame_rotation("y", p) @ frame_rotation("z", h), -1, -2)
         sp, cp, sr, cr = np.sin(p), np.cos(p), np.sin(r), np.cos(r)
         rate = np.stack([dr - dh * sp, dp * cr + dh * cp * sr, dh * cp * cr - dp * sr], axis=-1)
-        slope = np.stack([
-            ddr - ddh * sp - dh * dp * cp,
-            ddp * cr - dp * dr * sr + ddh * cp * sr - dh * dp * sp * sr + dh * dr * cp * cr,
-            ddh * cp * cr - dh * dp * sp * cr - dh * dr * cp * sr - ddp * sr - dp * dr * cr,
-        ], axis=-1)  # fmt: skip
+        slope = np.stack(
+            [
+                ddr - ddh * sp - dh * dp * cp,
+                ddp * cr - dp * dr * sr + ddh * cp * sr - dh * dp * sp * sr + dh * dr * cp * cr,
+                ddh * cp * cr - dh * dp * sp * cr - dh * dr * cp * sr - ddp * sr - dp * dr * cr,
+            ],
+            axis=-1,
+        )
         return C, rate, slope

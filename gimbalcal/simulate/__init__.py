@@ -7,7 +7,7 @@ Format of a scenario: docs/scenarios.md and the files in gimbalcal/scenarios.
 """
 
 from gimbalcal.simulate.folder import simulate_to
-from gimbalcal.simulate.run import prepare, simulate
 from gimbalcal.simulate.scenario import Scenario, check_content, load
+from gimbalcal.simulate.simulation import prepare, simulate
 
 __all__ = ["Scenario", "check_content", "load", "prepare", "simulate", "simulate_to"]

@@ -13,8 +13,8 @@ from gimbalcal import atomic
 from gimbalcal.errors import InputError
 from gimbalcal.recording import write
 from gimbalcal.recording.header import NAME
-from gimbalcal.simulate.run import Run, blocks, joined, prepare
 from gimbalcal.simulate.scenario import find, load
+from gimbalcal.simulate.simulation import Run, blocks, joined, prepare
 from gimbalcal.simulate.truth import described
 
 MIN_PARQUET_ROWS = 400_000  # rows from which samples are written as Parquet

@@ -58,7 +58,7 @@ class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Turn(_Section):
+class TurnSection(_Section):
     """[[schedule.moves]]: a turn about an axis of the unit (x, y, z) or of the table (outer, inner)."""
 
     axis: Literal["x", "y", "z", "outer", "inner"]
@@ -74,7 +74,7 @@ class Oscillation(_Section):
     amplitude: Angle
 
 
-class Swinging(_Section):
+class SwingSection(_Section):
     """[schedule.swing]: a table that swings about all three axes at once."""
 
     heading: Oscillation | None = None
@@ -82,7 +82,7 @@ class Swinging(_Section):
     roll: Oscillation | None = None
 
 
-class Driving(_Section):
+class DriveSection(_Section):
     """[schedule.drive]: legs from crossing to crossing with bends and hills, after a rest."""
 
     speed: Speed
@@ -91,7 +91,7 @@ class Driving(_Section):
     rest: Duration = 900.0
 
 
-class Motion(_Section):
+class ScheduleSection(_Section):
     """[schedule]: which holds or turns, how long, how fast between them, how often sampled."""
 
     name: str = ""
@@ -108,14 +108,14 @@ class Motion(_Section):
     # of turns, in a rotation
     file: str = ""  # a schedule.toml instead of a name
     start: dict[str, str] = {}  # where x, y and z point, as in schedule.toml
-    moves: tuple[Turn, ...] = ()
-    swing: Swinging | None = None
-    drive: Driving | None = None
+    moves: tuple[TurnSection, ...] = ()
+    swing: SwingSection | None = None
+    drive: DriveSection | None = None
     start_sigma: Angle = 0.0  # how far the unit is off its start, one sigma about each axis
     rates: Literal["mean", "instant"] = "mean"  # over the interval that ends at the row, or of the row's time
 
     @model_validator(mode="after")
-    def _known(self) -> Motion:
+    def _known(self) -> ScheduleSection:
         if self.name and self.name not in (*SCHEDULES, *ROTATIONS):
             raise ValueError(f"no schedule is called {self.name!r}; known: {', '.join((*SCHEDULES, *ROTATIONS))}")
         if sum(map(bool, (self.name, self.file, self.holds, self.moves, self.swing, self.drive))) > 1:
@@ -130,7 +130,7 @@ class Motion(_Section):
         return self.name in ROTATIONS or bool(self.file or self.moves or self.swing or self.drive or self.start)
 
 
-class Place(_Section):
+class SiteSection(_Section):
     """[site]."""
 
     latitude: Annotated[float, _measured("angle")] | None = None
@@ -138,19 +138,19 @@ class Place(_Section):
     gravity: Force | None = None
 
     @model_validator(mode="after")
-    def _on_earth(self) -> Place:
+    def _on_earth(self) -> SiteSection:
         if self.latitude is not None and abs(self.latitude) > np.pi / 2:
             raise ValueError("latitude must lie between -90 and 90 deg")
         return self
 
 
-class Rig(_Section):
+class PlatformSection(_Section):
     """[platform]."""
 
     name: str = "space-stable"
 
 
-class History(_Section):
+class QuantityHistory(_Section):
     """How a quantity of the environment goes: a temperature in degC, any other as it will be logged."""
 
     shape: Literal["constant", "ramp", "sinusoid", "random-walk", "table"] = "constant"
@@ -164,7 +164,7 @@ class History(_Section):
     value: tuple[float, ...] = ()
 
     @model_validator(mode="after")
-    def _whole_table(self) -> History:
+    def _whole_table(self) -> QuantityHistory:
         if self.shape == "table" and (len(self.time_h) != len(self.value) or len(self.time_h) < 2):
             raise ValueError("a table needs as many `value` as `time_h`, at least two")
         if any(b <= a for a, b in zip(self.time_h, self.time_h[1:], strict=False)):
@@ -172,15 +172,15 @@ class History(_Section):
         return self
 
 
-class Environment(_Section):
+class EnvironmentSection(_Section):
     """[environment]."""
 
-    temperature: History | None = None
-    covariates: dict[str, History] = {}
+    temperature: QuantityHistory | None = None
+    covariates: dict[str, QuantityHistory] = {}
     thermometer_sigma: float = Field(default=0.0, ge=0)  # degC
 
 
-class Noise(_Section):
+class NoiseSection(_Section):
     """[noise]: one sigma of one sample, and the coloured parts of the accelerometers."""
 
     accelerometer: Force = 0.0
@@ -201,7 +201,7 @@ class Noise(_Section):
     place: Length = 0.0  # of the reference of a drive, in each direction
 
 
-class Blunder(_Section):
+class BlunderSection(_Section):
     """A position whose gimbal was set wrong."""
 
     position: int
@@ -209,12 +209,12 @@ class Blunder(_Section):
     angle: Angle
 
 
-class Faults(_Section):
+class FaultsSection(_Section):
     """[faults]: what goes wrong on purpose."""
 
     quantisation: Force = 0.0
     drop: tuple[int, ...] = ()
-    blunders: tuple[Blunder, ...] = ()
+    blunders: tuple[BlunderSection, ...] = ()
     interchange: tuple[tuple[int, int], ...] = ()
 
 
@@ -226,13 +226,13 @@ class Scenario(_Section):
     gyroscopes: bool = False  # log angular_rate, and the slews; a rotation recording always does
     title: str = "simulated"
     seed: int = Field(default=1, ge=0)
-    site: Place = Place()
-    platform: Rig = Rig()
-    schedule: Motion = Motion()
+    site: SiteSection = SiteSection()
+    platform: PlatformSection = PlatformSection()
+    schedule: ScheduleSection = ScheduleSection()
     truth: dict[str, Any] = {}
-    environment: Environment = Environment()
-    noise: Noise = Noise()
-    faults: Faults = Faults()
+    environment: EnvironmentSection = EnvironmentSection()
+    noise: NoiseSection = NoiseSection()
+    faults: FaultsSection = FaultsSection()
 
     @model_validator(mode="after")
     def _complete(self) -> Scenario:

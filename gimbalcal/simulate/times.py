@@ -8,8 +8,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.room import room
 from gimbalcal.schedule.trajectory import Path as Course
-from gimbalcal.simulate.motion import Timetable
 from gimbalcal.simulate.scenario import Scenario
+from gimbalcal.simulate.timetable import Timetable
 
 YEAR = 365.25 * 86400.0  # s
 MAX_DURATION_S = 10 * YEAR

@@ -87,9 +87,13 @@ def _effect(
 
 
 def _drawn(
-    name: str, gimbals: Sequence[str], read: Sequence[str], factor: float, sigma: float | None,
+    name: str,
+    gimbals: Sequence[str],
+    read: Sequence[str],
+    factor: float,
+    sigma: float | None,
     rng: np.random.Generator,
-) -> dict[Parameter, float]:  # fmt: skip
+) -> dict[Parameter, float]:
     out = {}
     for p in parameters(CATALOGUE[name], gimbals):
         scale = factor * p.sigma if sigma is None else float(to_si(sigma, p.unit))

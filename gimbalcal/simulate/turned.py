@@ -29,7 +29,7 @@ from gimbalcal.schedule.file import read_rotation
 from gimbalcal.schedule.rotation import standing
 from gimbalcal.schedule.swing import Swing
 from gimbalcal.schedule.trajectory import Path, earth_rate, trajectory
-from gimbalcal.simulate.scenario import Motion
+from gimbalcal.simulate.scenario import ScheduleSection
 
 QUIVER_PERIOD_S = 0.2  # s
 MIN_INTERVAL_S = 1e-9  # s; pieces of an interval are longer
@@ -110,7 +110,7 @@ def _driven(path: Drive, like: Recording, time: Array) -> Stimulus:
     return s.at(rate_slope=slope - np.cross(own, frame))
 
 
-def schedule_of(motion: Motion) -> RotationSchedule:
+def schedule_of(motion: ScheduleSection) -> RotationSchedule:
     """Return the schedule that a scenario names, points to or holds, with the scenario's own rate, ramp and stop."""
     if motion.name:
         schedule = ROTATIONS[motion.name]
@@ -131,7 +131,7 @@ def schedule_of(motion: Motion) -> RotationSchedule:
     )
 
 
-def flown(motion: Motion, setting: float, rng: np.random.Generator, site: Site) -> Path:
+def flown(motion: ScheduleSection, setting: float, rng: np.random.Generator, site: Site) -> Path:
     """Return the trajectory as it truly is: the start a little off, and each axis set with an error at every stop."""
     tilt = motion.start_sigma * rng.standard_normal(3)
     if motion.drive is not None:
@@ -155,9 +155,13 @@ def flown(motion: Motion, setting: float, rng: np.random.Generator, site: Site) 
 
 
 def shaken(
-    path: Path, time: Array, step: float, sigma: float, rng: np.random.Generator,
+    path: Path,
+    time: Array,
+    step: float,
+    sigma: float,
+    rng: np.random.Generator,
     states: dict[tuple[str, str], Array],
-) -> Array:  # fmt: skip
+) -> Array:
     """Return the force (n, 3) [m/s^2] of a place that quivers, velocity one `sigma` [m/s]; block after block.
 
     Velocities at the ends of rows are `QUIVER_PERIOD_S` long alike, so a second apart they are independent. What their

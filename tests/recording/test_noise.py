@@ -9,8 +9,8 @@ from gimbalcal.effects.process import Flicker, GaussMarkov, RandomWalk, SettingE
 from gimbalcal.recording.noise import coloured, sample_sigma, stated
 from gimbalcal.recording.scatter import differences, white_sigma
 from gimbalcal.simulate import simulate
-from gimbalcal.simulate.run import noises
 from gimbalcal.simulate.scenario import load
+from gimbalcal.simulate.simulation import noises
 from tests.diagnose.plant import ARCSEC, UG, record
 
 AXES = [("specific_force", a) for a in "xyz"]

@@ -7,7 +7,7 @@ import pytest
 import sympy
 
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.card import equation, stated_law
+from gimbalcal.effects.effect import equation, stated_law
 from gimbalcal.report.formulas import formula, plain_formula
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gimbalcal.simulate.folder as folder_module
-import gimbalcal.simulate.run as run_module
+import gimbalcal.simulate.simulation as run_module
 from gimbalcal.effects import CATALOGUE, parameters, values
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
@@ -19,7 +19,7 @@ from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.recording import dwells, read
 from gimbalcal.simulate import check_content, simulate, simulate_to
 from gimbalcal.simulate.environment import course
-from gimbalcal.simulate.scenario import History
+from gimbalcal.simulate.scenario import QuantityHistory
 
 TEN_S = {"value": 10.0, "unit": "s"}
 ONE_HZ = {"value": 1.0, "unit": "Hz"}
@@ -247,7 +247,7 @@ def test_a_scenario_that_is_not_there_is_told_with_those_that_are(tmp_path: Path
 
 
 def test_a_temperature_walks_by_the_root_of_time() -> None:
-    walk = course(History(shape="random-walk", walk=2.0), 3600.0 * 4000, np.random.default_rng(3))
+    walk = course(QuantityHistory(shape="random-walk", walk=2.0), 3600.0 * 4000, np.random.default_rng(3))
     for hours in (1, 16):
         steps = np.diff(walk(3600.0 * np.arange(0, 4001, hours)))
         assert np.std(steps) == pytest.approx(2.0 * np.sqrt(hours), rel=4 / np.sqrt(2 * len(steps)))

@@ -31,7 +31,7 @@ MIN_TRAVEL = 0.05  # rad, of an axis
 
 
 @dataclass(frozen=True, eq=False)
-class Readout:
+class TableReadout:
     """One way to read a column: as an angle [rad] (n,) in `unit`, or, in a unit of rate, as the integral of a rate."""
 
     name: str
@@ -49,7 +49,7 @@ class TableFit:
     """A chain of axes, its readouts, and the share of the gyroscopes' readings that it leaves."""
 
     misfit: float
-    readouts: tuple[Readout, ...]
+    readouts: tuple[TableReadout, ...]
     platform: Platform
 
 
@@ -146,17 +146,17 @@ def _by_likelihood(columns: Mapping[str, Array]) -> Iterator[dict[str, Array]]:
         yield {n: group[n] for n in list(group)[:MAX_COLUMNS]}
 
 
-def _readouts(name: str, x: Array, time: Array) -> Iterator[Readout]:
+def _readouts(name: str, x: Array, time: Array) -> Iterator[TableReadout]:
     """Yield the ways to read a column: as its name says, else as an angle and as a rate in the usual units."""
     written, angles, rates = unit_written(plain(name)), QUANTITIES["gimbal_angle"].units, QUANTITIES[RATE].units
     if rate_word(name) and written in angles:
         written += "/s"  # table_rate_rad
     if written not in rates:
         for unit in (written,) if written in angles else ANGLE_UNITS:
-            yield Readout(name, unit, np.unwrap(np.asarray(to_si(x, unit))))
+            yield TableReadout(name, unit, np.unwrap(np.asarray(to_si(x, unit))))
     if written not in angles:
         for unit in (written,) if written in rates else RATE_UNITS_OF_TABLE:
-            yield Readout(name, unit, integral(np.asarray(to_si(x, unit)), time))
+            yield TableReadout(name, unit, integral(np.asarray(to_si(x, unit)), time))
 
 
 def _fit(time: Array, readings: Array, columns: Mapping[str, Array], scale: float | None) -> TableFit | None:

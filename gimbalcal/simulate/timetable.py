@@ -11,7 +11,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform, known
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
-from gimbalcal.simulate.scenario import Faults, Motion, Scenario
+from gimbalcal.simulate.scenario import FaultsSection, Scenario, ScheduleSection
 
 SLEW_RATE = float(np.deg2rad(6.0))  # rad/s, of a table or platform from hold to hold
 
@@ -91,7 +91,7 @@ def platform_of(scenario: Scenario) -> Platform:
     return platform
 
 
-def timetable(schedule: Schedule, motion: Motion, faults: Faults, ramp: float = 0.0) -> Timetable:
+def timetable(schedule: Schedule, motion: ScheduleSection, faults: FaultsSection, ramp: float = 0.0) -> Timetable:
     """Return times of all visits: dwell, turn at the finite slew rate, settle, dwell again."""
     holds = list(schedule.holds) * motion.sweeps
     told = np.tile(schedule.angles, (motion.sweeps, 1))
@@ -104,7 +104,7 @@ def timetable(schedule: Schedule, motion: Motion, faults: Faults, ramp: float = 
     return Timetable(position, told, true, start, start + dwell, ramp, motion.settle)
 
 
-def sidereal(motion: Motion, latitude: float, platform: Platform, time: Array) -> Array:
+def sidereal(motion: ScheduleSection, latitude: float, platform: Platform, time: Array) -> Array:
     """Return gimbal angles (n, k) [rad] of a perfect space-stable platform: Wu et al. (2018), Eq. (4)."""
     ideal = {"platform": motion.start_angle + EARTH_RATE * time, "middle": np.full_like(time, latitude)}
     return platform.angles({k: v for k, v in ideal.items() if k in platform.axis_names}, time.shape)
@@ -120,7 +120,7 @@ def _hold(platform: Platform, hold: dict[str, float], i: int) -> Hold:
     return Hold(tuple(float(np.deg2rad(hold.get(axis, 0.0))) for axis in platform.axis_names))
 
 
-def _with_faults(told: Array, position: Array, platform: Platform, faults: Faults) -> Array:
+def _with_faults(told: Array, position: Array, platform: Platform, faults: FaultsSection) -> Array:
     """Return the true path of the platform: interchanged positions, then gimbals set wrong."""
     true = told.copy()
     for first, second in faults.interchange:

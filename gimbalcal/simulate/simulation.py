@@ -23,10 +23,10 @@ from gimbalcal.recording.record import Key
 from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.trajectory import Path as Course
 from gimbalcal.simulate.environment import course
-from gimbalcal.simulate.motion import Timetable, planned, platform_of, sidereal, timetable
-from gimbalcal.simulate.noise import coloured, noises, of_rates, stated
 from gimbalcal.simulate.scenario import Scenario, check_content, load
+from gimbalcal.simulate.sensor_noise import coloured, noises, of_rates, stated
 from gimbalcal.simulate.times import row_times, turned_times
+from gimbalcal.simulate.timetable import Timetable, planned, platform_of, sidereal, timetable
 from gimbalcal.simulate.truth import check_shown, true_effects
 from gimbalcal.simulate.turned import flown, nodes, shaken, stimulus
 
@@ -115,9 +115,13 @@ def blocks(run: Run) -> Iterator[Recording]:
 
 
 def _block(
-    run: Run, start: int, stop: int, rng: np.random.Generator, place: np.random.Generator,
+    run: Run,
+    start: int,
+    stop: int,
+    rng: np.random.Generator,
+    place: np.random.Generator,
     states: dict[tuple[str, str], Array],
-) -> Recording:  # fmt: skip
+) -> Recording:
     past, time = _past(run, start), run.time[start:stop]
     nominal = _nominal(run, np.concatenate([run.time[past], time]))
     if run.path is None:
@@ -188,9 +192,16 @@ def _nominal(run: Run, time: Array) -> Recording:
     channels |= {key: history(time) for key, history in run.environment.items()}
     held = run.path is None and run.scenario.recording_kind.rotating  # a table's holds are evaluated at the rows
     return Recording(
-        run.scenario.recording_kind, run.scenario.title, run.platform, run.site, stated(run.scenario), time, position,
-        channels, instant=held or run.scenario.schedule.rates == "instant",
-    )  # fmt: skip
+        run.scenario.recording_kind,
+        run.scenario.title,
+        run.platform,
+        run.site,
+        stated(run.scenario),
+        time,
+        position,
+        channels,
+        instant=held or run.scenario.schedule.rates == "instant",
+    )
 
 
 def _as_it_was(run: Run, nominal: Recording) -> Stimulus:
@@ -242,6 +253,14 @@ def _site(scenario: Scenario) -> Site:
 
 
 def _units(channels: Mapping[Key, Array]) -> dict[Key, str]:
-    unit = {"specific_force": "m/s^2", "gimbal_angle": "deg", "attitude_error": "arcsec", "temperature": "degC",
-            "angular_rate": "rad/s", "latitude": "deg", "longitude": "deg", "height": "m"}  # fmt: skip
+    unit = {
+        "specific_force": "m/s^2",
+        "gimbal_angle": "deg",
+        "attitude_error": "arcsec",
+        "temperature": "degC",
+        "angular_rate": "rad/s",
+        "latitude": "deg",
+        "longitude": "deg",
+        "height": "m",
+    }
     return {key: unit[key[0]] for key in channels if key[0] in unit}
