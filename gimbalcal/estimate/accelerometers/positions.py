@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters
-from gimbalcal.effects.card import happens_once
+from gimbalcal.effects.effect import happens_once
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
