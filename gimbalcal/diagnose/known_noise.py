@@ -26,12 +26,10 @@ from gimbalcal.diagnose.rows.baseline import carried
 from gimbalcal.diagnose.search.about_settings import about_settings
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering
-from gimbalcal.diagnose.verdict.calibrated import calibrated, found_jointly
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.detection_limits import detection_limits, limits_in_words
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
-from gimbalcal.diagnose.verdict.locate import LEFT, Scan, mismatches, scan
-from gimbalcal.diagnose.verdict.model import (
+from gimbalcal.diagnose.verdict.fitted_causes import (
     FittedCauses,
     JointCovariance,
     calibration_fit,
@@ -39,8 +37,10 @@ from gimbalcal.diagnose.verdict.model import (
     fit_causes,
     joint_covariance,
 )
+from gimbalcal.diagnose.verdict.manoeuvres import advise, sentence
+from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.random_walk import decide_with_walk, repeat_advice, with_walk, without_single_walks
-from gimbalcal.diagnose.verdict.recommend import advise, sentence
+from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_jointly
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
 from gimbalcal.effects import CATALOGUE, Parameter

@@ -33,14 +33,14 @@ from gimbalcal.diagnose.result import (
 from gimbalcal.diagnose.rows.baseline import unfit
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.unknown_noise import applies
-from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
+from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
-from gimbalcal.diagnose.verdict.disagreement import Disagreement
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
-from gimbalcal.diagnose.verdict.locate import LISTED, Scan, mismatches
-from gimbalcal.diagnose.verdict.model import fit_causes
-from gimbalcal.diagnose.verdict.pool import Part, agreement, common_constants, parts, pooled
-from gimbalcal.diagnose.verdict.recommend import advise, sentence
+from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
+from gimbalcal.diagnose.verdict.manoeuvres import advise, sentence
+from gimbalcal.diagnose.verdict.mismatch_scan import LISTED, Scan, mismatches
+from gimbalcal.diagnose.verdict.pooled_sizes import Part, agreement_on_size, common_constants, parts, pooled
+from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
 from gimbalcal.diagnose.verdict.threshold import clean_evidence_jointly
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
@@ -181,7 +181,7 @@ def _report(
 
 def _calibrated(
     c: CombinedRanking, d: Decision, shares: Sequence[Share], outcome: str, known: Calibration | None
-) -> tuple[Calibration, Disagreement]:
+) -> tuple[Calibration, ConstantsAgreement]:
     """The calibration of the unit from all recordings, with their common sizes, and how well these agree."""
     members, each = d.hypothesis.members if d.hypothesis else (), [x.part for x in shares]
     causes = [c.library.candidates[m] for m in members]
@@ -233,7 +233,7 @@ def _sizes(shares: Sequence[Part], slot: int) -> tuple[RecordingSize, ...]:
 
 
 def _agreement(shares: Sequence[Part], slot: int, found: Finding) -> SizeAgreement:
-    a = agreement(shares, slot)
+    a = agreement_on_size(shares, slot)
     return SizeAgreement(round(a.chi2, 3), a.dof, a.p_value, a.against(wording.named(found.effect, found.axis)))
 
 

@@ -24,9 +24,9 @@ from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.rows.views import MANY, norm, pointing, table
 from gimbalcal.diagnose.search.about_found import about_found
 from gimbalcal.diagnose.search.stepwise import course
-from gimbalcal.diagnose.verdict.calibrated import origin
-from gimbalcal.diagnose.verdict.calibrated_views import Seen, calibrated_views
 from gimbalcal.diagnose.verdict.detection_limits import limits_in_words
+from gimbalcal.diagnose.verdict.refit_calibration import origin
+from gimbalcal.diagnose.verdict.view_calibration import Seen, calibrated_views
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, curves_of, diagnose_view, diagnosis_of
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.baseline import BASELINE

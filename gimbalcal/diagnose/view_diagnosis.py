@@ -24,7 +24,7 @@ from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.detection_limits import detection_limits
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding
 from gimbalcal.diagnose.verdict.judgement import Judgement
-from gimbalcal.diagnose.verdict.locate_unknown_noise import mismatches
+from gimbalcal.diagnose.verdict.mismatch_patterns import mismatches
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, likeliest_walk, repeat_advice
 from gimbalcal.diagnose.verdict.view_fit import row_sigma, view_fit
 from gimbalcal.effects import CATALOGUE

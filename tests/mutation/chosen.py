@@ -171,12 +171,13 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.cost", "_costs", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
         ("diagnose.cost", "_unit", "if e.id != effect]", "]"),
     ),
-    "diagnose/verdict/test_disagreement.py": (
-        ("diagnose.verdict.disagreement", "_rise", "together.dof - sum(s.dof for s in parts)", "together.dof"),
-        ("diagnose.verdict.disagreement", "_differences", "np.hypot(after.sigma[j], before.sigma[i])",
+    "diagnose/verdict/test_agreement.py": (
+        ("diagnose.verdict.agreement", "_rise", "together.dof - sum(s.dof for s in parts)", "together.dof"),
+        ("diagnose.verdict.agreement", "_differences", "np.hypot(after.sigma[j], before.sigma[i])",
          "after.sigma[j]"),
-        ("diagnose.verdict.disagreement", "disagreement", "2 * min(p, rarest", "min(p, rarest"),
-        ("diagnose.verdict.disagreement", "Disagreement.in_words", "recording {self.odd + 1}", "recording {self.odd}"),
+        ("diagnose.verdict.agreement", "agreement_on_constants", "2 * min(p, rarest", "min(p, rarest"),
+        ("diagnose.verdict.agreement", "ConstantsAgreement.in_words", "recording {self.odd + 1}",
+         "recording {self.odd}"),
     ),
     "diagnose/search/test_combine.py::test_order_does_not_matter_and_singles_add_up": (
         ("diagnose.search.combine", "combine", "np.where(rival, np.log(UNKNOWN), np.log(SINGLE))",

@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.law_file import STAGES, printed
 from gimbalcal.diagnose.laws.law_search import Law
-from gimbalcal.diagnose.verdict.recommend import apart, fastest, told_apart
+from gimbalcal.diagnose.verdict.manoeuvres import apart, fastest, told_apart
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit

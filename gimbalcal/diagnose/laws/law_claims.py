@@ -23,10 +23,10 @@ from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Ranking, Search
 from gimbalcal.diagnose.search.refit import fitted_columns, with_columns
+from gimbalcal.diagnose.verdict.agreement import inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import strained
-from gimbalcal.diagnose.verdict.locate import LEFT, scan
-from gimbalcal.diagnose.verdict.model import fit_causes
-from gimbalcal.diagnose.verdict.pool import inverse_of, mean_of
+from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
+from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, scan
 from gimbalcal.diagnose.verdict.verify import Verification, residual_rows, verify
 from gimbalcal.diagnose.wording import spoken
 from gimbalcal.errors import InputError

@@ -22,7 +22,7 @@ from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, Weighed, likeliest_variants, reduced
 from gimbalcal.diagnose.search.refit import with_columns
-from gimbalcal.diagnose.verdict.model import fit_causes
+from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.verify import physical_columns
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View

@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.result import StatedNoiseFit
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.model import FittedCauses
+from gimbalcal.diagnose.verdict.fitted_causes import FittedCauses
 from gimbalcal.inference.algebra import eigh
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, absent_effect

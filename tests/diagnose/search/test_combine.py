@@ -13,7 +13,7 @@ from gimbalcal.diagnose.evidence.odds import SINGLE, UNKNOWN
 from gimbalcal.diagnose.known_noise import searched
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine, matched
 from gimbalcal.diagnose.several import baseline_of
-from gimbalcal.diagnose.verdict.pool import pooled
+from gimbalcal.diagnose.verdict.pooled_sizes import pooled
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.platform import KNOWN

@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 from gimbalcal.diagnose.evidence.projection import any_size, extended
 from gimbalcal.diagnose.library.candidates import layout_of
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.model import constant_value, fit_causes
+from gimbalcal.diagnose.verdict.fitted_causes import constant_value, fit_causes
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.units import from_si

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.verdict.model import fit_causes
+from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.verify import FOLDS, physical_columns, residual_rows, verify
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.forward import jacobian

@@ -15,9 +15,9 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import calibrated_alone
 from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.calibrated import calibrated, found_of
-from gimbalcal.diagnose.verdict.model import fit_causes
-from gimbalcal.diagnose.verdict.pool import common_constants, parts, pooled
+from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
+from gimbalcal.diagnose.verdict.pooled_sizes import common_constants, parts, pooled
+from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
 from gimbalcal.recording import Recording, Source
 from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import fit_baseline

@@ -10,8 +10,9 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
-from gimbalcal.diagnose.verdict.model import constant_value, fit_causes
-from gimbalcal.diagnose.verdict.pool import agreement, common_constants, inverse_of, parts, pooled
+from gimbalcal.diagnose.verdict.agreement import inverse_of
+from gimbalcal.diagnose.verdict.fitted_causes import constant_value, fit_causes
+from gimbalcal.diagnose.verdict.pooled_sizes import agreement_on_size, common_constants, parts, pooled
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from tests.diagnose.plant import cooled, known, on
@@ -68,7 +69,7 @@ def test_agreement_is_chi2_of_the_difference(sizes: tuple[float, float], alike: 
     c = two(sizes)
     made = parts(c, members(c, LABELS[:1]))
     (x1, x2), (v1, v2) = [p.fit.x[0] for p in made], [p.fit.covariance[0, 0] for p in made]
-    a = agreement(made, 0)
+    a = agreement_on_size(made, 0)
     assert a.dof == 1
     assert a.chi2 == pytest.approx((x1 - x2) ** 2 / (v1 + v2), rel=1e-9)
     assert a.p_value == pytest.approx(chi2.sf(a.chi2, 1), rel=1e-9)
@@ -78,7 +79,7 @@ def test_agreement_is_chi2_of_the_difference(sizes: tuple[float, float], alike: 
 def test_one_recording_has_nobody_to_disagree_with() -> None:
     c = two((150.0, 150.0))
     only = parts(c, members(c, LABELS[:1]))[:1]
-    assert (agreement(only, 0).dof, agreement(only, 0).p_value) == (0, 1.0)
+    assert (agreement_on_size(only, 0).dof, agreement_on_size(only, 0).p_value) == (0, 1.0)
     x, C = pooled(only, [1])
     assert (x[0], C[0, 0]) == pytest.approx((only[0].fit.x[0], only[0].fit.covariance[0, 0]))
 

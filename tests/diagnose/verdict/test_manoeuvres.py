@@ -7,8 +7,8 @@ import pytest
 
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.verdict import recommend
-from gimbalcal.diagnose.verdict.recommend import (
+from gimbalcal.diagnose.verdict import manoeuvres
+from gimbalcal.diagnose.verdict.manoeuvres import (
     SETTLED,
     Advice,
     advise,
@@ -91,7 +91,7 @@ def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found: str, other: s
 def test_a_long_static_run_is_planned_with_fewer_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     ramp, day = causes(REST, "bias_drift:x", "bias_temperature:x")
     whole = advise(REST, ramp, 0, np.array([1.0]), day)
-    monkeypatch.setattr(recommend, "ENOUGH", 144)
+    monkeypatch.setattr(manoeuvres, "ENOUGH", 144)
     half = advise(REST, ramp, 0, np.array([1.0]), day)
     assert half.ln_bayes == pytest.approx(whole.ln_bayes, rel=0.02)  # every second row stands for two
 

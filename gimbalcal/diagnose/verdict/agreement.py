@@ -1,6 +1,6 @@
-r"""Whether recordings of one unit ask for the same constants: of two units, or of one that changed, they do not.
+r"""Agreement of recordings of one unit: recordings of two units, or of one that changed, contradict each other.
 
-What each says of the constants is joined, and chi^2 rises by as much as they contradict each other,
+Where the information of all is joined, chi^2 rises by as much as they contradict each other,
 
 .. math:: \Delta\chi^2 = \chi^2(\sum_k I_k) - \sum_k \chi^2(I_k) ,
 
@@ -28,14 +28,34 @@ from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
+MIN_P_VALUE_OF_A_SIZE = 1e-3  # below it a size differs between recordings
+UNOBSERVABLE = 1e-13  # of the largest eigenvalue of a covariance: exact zeros left by a direction without information
 NAMED = 3  # constants
 CLEAR = 3.0  # sigmas by which a constant that is named differs
 KNOWN = 0.5  # of its prior: a constant of less certainty is what the prior said
 
 
+@dataclass(frozen=True)
+class Agreement:
+    """How well recordings agree: rise of chi^2 over `dof` combinations that several see, and its p-value."""
+
+    chi2: float
+    dof: int
+    p_value: float
+
+    def against(self, name: str) -> str:
+        """Return a sentence on what speaks against one size of `name` in all recordings; "" for nothing."""
+        if not self.dof or self.p_value >= MIN_P_VALUE_OF_A_SIZE:
+            return ""
+        return (
+            f"The recordings do not agree on the size of {name}: it differs between them "
+            f"(chi^2 {self.chi2:.3g} on {self.dof}, p = {self.p_value:.1g}); the mean stands for none of them."
+        )
+
+
 @dataclass(frozen=True, eq=False)
-class Disagreement(Entry):
-    """The rise of chi^2 over `dof` combinations, and the chance of this, or of the clearest of all differences.
+class ConstantsAgreement(Entry):
+    """How well recordings agree on the constants of the unit: of the rise of chi^2, or of the clearest difference.
 
     odd: which recording is off most among more than two, else -1; difference and sigma (p,) [SI] of `parameters`, the
     clearest first.
@@ -51,7 +71,7 @@ class Disagreement(Entry):
 
     @property
     def in_words(self) -> str:
-        """Empty where they agree."""
+        """A sentence on the contradiction; empty where they agree."""
         if self.p_value >= SIGNIFICANCE:
             return ""
         told = [
@@ -67,7 +87,7 @@ class Disagreement(Entry):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """As it stands in the fit of a diagnosis; numbers in printed units."""
+        """Return the entry of the fit of a diagnosis; numbers in printed units."""
         rows = zip(self.parameters, self.difference, self.sigma, strict=True)
         return {
             "in_words": self.in_words, "chi2": round(self.chi2, 3), "dof": self.dof, "p_value": self.p_value,
@@ -77,8 +97,26 @@ class Disagreement(Entry):
         }  # fmt: skip
 
 
-def disagreement(each: Sequence[Information]) -> Disagreement:
-    """How well what several recordings say of the constants goes together."""
+def mean_of(sizes: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Agreement]:
+    """Return the mean (p,) of sizes (p,) that each have a weight (p, p), its covariance (p, p), and their agreement."""
+    N = np.sum([weight for _, weight in sizes], axis=0)
+    C = np.linalg.pinv(N, rcond=UNOBSERVABLE, hermitian=True)
+    mean = C @ np.sum([weight @ x for x, weight in sizes], axis=0)
+    chi2 = float(sum((x - mean) @ weight @ (x - mean) for x, weight in sizes))
+    rank = [int(np.linalg.matrix_rank(weight, hermitian=True)) for weight in (*(w for _, w in sizes), N)]
+    dof = sum(rank[:-1]) - rank[-1]
+    return mean, C, Agreement(chi2, dof, probability(chi2, dof))
+
+
+def inverse_of(covariance: Array) -> Array:
+    """Return the inverse of a covariance (p, p) whose exact zeros mean that nothing is known."""
+    if not covariance.size:
+        return covariance
+    return np.asarray(np.linalg.pinv(covariance, rcond=UNOBSERVABLE, hermitian=True))
+
+
+def agreement_on_constants(each: Sequence[Information]) -> ConstantsAgreement:
+    """Return how well the information of several recordings on the constants agrees."""
     alone, together = [solve(info) for info in each], solve(reduce(add, each))
     chi2, dof = _rise(together, alone)
     p = probability(chi2, dof)
@@ -87,7 +125,7 @@ def disagreement(each: Sequence[Information]) -> Disagreement:
     odd = int(np.argmax([rise / max(shared, 1) for rise, shared in rises])) if len(each) > 2 else 1
     parameters, difference, sigma, rarest = _differences(others[odd], alone[odd])
     p = min(1.0, 2 * min(p, rarest * (len(each) if len(each) > 2 else 1)))
-    return Disagreement(chi2, dof, p, odd if len(each) > 2 else -1, parameters, difference, sigma)
+    return ConstantsAgreement(chi2, dof, p, odd if len(each) > 2 else -1, parameters, difference, sigma)
 
 
 def _rise(together: Solution, parts: Sequence[Solution]) -> tuple[float, int]:
@@ -95,9 +133,9 @@ def _rise(together: Solution, parts: Sequence[Solution]) -> tuple[float, int]:
 
 
 def _differences(before: Solution, after: Solution) -> tuple[tuple[Parameter, ...], Array, Array, float]:
-    """Constants that both know and that differ, the clearest first: after minus before, with one sigma [SI].
+    """Return the constants that both know and that differ, the clearest first: after minus before, one sigma [SI].
 
-    And the chance that any of those that both know differs by as much as the clearest.
+    And the p-value of the clearest difference among all that both know.
     """
     from scipy.special import ndtr
 

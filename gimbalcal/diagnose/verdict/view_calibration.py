@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual
-from gimbalcal.diagnose.verdict.calibrated import origin
+from gimbalcal.diagnose.verdict.refit_calibration import origin
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.baseline import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES

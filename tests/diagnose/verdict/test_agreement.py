@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import chdtrc, ndtr
 
-from gimbalcal.diagnose.verdict.disagreement import Disagreement, disagreement
+from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement, agreement_on_constants
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.inference.information import Information, information
 from gimbalcal.units import from_si, to_si
@@ -26,14 +26,14 @@ def recorded(rng: np.random.Generator, moved: float = 0.0, seen: int = 6) -> Inf
 
 def test_recordings_of_one_unit_agree_as_often_as_they_should() -> None:
     rng = np.random.default_rng(1)
-    chances = [disagreement([recorded(rng), recorded(rng)]).p_value for _ in range(60)]
+    chances = [agreement_on_constants([recorded(rng), recorded(rng)]).p_value for _ in range(60)]
     assert min(chances) > 1e-4
     assert np.mean(np.array(chances) < 0.2) < 0.4  # one of two tests, both paid for
 
 
 def test_one_constant_that_moved_is_named_with_its_size() -> None:
     rng = np.random.default_rng(2)
-    found = disagreement([recorded(rng), recorded(rng, moved=40.0)])
+    found = agreement_on_constants([recorded(rng), recorded(rng, moved=40.0)])
     assert found.p_value < 1e-4
     assert found.parameters[0].label == "scale_factor:y"
     assert found.difference[0] == pytest.approx(40.0 * PPM, abs=4 * found.sigma[0])
@@ -44,17 +44,17 @@ def test_one_constant_that_moved_is_named_with_its_size() -> None:
 @pytest.mark.parametrize("k", range(3))
 def test_of_three_the_odd_one_is_named(k: int) -> None:
     rng = np.random.default_rng(3)
-    found = disagreement([recorded(rng, moved=60.0 * (i == k)) for i in range(3)])
+    found = agreement_on_constants([recorded(rng, moved=60.0 * (i == k)) for i in range(3)])
     assert found.odd == k
     assert f"recording {k + 1} differs most from the others" in found.in_words
     assert found.to_dict()["recording"] == k + 1
 
 
-def exact(apart: list[float]) -> Disagreement:
+def exact(apart: list[float]) -> ConstantsAgreement:
     """Two recordings that know each constant to 1e-3 of its prior and differ by so many sigmas of a difference."""
     sigma = 1e-3 * np.array([p.sigma for p in WANTED])
     x = np.sqrt(2) * np.array(apart) * sigma
-    return disagreement([information(np.diag(1 / sigma), v / sigma, WANTED) for v in (0 * x, x)])
+    return agreement_on_constants([information(np.diag(1 / sigma), v / sigma, WANTED) for v in (0 * x, x)])
 
 
 def test_two_that_say_the_same_agree_for_certain() -> None:
@@ -88,6 +88,6 @@ def test_constants_may_contradict_together_where_none_does_by_itself() -> None:
 
 def test_what_only_one_of_them_sees_is_no_difference() -> None:
     rng = np.random.default_rng(4)
-    found = disagreement([recorded(rng), recorded(rng, moved=float(to_si(80.0, "1")), seen=1)])
+    found = agreement_on_constants([recorded(rng), recorded(rng, moved=float(to_si(80.0, "1")), seen=1)])
     assert found.dof == 1
     assert found.in_words == ""

@@ -11,8 +11,8 @@ from scipy.stats import chi2, kstest
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.evidence.projection import ReducedRows
 from gimbalcal.diagnose.search.ranking import reduced
-from gimbalcal.diagnose.verdict import locate
-from gimbalcal.diagnose.verdict.locate import LISTED, Cell, Scan, mismatches, scan
+from gimbalcal.diagnose.verdict import mismatch_scan
+from gimbalcal.diagnose.verdict.mismatch_scan import LISTED, Cell, Scan, mismatches, scan
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 from tests.diagnose.plant import known, on
@@ -82,7 +82,7 @@ def test_a_wave_in_a_static_run_is_seen_at_its_period() -> None:
 
 def test_a_clean_recording_is_as_bad_somewhere_as_its_p_value_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """p is uniform over clean recordings of this design, whichever of the many overlapping cells is the worst."""
-    monkeypatch.setattr(locate, "DRAWS", 100)  # for time
+    monkeypatch.setattr(mismatch_scan, "DRAWS", 100)  # for time
     rng = np.random.default_rng(6)
     design = observed(1, dwell=2)
     rows, node = prepared(design)

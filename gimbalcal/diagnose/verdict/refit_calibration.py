@@ -25,8 +25,8 @@ import gimbalcal
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.diagnose.evidence.noise import Node
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.verdict.disagreement import Disagreement, disagreement
-from gimbalcal.diagnose.verdict.model import JointCovariance
+from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement, agreement_on_constants
+from gimbalcal.diagnose.verdict.fitted_causes import JointCovariance
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.inference.information import Information, Solution, information, solve
@@ -108,7 +108,7 @@ def calibrated(
     found: Found,
     outcome: str,
     known: Calibration | None = None,
-) -> tuple[Calibration, Disagreement | None]:
+) -> tuple[Calibration, ConstantsAgreement | None]:
     """The calibration that a diagnosis ends in, and how well several recordings agree on its constants.
 
     seen: the rows of each recording, their noise, and which of the causes it shows; known: the calibration that the
@@ -203,7 +203,7 @@ class _Share:
         return told if self.alone else told.without([wide.get(p, p) for p in self.own])
 
 
-def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Effect, ...], Disagreement | None]:
+def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Effect, ...], ConstantsAgreement | None]:
     """Constants and causes from all recordings, the effects of all of them with these values, and how they agree."""
     models = [s.model() for s in here]
     told = dict(zip(found.parameters, values(_union(models), found.parameters), strict=True))
@@ -224,7 +224,7 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
             break
         before = solution.x
     made = with_values(_union(models), solution.parameters, solution.x, names)
-    return solution, made, disagreement(infos) if len(infos) > 1 else None
+    return solution, made, agreement_on_constants(infos) if len(infos) > 1 else None
 
 
 def _near(solution: Solution, start: Array) -> Solution:

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.model import calibration_fit, constant_value, fit_causes, joint_covariance
+from gimbalcal.diagnose.verdict.fitted_causes import calibration_fit, constant_value, fit_causes, joint_covariance
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import limits

@@ -21,12 +21,11 @@ from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.ranking import Search, reduced
-from gimbalcal.diagnose.verdict.model import FittedCauses, constant_value, fit_causes
+from gimbalcal.diagnose.verdict.agreement import UNOBSERVABLE, Agreement, inverse_of, mean_of
+from gimbalcal.diagnose.verdict.fitted_causes import FittedCauses, constant_value, fit_causes
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 
-DIFFER = 1e-3  # p-value of agreement below which a size is said to differ between recordings
-UNOBSERVABLE = 1e-13  # of the largest eigenvalue of a covariance: exact zeros left by a direction without information
 Constants = tuple[tuple[str, float], ...]
 
 
@@ -46,24 +45,6 @@ class Part:
         counts = [len(c.parameters) for c in self.search.library.candidates]
         j = self.slots.index(slot)
         return slice(sum(counts[:j]), sum(counts[: j + 1]))
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How well the recordings agree on a size: chi^2, degrees of freedom (none: one recording sees it), p-value."""
-
-    chi2: float
-    dof: int
-    p_value: float
-
-    def against(self, name: str) -> str:
-        """What speaks against one size of what is called `name`, a sentence; empty for nothing."""
-        if not self.dof or self.p_value >= DIFFER:
-            return ""
-        return (
-            f"The recordings do not agree on the size of {name}: it differs between them "
-            f"(chi^2 {self.chi2:.3g} on {self.dof}, p = {self.p_value:.1g}); the mean stands for none of them."
-        )
 
 
 def parts(c: CombinedRanking, members: Sequence[int]) -> tuple[Part, ...]:
@@ -157,31 +138,11 @@ def pooled(shares: Sequence[Part], counts: Sequence[int]) -> tuple[Array, Array]
     return C @ v, C
 
 
-def inverse_of(covariance: Array) -> Array:
-    """Inverse of a covariance (p, p) whose exact zeros mean that nothing is known."""
-    if not covariance.size:
-        return covariance
-    return np.asarray(np.linalg.pinv(covariance, rcond=UNOBSERVABLE, hermitian=True))
-
-
-def agreement(shares: Sequence[Part], slot: int) -> Agreement:
-    """Whether the recordings that see a member agree on its size."""
+def agreement_on_size(shares: Sequence[Part], slot: int) -> Agreement:
+    """Return how well the recordings that see a member agree on its size."""
     seen = [(p.fit.x[p.span(slot)], inverse_of(p.fit.covariance[p.span(slot), p.span(slot)]))
             for p in shares if slot in p.slots]  # fmt: skip
     return mean_of(seen)[2]
-
-
-def mean_of(seen: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Agreement]:
-    """The mean (p,) of sizes (p,) that each have a weight (p, p), its covariance (p, p), and how well they agree."""
-    from scipy.special import gammaincc
-
-    N = np.sum([weight for _, weight in seen], axis=0)
-    C = np.linalg.pinv(N, rcond=UNOBSERVABLE, hermitian=True)
-    mean = C @ np.sum([weight @ x for x, weight in seen], axis=0)
-    chi2 = float(sum((x - mean) @ weight @ (x - mean) for x, weight in seen))
-    rank = [int(np.linalg.matrix_rank(weight, hermitian=True)) for weight in (*(w for _, w in seen), N)]
-    dof = sum(rank[:-1]) - rank[-1]
-    return mean, C, Agreement(chi2, dof, float(gammaincc(dof / 2, chi2 / 2)) if dof > 0 else 1.0)
 
 
 def common_constants(
