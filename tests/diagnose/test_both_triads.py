@@ -14,6 +14,7 @@ import pytest
 import gimbalcal.simulate
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.both_triads import without_earth
+from gimbalcal.diagnose.wording import COUNTS_WITHOUT_SCALE
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.simulate import simulate
@@ -121,7 +122,7 @@ def test_what_cannot_be_said_is_noted() -> None:
     counts = replace(made, units={**made.units, **{("angular_rate", a): "count" for a in "xyz"}}).select(at_rest)
     d = diagnose([counts])
     assert list(d.fit["views"]) == ["forces"]
-    assert "no turn says how much a count is" in d.in_words
+    assert COUNTS_WITHOUT_SCALE in d.in_words
 
 
 def test_a_rotation_without_rests_is_refused() -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from gimbalcal.calibration.exchange.tpoint import as_record, tpoint_terms
 from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.result import Shape
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.terms import USUAL_TERMS
@@ -40,7 +41,7 @@ def test_a_term_that_moves_between_nights_is_not_adequate() -> None:
     assert "The terms differ between 2 nights: base tilt north by" in made.in_words
     assert "terms differ between 2 nights" in made.outcome
     assert not [f for f in made.findings if "drift" in f["effect"]]  # across a time that nobody recorded
-    assert {"channel": "pointing", "shape": "terms that differ from night to night"} in made.unexplained
+    assert Shape("pointing", "terms that differ from night to night") in made.unexplained
 
 
 def test_a_calibration_says_which_terms_the_model_holds() -> None:
