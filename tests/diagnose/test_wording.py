@@ -72,7 +72,7 @@ def test_the_sentences_of_a_diagnosis(golden: Golden) -> None:
         "reservation, not identifiable": wording.reservation("not-identifiable", [ODD], [WAVE]),
         "delay": wording.delays([late]),
         "outliers": wording.omitted_stars([3, 80], [0.763, 12.0], "arcsec", "mistaken or not centred"),
-        "motion": wording.motion_not_analysed("none were logged"),
+        "motion": wording.motion_not_analysed("no rows between positions were logged"),
         "rate": wording.rate_not_analysed("no model explains the forces"),
         "gyroscopes": wording.gyroscopes_not_analysed(wording.COUNTS_WITHOUT_SCALE),
     }

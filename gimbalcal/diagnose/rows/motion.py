@@ -51,7 +51,7 @@ def slews(recording: Recording) -> list[Slew] | str:
     """Rows of each slew with some of the rests beside it, and the ordinal of the rest after; or why there are none."""
     stays = dwells(recording)
     if recording.position is None or not np.any(recording.position == 0):
-        return "none were logged"
+        return "no rows between positions were logged"
     if rests_are_means(recording):
         return "the rests come as means, and a delay shows where they end"
     out = []

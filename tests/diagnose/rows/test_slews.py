@@ -110,7 +110,7 @@ def test_a_hand_is_no_delay_but_fifty_milliseconds_are() -> None:
 def test_what_cannot_be_judged_says_why() -> None:
     r = gimballed(6, unit(), **QUICK)
     assert r.position is not None
-    assert view_of_slews(r.select(r.position > 0), IDEAL) == "none were logged"
+    assert view_of_slews(r.select(r.position > 0), IDEAL) == "no rows between positions were logged"
     few = r.select((r.position > 0) | (np.arange(len(r.time)) % 40 == 0))
     assert "have 6 rows or more" in str(view_of_slews(few, IDEAL))
     hand = turned(6, unit())
