@@ -23,7 +23,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from gimbalcal.checks.check import POSITIONS, ROTATION, STATIC, Check, Examined, examine
+from gimbalcal.checks.check import POSITIONS, ROTATION, STATIC, Check, Examined
 from gimbalcal.checks.driven_rates import agrees_with_the_table
 from gimbalcal.checks.input_errors import (
     AS_STATED,
@@ -374,8 +374,3 @@ CHECKS = (
     Check(rates_not_checked, MOVED, (RATE,), question=True),
     Check(static_rates_not_checked, STATIC, (f"any {RATE}",), question=True),
 )
-
-
-def refuse_implausible_rates(recording: Recording) -> tuple[str, ...]:
-    """Raise `InputError` where axes, signs or unit of the gyroscopes cannot be right; return what was not checked."""
-    return examine(recording, CHECKS)

@@ -17,7 +17,7 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import SOUGHT, Lawful, laws_of_view, told_heldout
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import Finding, LawResult, Mismatch, Shape, ViewFit
-from gimbalcal.diagnose.search.refit import projections, weighted, with_constants
+from gimbalcal.diagnose.search.refit import projections, with_constants
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
 from gimbalcal.diagnose.search.stepwise import Course, course, refined, steps_of
 from gimbalcal.diagnose.verdict.decide import capped
@@ -143,7 +143,7 @@ def diagnosis_as(
 
 def _walk_of_sensor(v: View, first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:
     """Return the sensor that walks alone in the noises of a view, and the size of its walk."""
-    unit = float(np.sqrt(np.mean(weighted(v, first.residual) ** 2)))
+    unit = float(np.sqrt(np.mean(v.noise.weighted(first.residual) ** 2)))
     each = [p for p in projections(v, first, np.zeros((*first.residual.shape, 0))) if p.node.alone]
     ln = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in each])
     sigma = unit * np.array([float(p.scale.sigma(p.misfit[0])) for p in each])

@@ -7,7 +7,6 @@ import numpy as np
 from gimbalcal.schedule.rotation import Move, RotationSchedule
 
 FIVE, TEN = float(np.deg2rad(5.0)), float(np.deg2rad(10.0))
-QUARTER = np.pi / 2
 
 
 def _moves(words: str) -> tuple[Move, ...]:

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal.checks.check import examine
 from gimbalcal.checks.input_errors import PERMUTATIONS, AxisPermutation
-from gimbalcal.checks.rates import refuse_implausible_rates
+from gimbalcal.checks.rates import CHECKS
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
@@ -57,14 +58,14 @@ def changed(recording: Recording, M: Array, quantity: str = RATE) -> Recording:
 
 def said(recording: Recording) -> str:
     with pytest.raises(InputError) as caught:
-        refuse_implausible_rates(recording)
+        examine(recording, CHECKS)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_errors_that_a_calibration_takes_pass(seed: int) -> None:
-    assert refuse_implausible_rates(in_the_hand(seed=seed)) == ()
+    assert examine(in_the_hand(seed=seed), CHECKS) == ()
 
 
 @pytest.mark.parametrize("change", PERMUTATIONS[1:], ids=str)
@@ -110,7 +111,7 @@ def test_counts_are_tried_too(M: Array) -> None:
     raw = changed(in_the_hand(), 5000.0 * M)
     raw = replace(raw, units={key: "count" if key[0] == RATE else u for key, u in raw.units.items()})
     if M[0, 0] > 0:
-        assert refuse_implausible_rates(raw) == ()
+        assert examine(raw, CHECKS) == ()
     else:
         assert "every gyroscope has the wrong sign" in said(raw)
 
@@ -126,14 +127,14 @@ def test_turns_about_the_vertical_are_told_by_gimbals() -> None:
     assert table is not None
     channels = {(q, table.axis_names[0] if q == "gimbal_angle" else a): x for (q, a), x in channels.items()}
     right = Recording("multi-position", "test", table, Site(), {}, STEP * np.arange(len(rate)), position, channels)
-    assert refuse_implausible_rates(right) == ()
+    assert examine(right, CHECKS) == ()
     assert "by the gimbals" in said(changed(right, -np.eye(3)))
 
 
 def test_nothing_is_refused_and_it_is_said_where_nothing_turns() -> None:
     still = in_the_hand()
     rows = (still.position is not None) & (still.position == 1)
-    (sentence,) = refuse_implausible_rates(still.select(rows))
+    (sentence,) = examine(still.select(rows), CHECKS)
     assert "were not checked" in sentence
 
 
@@ -141,7 +142,7 @@ def test_nothing_is_refused_and_it_is_said_where_nothing_turns() -> None:
 def test_the_earth_at_rest_tells_where_no_turn_was_logged(M: Array) -> None:
     whole = in_the_hand(latitude=np.radians(50.0), level=1e-7)
     rests = whole.select(np.asarray(whole.position) > 0)
-    assert refuse_implausible_rates(rests) == ()
+    assert examine(rests, CHECKS) == ()
     assert "miss the Earth's rate along the vertical, 11.52 deg/h" in said(changed(rests, M))
 
 
@@ -149,4 +150,4 @@ def test_accelerometers_that_are_all_reversed_show_only_in_the_earths_rate() -> 
     seen = in_the_hand(latitude=np.radians(50.0), level=1e-7)
     message = said(changed(seen, -np.eye(3), FORCE))
     assert "if the latitude has the opposite sign, or every accelerometer has the wrong sign" in message
-    assert refuse_implausible_rates(changed(in_the_hand(), -np.eye(3), FORCE)) == ()
+    assert examine(changed(in_the_hand(), -np.eye(3), FORCE), CHECKS) == ()

@@ -15,7 +15,7 @@ from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, l
 from gimbalcal.diagnose.library.shapes import RIVAL_SIGMA
 from gimbalcal.diagnose.library.variables import joined, variables
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
-from gimbalcal.diagnose.search.refit import basis, projections, weighted
+from gimbalcal.diagnose.search.refit import basis, projections
 from gimbalcal.effects import Stage
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import block_diagonal, orthonormal
@@ -154,12 +154,12 @@ def ground_of_view(v: View, m: Fit, sigma: Array) -> Ground | None:
     if not every:
         return None
     n, C = m.residual.shape
-    one = float(np.sqrt(np.mean(weighted(v, sigma) ** 2)))
-    Q = basis(weighted(v, m.jacobian))
-    y = weighted(v, m.residual).ravel() / one
+    one = float(np.sqrt(np.mean(v.noise.weighted(sigma) ** 2)))
+    Q = basis(v.noise.weighted(m.jacobian))
+    y = v.noise.weighted(m.residual).ravel() / one
 
     def evidence(sets: Sequence[Array]) -> Array:
         X, of = _side_by_side([m.rms / np.sqrt(C) * unit(X) for X in sets])
         return bayes_factors(projections(v, m, X), layout_of(of))[1]
 
-    return Ground(every, lambda X: weighted(v, X).reshape(n * C, -1) / one, Q, y - Q @ (Q.T @ y), evidence, (n, C))
+    return Ground(every, lambda X: v.noise.weighted(X).reshape(n * C, -1) / one, Q, y - Q @ (Q.T @ y), evidence, (n, C))

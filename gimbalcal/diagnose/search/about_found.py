@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.diagnose.search.refit import weighted
 from gimbalcal.diagnose.search.stepwise import Course, course
 from gimbalcal.errors import InputError
 from gimbalcal.pipeline import Tell
@@ -15,7 +14,8 @@ DRAGGED = 4.0  # times less misfit with the causes than without: products of err
 
 def about_found(v: View, c: Course, tell: Tell) -> tuple[View, Course]:
     """View and course; anew where the rows are linear about constants that a strong cause has dragged away."""
-    far = float(np.sum(weighted(v, c.start.residual) ** 2)) > DRAGGED * float(np.sum(weighted(v, c.end.residual) ** 2))
+    before, after = (float(np.sum(v.noise.weighted(fit.residual) ** 2)) for fit in (c.start, c.end))
+    far = before > DRAGGED * after
     if v.relinearise is None or not c.steps or not far:
         return v, c
     cause, variant = c.steps[0].taken

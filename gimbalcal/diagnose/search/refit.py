@@ -33,15 +33,15 @@ def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fi
     scale = np.array([p.sigma for p in wanted])
     x0, c, again = values(effects, wanted), np.zeros(0), False
     r, J = v.linearised(effects, wanted)
-    free, _ = _seen(_left(weighted(v, r), weighted(v, J) * scale), weighted(v, J) * scale)
+    free, _ = _seen(_left(v.noise.weighted(r), v.noise.weighted(J) * scale), v.noise.weighted(J) * scale)
     while True:
         made, c = _descended(v, effects, wanted, x0, free * scale[:, None], np.resize(c, free.shape[1]))
         r, J = v.linearised(made, wanted)
-        seen, variance = _seen(weighted(v, r), weighted(v, J) * scale)
+        seen, variance = _seen(v.noise.weighted(r), v.noise.weighted(J) * scale)
         if seen.shape[1] == free.shape[1] or (again and seen.shape[1] > free.shape[1]):
             break
         free, c, again = seen, seen.T @ free @ c, True
-    A = (weighted(v, J) * scale).reshape(r.size, -1) @ seen
+    A = (v.noise.weighted(J) * scale).reshape(r.size, -1) @ seen
     unseen = np.eye(len(wanted)) - seen @ seen.T
     C = seen @ np.linalg.inv(A.T @ A) @ seen.T * variance + unseen
     return Fit(v, made, tuple(wanted), r, J, C * np.outer(scale, scale))
@@ -59,7 +59,7 @@ def _descended(
             r, J = v.linearised(made, wanted)
         except InputError:  # no force reads what was read: further than the model goes
             return np.full((1, n), np.inf), np.zeros((1, n, free.shape[1]))
-        return weighted(v, r).reshape(1, -1), -(weighted(v, J).reshape(r.size, -1) @ free)[None]
+        return v.noise.weighted(r).reshape(1, -1), -(v.noise.weighted(J).reshape(r.size, -1) @ free)[None]
 
     found = minimise(at, c0[None], SETTLED, gain=GAIN, damping=1e-9)
     return with_values(effects, wanted, np.clip(x0 + free @ found.x[0], low, high), names), found.x[0]
@@ -97,26 +97,22 @@ def start(v: View) -> Fit:
     return refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
 
 
-def weighted(v: View, r: Array) -> Array:
-    """Misfit (n, C, ...) in units in which all rows are equally sure."""
-    return v.noise.weighted(r)
-
-
 def with_columns(v: View, m: Fit, X: Array) -> Fit:
     """A model with further columns X (n, C, q) that belong to no effect, fitted beside its own."""
     J = np.concatenate([m.jacobian, X], axis=-1)
-    x = np.linalg.lstsq(weighted(v, J).reshape(m.residual.size, -1), weighted(v, m.residual).ravel(), rcond=1e-9)[0]
+    A, y = v.noise.weighted(J).reshape(m.residual.size, -1), v.noise.weighted(m.residual).ravel()
+    x = np.linalg.lstsq(A, y, rcond=1e-9)[0]
     return replace(m, residual=m.residual - J @ x, jacobian=J)
 
 
 def fitted_columns(v: View, m: Fit, X: Array) -> tuple[Fit, Array, Array]:
     """The same, the sizes x (q,) of the columns, and their covariance (q, q) from the scatter of what is left."""
     made = with_columns(v, m, X)
-    Q = basis(weighted(v, m.jacobian))
-    A = weighted(v, X).reshape(m.residual.size, -1)
+    Q = basis(v.noise.weighted(m.jacobian))
+    A = v.noise.weighted(X).reshape(m.residual.size, -1)
     left = A - Q @ (Q.T @ A)
-    x = np.linalg.lstsq(left, weighted(v, m.residual).ravel(), rcond=1e-9)[0]
-    variance = float((weighted(v, made.residual) ** 2).sum()) / max(m.residual.size - Q.shape[1] - X.shape[-1], 1)
+    x = np.linalg.lstsq(left, v.noise.weighted(m.residual).ravel(), rcond=1e-9)[0]
+    variance = float((v.noise.weighted(made.residual) ** 2).sum()) / max(m.residual.size - Q.shape[1] - X.shape[-1], 1)
     return made, x, np.linalg.pinv(left.T @ left, rcond=1e-12, hermitian=True) * variance
 
 
@@ -138,11 +134,11 @@ def constants_told(v: View, m: Fit, effect_id: str) -> list[tuple[Parameter, flo
     wanted = [p for p in parameters(CATALOGUE[effect_id], constants=True) if p.field in smooth]
     effect = next(e for e in m.effects if e.id == effect_id)
     X = v.evaluate(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.residual.shape, 0))
-    Q = basis(weighted(v, m.jacobian))
-    A = weighted(v, X).reshape(m.residual.size, len(wanted))
+    Q = basis(v.noise.weighted(m.jacobian))
+    A = v.noise.weighted(X).reshape(m.residual.size, len(wanted))
     left = A - Q @ (Q.T @ A)
     left = np.where(np.linalg.norm(left, axis=0) > RANK * np.linalg.norm(A, axis=0), left, 0.0)
-    variance = float((weighted(v, m.residual) ** 2).sum()) / max(m.residual.size - Q.shape[1] - len(wanted), 1)
+    variance = float((v.noise.weighted(m.residual) ** 2).sum()) / max(m.residual.size - Q.shape[1] - len(wanted), 1)
     sigma = np.sqrt(variance * np.diag(covariance_at_minimum(left[None])[0]))
     told = zip(wanted, sigma, strict=True)
     return [(p, float(getattr(effect, p.field)), float(s)) for p, s in told if np.isfinite(s)]
@@ -162,11 +158,11 @@ def projections(v: View, m: Fit, X: Array, memory: bool = True, unit: float = 0.
     Without memory in white noise alone.
     """
     n, C = m.residual.shape
-    r = weighted(v, m.residual)
+    r = v.noise.weighted(m.residual)
     unit = unit or max(float(np.sqrt(np.mean(r**2))), 1e-300)
-    sample = 0.0 if v.noise.sample is None else float(np.sqrt(np.mean(weighted(v, v.noise.sample) ** 2))) / unit
-    Q = basis(weighted(v, m.jacobian))
-    rows = stack(Q, weighted(v, X).reshape(n * C, -1) / unit, r.reshape(-1, 1) / unit, n * C)
+    sample = 0.0 if v.noise.sample is None else float(np.sqrt(np.mean(v.noise.weighted(v.noise.sample) ** 2))) / unit
+    Q = basis(v.noise.weighted(m.jacobian))
+    rows = stack(Q, v.noise.weighted(X).reshape(n * C, -1) / unit, r.reshape(-1, 1) / unit, n * C)
     noises = memories(n, C, v.noise.wander)[: None if memory else 1]
     if memory and v.noise.single_walks and v.noise.wander is not None:
         noises += lone_sensors(v.noise.wander, v.weight, v.stimulus.time, v.channels[0][0], v.noise.single_walks)

@@ -12,7 +12,7 @@ from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
 from gimbalcal.diagnose.result import Estimate, Finding
 from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import is_usual
-from gimbalcal.diagnose.search.refit import basis, constants_told, weighted
+from gimbalcal.diagnose.search.refit import basis, constants_told
 from gimbalcal.diagnose.search.stepwise import Course, Key, steps_of, take
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
@@ -72,14 +72,14 @@ def cancelling(v: View, c: Course) -> list[Taken]:
     What is a few arcsec of a law that has no name here is also the difference of a hundred of one pattern and of the
     next like it: terms of a series, not causes. Contributions are beside what the baseline takes of them.
     """
-    m, Q = c.end, basis(weighted(v, c.start.jacobian))
+    m, Q = c.end, basis(v.noise.weighted(c.start.jacobian))
     x = values(m.effects, m.parameters)
     out = []
     for cause, variant in (s.taken for s in c.steps if not is_usual(s.taken[0], v.kind)):
         own = {(p.effect, p.field, p.axis) for p in cause.parameters}
         at = [i for i, p in enumerate(m.parameters) if (p.effect, p.field, p.axis) in own]
-        added = weighted(v, m.jacobian[..., at] @ x[at]).ravel()
-        if np.linalg.norm(added - Q @ (Q.T @ added)) > SERIES * np.linalg.norm(weighted(v, c.start.residual)):
+        added = v.noise.weighted(m.jacobian[..., at] @ x[at]).ravel()
+        if np.linalg.norm(added - Q @ (Q.T @ added)) > SERIES * np.linalg.norm(v.noise.weighted(c.start.residual)):
             out.append((cause, variant))
     return out
 

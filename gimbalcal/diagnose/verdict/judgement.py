@@ -18,7 +18,7 @@ from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Ranking, Weighed, given, likeliest_variants
-from gimbalcal.diagnose.search.refit import projections, refit, weighted
+from gimbalcal.diagnose.search.refit import projections, refit
 from gimbalcal.diagnose.search.stepwise import bar
 from gimbalcal.diagnose.wording import MAX_ALTERNATIVES
 from gimbalcal.effects import with_values
@@ -196,7 +196,7 @@ def judged_without(v: View, end: Fit, taken: Candidate) -> Judgement:
 
 def _significance(v: View, without: Fit, end: Fit, X: Array) -> float:
     """Return the significance of columns X (n, C, p) that a model lacks, in the likeliest noise of one with them."""
-    unit = float(np.sqrt(np.mean(weighted(v, end.residual) ** 2)))
+    unit = float(np.sqrt(np.mean(v.noise.weighted(end.residual) ** 2)))
     left = projections(v, end, X[..., :0], unit=unit)
     k = int(np.argmax([np.log(p.node.prior) + p.log_likelihood()[0] for p in left]))
     taken = projections(v, without, X, unit=unit)[k].explained(range(X.shape[-1]))

@@ -10,7 +10,7 @@ from gimbalcal.diagnose.library.assemble import free_rows, spans
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.result import Mismatch
-from gimbalcal.diagnose.search.refit import basis, projections, weighted
+from gimbalcal.diagnose.search.refit import basis, projections
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -37,7 +37,7 @@ def patterns(v: View, m: Fit) -> tuple[Mismatch, ...]:
     for c in shapes:
         at = c.variants[0].index
         y2, taken = float(white.misfit[0]), white.explained(at)
-        free = max(m.residual.size - basis(weighted(v, m.jacobian)).shape[1] - len(at), 1)
+        free = max(m.residual.size - basis(v.noise.weighted(m.jacobian)).shape[1] - len(at), 1)
         F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
         p = min(1.0, float(fdtrc(len(at), free, F)) * len(shapes))
         out.append((float(log_bayes(white, np.array(at), white.scale.any_size).max()), F, p, c))
@@ -48,7 +48,7 @@ def patterns(v: View, m: Fit) -> tuple[Mismatch, ...]:
 def _pattern(v: View, m: Fit, c: Candidate, F: float, p: float) -> Mismatch:
     if v.added is not None:  # in a sensor, and the rows are what a navigator makes of it
         size = float(from_si(float(np.sqrt(np.mean(m.residual**2))), v.unit))
-        rows = np.argsort(-np.abs(weighted(v, m.residual)).max(axis=1))[:3]
+        rows = np.argsort(-np.abs(v.noise.weighted(m.residual)).max(axis=1))[:3]
         words = wording.follows_sensor(v, c.channel, c.axis, size, c.rival)
         return Mismatch(c.channel, c.axis, _where(v, rows), round(F, 2), p, words)
     i, size = _channel(v, m, c.axis)

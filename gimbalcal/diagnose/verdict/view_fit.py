@@ -8,7 +8,7 @@ import numpy as np
 
 from gimbalcal.diagnose.result import Delay, RowNoise, SearchStep, Shift, TurnMisfit, ViewFit
 from gimbalcal.diagnose.rows.slews import lateness
-from gimbalcal.diagnose.search.refit import basis, weighted
+from gimbalcal.diagnose.search.refit import basis
 from gimbalcal.diagnose.search.stepwise import Course
 from gimbalcal.diagnose.verdict.findings import sizes
 from gimbalcal.errors import InputError
@@ -19,7 +19,7 @@ from gimbalcal.views.core import Fit, View
 
 def row_sigma(v: View, end: Fit) -> Array:
     """Return one sigma (n, C) of each row: the scatter about the last model, spread as the noise of the samples."""
-    r = weighted(v, end.residual)
+    r = v.noise.weighted(end.residual)
     free = max(r.size - basis(end.jacobian).shape[1], 1)
     return np.asarray(np.sqrt((r**2).sum() / free) / v.weight)
 

@@ -12,6 +12,7 @@ from gimbalcal.diagnose.evidence.odds import CLAIM, SINGLE
 from gimbalcal.diagnose.library.candidates import Library, Variant
 from gimbalcal.diagnose.search import about_found, likeliest, stepwise
 from gimbalcal.diagnose.search.ranking import Hypothesis
+from gimbalcal.views.noise import NoiseModel
 
 VIEW: Any = SimpleNamespace(kind="pointing", title="run", stimulus=None)
 FIRST: Any = SimpleNamespace(exact=False, effects=(), parameters=(), residual=np.ones(1), jacobian=np.ones((1, 1)))
@@ -111,10 +112,9 @@ def test_constants_that_were_dragged_far_are_looked_about_again(
     monkeypatch: pytest.MonkeyPatch, left: float, anew: bool
 ) -> None:
     """A misfit of nine is more than four times one, and less than that of 2.6."""
-    monkeypatch.setattr(about_found, "weighted", lambda _, r: r)
     monkeypatch.setattr(about_found, "absent_effect", lambda *_, **__: None)
     monkeypatch.setattr(about_found, "course", lambda v, _: f"the course of {v}")
-    v: Any = SimpleNamespace(relinearise=lambda *_: "another view", stimulus=None)
+    v: Any = SimpleNamespace(relinearise=lambda *_: "another view", stimulus=None, noise=NoiseModel())
     first, last = (SimpleNamespace(residual=np.array([r])) for r in (3.0, left))
     c: Any = SimpleNamespace(start=first, end=last, steps=(SimpleNamespace(taken=A),))
     expected = ("another view", "the course of another view") if anew else (v, c)

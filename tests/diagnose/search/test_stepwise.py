@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.likeliest import weigh
 from gimbalcal.diagnose.search.ranking import log_priors
-from gimbalcal.diagnose.search.refit import refit, start, weighted
+from gimbalcal.diagnose.search.refit import refit, start
 from gimbalcal.diagnose.search.stepwise import Course, alone, course, pruned, refined, sharpened, take
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.number import Array
@@ -131,10 +131,10 @@ def test_rows_weigh_by_their_sigma() -> None:
     sigma = np.ones((80, 2))
     sigma[:, 1] = 4.0
     r = np.ones((80, 2, 3))
-    made = weighted(replace(v, noise=NoiseModel(sigma)), r)
+    made = NoiseModel(sigma).weighted(r)
     np.testing.assert_allclose(made[:, 0], 1.0)
     np.testing.assert_allclose(made[:, 1], 0.25)
-    assert weighted(v, r) is r
+    assert v.noise.weighted(r) is r
 
 
 def test_constants_between_the_values_of_a_grid_are_fitted_and_leave_no_rest() -> None:
