@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -30,7 +31,7 @@ Batch = Mapping[str, Array]
 ROWS = 50_000
 """Rows of one batch: ten columns are 4 MB, so that a pass over them stays in the cache."""
 
-AFTERWARDS = 0.2  # s in which threads of an engine that panicked say so, one after the other
+SILENCE = 1.0  # s without a message after which the threads of an engine that panicked have all reported it
 
 
 def batches(
@@ -84,14 +85,16 @@ def _next(frames: Iterator[pl.DataFrame], path: Path, rows: int) -> pl.DataFrame
     """
     import polars as pl
 
-    with quiet():
+    with quiet() as messages:
         frame = next(frames, None)
         if frame is not None or path.suffix != ".parquet":
             return frame
         told = pl.scan_parquet(path.absolute(), glob=False).select(pl.len()).collect().item()
         if rows == told:
             return None
-        time.sleep(AFTERWARDS)
+        size = -1
+        while size != (size := os.fstat(messages).st_size):  # one thread reports after the other
+            time.sleep(SILENCE)
     raise InputError(
         f"{path} says that it has {amount(told, 'row')} and {rows} can be read: it seems to be cut short or damaged; "
         "copy it again"
@@ -99,17 +102,17 @@ def _next(frames: Iterator[pl.DataFrame], path: Path, rows: int) -> pl.DataFrame
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
-    """Nothing that compiled code writes to stderr is seen."""
+def quiet() -> Iterator[int]:
+    """Nothing that compiled code writes to stderr is seen; it goes to an unnamed file, whose descriptor this gives."""
     sys.stderr.flush()
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as messages:
+        try:
+            os.dup2(messages.fileno(), 2)
+            yield messages.fileno()
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
 
 
 def column(path: Path, name: str, clock: Column | None = None) -> Array:
