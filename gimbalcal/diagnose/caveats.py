@@ -12,7 +12,6 @@ from dataclasses import replace
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.rows.baseline import by_triad
-from gimbalcal.diagnose.rows.in_place import turned_in_place
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.excess_scatter import larger_noise_in_words, scatter_in_words
@@ -21,6 +20,7 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.static_run.system import static
 from gimbalcal.estimate.systematic.calibrate import systematic
+from gimbalcal.estimate.systematic.segments import turned_in_place
 from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE

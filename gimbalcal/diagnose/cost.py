@@ -18,7 +18,6 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.result import Cost
-from gimbalcal.diagnose.rows.in_place import emptied, turned_in_place
 from gimbalcal.earth import SOLAR_DAY
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.baseline import BASELINE
@@ -27,6 +26,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.systematic.calibrate import calibrated
 from gimbalcal.estimate.systematic.iterate import iterate
+from gimbalcal.estimate.systematic.segments import turned_in_place
 from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE
 from gimbalcal.navigate.stationary_base import ROW, still_base, still_unit
@@ -35,6 +35,7 @@ from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
 from gimbalcal.schedule.rotation import standing
+from gimbalcal.views.core import without_sizes
 
 DAY = 24.0  # h that a still base is navigated
 EAST_NORTH_UP = standing(("east", "north", "up"))  # how a unit stands on it
@@ -102,7 +103,7 @@ def _settled(recording: Recording, made: Calibration, effect: str) -> Calibratio
     """The unit turned in its place calibrated again, with the parameters of `made` but those of an effect."""
     wanted = tuple(p for p in made.parameters if p.effect != effect)
     fitted, beyond = {p.effect for p in made.parameters}, {p.effect for p in wanted} - set(BASELINE["rotation"])
-    fresh = [emptied(e) for e in made.effects if e.id in beyond]
+    fresh = [without_sizes(e) for e in made.effects if e.id in beyond]
     return calibrated(iterate(recording, wanted, (*(e for e in made.effects if e.id not in fitted), *fresh)))
 
 

@@ -25,12 +25,12 @@ from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.mount import pointing_calibration
-from gimbalcal.estimate.pointing.run import nights
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.recording import Recording, completed, join, when_recorded
 from gimbalcal.unusual_constants import with_question
+from gimbalcal.views.pointing import nights
 
 
 class _Asked(NamedTuple):

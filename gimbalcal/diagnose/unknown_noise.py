@@ -17,11 +17,9 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.rows.baseline import by_triad, carried
-from gimbalcal.diagnose.rows.in_place import in_place, turned_in_place
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.slews import view_of_slews
 from gimbalcal.diagnose.rows.turns import view_of_turns
-from gimbalcal.diagnose.rows.views import MANY, norm, pointing, table
 from gimbalcal.diagnose.search.about_found import about_found
 from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.verdict.detection_limits import limits_in_words
@@ -34,11 +32,16 @@ from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.pointing.pattern import MISTAKEN, strays, why_far
+from gimbalcal.estimate.systematic.calibrate import navigation_view
+from gimbalcal.estimate.systematic.segments import turned_in_place
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
+from gimbalcal.views.norm import norm
+from gimbalcal.views.pointing import MAX_FILTERED_STARS, pointing
+from gimbalcal.views.tilting_table import tilting_table
 
 ROUNDS = 2  # in which stars are left out: those that the first hid show in the second
 STRAYS = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
@@ -77,7 +80,7 @@ def without_norm_outliers(
         v = alone(recording, calibration, baseline, tell)
         told = diagnosis_of(*about_found(v, course(v, tell), tell), tell)
         n = len(v)
-        off = strays(told.after) if recording.kind.sighting and n <= MANY and len(notes) < ROUNDS else []
+        off = strays(told.after) if recording.kind.sighting and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS else []
         if not 0 < len(off) <= STRAYS * n:
             return [told], notes
         number = v.stimulus.position
@@ -93,9 +96,9 @@ def alone(recording: Recording, calibration: Calibration | None, baseline: Seque
     """The one view of a pointing run, of a unit turned in its place, or of a tilting table."""
     if recording.kind.rotating:
         if not turned_in_place(recording):
-            return table(recording, baseline)
+            return tilting_table(recording, baseline)
         usual = tuple(baseline) or BASELINE["rotation"]
-        return in_place(recording, usual, tell, tuple(e for e in carried(calibration, ()) if e.id not in usual))
+        return navigation_view(recording, usual, tell, tuple(e for e in carried(calibration, ()) if e.id not in usual))
     # every term is fitted anew: a calibration says which the model holds
     held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
     return pointing(recording, baseline or held)

@@ -18,10 +18,10 @@ from gimbalcal.calibration import Readout
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects.grade import DEG_ROOT_H, GRADES, UG, Grade, grade_named, grade_of_noise
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.norm_fit import scaled_by_gravity
 from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise import resolution
+from gimbalcal.views.norm import scaled_by_gravity
 
 AVERAGING_S = 1.0  # s of a mean; data sheets print the noise at this time
 TRIADS = ("accelerometer", "gyroscope")

@@ -130,8 +130,8 @@ UNIT = "arcsec"
 def pointing_picture(recordings: Sequence[Recording], made: Calibration) -> Picture:
     """Return the residual of each star with zeros alone and with all terms, over both axes of the mount."""
     from gimbalcal.estimate.pointing.fit import fit
-    from gimbalcal.estimate.pointing.run import against_stars, on_stars, read_axes
     from gimbalcal.estimate.pointing.terms import wanted_parameters
+    from gimbalcal.views.pointing import against_stars, on_stars, read_axes
 
     axes = read_axes(recordings[0])
     angles, residual, titles = [], [], []

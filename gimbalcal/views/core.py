@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters
+from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grade import Grade, hurried
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
@@ -171,3 +172,20 @@ def absent_effect(effect_id: str, s: Stimulus, source: str = "", **constants: fl
 def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:
     """Return the parameters (effect, axis) that only turn a frame for which rows of these stages hold no reference."""
     return frozenset((i, axis) for i, cls in CATALOGUE.items() if cls.stage in stages for axis in cls.gauge)
+
+
+def without_sizes(effect: Effect) -> Effect:
+    """Return the effect with its constants and no size."""
+    names = (*(f.name for f in constants(type(effect))), "covariate")
+    kept = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name in names}
+    return replace(absent(type(effect)), **kept)
+
+
+def recording_fields(recording: Recording) -> dict[str, Any]:
+    """Return the fields of a view that a recording with its rows tells: title, clock, grade and read gimbals."""
+    return {
+        "title": recording.title, "source": recording, "kind": recording.kind,
+        "time": recording.time - recording.time[0],
+        "session": recording.session if recording.restarts else None, "grade": recording.grade,
+        "read_gimbals": recording.axes("gimbal_angle"),
+    }  # fmt: skip

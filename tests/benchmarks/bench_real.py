@@ -18,9 +18,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, scaled_by_gravity
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, read
+from gimbalcal.views.norm import scaled_by_gravity
 
 UG = 1e-6 * G0
 SHIPPED = Path(__file__).parents[2] / "data" / "xsens_positions"

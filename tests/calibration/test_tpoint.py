@@ -12,9 +12,9 @@ from gimbalcal.calibration.exchange import export, read_calibration
 from gimbalcal.calibration.exchange.tpoint import NAMES, tpoint_terms
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.mount import pointing_calibration
-from gimbalcal.estimate.pointing.run import on_stars
 from gimbalcal.forward import predict
 from gimbalcal.number import Array
+from gimbalcal.views.pointing import on_stars
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, LATITUDE, effects, run, sky
 
 Formula = Callable[[Array, Array], tuple[Array | float, Array | float]]

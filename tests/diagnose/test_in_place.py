@@ -6,8 +6,8 @@ import pytest
 from gimbalcal import calibrate, diagnose, load_effects
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.laws.law_file import source
-from gimbalcal.diagnose.rows.in_place import turned_in_place
 from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.estimate.systematic.segments import turned_in_place
 from gimbalcal.units import from_si
 from tests.estimate.systematic.table import turning_unit
 

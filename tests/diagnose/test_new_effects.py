@@ -14,7 +14,6 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.turns import view_of_turns
-from gimbalcal.diagnose.rows.views import norm, pointing, table
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
@@ -23,6 +22,9 @@ from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 from gimbalcal.views.core import View
 from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.norm import norm
+from gimbalcal.views.pointing import pointing
+from gimbalcal.views.tilting_table import tilting_table
 from tests.diagnose import static_plant
 from tests.diagnose.new_effects import enter
 from tests.diagnose.plant import record
@@ -91,7 +93,7 @@ def views(r: Recording) -> list[View]:
     if r.kind == "pointing":
         return [pointing(r)]
     if r.kind == "rotation":
-        return [table(r)]
+        return [tilting_table(r)]
     found = (norm(r), rest_rates(r), view_of_turns(r))
     return [v for v in found if v is not None]
 

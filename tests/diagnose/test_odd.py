@@ -14,7 +14,6 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library.assemble import available
 from gimbalcal.diagnose.library.candidates import sources
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
-from gimbalcal.diagnose.rows.views import pointing, solved
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.wording import largest
 from gimbalcal.effects import CATALOGUE
@@ -24,6 +23,8 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site, dwell_means, write
 from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.norm import inverted
+from gimbalcal.views.pointing import pointing
 from tests.diagnose import plant, static_plant
 from tests.diagnose.plant import UG, Bench, at_strength, known, on, record
 from tests.diagnose.rows.test_turns import by_hand as turned_by_hand
@@ -251,7 +252,7 @@ def test_what_cannot_be_diagnosed_is_refused_in_one_sentence(name: str) -> None:
 
 def test_a_law_that_reads_the_same_for_different_forces_is_refused() -> None:
     with pytest.raises(InputError, match="different forces read the same"):
-        solved(lambda f: 0 * f, np.ones((4, 3)))
+        inverted(lambda f: 0 * f, np.ones((4, 3)))
 
 
 def test_rows_are_listed_however_few() -> None:

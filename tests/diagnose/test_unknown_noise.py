@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import Diagnosis, diagnose
-from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.verdict.view_fit import held_out_misfit, shifts
@@ -16,6 +15,7 @@ from gimbalcal.effects import values
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site
+from gimbalcal.views.pointing import pointing
 from tests.benchmarks import unknown_hand
 from tests.benchmarks.unknown_runs import answer, runs
 

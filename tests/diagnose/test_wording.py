@@ -10,8 +10,8 @@ import pytest
 
 from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, Mismatch, Shape, TurnMisfit, ViewFit
-from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.views.pointing import pointing
 from tests.diagnose.small import telescope
 from tests.golden import Golden
 

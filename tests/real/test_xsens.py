@@ -10,12 +10,12 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.rows.views import norm
 from gimbalcal.diagnose.search.likeliest import weigh
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.grade import graded
 from gimbalcal.recording import Recording, read
+from gimbalcal.views.norm import norm
 from tests.real.recordings import diagnosed, finding, names, recording, rms_after, size
 
 MEANS = Path(__file__).parents[2] / "data" / "xsens_positions"

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.rows.views import of_rows
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.baseline import ACCELEROMETER_TERMS, GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
@@ -32,7 +31,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import RATE
-from gimbalcal.views.core import View
+from gimbalcal.views.core import View, recording_fields
 from gimbalcal.views.noise import NoiseModel, of_channels
 
 RESTS = 6  # fewer do not tell a pattern of the attitude from chance
@@ -68,8 +67,8 @@ def rest_rates(
         )
 
     return View(
-        "rest rates", unit="deg/h", channels=channels, **of_rows(dwell_means(recording)), stimulus=s, label=s.position,
-        evaluate=rows, stages=GYROSCOPE_STAGES, baseline=tuple(baseline) or GYROSCOPE_BIAS,
+        "rest rates", unit="deg/h", channels=channels, **recording_fields(dwell_means(recording)), stimulus=s,
+        label=s.position, evaluate=rows, stages=GYROSCOPE_STAGES, baseline=tuple(baseline) or GYROSCOPE_BIAS,
         groups=np.arange(len(y)), noise=NoiseModel(told, sample=told, wander=of_channels(len(y), 3)),
         missed_by_turns=missed if moving else None,
     )  # fmt: skip

@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.rows.motion import FEWEST, Motion, by_hand, on_gimbals, slews
-from gimbalcal.diagnose.rows.views import of_rows
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.effects.history import integral, slope
@@ -39,7 +38,7 @@ from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.views.core import View
+from gimbalcal.views.core import View, recording_fields
 from gimbalcal.views.noise import NoiseModel
 
 LATENCIES = ("time_tag_latency", "gyro_latency", "readout_latency")
@@ -104,9 +103,9 @@ def view_of_slews(
     channels = tuple((q, "force" if q == FORCE else "rate") for q in late)
     s = stimulus_from_readings(ends)
     return View(
-        "slews", unit="ms", channels=channels, **of_rows(replace(ends, kind=ROTATION)), stimulus=s, label=s.position,
-        evaluate=rows, stages=frozenset(base.sensitivity), baseline=(), gauge=_others(recording.platform),
-        groups=np.arange(len(sigma)), noise=NoiseModel(sigma),
+        "slews", unit="ms", channels=channels, **recording_fields(replace(ends, kind=ROTATION)), stimulus=s,
+        label=s.position, evaluate=rows, stages=frozenset(base.sensitivity), baseline=(),
+        gauge=_others(recording.platform), groups=np.arange(len(sigma)), noise=NoiseModel(sigma),
     )  # fmt: skip
 
 

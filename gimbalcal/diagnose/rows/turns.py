@@ -21,7 +21,6 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.readout import in_si
-from gimbalcal.diagnose.rows.views import of_rows, solved
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values
 from gimbalcal.effects.baseline import ACCELEROMETER_TERMS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
@@ -37,8 +36,9 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import normal_to
-from gimbalcal.views.core import View, absent_effect
+from gimbalcal.views.core import View, absent_effect, recording_fields
 from gimbalcal.views.noise import NoiseModel
+from gimbalcal.views.norm import inverted
 
 BACK = 0.01  # of the attitude's elements: gimbals that stand where they stood
 FEWEST = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
@@ -84,7 +84,7 @@ def view_of_turns(
     ends = dwell_means(recording).select(turns.ends)
     s = stimulus_from_readings(ends)
     return View(
-        "turns", unit="arcsec", channels=((RATE, "level"), (RATE, "tilted")), **of_rows(ends), stimulus=s,
+        "turns", unit="arcsec", channels=((RATE, "level"), (RATE, "tilted")), **recording_fields(ends), stimulus=s,
         label=s.position, evaluate=rows, stages=GYROSCOPE_STAGES, baseline=GYROSCOPE_INPUT_TERMS,
         gauge=_at_rest(turns.stimulus), groups=np.arange(len(turns.ends)), noise=NoiseModel(),
     )  # fmt: skip
@@ -107,7 +107,7 @@ def _left_open(recording: Recording, made: Calibration, turns: Turns) -> Array:
     effects = [e for e in made.effects if e.stage in SENSOR_STAGES]
     s = stimulus_from_readings(means)
     s = s.at(rate=0 * s.rate)
-    f, H = solved(lambda f: accelerometers(f, s, effects), means.triad(FORCE))
+    f, H = inverted(lambda f: accelerometers(f, s, effects), means.triad(FORCE))
     channels = tuple((FORCE, a) for a in "xyz")
     read = linearise(BENCH, s.at(force=f), effects, channels=channels, stages=SENSOR_STAGES).jacobian(wanted)
     felt = -np.linalg.solve(H, read) @ (axes * np.sqrt(np.maximum(size, 0.0)))

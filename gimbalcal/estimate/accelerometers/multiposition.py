@@ -24,13 +24,14 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.errors_in_variables import misfit_with_sizes
 from gimbalcal.estimate.accelerometers.excess_scatter import noise_of_a_mean, scatter_in_words
 from gimbalcal.estimate.accelerometers.fit_summary import noise_record, rotations_of_the_triad
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, scaled_by_gravity, unknowns
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, unknowns
 from gimbalcal.estimate.accelerometers.omitted_terms import covariance_of_omitted_terms, in_words
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, unfit
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
+from gimbalcal.views.norm import scaled_by_gravity
 
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 

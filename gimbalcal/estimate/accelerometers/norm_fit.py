@@ -10,23 +10,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.calibration import Counts, Readout
-from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, PositionFit, Problem, gauss_newton, problem
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
-from gimbalcal.estimate.pulses.gravity_norm import ellipsoid
 from gimbalcal.estimate.term_selection import scatter
+from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE
 
 LINEAR = ("scale_factor", "bias", "misalignment")
-MAX_FACE_TILT = 0.3  # of gravity, across an axis that is called upright
 PRIOR_FACTOR = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
 # x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
 
@@ -85,7 +82,7 @@ def norm_fit(means: Recording, terms: Sequence[str], extra: Extension = NO_EXTEN
 
 def _start(y: Array, wanted: Sequence[Parameter], g: float) -> Array:
     """Linear start [SI] from the ellipsoid through the readings y (m, 3), turned to the direction of the effects."""
-    found = ellipsoid(y[None] / g)[0] if len(y) >= 9 else np.full(9, np.nan)
+    found = ellipsoid(y[None] / g)[0] if len(y) >= MIN_POINTS else np.full(9, np.nan)
     if not np.isfinite(found).all():
         return np.array([q.mean for q in wanted])
     K1, bias, (yx, zx, zy) = found[:3], found[3:6], found[6:]
@@ -134,38 +131,3 @@ def _rows(made: NormFit) -> tuple[Array, Array]:
     J = np.where(kept, w.J, 0.0).sum(1)
     r = np.where(kept[..., 0], w.r, 0.0).sum(1)
     return J, r - J @ made.fit.solution.x
-
-
-def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
-    """Readings in counts or pulses become m/s^2 by a scale and an offset that are kept as nominal.
-
-    They are those of the ellipsoid through nine rests or more; else of six faces, half of what an axis reads upward
-    less what it reads downward, and the mean of both.
-    """
-    if not means.counted(FORCE):
-        return means, None
-    N = means.triad(FORCE)
-    half, middle = (N.max(0) - N.min(0)) / 2, (N.max(0) + N.min(0)) / 2
-    spread = half.mean()
-    found = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= 9 else np.full(9, np.nan)
-    if np.isfinite(found).all():
-        scale = found[:3] * means.site.gravity / spread
-        offset = middle - found[3:6] / found[:3] * spread
-    elif np.all(half > 0) and _on_faces((N - middle) / half):
-        scale, offset = means.site.gravity / half, middle
-    else:
-        unit = means.units.get((FORCE, "x"), "m/s^2")
-        raise InputError(
-            f"{means.title!r} reads in {unit} and "
-            f"{amount(len(N), 'rest position')} cannot fix its scale: hold six faces up, or at least "
-            "nine that turn every axis up and down, or give the columns in m/s^2"
-        )
-    counts = Counts(tuple(map(float, scale)), tuple(map(float, offset)))
-    return in_si(means, Readout(accelerometers=counts)), counts
-
-
-def _on_faces(n: Array) -> bool:
-    """Return whether rests n (m, 3), each axis from -1 to 1, hold every axis upright both ways."""
-    ends = n[np.concatenate([n.argmax(0), n.argmin(0)])]
-    across = ends[~np.tile(np.eye(3, dtype=bool), (2, 1))]
-    return bool(np.all(np.abs(across) < MAX_FACE_TILT))

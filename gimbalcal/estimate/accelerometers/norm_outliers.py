@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.errors import alternatives
+from gimbalcal.inference.ellipsoid import MIN_POINTS, design, matrix, scale_of_deviation
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.record import FORCE
@@ -37,7 +38,6 @@ MIN_OUTLIER_SIGMAS = 10.0  # sigmas; heavy tails reach half of it in a hundred r
 SIGNIFICANCE = 1e-6  # probability, choices of rests paid, by which chance is not believed
 MAX_OUTLIERS = 2  # of more, one could not say which rests are the reference
 MAX_SUSPECTS = 40  # rests, those that fit worst with all others: where there are more, two outliers drag a fit little
-ELLIPSOID_TERMS = 9  # of an ellipsoid
 MIN_SPARE_DWELLS = 4  # rests beyond the parameters: with fewer, leaving one out tests nothing
 RIDGE = 0.01  # noise of 1e-3 over a prior of 0.1: what turns do not show of a unit, as six faces do not, is small
 SPHERE = np.array([1.0, 1, 1, 0, 0, 0, 0, 0, 0])
@@ -91,7 +91,7 @@ def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
 def _odd(every: Recording, left: NDArray[np.int64], several: int) -> dict[int, float]:
     """The rests without which the others agree best, and how far they are off [g]; empty where one of them is not."""
     m = len(left)
-    if m < ELLIPSOID_TERMS + MIN_SPARE_DWELLS + several - 1:
+    if m < MIN_POINTS + MIN_SPARE_DWELLS + several - 1:
         return {}
     rests = every.select(left)
     everyone = _ellipsoids(rests, np.ones((1, m)))
@@ -108,7 +108,7 @@ def _odd(every: Recording, left: NDArray[np.int64], several: int) -> dict[int, f
     noise = (rests.sigma("accelerometer") or 0.0) / np.sqrt(rests.weight[gone]) / through.size[best]
     from scipy.special import stdtrit
 
-    least = max(MIN_OUTLIER_SIGMAS, -float(stdtrit(m - several - ELLIPSOID_TERMS, SIGNIFICANCE / comb(m, several))))
+    least = max(MIN_OUTLIER_SIGMAS, -float(stdtrit(m - several - MIN_POINTS, SIGNIFICANCE / comb(m, several))))
     sigmas = np.abs(off) / np.hypot(through.usual[best] * np.sqrt(1 + tied), noise)
     return dict(zip(left[gone].tolist(), off.tolist(), strict=True)) if np.all(sigmas > least) else {}
 
@@ -133,17 +133,17 @@ class _Ellipsoids(NamedTuple):
 def _ellipsoids(rests: Recording, kept: Array) -> _Ellipsoids:
     """Through the rests that are kept (r, m)."""
     u, size = _points(rests, kept)
-    A = _design(u)
-    G = np.swapaxes(A * kept[..., None], -1, -2) @ A + RIDGE**2 * np.eye(ELLIPSOID_TERMS)
+    A = design(u)
+    G = np.swapaxes(A * kept[..., None], -1, -2) @ A + RIDGE**2 * np.eye(MIN_POINTS)
     lacks = (1 - A @ SPHERE) * kept
     c = SPHERE + np.linalg.solve(G, (lacks[:, None] @ A)[:, 0, :, None])[..., 0]
     rho = (A @ c[..., None])[..., 0] - 1
-    Q, q = c[:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(-1, 3, 3), c[:, 6:]
+    Q, q = matrix(c), c[:, 6:]
     closed = np.linalg.eigvalsh(Q)[:, 0] > RIDGE
     Q = np.where(closed[:, None, None], Q, np.eye(3))
-    s = 1 / (1 + (q * np.linalg.solve(Q, q[..., None])[..., 0]).sum(-1) / 4)
+    s = scale_of_deviation(Q, q)
     norm = np.sqrt(np.maximum(1 + s[:, None] * rho, 0.0))
-    square = (kept * (norm - 1) ** 2).sum(-1) / (kept.sum(-1) - ELLIPSOID_TERMS)
+    square = (kept * (norm - 1) ** 2).sum(-1) / (kept.sum(-1) - MIN_POINTS)
     return _Ellipsoids(u, size, c, G, rho, s, np.where(closed, np.sqrt(square), np.inf))
 
 
@@ -162,19 +162,13 @@ def _points(rests: Recording, kept: Array) -> tuple[Array, Array]:
     return (y - (high + low)[:, None] / 2) / size[:, None, None], size
 
 
-def _design(u: Array) -> Array:
-    """Rows (..., 9) of points u (..., 3): those of Q, mixed ones twice, and of q."""
-    x, y, z = np.moveaxis(u, -1, 0)
-    return np.stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, x, y, z], axis=-1)
-
-
 def _against_others(through: _Ellipsoids, i: int, rests: NDArray[np.int64]) -> tuple[Array, Array]:
     """Return the relative deviation (k,) of the norm of rests from choice i, and its leverage d^T G^-1 d."""
     c = through.c[i]
-    middle = -np.linalg.solve(c[[0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(3, 3), c[6:]) / 2
+    middle = -np.linalg.solve(matrix(c), c[6:]) / 2
     norm = np.sqrt(np.maximum(1 + through.s[i] * through.rho[i, rests], 0.0))
     # a wrong reading tells nothing of its own leverage: it stands where no rest is
-    d = _design(middle + (through.u[i, rests] - middle) / np.maximum(norm, RIDGE)[:, None])
+    d = design(middle + (through.u[i, rests] - middle) / np.maximum(norm, RIDGE)[:, None])
     return norm - 1, (d * np.linalg.solve(through.normal[i], d.T).T).sum(-1)
 
 

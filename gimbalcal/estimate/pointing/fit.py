@@ -17,10 +17,10 @@ from gimbalcal.effects import Effect, Parameter, Stimulus, with_values
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
 from gimbalcal.estimate.fit import gauss_newton, range_of_constants
-from gimbalcal.estimate.pointing.run import against_stars, on_stars, read_axes, starting_zeros
 from gimbalcal.inference.information import Information, Solution, information
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.views.pointing import against_stars, on_stars, read_axes, starting_zeros
 
 MAX_STEPS = 50
 TOLERANCE = 1e-4  # of a sigma: an estimate that moves by less has arrived

@@ -15,11 +15,11 @@ from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extensio
 from gimbalcal.estimate.pointing.drift import Nights, by_night, record
 from gimbalcal.estimate.pointing.fit import Fit, fit, misfit_with_sizes
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
-from gimbalcal.estimate.pointing.run import CHANNELS, nights, on_stars, read_axes
 from gimbalcal.estimate.pointing.terms import USUAL_TERMS, wanted_parameters
 from gimbalcal.inference.p_value import probability
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
+from gimbalcal.views.pointing import CHANNELS, nights, on_stars, read_axes
 
 SIGNIFICANCE = 1e-3  # probability below which chance is not believed
 NEGLIGIBLE_EXCESS = 0.1  # relative excess over the stated noise that no user would act on, however significant

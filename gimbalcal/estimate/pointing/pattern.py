@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.estimate.pointing.fit import Fit
-from gimbalcal.estimate.pointing.run import CHANNELS
 from gimbalcal.number import Array
+from gimbalcal.views.pointing import CHANNELS
 
 SIGNIFICANCE = 1e-3  # probability, all trials paid, below which neighbours are no more alike by chance
 MIN_TRAVEL_RAD = 1e-3  # rad; an axis that travels less stood still

@@ -9,8 +9,8 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.effect import GIMBALS
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.pointing.run import STAGES
 from gimbalcal.platform import Platform
+from gimbalcal.views.pointing import STAGES
 
 USUAL_TERMS = ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality", "base_tilt", "tube_flexure")
 """Zeros, collimation, squareness, the tilt of the mount and the sag of the tube: seven terms of a two-axis mount."""

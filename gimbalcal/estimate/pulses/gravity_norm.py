@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.estimate.pulses.polynomial import Pulses, along, lower
+from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
 from gimbalcal.inference.levenberg import Minimum, covariance_at_minimum, minimise
 from gimbalcal.number import Array
 
@@ -56,37 +57,6 @@ def initial_scale(N: Array, magnitude: float | Array) -> Array:
     return np.asarray(np.sqrt(np.where(squares > 0.05 * common, squares, common)) / unit[:, 0])
 
 
-def ellipsoid(u: Array) -> Array:
-    r"""The linear model (K1, bias, E) that carries points u (r, m, 3) to the unit sphere, without iteration; (r, 9).
-
-    .. math:: u^T Q u + q^T u = 1 \;\Rightarrow\; M^T M = s Q, \quad M^T C b = s q / 2, \quad
-              s = 1 / (1 + \tfrac14 q^T Q^{-1} q)
-
-    with M = C K1 lower triangular. Start beyond Eqs. (41) and (42): exact for any misalignment and bias when the unit
-    is linear. Rows are NaN where the points lie on no ellipsoid.
-    """
-    x, y, z = np.moveaxis(u, -1, 0)
-    A = np.stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, x, y, z], axis=-1)
-    Qr, R = np.linalg.qr(A)
-    degenerate = np.abs(np.diagonal(R, axis1=-2, axis2=-1)).min(-1) < 1e-9 * np.sqrt(A.shape[-2])  # u is of order one
-    R = np.where(degenerate[:, None, None], np.eye(9), R)
-    c = np.linalg.solve(R, np.swapaxes(Qr, -1, -2) @ np.ones((*A.shape[:-1], 1)))[..., 0]
-    Q = c[:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(-1, 3, 3)
-    bad = degenerate | (np.linalg.eigvalsh(Q)[:, 0] <= 0)
-    Q = np.where(bad[:, None, None], np.eye(3), Q)
-    q = c[:, 6:]
-    s = 1 / (1 + (q * np.linalg.solve(Q, q[..., None])[..., 0]).sum(-1) / 4)
-    # M^T M with M lower triangular is the Cholesky factorisation of the matrix read from its last row and column
-    L = np.linalg.cholesky((s[:, None, None] * Q)[:, ::-1, ::-1])
-    M = np.swapaxes(L, -1, -2)[:, ::-1, ::-1]
-    K1 = np.diagonal(M, axis1=-2, axis2=-1)
-    h = np.linalg.solve(np.swapaxes(M, -1, -2), (s[:, None] * q / 2)[..., None])  # h = C b
-    C = M / K1[:, None, :]
-    bias = np.linalg.solve(C, h)[..., 0]
-    out = np.concatenate([K1, bias, np.stack([C[:, 1, 0], C[:, 2, 0], C[:, 2, 1]], axis=-1)], axis=-1)
-    return np.where(bad[:, None], np.nan, out)
-
-
 def accelerometer_pulses(N: Array, gravity: float, sigma: float, order: int = 3) -> PulseFit:
     """Fit Eq. (2) to mean counts N (r, m, 3) [pulse/s] of m rest positions in r runs.
 
@@ -102,7 +72,7 @@ def accelerometer_pulses(N: Array, gravity: float, sigma: float, order: int = 3)
 
     plain = np.tile(np.r_[np.ones(3), np.zeros(12)], (len(N), 1))[:, free]
     found = minimise(model, plain)
-    if N.shape[-2] >= 9:
+    if N.shape[-2] >= MIN_POINTS:
         second = ellipsoid(u)
         usable = np.isfinite(second).all(-1)
         start = _full(plain, free)

@@ -15,19 +15,22 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
-from gimbalcal.effects import with_values
+from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.systematic.filter_pass import attitude_covariance
+from gimbalcal.estimate.systematic.innovation_rows import innovation_rows
 from gimbalcal.estimate.systematic.innovation_tests import innovation_statistics, outcome
 from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
 from gimbalcal.estimate.systematic.linearisation_error import linearisation_covariance
 from gimbalcal.estimate.systematic.observability import data_information
-from gimbalcal.estimate.systematic.state_lists import states
+from gimbalcal.estimate.systematic.state_lists import UNESTIMATED, states
 from gimbalcal.estimate.systematic.suspected_errors import limitations, suspected_error
 from gimbalcal.inference.information import solve
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.views.core import View, without_sizes
+from gimbalcal.views.navigation import navigation
 
 LARGE_HEADING_SIGMA_RAD = np.radians(3.0)  # beyond, second order counts
 
@@ -98,3 +101,32 @@ def calibrated(m: SystematicFit) -> Calibration:
             "limits": limitations(m, solution.sigma),
         },
     )
+
+
+def navigation_view(
+    recording: Recording, ids: tuple[str, ...], tell: Callable[[str], None], held: tuple[Effect, ...] = ()
+) -> View:
+    """Return the innovations of a unit turned in its place, about a fit of the effects `ids`, as a view.
+
+    held: effects of fixed values. Raises InputError where a navigator cannot take the recording.
+    """
+    usual = states(",".join(ids), recording)
+
+    def about(m: SystematicFit) -> View:
+        fitted = dict(zip(m.wanted, m.theta.tolist(), strict=True))
+        return navigation(recording, innovation_rows(m), fitted, ids, UNESTIMATED, m.segments.stated)
+
+    def known(more: Sequence[Effect] = ()) -> tuple[Effect, ...]:
+        return (*(e for e in held if e.id not in {m.id for m in more}), *more)
+
+    def relinearise(effect: Effect, wanted: Sequence[Parameter]) -> View:
+        return replace(about(iterate(recording, (*usual, *wanted), known([effect]), tell)), calibrate=converged)
+
+    first = iterate(recording, usual, held, tell)
+
+    def converged(effects: Sequence[Effect], fitted: Sequence[Parameter]) -> Calibration:
+        more = tuple(p for p in fitted if p.label not in {u.label for u in usual})
+        fresh = [without_sizes(e) for e in effects if e.id in {p.effect for p in more}]
+        return calibrated(iterate(recording, (*usual, *more), known(fresh), tell) if more else first)
+
+    return replace(about(first), relinearise=relinearise, calibrate=converged)

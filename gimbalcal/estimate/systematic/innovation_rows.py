@@ -10,14 +10,11 @@ Least squares on them, with the constants free, is what filter and smoother do w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.effects import Effect, Parameter, Stimulus
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE, error_model, expected_readings, stretch_model
 from gimbalcal.estimate.systematic.filter_pass import (
     VELOCITY_STATES,
@@ -29,56 +26,17 @@ from gimbalcal.estimate.systematic.filter_pass import (
 from gimbalcal.estimate.systematic.iterate import SystematicFit
 from gimbalcal.estimate.systematic.segments import CHANNELS
 from gimbalcal.estimate.systematic.sensor_inversion import KIND, invert_readings, reading_jacobian
-from gimbalcal.forward import Rows, linearise
+from gimbalcal.forward import linearise
 from gimbalcal.inference import adjoint, square_root_filter
 from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.navigate.error_growth import NAV
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
+from gimbalcal.views.navigation import InnovationRows
 
 SINGLE_UPDATES = 20  # after a turn that make a row each; later in a stop innovations change slowly
 JOINED_UPDATES = 10  # of the later ones in one row
 BATCH_COLUMNS = 48  # responses computed at a time
-
-
-@dataclass(frozen=True, eq=False)
-class InnovationRows:
-    """n rows of three innovations [m/s], north, east, down, with sigma (n, 3), in the middle of `time` (n,).
-
-    felt: force and rate behind the readings, a row for each group of intervals; stop (n,): ordinal, -1 while turning.
-    """
-
-    fit: SystematicFit
-    felt: Stimulus
-    rows: Rows  # of both triads about the fitted effects, a row for each group
-    residual: Array
-    sigma: Array
-    time: Array
-    stop: NDArray[np.int64]
-    navigator: tuple[Array, Array, Array]  # Phi (K, m, m), gain (K, 3, m), one sigma (K, 3) of an innovation
-    u: Array
-    block: NDArray[np.int64]  # row of each update, (K,)
-
-    @cached_property
-    def _reading_jacobian(self) -> Array:
-        """Derivative of the readings by force and rate (g, 6, 6), about the fitted effects."""
-        return reading_jacobian(self.felt, self.fit.effects)
-
-    def addition(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
-        """Return the apparent addition of an effect to force and rate (g, 6, p), in SI per unit of its parameters."""
-        return -np.linalg.solve(self._reading_jacobian, np.nan_to_num(self.rows.columns(effect, wanted)))
-
-    def response(self, D: Array) -> Array:
-        """Return the response of the rows (n, 3, p) to additions D (g, 6, p) to force and rate, per unit of each."""
-        parts = [self._response(D[..., k : k + BATCH_COLUMNS]) for k in range(0, D.shape[2], BATCH_COLUMNS)]
-        return np.concatenate(parts, axis=2) if parts else np.zeros((*self.residual.shape, 0))
-
-    def _response(self, D: Array) -> Array:
-        m, (Phi, gain, sigma) = self.fit, self.navigator
-        Psi = np.zeros((*Phi.shape[:2], D.shape[2]))
-        Psi[:, :NAV] = stretch_model(m.segments, self.u, m.C, lambda groups: D[groups], D.shape[2])[1]
-        e = adjoint.innovation_response(Phi, Psi, VELOCITY_STATES, sigma, gain)
-        return _joined(np.nan_to_num(e) * STATE_SCALE[3], sigma * STATE_SCALE[3], self.block)[0]
 
 
 def innovation_rows(m: SystematicFit) -> InnovationRows:
@@ -100,8 +58,19 @@ def innovation_rows(m: SystematicFit) -> InnovationRows:
     residual, row_sigma = _joined(f.innovation[..., None] * STATE_SCALE[3], sigma * STATE_SCALE[3], block)
     first = np.flatnonzero(np.diff(block, prepend=-1))
     time = np.add.reduceat((segments.time[1:] + segments.time[:-1]) / 2, first) / np.diff(first, append=len(block))
+
+    def part(D: Array) -> Array:
+        Psi = np.zeros((*Phi.shape[:2], D.shape[2]))
+        Psi[:, :NAV] = stretch_model(segments, u, m.C, lambda groups: D[groups], D.shape[2])[1]
+        e = adjoint.innovation_response(Phi, Psi, VELOCITY_STATES, sigma, f.gain)
+        return _joined(np.nan_to_num(e) * STATE_SCALE[3], sigma * STATE_SCALE[3], block)[0]
+
+    def response(D: Array) -> Array:
+        parts = [part(D[..., k : k + BATCH_COLUMNS]) for k in range(0, D.shape[2], BATCH_COLUMNS)]
+        return np.concatenate(parts, axis=2) if parts else np.zeros((*row_sigma.shape, 0))
+
     return InnovationRows(
-        m, s, rows, residual[..., 0], row_sigma, time, segments.stop[first], (Phi, f.gain, sigma), u, block
+        s, rows, residual[..., 0], row_sigma, time, segments.stop[first], reading_jacobian(s, effects), response
     )
 
 

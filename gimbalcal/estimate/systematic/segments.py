@@ -31,6 +31,7 @@ GROUP_LENGTH_S = 0.05  # of a turn, over which sensitivities hardly change: half
 PAUSE_EDGE_ROWS = 100  # on either side of a pause
 MAX_PAUSE_SHIFT_G = 2e-3  # of the force over a pause in which the unit was not moved
 MAX_DWELL_TURN_G = 0.1  # change of the force over a stop; the Earth turns it by less in 20 min
+MIN_STOPS = 2  # of a unit that is turned in its place
 HAND_FORCE_RMS_G, HAND_FORCE_RATIO = (
     0.02,
     2.0,
@@ -111,6 +112,15 @@ def segment(recording: Recording) -> Segments:
     _refuse_lost_turns(recording, stop_dwells, paused)
     sigma, shown, stated = _noise(recording, stop_dwells)
     return _assembled(recording, stop_dwells, dt, step, paused, sigma, shown, stated)
+
+
+def turned_in_place(recording: Recording) -> bool:
+    """Return whether a unit was turned from stop to stop at a known latitude; a tilting table goes on tilting."""
+    if not recording.kind.rotating or recording.platform.axes or recording.site.latitude is None:
+        return False
+    if any(not recording.has(q) or recording.counted(q) for q in (FORCE, RATE)):
+        return False
+    return len(stops(recording)) >= MIN_STOPS
 
 
 def stops(recording: Recording) -> list[Dwell]:

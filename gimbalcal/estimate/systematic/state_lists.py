@@ -28,6 +28,11 @@ KEPT: Mapping[str, tuple[str, ...]] = {
     "accelerometer_lever_arm": ("xx", "yy", "zz"),  # along each one's own axis, as Cai et al. (2016), Eqs. (9) to (11)
 }
 SAME = {"scale_nonlinearity": "quadratic_nonlinearity", "frame_misalignment": "misalignment"}
+UNESTIMATED = frozenset(
+    (i, p.axis)
+    for i in (*KEPT, *SAME) for p in parameters(CATALOGUE[i]) if p.axis not in KEPT.get(i, ())
+)  # fmt: skip
+"""(Effect, axis) that no filter estimates: the axes are defined so, or another effect is the same."""
 
 
 def states(

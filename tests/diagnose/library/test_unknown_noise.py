@@ -9,11 +9,12 @@ import pytest
 
 from gimbalcal.diagnose.library.assemble import available, constants_of, free_rows, library, powers, spanned, spans
 from gimbalcal.diagnose.library.shapes import shapes_of
-from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE, absent, parameters
 from gimbalcal.effects.grade import GRADES
 from gimbalcal.number import Array
+from gimbalcal.views.norm import norm
+from gimbalcal.views.pointing import pointing
 from tests.diagnose.small import telescope
 from tests.diagnose.test_unknown_noise import turned
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
-from gimbalcal.diagnose.rows.views import BLOCK, averaged, norm, pointing, solved, table
 from gimbalcal.diagnose.search.stepwise import course
 from gimbalcal.diagnose.view_diagnosis import diagnosis_of
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
@@ -19,6 +18,9 @@ from gimbalcal.pipeline import silent
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.core import View
+from gimbalcal.views.norm import inverted, norm
+from gimbalcal.views.pointing import pointing
+from gimbalcal.views.tilting_table import BLOCK_S, averaged, tilting_table
 from tests.diagnose.small import telescope
 
 G = 9.8
@@ -56,7 +58,7 @@ def view(name: str) -> View:
     if name == "pointing":
         return pointing(telescope(1))
     if name == "table":
-        return table(tilting())
+        return tilting_table(tilting())
     made = unit(G * UP * 1.001 + 0.02, 1e-4 * noise((20, 3)))
     if name == "norm":
         return norm(made)
@@ -153,7 +155,7 @@ def test_the_earth_s_vertical_rate_is_no_g_sensitivity_where_no_latitude_tells_i
 def test_a_lever_on_a_table_is_known_by_its_centrifugal_and_euler_forces() -> None:
     """The force of a unit off the axis, written as cross products, vanishes with the lever of the catalogue."""
     lever = np.array([0.03, -0.05, 0.02])
-    v, level = table(tilting(lever), step=0.01), table(tilting(), step=0.01)
+    v, level = tilting_table(tilting(lever), step=0.01), tilting_table(tilting(), step=0.01)
     ps = parameters(CATALOGUE["lever_arm"])
     effects = with_values((), ps, np.array([lever["xyz".index(p.axis)] for p in ps]))
     with_it, without = v.linearised(effects, ())[0], v.linearised((), ())[0]
@@ -166,7 +168,7 @@ def test_a_lever_on_a_table_is_known_by_its_centrifugal_and_euler_forces() -> No
 def test_blocks_are_means_and_a_last_short_one_is_left_out() -> None:
     r = tilting()
     r = r.select(slice(0, 1150))
-    made = averaged(r, BLOCK)
+    made = averaged(r, BLOCK_S)
     assert len(made.time) == 11
     np.testing.assert_allclose(made.time, np.arange(11) + 0.495)
     np.testing.assert_allclose(made.weight, 100.0)
@@ -177,7 +179,7 @@ def test_blocks_are_means_and_a_last_short_one_is_left_out() -> None:
 @pytest.mark.parametrize("law", [lambda f: 1.02 * f + 1e-3 * f**2, lambda f: f + 1e-4 * f**3 + 0.1])
 def test_a_law_is_inverted_with_its_derivative(law: Callable[[Array], Array]) -> None:
     truth = G * UP
-    f, H = solved(law, law(truth))
+    f, H = inverted(law, law(truth))
     np.testing.assert_allclose(f, truth, rtol=1e-12, atol=1e-12)
     e = 1e-6
     slope = (law(truth + e) - law(truth - e)) / (2 * e)

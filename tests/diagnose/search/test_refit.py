@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.refit import constants_told, projections, refit, start, with_columns
 from gimbalcal.effects import values, with_values
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.core import absent_effect
+from gimbalcal.views.norm import norm
+from gimbalcal.views.pointing import pointing
 from tests.diagnose.small import telescope
 
 G = 9.80665

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.likeliest import weigh
 from gimbalcal.diagnose.search.ranking import log_priors
 from gimbalcal.diagnose.search.refit import refit, start
@@ -20,6 +19,8 @@ from gimbalcal.pipeline import silent
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
 from gimbalcal.views.noise import NoiseModel
+from gimbalcal.views.norm import norm
+from gimbalcal.views.pointing import pointing
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.search.test_refit import poses
 from tests.diagnose.small import causes_of, telescope

@@ -10,7 +10,6 @@ import pytest
 
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import Estimate, Finding
-from gimbalcal.diagnose.rows.views import norm, pointing
 from gimbalcal.diagnose.search.refit import refit, start, with_constants
 from gimbalcal.diagnose.search.stepwise import steps_of
 from gimbalcal.diagnose.verdict import findings
@@ -21,6 +20,8 @@ from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
 from gimbalcal.units import to_si
 from gimbalcal.views.core import absent_effect
+from gimbalcal.views.norm import norm
+from gimbalcal.views.pointing import pointing
 from tests.diagnose.search.test_refit import poses
 from tests.diagnose.small import causes_of, telescope
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, run

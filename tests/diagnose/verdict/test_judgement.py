@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.stepwise import course, take
 from gimbalcal.diagnose.verdict.judgement import judged_without
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
+from gimbalcal.views.pointing import pointing
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.small import telescope
 

@@ -11,10 +11,10 @@ from scipy.stats import f as fisher
 
 from gimbalcal.diagnose.library.assemble import spans
 from gimbalcal.diagnose.library.shapes import shapes_of
-from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.verdict.mismatch_patterns import largest, mismatches, patterns
 from gimbalcal.views.core import View
+from gimbalcal.views.pointing import pointing
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.small import telescope
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
-from gimbalcal.estimate.pointing.run import on_stars
 from gimbalcal.forward import predict
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Platform
 from gimbalcal.recording import Recording, Site
+from gimbalcal.views.pointing import on_stars
 
 ARCSEC = np.pi / 648000
 LATITUDE = np.radians(39.0)

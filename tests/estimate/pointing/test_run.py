@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.rows.views import pointing
 from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.estimate.pointing.run import calmer, on_stars, since_turning, without_jumps
 from gimbalcal.recording import Recording
+from gimbalcal.views.pointing import calmer, on_stars, pointing, since_turning, without_jumps
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
 
 TURN = 2 * np.pi

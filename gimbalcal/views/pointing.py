@@ -8,24 +8,66 @@ with v the direction in which the mount with these effects looks: a perfect mode
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects import Effect, Stage, Stimulus
+from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.effects.gimbal_mechanics import MIN_TURN_RAD
 from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Rows, linearise
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.views.core import View, gauges, recording_fields
+from gimbalcal.views.noise import NoiseModel, of_channels
 
 STAGES = frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT})
 CHANNELS = tuple(("pointing", axis) for axis in AXES["pointing"])
 MAX_ROUGHNESS_RATIO = 0.5  # of the roughness of where the stars are
 MAX_TRAVEL_RAD = 3 * np.pi  # rad that a mount turns, from one stop to the other
+MIN_POLE_COSINE = 0.02  # of the inner angle, below which a mount points along its outer axis
+MAX_FILTERED_STARS = 1000  # a log of guiding has more: noises that are filtered row by row would take half of the time
 MIN_NIGHT_GAP_S = 6 * 3600.0  # s; a longer pause ends a night
+
+
+def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
+    """Return the view of a pointing run; every star is a visit of its own."""
+    s = on_stars(recording)
+    calm = calmer(recording)
+
+    def rows(effects: Sequence[Effect]) -> Rows:
+        return against_stars(recording, s, effects)
+
+    def reference(effects: Sequence[Effect]) -> Rows:
+        found = rows(effects)
+        there = s.at(readout=s.readout + ~calm * _readout_misses(found))
+        return replace(against_stars(recording, there, effects), residual=found.residual)
+
+    n = len(recording.time)
+    sigma = np.repeat(1 / np.sqrt(recording.weight)[:, None], len(CHANNELS), axis=1)  # in units of one of weight 1
+    return View(
+        "pointing", unit="arcsec", channels=CHANNELS, **recording_fields(recording), stimulus=s, label=s.position,
+        evaluate=rows, reference=reference, stages=STAGES, baseline=tuple(baseline) or BASELINE["pointing"],
+        gauge=gauges({Stage.BASE}), groups=np.arange(n),
+        noise=NoiseModel(sigma, wander=of_channels(n, len(CHANNELS)) if n <= MAX_FILTERED_STARS else None),
+    )  # fmt: skip
+
+
+def _readout_misses(rows: Rows) -> Array:
+    """Return the misses of the readouts (n, k) [rad] from the angles at which this mount is on its stars.
+
+    Near the pole of the outer axis no star determines the readouts: there they are zero.
+    """
+    S = rows.sensitivity[Stage.ENCODER]
+    square = S[:, :, : S.shape[1]]  # what is read are the innermost axes
+    seen = np.abs(np.linalg.det(square)) > MIN_POLE_COSINE
+    out = np.zeros((len(S), S.shape[2]))
+    out[seen, : S.shape[1]] = np.linalg.solve(square[seen], rows.residual[seen][..., None])[..., 0]
+    return out
 
 
 def on_stars(recording: Recording) -> Stimulus:

@@ -1,0 +1,109 @@
+r"""Dwells of unknown attitude: the corrected force is as long as gravity.
+
+.. math:: r = |h^{-1}(y)| - g , \qquad \frac{\partial r}{\partial c_k} = u^T H^{-1} S_k ,
+
+for h what the accelerometers read, H its derivative by the force and u the direction of the force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.calibration import Counts, Readout
+from gimbalcal.calibration.readout import in_si
+from gimbalcal.effects import Effect
+from gimbalcal.effects.baseline import ACCELEROMETER_TERMS
+from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.errors import InputError, amount
+from gimbalcal.forward import Rows, accelerometers, linearise
+from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
+from gimbalcal.inversion import invert
+from gimbalcal.kinematics import stimulus_from_readings
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import FORCE
+from gimbalcal.views.core import View, gauges, recording_fields
+from gimbalcal.views.noise import NoiseModel
+
+MAX_FACE_TILT = 0.3  # of gravity, across an axis that is called upright
+
+
+def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
+    """Return the view of dwells of unknown attitude: one row each."""
+    means, _ = scaled_by_gravity(dwell_means(recording))
+    y, g = means.triad(FORCE), means.site.gravity
+    s = stimulus_from_readings(means).at(rate=np.zeros_like(y))  # at rest
+
+    channels = tuple((FORCE, a) for a in "xyz")
+
+    def rows(effects: Sequence[Effect], ideal: bool = False) -> Rows:
+        f, H = inverted(lambda f: accelerometers(f, s, effects), y)
+        length = np.linalg.norm(f, axis=-1)
+        towards = np.linalg.solve(np.swapaxes(H, -1, -2), (f / length[:, None])[..., None])[..., 0]
+        felt = f * (g / length[:, None] if ideal else 1.0)
+        felt = linearise(BENCH, s.at(force=felt), effects, channels=channels, stages=SENSOR_STAGES)
+        along = felt.reduced(lambda X: np.einsum("nc,ncp->np", towards, X)[:, None])
+        return replace(along, residual=(length - g)[:, None])
+
+    sample = means.sigma("accelerometer")
+    noise = (sample / np.sqrt(means.weight))[:, None] if sample else None  # a channel of few levels may not scatter
+    ids = tuple(baseline) or ACCELEROMETER_TERMS
+    return View(
+        "norm", unit="mg", channels=((FORCE, "norm"),), **recording_fields(means), stimulus=s, label=s.position,
+        evaluate=rows, reference=lambda effects: rows(effects, ideal=True), stages=SENSOR_STAGES, baseline=ids,
+        gauge=gauges(SENSOR_STAGES), groups=np.arange(len(y)),
+        noise=NoiseModel(sample=noise, wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None]),
+    )  # fmt: skip
+
+
+def inverted(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
+    """Return f (n, 3) with h(f) = y, and dh/df (n, 3, 3) there.
+
+    Raises InputError where different forces read the same.
+    """
+    f, H, flat = invert(h, y)
+    if np.any(flat):
+        raise InputError(
+            "in the model of the accelerometers different forces read the same; name bias, scale_factor and "
+            "misalignment in --baseline, and no dead_zone"
+        )
+    return f, H
+
+
+def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
+    """Return readings in counts or pulses as m/s^2, by a scale and an offset that are kept as nominal.
+
+    They are those of the ellipsoid through nine dwells or more; else of six faces, half of what an axis reads upward
+    less what it reads downward, and the mean of both.
+    """
+    if not means.counted(FORCE):
+        return means, None
+    N = means.triad(FORCE)
+    half, middle = (N.max(0) - N.min(0)) / 2, (N.max(0) + N.min(0)) / 2
+    spread = half.mean()
+    found = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= MIN_POINTS else np.full(9, np.nan)
+    if np.isfinite(found).all():
+        scale = found[:3] * means.site.gravity / spread
+        offset = middle - found[3:6] / found[:3] * spread
+    elif np.all(half > 0) and _on_faces((N - middle) / half):
+        scale, offset = means.site.gravity / half, middle
+    else:
+        unit = means.units.get((FORCE, "x"), "m/s^2")
+        raise InputError(
+            f"{means.title!r} reads in {unit} and "
+            f"{amount(len(N), 'rest position')} cannot fix its scale: hold six faces up, or at least "
+            "nine that turn every axis up and down, or give the columns in m/s^2"
+        )
+    counts = Counts(tuple(map(float, scale)), tuple(map(float, offset)))
+    return in_si(means, Readout(accelerometers=counts)), counts
+
+
+def _on_faces(n: Array) -> bool:
+    """Return whether dwells n (m, 3), each axis from -1 to 1, hold every axis upright both ways."""
+    ends = n[np.concatenate([n.argmax(0), n.argmin(0)])]
+    across = ends[~np.tile(np.eye(3, dtype=bool), (2, 1))]
+    return bool(np.all(np.abs(across) < MAX_FACE_TILT))

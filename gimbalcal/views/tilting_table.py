@@ -1,0 +1,92 @@
+"""Force and rate while a table tilts: force against that of a level unit at rest, in means over a second."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.effects import Effect, Stage
+from gimbalcal.effects.baseline import ACCELEROMETER_BIAS
+from gimbalcal.effects.effect import MATRIX_AXES, SENSOR_STAGES
+from gimbalcal.errors import InputError
+from gimbalcal.forward import Rows, linearise
+from gimbalcal.kinematics import stimulus_from_truth
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.units import is_raw
+from gimbalcal.views.core import View, recording_fields
+from gimbalcal.views.noise import NoiseModel
+
+BLOCK_S = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
+HELD_OUT_S = 10.0  # s; rows closer than this are held out together, the table moves as slowly
+MIN_BLOCKS = 3  # means that can differ from one another in more than a trend
+PRIOR_FACTOR = 3.0  # times the sizes of one unit: sensors of different makers, bolted together
+COARSE_STEP_S, FINE_STEP_S = 0.04, 0.01  # s; steps at which the physics is evaluated, for search and last fit
+SIZE_EFFECT = "accelerometer_lever_arm"  # of which a table that tilts about one axis shows what lever_arm is
+
+
+def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: float = COARSE_STEP_S) -> View:
+    """Return the view of a unit that starts level and is tilted, in means over `BLOCK_S`; the mean force is unknown.
+
+    What a lever arm makes of a block's mean is the change of rate between its ends: means of the rate over `step` blur
+    these, so that the sizes come from fine steps, while coarse ones distinguish the causes. Raises InputError for a
+    table that is logged too shortly, or in counts.
+    """
+    _refuse(recording)
+    fine = averaged(recording, step)
+    rate, y = fine.triad(RATE), fine.triad(FORCE)  # what is read of the turning, as nothing else tells it
+    s = stimulus_from_truth(fine, -fine.site.gravity * np.eye(3)[2] + 0 * rate, rate)
+    size = _rows_in(fine, BLOCK_S)
+    channels, stages = tuple((FORCE, a) for a in "xyz"), frozenset({Stage.PLATFORM, *SENSOR_STAGES})
+
+    def centred_means(X: Array) -> Array:
+        means = _means(X, size)
+        return np.asarray(means - means.mean(axis=0))
+
+    def rows(effects: Sequence[Effect]) -> Rows:
+        return linearise(fine.platform, s, effects, channels=channels, read=y, stages=stages).reduced(centred_means)
+
+    blocks = averaged(fine, BLOCK_S)
+    in_group = max(1, round(HELD_OUT_S / float(np.median(np.diff(blocks.time)))))
+    return View(
+        "table", unit="ug", channels=channels, **recording_fields(blocks), stimulus=s, evaluate=rows, stages=stages,
+        baseline=tuple(baseline) or ACCELEROMETER_BIAS, gauge=frozenset({(SIZE_EFFECT, a) for a in MATRIX_AXES}),
+        prior_factor=PRIOR_FACTOR, groups=np.arange(len(blocks.time)) // in_group, noise=NoiseModel(),
+        finer=(lambda: tilting_table(recording, baseline, FINE_STEP_S)) if step > FINE_STEP_S else None,
+    )  # fmt: skip
+
+
+def _refuse(recording: Recording) -> None:
+    logged = next((u for u in recording.units.values() if is_raw(u)), "")
+    if logged:
+        raise InputError(
+            f"{recording.title!r} reads in {logged}: a tilting table needs m/s^2 and rad/s; give the scale of its "
+            "columns, or a `position` column if the unit was turned from rest to rest"
+        )
+    lasts = float(recording.time[-1] - recording.time[0])
+    if lasts < MIN_BLOCKS * BLOCK_S:
+        raise InputError(
+            f"{recording.title!r} lasts {lasts:.2g} s: a tilting table is judged by means over {BLOCK_S:g} s, so give "
+            f"{MIN_BLOCKS} s or more"
+        )
+
+
+def averaged(recording: Recording, duration: float) -> Recording:
+    """Return means over blocks of rows of about this duration [s]; a last, shorter block is left out."""
+    size = _rows_in(recording, duration)
+    return replace(
+        recording, time=_means(recording.time, size), position=None, weight=_means(recording.weight, size) * size,
+        channels={k: _means(x, size) for k, x in recording.channels.items()},
+    )  # fmt: skip
+
+
+def _rows_in(recording: Recording, duration: float) -> int:
+    return max(1, round(duration / float(np.median(np.diff(recording.time)))))
+
+
+def _means(x: Array, size: int) -> Array:
+    n = len(x) // size
+    return np.asarray(x[: n * size].reshape(n, size, *x.shape[1:]).mean(axis=1))
