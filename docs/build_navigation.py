@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from chart_sheet import sheet
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
 from gimbalcal.navigate.mechanisations import navigated
@@ -15,7 +16,6 @@ from gimbalcal.navigate.space_stable import Aids, InertialSite, schuler_rate
 from gimbalcal.navigate.uncertainty import before_and_after
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.report.chart import BLUE, DASHES, VERMILION, Chart, Line, Rule
-from gimbalcal.report.draw import sheet
 from gimbalcal.report.navigation_page import curves
 from gimbalcal.simulate import simulate
 

@@ -17,16 +17,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from chart_sheet import sheet
 
 from gimbalcal.diagnose import Diagnosis, diagnose
-from gimbalcal.diagnose.wording import digits
 from gimbalcal.importers import import_files
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, read
-from gimbalcal.report.draw import sheet
 from gimbalcal.report.figures import Panel, before_after
-from gimbalcal.report.naming import named, unit_in_print
-from gimbalcal.report.rounding import pdg
+from gimbalcal.words.diagnosis_sentences import digits
+from gimbalcal.words.naming import named, unit_in_print
+from gimbalcal.words.rounding import pdg
 
 DOCS = Path(__file__).parent
 SHIPPED = DOCS.parent / "data" / "space_stable_concealed"

@@ -5,11 +5,14 @@ import re
 import runpy
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import jsonschema
+import numpy as np
 import pytest
 
 from gimbalcal.cli import gimbalcal
+from gimbalcal.report.chart import BLUE, Chart, Points
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -115,3 +118,13 @@ def test_the_page_of_the_schemas_names_every_key() -> None:
     assert "| `parameters[].sigma` | number | one sigma, in `unit` |" in page
     assert "| `findings[].twins` | array of string |" in page
     assert "| *`laws`* |" in page
+
+
+def test_a_sheet_of_charts_is_a_picture_with_the_colours_of_the_page() -> None:
+    sheet = runpy.run_path(str(DOCS / "chart_sheet.py"))["sheet"]
+    chart = Chart((Points(np.arange(3.0), np.arange(3.0), BLUE),), height=100)
+    drawn = ET.fromstring(sheet([chart, chart, chart]))
+    inner = [svg.attrib for svg in drawn if svg.tag.endswith("svg")]
+    assert [(a["x"], a["y"]) for a in inner] == [("8", "8"), ("464", "8"), ("8", inner[2]["y"])]
+    assert float(inner[2]["y"]) == 16 + float(inner[0]["height"])
+    assert "--c0: #0072b2;" in sheet([chart])

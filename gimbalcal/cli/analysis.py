@@ -96,7 +96,7 @@ def calibrate(
     from gimbalcal.methods import calibrate_each
     from gimbalcal.report.console import parameters_table
     from gimbalcal.report.files import write_calibrations
-    from gimbalcal.report.words import calibration_in_words
+    from gimbalcal.words.calibration_sentences import calibration_in_words
 
     tell = progress(quiet)
     target = output_folder(out, recordings, "calibration", ("calibration.json", "report.html"), overwrite, as_json)
@@ -169,7 +169,7 @@ def diagnose(
         content["cross_check"] = [check.in_words for check in checks]
         sentences += [f"{check.in_words[0].upper()}{check.in_words[1:]}." for check in checks]
     if not (as_json or quiet) and any(d.findings for d in diagnoses):
-        print("\n\n".join(findings_table(d.to_dict()) for d in diagnoses if d.findings), end="\n\n")
+        print("\n\n".join(findings_table(d.findings) for d in diagnoses if d.findings), end="\n\n")
     show(content, "\n".join(sentences), as_json, quiet, target.page if target else None)
     explained = all(d.verdict == "adequate" and not d.outcome for d in diagnoses)
     sys.exit(0 if explained and all(c.agree for c in checks) else 1)
@@ -284,7 +284,7 @@ def compare(
     from gimbalcal.history import compare as run
     from gimbalcal.history import dated_file, of_store
     from gimbalcal.report.files import write_comparison
-    from gimbalcal.report.naming import answered
+    from gimbalcal.words.naming import answered
 
     if store is None and not calibrations:
         raise InputError("`compare` takes calibration.json files, or a --store that holds some")

@@ -17,8 +17,8 @@ def catalogue(effect: str | None) -> None:
 
     from gimbalcal.effects import CATALOGUE, parameters
     from gimbalcal.effects.grade import GRADES
-    from gimbalcal.report.naming import unit_in_print
     from gimbalcal.units import from_si
+    from gimbalcal.words.naming import unit_in_print
 
     if effect is None:
         _list(sorted(CATALOGUE))
@@ -44,7 +44,7 @@ def _card(text: str) -> str:
     import re
 
     from gimbalcal.report.formulas import plain_formula
-    from gimbalcal.report.naming import typeset
+    from gimbalcal.words.naming import typeset
 
     text = re.sub(
         r"^\.\. math::((?:.+\n?)(?:[ \t]+.*\n?)*)",

@@ -27,7 +27,8 @@ def shipped() -> Path:
 def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
     """Calibrate and diagnose the package's recordings, a folder each under `out`; return a summary and its sentence."""
     from gimbalcal.atomic import folder
-    from gimbalcal.report.words import calibration_in_words, headline
+    from gimbalcal.words.calibration_sentences import calibration_in_words
+    from gimbalcal.words.diagnosis_headline import headline
 
     data = shipped()
     with folder(out) as new:  # all three are of one run
@@ -41,7 +42,7 @@ def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
     sentence = "\n".join([
         f"space-stable platform: {calibration_in_words(platform)}",
         f"Xsens unit, real: {calibration_in_words(xsens)}",
-        f"concealed effect: {headline(diagnosis.to_dict(), diagnosis.curves)}",
+        f"concealed effect: {headline(diagnosis)}",
         f"open {out / 'report.html'}, {out / 'xsens' / 'report.html'} and {out / 'diagnosis' / 'report.html'}",
     ])  # fmt: skip
     return summary, sentence
@@ -58,8 +59,8 @@ def _calibrate(folders: list[Path], method: str, out: Path, tell: Tell) -> dict[
 
 def _truth(folders: list[Path]) -> dict[str, float] | None:
     """Return the truth of simulated recordings, label to SI; the first value of each parameter."""
-    from gimbalcal.report.naming import label_of
     from gimbalcal.units import to_si
+    from gimbalcal.words.naming import label_of
 
     truth: dict[str, float] = {}
     for path in (folder / "truth.json" for folder in folders):

@@ -100,7 +100,7 @@ def progress(quiet: bool) -> Callable[[str], None]:
 
 def _as_printed(sentence: str) -> str:
     """Typeset units and signs, except in quotes, backticks and brackets, which are to be typed."""
-    from gimbalcal.report.naming import typeset
+    from gimbalcal.words.naming import typeset
 
     if sentence.startswith(("wrote ", "reading ")):
         return sentence  # names of files

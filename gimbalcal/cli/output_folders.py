@@ -62,7 +62,7 @@ def output_folder(
             raise InputError(f"{read.pop()} is read and would be written over; give another --out")
         other = _other_answers(out, files, question)
         if other and not overwrite:
-            from gimbalcal.report.naming import listed
+            from gimbalcal.words.naming import listed
 
             raise InputError(
                 f"{out} already holds {listed(other)} of another question, which would be lost; give another --out, or "
@@ -156,7 +156,7 @@ def staged_folder(folder: Path, overwrite: bool = False) -> Iterator[Path]:
 
 def _refuse_different(files: list[Path], folder: Path) -> None:
     """Raise InputError where `folder` holds one of these files with other content."""
-    from gimbalcal.report.naming import listed
+    from gimbalcal.words.naming import listed
 
     existing = [file for file in files if (folder / file.name).exists()]
     other = [file.name for file in existing if not cmp(file, folder / file.name, shallow=False)]

@@ -226,8 +226,8 @@ def budget(
     rest, which says where and how it stands when it navigates.
     """
     from gimbalcal.design.budget import budget as run
-    from gimbalcal.report.naming import answered
     from gimbalcal.report.navigation_page import budget_report
+    from gimbalcal.words.naming import answered
 
     target = output_folder(out, scenarios, "budget", ("budget.json", "report.html"), overwrite, as_json)
     made = run(scenarios, hours, more, damping, states)

@@ -15,7 +15,7 @@ A road walks down five rooms, each of which reads only those below it:
     search      which combination: singles, pairs, thirds; constants refined; refit and search again
     verdict     what is claimed: decision, what stands together, held-out check, where it is off, what would tell more
 
-`wording` has the sentences that the roads share.
+`gimbalcal.words.diagnosis_sentences` has the sentences that the roads share.
 """
 
 import sys

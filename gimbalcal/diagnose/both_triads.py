@@ -19,7 +19,6 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.result import Finding, Mismatch, Shape
@@ -44,6 +43,7 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import View
+from gimbalcal.words import diagnosis_sentences
 
 NOTHING = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
 
@@ -118,7 +118,7 @@ def _gyroscopes(
     """What the views of the gyroscopes say, and what cannot be said of them, in sentences."""
     rests = len(dwell_means(recording).time)
     if rests < RESTS:
-        return [], [wording.gyroscopes_not_analysed(f"that takes {RESTS} dwells, not {rests}")]
+        return [], [diagnosis_sentences.gyroscopes_not_analysed(f"that takes {RESTS} dwells, not {rests}")]
     if not recording.has(FORCE):
         force = ideal_force(recording, recording.angles())
         recording = replace(
@@ -130,14 +130,14 @@ def _gyroscopes(
     linear = start(turning).effects if turning else ()
     still = rest_rates(without_earth(recording, linear), gyro, made)
     if still is None:
-        return [], [wording.gyroscopes_not_analysed(wording.COUNTS_WITHOUT_SCALE)]
+        return [], [diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)]
     notes = []
     if turning is None and not gyro:
         why = f"fewer than {FEWEST} turns between rests were logged" if explained else "nothing explains the forces"
-        notes = [wording.rate_not_analysed(why)]
+        notes = [diagnosis_sentences.rate_not_analysed(why)]
 
     def looked(v: View) -> ViewDiagnosis:
-        tell(f"the gyroscopes: {wording.channels_of(v)}")
+        tell(f"the gyroscopes: {diagnosis_sentences.channels_of(v)}")
         return diagnose_view(v, tell)
 
     told = [looked(replace(still, missed_by_turns=None))]
@@ -190,7 +190,7 @@ class _Part:
 
 def _part_of_forces(d: Diagnosis) -> _Part:
     if d.findings:
-        return _Part("forces", d, wording.chi2_reduction(d.fit, "Reduced chi^2 of the forces"))
+        return _Part("forces", d, diagnosis_sentences.chi2_reduction(d.fit, "Reduced chi^2 of the forces"))
     left = f"Reduced chi^2 of the forces is {d.fit.chi2_reduced_before:.3g}."
     return _Part("forces", d, left if d.verdict == "adequate" else "")
 
@@ -200,7 +200,9 @@ def _together(
     baseline: Sequence[str], seed: int,
 ) -> Diagnosis:  # fmt: skip
     parts = [] if forces is None else [_part_of_forces(forces)]
-    parts += [_Part(t.view.name, t, wording.view_in_words(t.view, t.fit, t.findings, t.verdict)) for t in told]
+    parts += [
+        _Part(t.view.name, t, diagnosis_sentences.view_in_words(t.view, t.fit, t.findings, t.verdict)) for t in told
+    ]
     if not parts:
         raise InputError(f"{recording.title!r} leaves nothing to compare. {' '.join(notes)}")
     lead = max(parts, key=lambda p: p.rank)
@@ -224,7 +226,7 @@ def _together(
     words = _answer(verdict, parts, found, shapes, mismatch, [f"{also}."] * bool(also) + list(notes))
     drawn = curves_of(lead.said) if isinstance(lead.said, ViewDiagnosis) else lead.said.curves
     held = None if forces is None else forces.calibration
-    made = calibration_of(recording, told, wording.reservation(verdict, found, shapes), held)
+    made = calibration_of(recording, told, diagnosis_sentences.reservation(verdict, found, shapes), held)
     recommend = next(filter(None, (p.said.recommend for p in parts_by_weight)), "")
     return Diagnosis(verdict, mismatch, found, shapes, fitted, provenance, words, drawn, made, outcome=also,
                      laws=tuple(law for p in parts for law in p.said.laws), recommend=recommend)  # fmt: skip
@@ -242,10 +244,10 @@ def _answer(
     if verdict == "adequate":
         out = ["The calibrated model explains these data."]
     elif found:
-        out = [f"{wording.causes(verdict, found)}."]
+        out = [f"{diagnosis_sentences.causes(verdict, found)}."]
     else:
-        out = [wording.NO_CAUSE]
+        out = [diagnosis_sentences.NO_CAUSE]
     out += [p.in_words for p in parts if p.in_words]
-    out += [f"The remaining misfit has no known cause: {wording.shape_in_words(u)}." for u in shapes[:1]]
+    out += [f"The remaining misfit has no known cause: {diagnosis_sentences.shape_in_words(u)}." for u in shapes[:1]]
     out += [f"{m.in_words}." for m in mismatch[:1]]
-    return " ".join(filter(None, [*out, wording.delays(found), *notes]))
+    return " ".join(filter(None, [*out, diagnosis_sentences.delays(found), *notes]))

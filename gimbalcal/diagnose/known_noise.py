@@ -14,7 +14,6 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Curves, Diagnosis, in_print, plotted_against
 from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
@@ -51,6 +50,8 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, absent_effect
 from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at
+from gimbalcal.words import diagnosis_sentences
+from gimbalcal.words.naming import spaced
 
 DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not to be linearised at
 
@@ -87,7 +88,7 @@ def diagnose_known_noise(
 
 def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
     """Every cause of the catalogue tried on one recording."""
-    tell(f"fitting the model: {', '.join(wording.spoken(i) for i in baseline)} (another: --baseline)")
+    tell(f"fitting the model: {', '.join(spaced(i) for i in baseline)} (another: --baseline)")
     start = carried(calibration, baseline)
     o = settle(fit_baseline(recording, baseline, start))
     dragged = o.view.kind.stabilised and _misfit(o) > DRAGGED
@@ -157,7 +158,7 @@ def _report(
         "causes_compared": len([c for c in s.library.candidates if not c.rival]),
         "excess_kurtosis": round(s.o.view.noise.kurtosis, 3),
     }
-    words, fault = wording.answer(d.verdict, named, shapes, mismatch, fitted), misheld(s, d.verdict)
+    words, fault = diagnosis_sentences.answer(d.verdict, named, shapes, mismatch, fitted), misheld(s, d.verdict)
     if d.verdict == "adequate":
         limits = detection_limits(s.library.candidates, s.projections)
         fitted, words = replace(fitted, unseen=limits), f"{words} {limits_in_words(limits)}".strip()
@@ -166,7 +167,7 @@ def _report(
         fitted = law_fit.summary(fitted)
         curves = replace(curves, after=left)
     tell("the model with what was found, as a calibration")
-    made = calibrated_alone(s, f, wording.reservation(d.verdict, named, shapes), known)
+    made = calibrated_alone(s, f, diagnosis_sentences.reservation(d.verdict, named, shapes), known)
     words += f" {fault}" if fault else ""
     return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made, outcome=fault,
                      laws=law.laws, recommend=law.recommend)  # fmt: skip
@@ -266,4 +267,4 @@ def moved(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
 
 def shape(c: Candidate) -> Shape:
     """What is left unexplained, as the contract wants it."""
-    return wording.shape(c.rival, c.channel, c.axis)
+    return Shape(f"{c.channel} {c.axis}".strip(), c.rival)

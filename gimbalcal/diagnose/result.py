@@ -202,8 +202,8 @@ class Delay(Entry):
 
 
 @dataclass(frozen=True)
-class TurnMisfit(Entry):
-    """Rms angle by which gravity carried through the turns misses gravity after them."""
+class RmsMisfit(Entry):
+    """Rms misfit of the readings without and with the findings."""
 
     rms_before: float
     rms_after: float
@@ -248,6 +248,11 @@ class FitSummary(Entry):
     recordings: tuple[RecordingFit, ...] | None = None
     constants: Entry | None = None
 
+    @property
+    def misfit(self) -> RmsMisfit | None:
+        """The rms misfit where the noise was estimated from the residual, so that chi^2 does not test the fit."""
+        return None
+
 
 @dataclass(frozen=True, kw_only=True)
 class StatedNoiseFit(FitSummary):
@@ -264,15 +269,21 @@ class StatedNoiseFit(FitSummary):
 class ViewFit(FitSummary):
     """The fit of a view whose noise is not stated: rms misfits in its unit, and chi^2 against the samples' scatter."""
 
+    noise: RowNoise
     rms_before: float
     rms_after: float
     heldout_rms_before: float
     heldout_rms_after: float
     steps: tuple[SearchStep, ...]
     late: Mapping[str, Delay] | None = None
-    turns: TurnMisfit | None = None
+    turns: RmsMisfit | None = None
     chi2_of_samples_before: Mapping[str, float] | None = None
     chi2_of_samples_after: Mapping[str, float] | None = None
+
+    @property
+    def misfit(self) -> RmsMisfit | None:
+        """The rms misfit of the view in its unit."""
+        return RmsMisfit(self.rms_before, self.rms_after, self.noise.unit)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.both_triads import has_gyroscopes
 from gimbalcal.diagnose.evidence.odds import CLAIM
@@ -49,6 +48,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
+from gimbalcal.words import diagnosis_sentences
 
 AVERAGED = ("chi2_reduced", "heldout")  # numbers of a fit that are averages over its rows
 
@@ -162,10 +162,10 @@ def _report(
         "causes_compared": len({(x.effect, x.axis, x.source) for x in c.library.candidates if not x.rival}),
         "excess_kurtosis": round(max(s.o.view.noise.kurtosis for s in c.searches), 3),
     }
-    words = [wording.answer(d.verdict, named, unexplained, mismatch, fitted)]
+    words = [diagnosis_sentences.answer(d.verdict, named, unexplained, mismatch, fitted)]
     words += [f.agreement.in_words for f in named if f.agreement and f.agreement.in_words]
     words.append(_each_alone(shares))
-    made, between = _calibrated(c, d, shares, wording.reservation(d.verdict, named, unexplained), known)
+    made, between = _calibrated(c, d, shares, diagnosis_sentences.reservation(d.verdict, named, unexplained), known)
     fitted = replace(fitted, constants=between)
     verdict, differ, recommend = d.verdict, between.in_words, law.recommend
     if differ:
@@ -234,7 +234,9 @@ def _sizes(shares: Sequence[Part], slot: int) -> tuple[RecordingSize, ...]:
 
 def _agreement(shares: Sequence[Part], slot: int, found: Finding) -> SizeAgreement:
     a = agreement_on_size(shares, slot)
-    return SizeAgreement(round(a.chi2, 3), a.dof, a.p_value, a.against(wording.named(found.effect, found.axis)))
+    return SizeAgreement(
+        round(a.chi2, 3), a.dof, a.p_value, a.against(diagnosis_sentences.cause_in_words(found.effect, found.axis))
+    )
 
 
 def _advice(c: CombinedRanking, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
@@ -286,7 +288,9 @@ def _called(d: Decision) -> str:
         return "nothing is missing"
     if d.hypothesis is None:
         return "something is missing that no cause of the catalogue explains"
-    return " and ".join(wording.named(j.cause.effect, j.cause.axis, j.confounded) for j in d.judgements)
+    return " and ".join(
+        diagnosis_sentences.cause_in_words(j.cause.effect, j.cause.axis, j.confounded) for j in d.judgements
+    )
 
 
 def _each_alone(shares: Sequence[Share]) -> str:

@@ -14,7 +14,6 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.rows.baseline import by_triad, carried
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
@@ -42,6 +41,7 @@ from gimbalcal.views.core import View
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS, pointing
 from gimbalcal.views.tilting_table import tilting_table
+from gimbalcal.words import diagnosis_sentences
 
 ROUNDS = 2  # in which stars are left out: those that the first hid show in the second
 STRAYS = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
@@ -87,7 +87,7 @@ def without_norm_outliers(
         size = [float(from_si(float(np.linalg.norm(told.after[k] * told.sigma[k])), v.unit)) for k in off]
         at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
         why = MISTAKEN if at is None else why_far(told.after * told.sigma, at[:, :2], off, axis)
-        notes.append(wording.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
+        notes.append(diagnosis_sentences.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
         tell(notes[-1])
         recording = replace(recording, position=number).select(np.delete(np.arange(n), off))
 
@@ -121,7 +121,7 @@ def of_triads(
     made = calibration_of(recording, told, "") if told else calibration
     at_rest = rest_rates(recording, gyro, made)
     if at_rest is None:
-        note = wording.gyroscopes_not_analysed(wording.COUNTS_WITHOUT_SCALE)
+        note = diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)
         tell(note)
         return told, [note]
     still = diagnose_view(at_rest, tell)
@@ -129,10 +129,10 @@ def of_triads(
     if gyro:
         return told, []
     if told[0].verdict == "unexplained" and told[0] is not still:
-        return told, [wording.rate_not_analysed("no model explains the forces")]
+        return told, [diagnosis_sentences.rate_not_analysed("no model explains the forces")]
     moving = view_of_turns(recording, made, found_at_rest(still))
     if moving is None or made is None:
-        return told, [wording.motion_not_analysed("too few turns were logged to say how the unit turned")]
+        return told, [diagnosis_sentences.motion_not_analysed("too few turns were logged to say how the unit turned")]
     told.append(diagnosis_of(moving, course(moving, tell), tell))
     late, notes = on_the_way(recording, made, told[-1].model.effects, tell)
     return [*told, *late], notes
@@ -144,7 +144,7 @@ def on_the_way(
     """What the slews say of delays between channels, or a note why they say nothing; see `view_of_slews`."""
     v = view_of_slews(recording, made, gyro, means)
     if isinstance(v, str):
-        return [], [wording.motion_not_analysed(v)]
+        return [], [diagnosis_sentences.motion_not_analysed(v)]
     tell("the slews: do all channels agree in time")
     return [diagnosis_of(v, course(v, tell), tell)], []
 
@@ -170,11 +170,13 @@ def _together(
         "views": [t.view.name for t in told],
         **({"notes": list(notes)} if notes else {}),
     }
-    words = wording.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
+    words = diagnosis_sentences.answer_of_views(verdict, [(t.view, t.fit, t.findings) for t in told], shapes, mismatch)
     hidden = limits_in_words([u for t in told for u in t.fit.unseen or ()]) if verdict == "adequate" else ""
     also = outcome_of(told)
-    words = " ".join(filter(None, [words, hidden, wording.delays(found), f"{also}." if also else "", *notes]))
-    made = calibration_of(recording, told, wording.reservation(verdict, found, shapes))
+    words = " ".join(
+        filter(None, [words, hidden, diagnosis_sentences.delays(found), f"{also}." if also else "", *notes])
+    )
+    made = calibration_of(recording, told, diagnosis_sentences.reservation(verdict, found, shapes))
     recommend = next(filter(None, (t.recommend for t in (lead, *told))), "")
     return Diagnosis(verdict, mismatch, found, shapes, fit, provenance, words, curves_of(lead), made, outcome=also,
                      laws=tuple(law for t in told for law in t.laws), recommend=recommend)  # fmt: skip

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Curves, plotted_against
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import SOUGHT, Lawful, laws_of_view, told_heldout
@@ -32,6 +31,7 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
+from gimbalcal.words import diagnosis_sentences
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def diagnosis_as(
         if lawful.laws:
             c, fit, sigma = c_law, fit_law, row_sigma(v, with_law)
     if verdict == "missing-physics" and fit.heldout_rms_after > max(
-        fit.heldout_rms_before, wording.MAX_HELDOUT_RATIO * fit.rms_after
+        fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
     mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)

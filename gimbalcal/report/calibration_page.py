@@ -12,13 +12,14 @@ from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import amount
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.references import cite
-from gimbalcal.report import naming, sections, words
+from gimbalcal.report import sections
 from gimbalcal.report.figures import correlation
 from gimbalcal.report.formulas import formula
 from gimbalcal.report.html import picture, render
 from gimbalcal.report.parameters import nominal_in_words, rows, stages
-from gimbalcal.report.rounding import minus, p_value, significant
 from gimbalcal.units import from_si, is_raw
+from gimbalcal.words import calibration_sentences, naming
+from gimbalcal.words.rounding import minus, p_value, significant
 
 MIN_CORRELATION = 0.3  # of a pair in the table
 
@@ -34,8 +35,8 @@ def calibration_report(
     context = {
         "title": "; ".join(r.title for r in recordings) or "no recording available",
         "date": str(content["provenance"].get("created", ""))[:16].replace("T", " "),
-        "answer": words.calibration_in_words(content),
-        "verdict": words.calibration_verdict(content),
+        "answer": calibration_sentences.calibration_in_words(content),
+        "verdict": calibration_sentences.calibration_verdict(content),
         "facts": _facts(content, recordings),
         "rows": rows(content, truth),
         "with_truth": truth is not None,
@@ -59,17 +60,17 @@ def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[
     """Return the numbers of the first screen."""
     total, unobservable = len(content["parameters"]), len(naming.unobservable_of(content))
     residual = content["residual"]
-    ratio, p, _ = words.goodness_of_fit(residual["chi2"], residual["dof"])
+    ratio, p, _ = calibration_sentences.goodness_of_fit(residual["chi2"], residual["dof"])
     facts = [(f"{total - unobservable} of {total}", "combinations of parameters determined")]
     force = [rms for channel, rms in residual["rms"].items() if channel.startswith("specific_force")]
-    if force and words.scaled_to_residual(content):
+    if force and calibration_sentences.scaled_to_residual(content):
         rms = float(from_si(np.sqrt(np.mean(np.square(force))), "ug"))
         facts.append((f"{significant(rms, 3)} µg", "rms residual of the specific force"))
     star = [rms for channel, rms in residual["rms"].items() if channel.startswith("pointing")]
     if star:
         sky = float(from_si(np.sqrt(np.sum(np.square(star))), "arcsec"))
         facts.append((f"{significant(sky, 3)} arcsec", "rms residual of a star on the sky"))
-    if residual["dof"] > 0 and not words.scaled_to_residual(content):
+    if residual["dof"] > 0 and not calibration_sentences.scaled_to_residual(content):
         freedom = (
             f"χ² {residual['chi2']:.{0 if residual['chi2'] > 100 else 1}f} with {residual['dof']} degrees of freedom"
         )

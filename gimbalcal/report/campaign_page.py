@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import amount
-from gimbalcal.report import naming
 from gimbalcal.report.chart import Band, Chart, Points, Rule
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.parameters import in_sigmas
-from gimbalcal.report.rounding import significant
 from gimbalcal.units import from_si
+from gimbalcal.words import naming
+from gimbalcal.words.rounding import significant
 
 MIN_P_VALUE = 1e-3  # of all parameters jointly; a smaller one is not attributed to chance
 MAX_RELATIVE_EXCESS = 0.1  # of errors over sigmas; less changes no decision, however significant

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from gimbalcal.number import Array
-from gimbalcal.report.rounding import minus
+from gimbalcal.words.rounding import minus
 
 Colour = Literal["c0", "c1", "c2", "c3", "c4", "c5", "grey", "pale", "ink"]
 Shape = Literal["dot", "square", "diamond", "triangle", "ring"]

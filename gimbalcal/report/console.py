@@ -6,14 +6,15 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.report import naming
 from gimbalcal.report.parameters import estimate, rows
-from gimbalcal.report.rounding import significant
-from gimbalcal.report.words import calibration_in_words as answer
-from gimbalcal.report.words import headline
+from gimbalcal.words import naming
+from gimbalcal.words.calibration_sentences import calibration_in_words as answer
+from gimbalcal.words.diagnosis_headline import headline
+from gimbalcal.words.rounding import significant
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose import Diagnosis  # which loads the whole diagnosis
+    from gimbalcal.diagnose.result import Finding
 
 
 def parameters_table(content: Mapping[str, Any]) -> str:
@@ -33,16 +34,15 @@ def calibration_in_words(made: Calibration) -> str:
     return f"{parameters_table(content)}\n\n{answer(content)}"
 
 
-def diagnosis_in_words(made: Diagnosis) -> str:
+def diagnosis_in_words(d: Diagnosis) -> str:
     """Return the findings of a diagnosis, its headline and its numbers, the last output of `gimbalcal diagnose`."""
-    content = made.to_dict()
-    table = [findings_table(content), ""] if made.findings else []
-    return "\n".join([*table, headline_and_numbers(made)])
+    table = [findings_table(d.findings), ""] if d.findings else []
+    return "\n".join([*table, headline_and_numbers(d)])
 
 
-def headline_and_numbers(made: Diagnosis) -> str:
+def headline_and_numbers(d: Diagnosis) -> str:
     """Return the headline of a diagnosis, and its numbers."""
-    return f"{headline(made.to_dict(), made.curves)}\nIn numbers: {naming.typeset(made.in_words)}"
+    return f"{headline(d)}\nIn numbers: {naming.typeset(d.in_words)}"
 
 
 def _held(content: Mapping[str, Any]) -> list[str]:
@@ -56,12 +56,15 @@ def _held(content: Mapping[str, Any]) -> list[str]:
     return [naming.named(n, ", ".join(of) if n in estimated else "") for n, of in axes.items()]
 
 
-def findings_table(content: Mapping[str, Any]) -> str:
-    """Return the causes of a diagnosis.json with sizes, probability and significance."""
-    table = [
-        _row(p, f"{100 * f['probability']:.3g} % probable, {significant(f['sigma'])} σ" if not k else "")
-        for f in content["findings"] for k, p in enumerate(f["parameters"])
-    ]  # fmt: skip
+def findings_table(findings: Sequence[Finding]) -> str:
+    """Return the causes of a diagnosis with sizes, probability and significance."""
+    table = []
+    for f in findings:
+        remark = f"{100 * f.probability:.3g} % probable, {significant(f.sigma)} σ"
+        for p in f.parameters:
+            row = estimate(p.name, p.axis, p.value, p.sigma, p.unit)
+            table.append((row["words"], row["value"], row["sigma"], row["unit"], remark))
+            remark = ""
     return "\n".join(_aligned(table))
 
 
@@ -80,11 +83,6 @@ def bounds_table(content: Mapping[str, Any]) -> str:
     ]  # fmt: skip
     rest = ["* not determined one by one; the report gives the combinations"] if lost else []
     return "\n".join([*_aligned(table), *rest])
-
-
-def _row(p: Mapping[str, Any], remark: str) -> tuple[str, str, str, str, str]:
-    row = estimate(p)
-    return row["words"], row["value"], row["sigma"], row["unit"], remark
 
 
 def _aligned(table: Sequence[tuple[str, str, str, str, str]]) -> list[str]:

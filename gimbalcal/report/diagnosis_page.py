@@ -4,25 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from gimbalcal.diagnose.answer import Curves, Diagnosis
+from gimbalcal.diagnose.evidence.odds import OUTSIDE
+from gimbalcal.diagnose.result import (
+    Estimate,
+    Finding,
+    LawResult,
+    Mismatch,
+    Shift,
+    StatedNoiseFit,
+    ViewFit,
+)
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import alternatives
 from gimbalcal.number import Array
 from gimbalcal.references import cite
-from gimbalcal.report import naming
 from gimbalcal.report.chart import Chart, sensible_time
 from gimbalcal.report.figures import Panel, before_after, sky
 from gimbalcal.report.formulas import formula
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.parameters import estimate, in_sigmas
-from gimbalcal.report.rounding import minus, p_value, rms, significant
-from gimbalcal.report.words import does, headline
-
-if TYPE_CHECKING:
-    from gimbalcal.diagnose.answer import Curves
+from gimbalcal.words import naming
+from gimbalcal.words.diagnosis_headline import does, headline
+from gimbalcal.words.rounding import minus, p_value, rms, significant
 
 MAX_PANELS = 6
 MIN_P_VALUE = 0.01  # of the residuals; below it they are reported to have a pattern
@@ -32,40 +41,36 @@ MAX_POINTS = 240  # of a panel; more overlap on a page
 LOOKS = {"adequate": "fits", "missing-physics": "found", "unexplained": "misfit", "not-identifiable": "misfit"}
 
 
-def diagnosis_report(
-    content: Mapping[str, Any], panels: Sequence[Panel] = (), title: str = "", curves: Curves | None = None
-) -> str:
-    """Return the page of a diagnosis.json; `panels` show where the mismatch is, `curves` how large it is."""
-    findings = [_finding(f) for f in content["findings"]]
-    cards = [CATALOGUE[f["effect"]] for f in content["findings"] if f["effect"] in CATALOGUE]
-    keys = dict.fromkeys(key for card in cards for key in card.sources)
+def diagnosis_report(d: Diagnosis, title: str = "") -> str:
+    """Return the page of a diagnosis; its curves show where the mismatch is and how large."""
+    cards = [CATALOGUE[f.effect] for f in d.findings]
+    mismatch = [_mismatch(m) for m in d.mismatch]
     context = {
         "title": title or "a recording",
-        "answer": headline(content, curves),
-        "in_words": naming.typeset(content["in_words"]),
-        "verdict": "reserved" if content.get("outcome") else LOOKS.get(content["verdict"], "misfit"),
-        "facts": _facts(content),
-        "findings": findings,
-        "laws": [_law(law) for law in content.get("laws", ())],
-        "picture": _before_after(panels, content["findings"], on_the_sky(curves)),
-        "mismatch": (mismatch := [_mismatch(m) for m in content["mismatch"]]),
-        "places": any(m["where"] for m in mismatch),
+        "answer": headline(d),
+        "in_words": naming.typeset(d.in_words),
+        "verdict": "reserved" if d.outcome else LOOKS[d.verdict],
+        "facts": _facts(d),
+        "findings": [_finding(f) for f in d.findings],
+        "laws": [_law(law) for law in d.laws],
+        "picture": _before_after(panels(d.curves, d.mismatch), d.findings, on_the_sky(d.curves)) if d.curves else None,
+        "mismatch": mismatch,
+        "places": any(m.where for m in d.mismatch),
         "unexplained": [
-            {"channel": _channel(str(u["channel"]), ""), "shape": naming.sentence(naming.typeset(str(u["shape"])))}
-            for u in content["unexplained"]
+            {"channel": _channel(u.channel, ""), "shape": naming.as_sentence(u.shape)} for u in d.unexplained
         ],
-        "moved": [_moved(m) for m in content["fit"].get("calibration_moved", [])],
-        "unseen": _undetected(content),
-        "provenance": _provenance(content["provenance"]),
-        "sources": naming.files(content["provenance"]),
-        "citations": cite(*keys),
+        "moved": [_moved(m) for m in d.fit.calibration_moved],
+        "unseen": _undetected(d),
+        "provenance": _provenance(d.provenance),
+        "sources": naming.files(d.provenance),
+        "citations": cite(*dict.fromkeys(key for card in cards for key in card.sources)),
     }
     return render("diagnosis.html", context)
 
 
-def panels(curves: Curves, mismatch: Sequence[Mapping[str, Any]]) -> tuple[Panel, ...]:
+def panels(curves: Curves, mismatch: Sequence[Mismatch]) -> tuple[Panel, ...]:
     """Return panels of the channel with the largest misfit, by position, over time and over its possible causes."""
-    worst = next(((str(m["channel"]), str(m["axis"])) for m in mismatch), None)
+    worst = next(((m.channel, m.axis) for m in mismatch), None)
     if worst not in curves.channels:
         worst = curves.channels[int(np.argmax((np.nan_to_num(curves.before) ** 2).sum(axis=0)))]
     i = curves.channels.index(worst)
@@ -103,44 +108,53 @@ def _panel(
     return Panel(name, unit, at, x_label, first, second, spread)
 
 
-def _moved(m: Mapping[str, Any]) -> dict[str, Any]:
-    """Return how far one calibration parameter moved because of what was missing."""
-    return {**estimate({**m, "value": m["moved"]}), "text": in_sigmas(m["in_sigmas"], 1)}
+def _moved(m: Shift) -> dict[str, str]:
+    """Return the change of one calibration parameter by the findings."""
+    return {**estimate(m.name, m.axis, m.moved, m.sigma, m.unit), "text": in_sigmas(m.in_sigmas, 1)}
 
 
-def _law(law: Mapping[str, Any]) -> dict[str, Any]:
+def _estimates(parameters: Sequence[Estimate]) -> list[dict[str, str]]:
+    return [estimate(p.name, p.axis, p.value, p.sigma, p.unit) for p in parameters]
+
+
+def _law(law: LawResult) -> dict[str, Any]:
     """Return a formula that no catalogue holds: as it is written, its parameters, and the domain of the data."""
-    units = {v: naming.unit_in_print(unit) for v, unit in law["units"].items()}
-    domain = (f"{v.replace('_', ' ')} from {significant(low, 3)} to {significant(high, 3)} {units[v]}"
-              for v, (low, high) in law["domain"].items())  # fmt: skip
+    units = {v: naming.unit_in_print(unit) for v, unit in law.units.items()}
+    domain = (f"{naming.spaced(v)} from {significant(low, 3)} to {significant(high, 3)} {units[v]}"
+              for v, (low, high) in law.domain.items())  # fmt: skip
     return {
-        "where": f"{law['channel']} {law['axis']}".replace("_", " "),
-        "equation": formula(law["latex"]), "form": law["form"], "domain": minus("; ".join(domain)),
-        "rows": [{**estimate(p), "words": p["name"]} for p in law["parameters"]],
-        "alternatives": "; ".join(law["alternatives"]), "with": " --with ".join([*law["beside"], law["with"]]),
-        "beside": naming.listed([naming.named(*one.split(":")) for one in law["beside"]]),
+        "where": naming.spaced(f"{law.channel} {law.axis}"),
+        "equation": formula(law.latex), "form": law.form, "domain": minus("; ".join(domain)),
+        "rows": [{**row, "words": p.name} for row, p in zip(_estimates(law.parameters), law.parameters, strict=True)],
+        "alternatives": "; ".join(law.alternatives), "with": " --with ".join([*law.beside, law.with_]),
+        "beside": naming.listed([naming.named(*one.split(":")) for one in law.beside]),
     }  # fmt: skip
 
 
-def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _facts(d: Diagnosis) -> list[tuple[str, str]]:
     """Return the residual before and after, in units of the noise or in its own, and whether it has a pattern."""
-    fit = content["fit"]
-    reserved = ", with a reservation" if content.get("outcome") else ""
-    facts = [(content["verdict"].replace("-", " ") + reserved, "verdict")]
-    if content.get("laws") and not content["findings"]:
+    fit = d.fit
+    reserved = ", with a reservation" if d.outcome else ""
+    facts = [(d.verdict.replace("-", " ") + reserved, "verdict")]
+    if d.laws and not d.findings:
         facts = [(f"a formula fits{reserved}", "verdict: not explained by a known effect")]
-    unit, keys, power = " × noise", ("chi2_reduced", "heldout"), 0.5
-    if "rms_before" in fit:  # the noise was estimated from the residual, so chi^2 does not test the fit
-        unit, keys, power = " " + naming.unit_in_print(fit["noise"]["unit"]), ("rms", "heldout_rms"), 1.0
-    changed = bool(content["findings"] or content.get("laws"))
-    for key, what in zip(keys, ("misfit", "misfit of held-out readings"), strict=True):
-        known = [fit[f"{key}_{when}"] for when in ("before", "after") if fit.get(f"{key}_{when}") is not None]
-        values = [significant(max(float(value), 0.0) ** power, 3) for value in (known if changed else known[:1])]
-        if values:
-            facts.append((" → ".join(values) + unit, f"{what}, before → after" if len(values) > 1 else what))
-    if (p := fit.get("scan_p_after")) is not None:
-        pattern = "no pattern" if float(p) >= MIN_P_VALUE else "a pattern"
-        facts.append((f"{pattern} in the residuals", f"p-value {p_value(float(p))}"))
+    if isinstance(fit, ViewFit):  # the noise was estimated from the residual, so chi^2 does not test the fit
+        unit = f" {naming.unit_in_print(fit.noise.unit)}"
+        sizes = [(fit.rms_before, fit.rms_after), (fit.heldout_rms_before, fit.heldout_rms_after)]
+    else:
+        unit, pairs = (
+            " × noise",
+            [(fit.chi2_reduced_before, fit.chi2_reduced_after), (fit.heldout_before, fit.heldout_after)],
+        )
+        sizes = [(max(before, 0.0) ** 0.5, max(after, 0.0) ** 0.5) for before, after in pairs]
+    for (before, after), what in zip(sizes, ("misfit", "misfit of held-out readings"), strict=True):
+        if d.findings or d.laws:
+            facts.append((f"{significant(before, 3)} → {significant(after, 3)}{unit}", f"{what}, before → after"))
+        else:
+            facts.append((f"{significant(before, 3)}{unit}", what))
+    if isinstance(fit, StatedNoiseFit):
+        pattern = "no pattern" if fit.scan_p_after >= MIN_P_VALUE else "a pattern"
+        facts.append((f"{pattern} in the residuals", f"p-value {p_value(fit.scan_p_after)}"))
     return facts
 
 
@@ -166,41 +180,37 @@ def _provenance(given: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _probability(p: float) -> str:
-    from gimbalcal.diagnose.evidence.odds import OUTSIDE
-
     return f"{100 * p:.3g} % probable" + (
         ", the highest value that is stated for any cause" if p >= 1 - OUTSIDE else ""
     )
 
 
-def _finding(f: Mapping[str, Any]) -> dict[str, Any]:
-    card = CATALOGUE.get(f["effect"])
-    physics = f.get("physics") or ((card.__doc__ if card else "") or "").strip().split("\n\n")[0].replace("\n", " ")
+def _finding(f: Finding) -> dict[str, Any]:
+    latex = str(stated_law(CATALOGUE[f.effect])["equation"])
     return {
-        "words": naming.named(f["effect"], str(f.get("axis") or "")),
+        "words": naming.named(f.effect, f.axis),
         "does": does(f),
-        "probability": _probability(float(f["probability"])),
-        "share": max(0.0, min(100.0, 100 * f["probability"])),
-        "sigma": f"{significant(f['sigma'])} σ",
-        "physics": naming.typeset(str(physics)),
-        "equation": formula(str(f.get("equation", ""))),
-        "latex": str(f.get("equation", "")),
-        "rows": [estimate(p) for p in f["parameters"]],
-        "twins": alternatives([naming.named(t) for t in f["twins"]]),
-        "separate_by": naming.typeset(str(f.get("separate_by", ""))),
-        "cost": naming.typeset(str(f.get("cost", {}).get("in_words", ""))),
+        "probability": _probability(f.probability),
+        "share": max(0.0, min(100.0, 100 * f.probability)),
+        "sigma": f"{significant(f.sigma)} σ",
+        "physics": naming.typeset(f.physics),
+        "equation": formula(latex),
+        "latex": latex,
+        "rows": _estimates(f.parameters),
+        "twins": alternatives([naming.named(t) for t in f.twins]),
+        "separate_by": naming.typeset(f.separate_by),
+        "cost": naming.typeset(f.cost.in_words) if f.cost else "",
     }
 
 
-def _mismatch(m: Mapping[str, Any]) -> dict[str, str]:
-    p, where = m.get("p_value"), m.get("where") or {}
-    text = naming.sentence(naming.typeset(str(m.get("in_words", "")))) or _channel(m["channel"], m.get("axis") or "")
-    number = "star" if m["channel"] == "pointing" else "position"
-    at = [str(k) for k in where.get("positions", ())] if isinstance(where, Mapping) else []
+def _mismatch(m: Mismatch) -> dict[str, str]:
+    text = naming.as_sentence(m.in_words)
+    at = [str(k) for k in m.where.get("positions", ())]
+    number = "star" if m.channel == "pointing" else "position"
     named = not at or f" {at[0]}" in text  # the sentence names them
     return {
         "where": "" if named else f"{number}{'s' if len(at) > 1 else ''} {naming.listed(at)}",
-        "p": "" if p is None else p_value(float(p)),
+        "p": p_value(m.p_value),
         "in_words": text,
     }
 
@@ -226,18 +236,17 @@ def _explained(p: Panel) -> float:
     return 1 - inside / free / max(float((y**2).sum()) / max(p.x.size - 1, 1), 1e-300)
 
 
-def _of_a_cause(p: Panel, findings: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether a cause that was found depends on the variable of this panel."""
+def _of_a_cause(p: Panel, findings: Sequence[Finding]) -> bool:
+    """Return whether a finding depends on the variable of this panel."""
     label = p.x_label.replace(" ", "_")
-    cards = [CATALOGUE[f["effect"]] for f in findings if f["effect"] in CATALOGUE]
-    return any(label.startswith(q) for c in cards for q in c.requires) or any(
-        f.get("axis") and label.startswith(str(f["axis"])) for f in findings
+    return any(label.startswith(q) for f in findings for q in CATALOGUE[f.effect].requires) or any(
+        f.axis and label.startswith(f.axis) for f in findings
     )
 
 
-def on_the_sky(curves: Curves | None) -> list[Chart]:
+def on_the_sky(curves: Curves) -> list[Chart]:
     """Draw misfits of stars as arrows on the sky, before and after the findings; none for other recordings."""
-    if curves is None or {("pointing", "across"), ("pointing", "along")} - set(curves.channels):
+    if {("pointing", "across"), ("pointing", "along")} - set(curves.channels):
         return []
     axes = next((a for a in (("azimuth [°]", "elevation [°]"), ("hour angle [°]", "declination [°]"))
                  if a[0] in curves.against and a[1] in curves.against), None)  # fmt: skip
@@ -259,11 +268,7 @@ def on_the_sky(curves: Curves | None) -> list[Chart]:
     return drawn
 
 
-def _before_after(
-    panels: Sequence[Panel], findings: Sequence[Mapping[str, Any]], skies: Sequence[Chart]
-) -> Picture | None:
-    if not panels:
-        return None
+def _before_after(panels: Sequence[Panel], findings: Sequence[Finding], skies: Sequence[Chart]) -> Picture:
     panels = sorted(panels, key=lambda p: (_of_a_cause(p, findings), _explained(p)), reverse=True)[
         : MAX_PANELS - len(skies)
     ]
@@ -279,15 +284,13 @@ def _before_after(
     )
 
 
-def _undetected(content: Mapping[str, Any]) -> list[dict[str, str]]:
+def _undetected(d: Diagnosis) -> list[dict[str, str]]:
     """Return the detection limits of an adequate fit: cause, least size, usual size and unit, of all views."""
-    if content["verdict"] != "adequate":
+    if d.verdict != "adequate":
         return []
-    limits = (
-        u for fit in (content["fit"].get("views") or {"": content["fit"]}).values() for u in fit.get("unseen", ())
-    )
+    limits = (u for fit in (d.fit.views or {"": d.fit}).values() for u in fit.unseen or ())
     return [
-        {"words": naming.named(u["effect"], u["axis"]), "least": significant(u["least"], 2),
-         "usual": significant(u["usual"], 2), "unit": naming.unit_in_print(u["unit"])}
+        {"words": naming.named(u.effect, u.axis), "least": significant(u.least, 2), "usual": significant(u.usual, 2),
+         "unit": naming.unit_in_print(u.unit)}
         for u in limits
     ]  # fmt: skip

@@ -10,10 +10,8 @@ Notebooks, `.plot()` and documents are drawn by matplotlib. A page is not: two t
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
-from importlib.resources import files
 
 import numpy as np
 
@@ -33,10 +31,6 @@ from gimbalcal.report.chart import (
 )
 
 WIDTH = 440.0
-LIGHT = (
-    "--ink: #1d2126; --soft: #5b6570; --line: #dfe3e8; --c0: #0072b2; --c1: #c2461f; --c2: #009e73; --c3: #af8e00; "
-    "--c4: #985890; --c5: #3d9dd1; --grey: #808890; --pale: #c9ced4;"
-)  # fmt: skip  as the page has them
 LETTER = 6.8  # width of a letter of 12 px, about, in the widest of the page's letters
 
 
@@ -81,25 +75,6 @@ def svg(chart: Chart) -> str:
     return (
         f'<svg viewBox="0 0 {WIDTH:g} {_n(top + high + foot)}" data-axes="{data}" data-words="{words}" '
         f'aria-hidden="true">{body}</svg>'
-    )
-
-
-def sheet(charts: Sequence[Chart], columns: int = 2) -> str:
-    """Return charts side by side as an SVG file that needs no page."""
-    style = (files("gimbalcal.report") / "templates" / "chart.css").read_text(encoding="utf-8")
-    drawn = [svg(c) for c in charts]
-    heights = [float(re.search(r'viewBox="0 0 \S+ ([\d.]+)"', d)[1]) for d in drawn]  # type: ignore[index]
-    parts, y = [], 8.0
-    for k in range(0, len(drawn), columns):
-        for i, d in enumerate(drawn[k : k + columns]):
-            where = f'x="{_n(i * (WIDTH + 16) + 8)}" y="{_n(y)}" width="{WIDTH:g}" height="{_n(heights[k + i])}"'
-            parts.append(d.replace("<svg ", f"<svg {where} ", 1))
-        y += max(heights[k : k + columns]) + 8
-    wide = min(columns, len(drawn)) * (WIDTH + 16)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_n(wide)} {_n(y)}" width="{_n(wide)}" height="{_n(y)}">'
-        f"<style>svg {{ {LIGHT} font-family: sans-serif; }} {style}</style>"
-        f'<rect width="100%" height="100%" style="fill:#fff"/>{"".join(parts)}</svg>\n'
     )
 
 

@@ -20,8 +20,8 @@ from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.report.figures import Curve
-from gimbalcal.report.naming import unit_in_print
 from gimbalcal.units import from_si, to_si
+from gimbalcal.words.naming import unit_in_print
 
 MAX_POINTS = 288  # of a curve over time; more overlap on a page
 STATIC_RUN_STAGES = (Stage.BASE, Stage.PLATFORM)  # attitude of base and platform in one static run

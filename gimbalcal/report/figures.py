@@ -27,7 +27,7 @@ from gimbalcal.report.chart import (
     Words,
     thin,
 )
-from gimbalcal.report.rounding import rms, signed, significant
+from gimbalcal.words.rounding import rms, signed, significant
 
 OUTLIER = 3.5  # sigmas; of 54 readings, one in forty sets has one this far out by chance
 MAX_BARS = 60  # points that are drawn with a bar each

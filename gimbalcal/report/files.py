@@ -46,15 +46,13 @@ def write_calibrations(
 def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, question: str = "") -> None:
     """Write the diagnosis of each sensor, with its title, into its folder in `out` ("" or a name), all or none."""
     from gimbalcal.diagnose.laws.law_file import is_found, source
-    from gimbalcal.report.diagnosis_page import diagnosis_report, panels
+    from gimbalcal.report.diagnosis_page import diagnosis_report
 
     laws = [str(Path(own) / "law.py") for _, _, own in each]
     with folder(out, belonging=[law for law in laws if is_found(out / law)]) as new:
         for diagnosis, title, own in each:
-            content = diagnosis.to_dict()
-            drawn = panels(diagnosis.curves, content["mismatch"]) if diagnosis.curves else ()
-            page = diagnosis_report(content, drawn, title, diagnosis.curves)
-            write_json(new / own / "diagnosis.json", content)
+            page = diagnosis_report(diagnosis, title)
+            write_json(new / own / "diagnosis.json", diagnosis.to_dict())
             if diagnosis.calibration is not None:
                 diagnosis.calibration.write(new / own / "calibration.json")
             if diagnosis.laws:

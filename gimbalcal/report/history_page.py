@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.history.parameter_history import YEAR
-from gimbalcal.report import naming
 from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule, lasting
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.parameters import estimate, plus_minus
-from gimbalcal.report.rounding import minus, p_value, significant
+from gimbalcal.words import naming
+from gimbalcal.words.rounding import minus, p_value, significant
 
 
 def history_report(content: Mapping[str, Any], diagnoses: Sequence[tuple[str, str]] = ()) -> str:
@@ -78,7 +78,7 @@ def _row(p: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
     outliers = [f"{names[k]} is an outlier" for k in p["outliers"]]
     due = [f"due {p['due']}"] if p["due"] else []
     return {
-        **estimate({**p, "value": p["values"][-1], "sigma": p["sigmas"][-1]}),
+        **estimate(p["name"], p["axis"], p["values"][-1], p["sigmas"][-1], p["unit"]),
         "change": plus_minus(change, spread), "in_sigmas": minus(f"{change / spread:+.1f}"),
         "drift": "" if p["drift_per_year"] is None else plus_minus(p["drift_per_year"], p["drift_sigma"]),
         "scatter": significant(p["scatter"], 2) if p["scatter"] else "none",

@@ -10,12 +10,12 @@ import numpy as np
 from gimbalcal.design.budget import Budget, length
 from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.references import cite
-from gimbalcal.report import naming
 from gimbalcal.report.chart import COLOURS, DASHES, Band, Chart, Line, Mark, Rule, sensible_time, thin
 from gimbalcal.report.figures import tornado
 from gimbalcal.report.html import picture, render
-from gimbalcal.report.rounding import minus, significant
 from gimbalcal.units import from_si
+from gimbalcal.words import naming
+from gimbalcal.words.rounding import minus, significant
 
 
 def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], title: str) -> str:

@@ -9,11 +9,11 @@ import numpy as np
 from gimbalcal.errors import amount
 from gimbalcal.guess.proposal import Proposal
 from gimbalcal.recording import Dwell, Recording, dwells
-from gimbalcal.report import naming
 from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Words, envelope, lasting, sensible_time
 from gimbalcal.report.html import picture, render
-from gimbalcal.report.rounding import significant
 from gimbalcal.units import from_si
+from gimbalcal.words import naming
+from gimbalcal.words.rounding import significant
 
 # lines of the header before which notes on the whole recording are written
 HEADED = {"kind": ("kind", "signs", "order", "hours", "sky", "sign", "unit"), "samples": ("samples",),
@@ -60,7 +60,7 @@ def proposal_page(found: Proposal) -> str:
                   "unit": naming.unit_in_print(g.unit), "why": naming.typeset(g.why)}
                  for n, g in found.guesses.items()],
         "left_out": ", ".join(name.strip() for name in found.left_out),
-        "remarks": [naming.sentence(naming.typeset(text)) for text in (*notes, *r.remarks)],
+        "remarks": [naming.as_sentence(text) for text in (*notes, *r.remarks)],
     }  # fmt: skip
     return render("new.html", context)
 

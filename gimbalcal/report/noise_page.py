@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.references import cite
-from gimbalcal.report import naming
 from gimbalcal.report.chart import COLOURS, DASHES, SHAPES, Chart, Line, Mark, Points, lasting
 from gimbalcal.report.html import picture, render
-from gimbalcal.report.naming import unit_in_print
-from gimbalcal.report.rounding import p_value, pdg, significant
+from gimbalcal.words import naming
+from gimbalcal.words.naming import unit_in_print
+from gimbalcal.words.rounding import p_value, pdg, significant
 
 HOUR = 3600.0
 TITLES = {"specific_force": "Accelerometers", "angular_rate": "Gyroscopes"}
@@ -46,7 +46,7 @@ def noise_report(content: Mapping[str, Any], title: str) -> str:
 
 def headline(content: Mapping[str, Any]) -> str:
     """Return how large the noise is, and what to do next."""
-    sentences = [naming.sentence(naming.typeset(part)) for part in content["in_words"].split("; ")]
+    sentences = [naming.as_sentence(part) for part in content["in_words"].split("; ")]
     short = content["longest_s"] < HOUR and "below" in content["in_words"]
     steps = ["copy the lines of [noise] below into recording.toml"] if content["header"] else []
     steps += ["record it undisturbed for some hours to determine what is only bounded here"] if short else []

@@ -11,12 +11,12 @@ from gimbalcal.calibration import Counts
 from gimbalcal.calibration.readout import from_content
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
-from gimbalcal.report import naming
 from gimbalcal.report.figures import by_stage
 from gimbalcal.report.html import Picture, picture
-from gimbalcal.report.naming import label_of
-from gimbalcal.report.rounding import distinct_from_zero, last_place, minus, pdg, significant
 from gimbalcal.units import from_si, to_si
+from gimbalcal.words import naming
+from gimbalcal.words.naming import label_of
+from gimbalcal.words.rounding import distinct_from_zero, last_place, minus, pdg, significant
 
 Row = Mapping[str, Any]
 
@@ -26,16 +26,11 @@ def plus_minus(value: float, sigma: float) -> str:
     return " ± ".join(map(minus, pdg(value, sigma)))
 
 
-def estimate(p: Row) -> dict[str, str]:
+def estimate(name: str, axis: str | None, value: float, sigma: float, unit: str) -> dict[str, str]:
     """Return name, value, sigma and unit of an estimate as printed."""
-    value, sigma = pdg(p["value"], p["sigma"])
-    unit = naming.unit_in_print(str(p["unit"]))
-    return {
-        "words": naming.named(p["name"], str(p.get("axis") or "")),
-        "value": minus(value),
-        "sigma": sigma,
-        "unit": unit,
-    }
+    printed, spread = pdg(value, sigma)
+    return {"words": naming.named(name, axis or ""), "value": minus(printed), "sigma": spread,
+            "unit": naming.unit_in_print(unit)}  # fmt: skip
 
 
 # --- of a calibration -------------------------------------------------------------------------------------------------
@@ -185,7 +180,7 @@ def _stage(s: Mapping[str, Any], parameters: Sequence[Mapping[str, Any]], rates:
     unit = "deg/h" if rates else "arcsec" if turned else "ug"
     rms = float(from_si(s["rms"], unit))
     text = f"{significant(rms, 3)} {naming.unit_in_print(unit)}" if np.isfinite(rms) else "–"
-    words = naming.sentence(naming.typeset(s["in_words"]))
+    words = naming.as_sentence(s["in_words"])
     return {"name": _short(s["name"]), "count": str(len(s["values"])), "rms": text, "in_words": words}
 
 

@@ -10,13 +10,14 @@ import numpy as np
 from gimbalcal.errors import amount
 from gimbalcal.number import Array
 from gimbalcal.references import cite
-from gimbalcal.report import figures, naming
+from gimbalcal.report import figures
 from gimbalcal.report.chart import Chart, Points, Rule, lasting, sensible_time
 from gimbalcal.report.html import Picture, picture, render
-from gimbalcal.report.naming import counted, label_in_words, label_of, precision, unit_in_print
-from gimbalcal.report.rounding import minus, significant
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.rotation import RotationSchedule
+from gimbalcal.words import naming
+from gimbalcal.words.naming import counted, label_in_words, label_of, precision, unit_in_print
+from gimbalcal.words.rounding import minus, significant
 
 CRITERIA = {"D": "volume of the remaining uncertainty", "A": "mean square of the remaining uncertainty",
             "position": "error of a day's navigation"}  # fmt: skip
@@ -51,7 +52,7 @@ def headline(content: Mapping[str, Any]) -> str:
     """Return which parameters positions or a static run determine, how well, and what to do next."""
     rows, unseen = content["parameters"], content["unobservable"]
     text = f"{content['schedule']} determines {_share(len(rows) - len(unseen), len(rows))} of the parameters."
-    text = naming.sentence(naming.typeset(text)) + _precision(rows, unseen)
+    text = naming.as_sentence(text) + _precision(rows, unseen)
     if unseen:
         text += (
             f" {naming.capitalised(counted(len(unseen), 'combination'))} cannot be observed, and a longer recording "
@@ -290,7 +291,7 @@ def _published(table: Mapping[str, Any]) -> dict[str, Any]:
         }
         for r in table["rows"]
     ]
-    return {"rows": rows, "in_words": naming.sentence(naming.typeset(table["in_words"]))}
+    return {"rows": rows, "in_words": naming.as_sentence(table["in_words"])}
 
 
 def _curves(states: Sequence[Mapping[str, Any]]) -> list[Chart]:

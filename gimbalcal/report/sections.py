@@ -17,10 +17,10 @@ from gimbalcal.recording import Recording
 from gimbalcal.report import figures
 from gimbalcal.report.chart import BLUE, COLOURS, SHAPES, Chart, Mark, Points, Rule, sensible_time
 from gimbalcal.report.html import Picture, picture
-from gimbalcal.report.naming import counted, label_in_words, label_of, listed, named, unit_in_print
 from gimbalcal.report.parameters import plus_minus
-from gimbalcal.report.rounding import minus, p_value, pdg, rms, signed, significant
 from gimbalcal.units import from_si
+from gimbalcal.words.naming import counted, label_in_words, label_of, listed, named, unit_in_print
+from gimbalcal.words.rounding import minus, p_value, pdg, rms, signed, significant
 
 Pictures = tuple[list[Picture], list[Picture]]  # of the first screen; of the section on the data
 

@@ -14,10 +14,10 @@ import pytest
 import gimbalcal.simulate
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.both_triads import without_earth
-from gimbalcal.diagnose.wording import COUNTS_WITHOUT_SCALE
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.simulate import simulate
+from gimbalcal.words.diagnosis_sentences import COUNTS_WITHOUT_SCALE
 
 SCENARIOS = Path(gimbalcal.simulate.__file__).parents[1] / "scenarios"
 PLAIN = ("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment")

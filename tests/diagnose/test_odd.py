@@ -15,7 +15,6 @@ from gimbalcal.diagnose.library.assemble import available
 from gimbalcal.diagnose.library.candidates import sources
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.wording import largest
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline import BASELINE
 from gimbalcal.errors import InputError
@@ -25,6 +24,7 @@ from gimbalcal.recording import Recording, Site, dwell_means, write
 from gimbalcal.views.known_attitude import fit_baseline
 from gimbalcal.views.norm import inverted
 from gimbalcal.views.pointing import pointing
+from gimbalcal.words.diagnosis_sentences import largest
 from tests.diagnose import plant, static_plant
 from tests.diagnose.plant import UG, Bench, at_strength, known, on, record
 from tests.diagnose.rows.test_turns import by_hand as turned_by_hand

@@ -17,7 +17,7 @@ from gimbalcal.history import DatedCalibration, compare, date_in, dated_file
 from gimbalcal.history.compare import _called, flat
 from gimbalcal.history.parameter_history import YEAR
 from gimbalcal.report.history_page import history_report
-from gimbalcal.report.naming import named
+from gimbalcal.words.naming import named
 from tests.history.calibrations import LABELS, SIGMA, START, R, calibration, history
 
 QUARTER = 90 * 86400.0 / YEAR

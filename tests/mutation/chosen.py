@@ -240,11 +240,11 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("report.evidence", "by_position", "/ np.sqrt(means.weight)", "/ means.weight"),
         ("report.parameters", "as_printed", 'dx / abs(k), "counts"', 'dx, "counts"'),
     ),
-    "report/test_words.py": (
-        ("report.words", "delay_in_words", 'sense * p["value"] > 0', 'sense * p["value"] < 0'),
-        ("report.words", "_one", "100 * value, 100 * sigma", "100 * value, sigma"),
-        ("report.words", "_amount", '("arcmin", 60.0', '("arcmin", 3600.0'),
-        ("report.words", "_noise", "chi2**0.5", "chi2"),
+    "words/test_sentences.py": (
+        ("words.diagnosis_headline", "_does", "sign * p.value > 0", "sign * p.value < 0"),
+        ("words.diagnosis_headline", "_one", "100 * value, 100 * sigma", "100 * value, sigma"),
+        ("words.diagnosis_headline", "_amount", '("arcmin", 60.0', '("arcmin", 3600.0'),
+        ("words.diagnosis_headline", "_residuals", "chi2**0.5", "chi2"),
     ),
     "report/test_numbers.py": (
         ("report.history_page", "_row", 'p["values"][-1] - p["values"][-2]', 'p["values"][-2] - p["values"][-1]'),

@@ -17,7 +17,8 @@ from gimbalcal.design.observability import observe, observe_any
 from gimbalcal.design.optimal import design
 from gimbalcal.design.positions import rig_of
 from gimbalcal.design.turning_observability import observe_turning
-from gimbalcal.diagnose.answer import Curves
+from gimbalcal.diagnose.answer import Curves, Diagnosis
+from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, LawResult, Mismatch, Shape
 from gimbalcal.earth import G0
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.guess.log import Guess
@@ -28,7 +29,7 @@ from gimbalcal.navigate.summary import content as navigation_content
 from gimbalcal.recording import Recording
 from gimbalcal.report import calibration_report
 from gimbalcal.report.campaign_page import campaign_report
-from gimbalcal.report.diagnosis_page import diagnosis_report, panels
+from gimbalcal.report.diagnosis_page import diagnosis_report
 from gimbalcal.report.history_page import history_report
 from gimbalcal.report.navigation_page import budget_report, navigation_report
 from gimbalcal.report.new_page import proposal_page
@@ -58,32 +59,13 @@ TURNS = {
 }  # fmt: skip
 
 
-CUBIC = {
-    "effect": "cubic_nonlinearity",
-    "axis": "y",
-    "probability": 0.78,
-    "sigma": 24.1,
-    "parameters": [{"name": "K3", "value": 16.2, "sigma": 0.7, "unit": "ug/g^3"}],
-    "twins": [],
-    "physics": "An odd third-order bend of the input-output law.",
-    "equation": r"\delta a_y = K_{3,y} f_y^3",
-    "separate_by": "",
-}
-
-
-def diagnosis(verdict: str = "missing-physics", **changes: Any) -> dict[str, Any]:
-    mismatch = {
-        "channel": "specific_force",
-        "axis": "y",
-        "where": {"positions": [4, 10]},
-        "statistic": 41.2,
-        "p_value": 1e-7,
-        "in_words": "y differs where it carries 1 g",
-    }
-    fit = {"chi2_reduced_before": 3.1, "chi2_reduced_after": 1.02, "heldout_before": 3.3, "heldout_after": 1.05}
-    content = {"format": 1, "verdict": verdict, "mismatch": [mismatch], "findings": [CUBIC], "unexplained": []}
-    words = "Missing physics: cubic nonlinearity (y). Reduced chi^2 goes from 3.1 to 1.02."
-    return content | {"fit": fit, "provenance": {"seed": 1}, "in_words": words} | changes
+CUBIC = Finding("cubic_nonlinearity", "y", 0.78, 24.1, (Estimate("K3", "y", 16.2, 0.7, "ug/g^3"),))
+MISMATCH = Mismatch("specific_force", "y", {"positions": (4, 10)}, 41.2, 1e-7, "y differs where it carries 1 g")
+FIT = FitSummary(chi2_reduced_before=3.1, chi2_reduced_after=1.02, heldout_before=3.3, heldout_after=1.05, noise={})
+DIAGNOSIS = Diagnosis(
+    "missing-physics", (MISMATCH,), (CUBIC,), (), FIT, {"seed": 1},
+    "Missing physics: cubic nonlinearity (y). Reduced chi^2 goes from 3.1 to 1.02.",
+)  # fmt: skip
 
 
 def curves(rows: int = 20, positions: int = 18) -> Curves:
@@ -124,11 +106,9 @@ def of_forces(verdict: str = "missing-physics", **changes: Any) -> str:
     """The page of a diagnosis of positions, in a known noise and at a known temperature."""
     warm = {"temperature [°C]": np.linspace(15, 25, 360)}
     known = replace(curves(), sigma=np.full((360, 2), 5.0), units=("ug", "ug"), against=warm)
-    drawn = panels(known, [{"channel": "specific_force", "axis": "y"}])
     if verdict == "adequate":
         known = replace(known, after=known.before)
-        drawn = panels(known, [])
-    return diagnosis_report(diagnosis(verdict, **changes), drawn, LONG, known)
+    return diagnosis_report(replace(DIAGNOSIS, verdict=verdict, curves=known, **changes), LONG)
 
 
 def pointing_page() -> str:
@@ -142,28 +122,26 @@ def pointing_page() -> str:
     return calibration_report(content, [night])
 
 
-LAW = {
-    "channel": "specific_force", "axis": "y", "form": "a*force_y*Heaviside(temperature - 23.003)",
-    "latex": r"a f_y \operatorname{H}(T - 23.0)", "units": {"force_y": "g", "temperature": "degC"},
-    "parameters": [{"name": "a", "axis": None, "value": 20.81, "sigma": 1.0, "unit": "ug/g"}],
-    "domain": {"force_y": [-1.0, 1.0], "temperature": [19.0, 27.5]}, "alternatives": ["a*force_y**3"],
-    "beside": ["bias_temperature:y"], "with": "law_specific_force_y",
-}  # fmt: skip
+LAW = LawResult(
+    "specific_force", "y", ("force_y", "temperature"), "0.2*force_y*Heaviside(temperature - 23.003)",
+    "a*force_y*Heaviside(temperature - 23.003)", "ug", r"a f_y \operatorname{H}(T - 23.0)",
+    (Estimate("a", None, 20.81, 1.0, "ug/g"),), {"force_y": (-1.0, 1.0), "temperature": (19.0, 27.5)},
+    {"force_y": "g", "temperature": "degC"}, 40.0, 3.3, 1.05, ("a*force_y**3",), "law_specific_force_y",
+    "law_specific_force_y", ("bias_temperature:y",),
+)  # fmt: skip
 
 PAGES: dict[str, Callable[[], str]] = {
     "calibration": lambda: calibration_report(*example()),
     "diagnosis": of_forces,
     "open": lambda: of_forces(
         "not-identifiable",
-        findings=[CUBIC | {"twins": ["odd_quadratic"], "separate_by": "Tilt by 30 and 60 degrees."}],
+        findings=(replace(CUBIC, twins=("odd_quadratic",), separate_by="Tilt by 30 and 60 degrees."),),
     ),
-    "unexplained": lambda: of_forces(
-        "unexplained", findings=[], unexplained=[{"channel": "x", "shape": "grows with time"}]
-    ),
-    "adequate": lambda: of_forces("adequate", findings=[], mismatch=[]),
-    "law": lambda: of_forces("unexplained", findings=[], laws=[LAW]),
+    "unexplained": lambda: of_forces("unexplained", findings=(), unexplained=(Shape("x", "grows with time"),)),
+    "adequate": lambda: of_forces("adequate", findings=(), mismatch=()),
+    "law": lambda: of_forces("unexplained", findings=(), laws=(LAW,)),
     "pointing": pointing_page,
-    "mount": lambda: diagnosis_report(diagnosis(), panels(mount(), []), LONG, mount()),
+    "mount": lambda: diagnosis_report(replace(DIAGNOSIS, curves=mount()), LONG),
     "noise": lambda: noise_report(noise_content(bench(), noise_at_rest(bench())), LONG),
     "observe": lambda: plan_report(observe("wu2018-18", candidates=["cross_coupling"]).to_dict()),
     "observe_static": lambda: plan_report(observe_any("static-24h", 1.0, 2.0, 40.0).to_dict()),

@@ -11,7 +11,6 @@ import pytest
 
 from gimbalcal.number import Array
 from gimbalcal.report.chart import COLOURS, DASHES, SHAPES
-from gimbalcal.report.draw import LIGHT
 
 # Machado, Oliveira and Fernandes, IEEE TVCG 15 (2009) 1291, severity 1, on linear RGB
 SEEN = {
@@ -75,8 +74,3 @@ def test_nothing_is_told_by_colour_alone() -> None:
     drawn = [re.search(rf"\.{d} \{{ stroke-dasharray: ([^;]+);", style) for d in DASHES if d]
     assert len({m[1] for m in drawn if m}) == len(DASHES) - 1
     assert len(set(SHAPES)) == len(SHAPES) >= 4
-
-
-def test_a_file_of_charts_has_the_colours_of_the_page() -> None:
-    stated = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", LIGHT))
-    assert stated == {name: palettes()["light"][name] for name in stated}

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.answer import Curves
+from gimbalcal.diagnose.result import Shift
 from gimbalcal.report.diagnosis_page import diagnosis_report, on_the_sky, panels
-from tests.report.pages import CUBIC, curves, diagnosis
+from tests.report.pages import DIAGNOSIS, FIT, MISMATCH, curves
 
 
-def test_what_the_effect_did_to_the_calibration_is_told() -> None:
-    moved = {"name": "bias", "axis": "y", "moved": -34.6, "sigma": 2.7, "unit": "ug", "in_sigmas": -12.84}
-    page = diagnosis_report(diagnosis(fit={"calibration_moved": [moved]}))
+def test_changes_of_the_calibration_by_the_findings_are_listed() -> None:
+    moved = (Shift("bias", "y", -34.6, 2.7, "ug", -12.84),)
+    page = diagnosis_report(replace(DIAGNOSIS, fit=replace(FIT, calibration_moved=moved)))
     assert "−34.6" in page
     assert "± 2.7" in page
     assert "−12.8 σ" in page
@@ -18,8 +19,8 @@ def test_what_the_effect_did_to_the_calibration_is_told() -> None:
 
 @pytest.mark.parametrize("verdict", ["adequate", "missing-physics", "unexplained", "not-identifiable"])
 def test_every_verdict_makes_a_page_that_escapes(verdict: str) -> None:
-    hostile = CUBIC | {"physics": "<script>alert(1)</script>"}
-    page = diagnosis_report(diagnosis(verdict, findings=[hostile]), title="<b>rig</b>")
+    hostile = (replace(MISMATCH, in_words="<script>alert(1)</script>"),)
+    page = diagnosis_report(replace(DIAGNOSIS, verdict=verdict, mismatch=hostile), title="<b>rig</b>")
     assert "<script>alert" not in page
     assert "<b>rig" not in page
     assert "16.2" in page
@@ -27,13 +28,13 @@ def test_every_verdict_makes_a_page_that_escapes(verdict: str) -> None:
 
 
 def test_one_thing_has_one_name() -> None:
-    page = diagnosis_report(diagnosis())
+    page = diagnosis_report(DIAGNOSIS)
     assert "K3" not in page
     assert page.count("cubic nonlinearity") >= 2
 
 
 def test_positions_and_times_are_means_in_sigmas_of_one_row() -> None:
-    by_position, over_time = panels(curves(), [{"channel": "specific_force", "axis": "y"}])
+    by_position, over_time = panels(curves(), [MISMATCH])
     assert (by_position.name, by_position.x_label, by_position.unit) == ("specific force y", "position", "σ")
     assert (over_time.x_label, over_time.x[-1]) == ("time [h]", pytest.approx(359 / 60, rel=0.01))
     assert by_position.before[3] == 2.0
@@ -47,7 +48,7 @@ def test_residuals_stand_in_their_unit_over_what_they_may_follow() -> None:
     bare = curves()
     warm = np.linspace(15.0, 25.0, 360)
     known = replace(bare, sigma=np.full((360, 2), 5.0), units=("ug", "ug"), against={"temperature [°C]": warm})
-    by_position, _, by_temperature = panels(known, [{"channel": "specific_force", "axis": "y"}])
+    by_position, _, by_temperature = panels(known, [MISMATCH])
     assert by_position.unit == "µg"
     assert by_position.before[3] == 10.0  # two sigmas of 5 ug
     assert by_position.sigma == pytest.approx(np.full(18, 5 / np.sqrt(20)), rel=0.03)
@@ -64,7 +65,7 @@ def test_where_nothing_was_added_the_residual_is_drawn_once() -> None:
     fits = replace(curves(), after=curves().before)
     (first, *_) = panels(fits, [])
     assert not first.changed
-    page = diagnosis_report(diagnosis("adequate", findings=[]), (first,))
+    page = diagnosis_report(replace(DIAGNOSIS, verdict="adequate", findings=(), mismatch=(), curves=fits))
     assert "Measured minus model, as calibrated. Bars" in page
     assert " → " not in page[page.index("<figure") : page.index("<figcaption")]
 
@@ -78,4 +79,4 @@ def test_stars_are_drawn_on_the_sky_before_and_after() -> None:
     before, after = on_the_sky(seen)
     assert before.title.startswith("before, zenith in the middle; longest 9")
     assert after.title.startswith("after, zenith in the middle; longest 1")
-    assert on_the_sky(replace(seen, against={})) == on_the_sky(curves()) == on_the_sky(None) == []
+    assert on_the_sky(replace(seen, against={})) == on_the_sky(curves()) == []

@@ -28,12 +28,12 @@ from gimbalcal.diagnose.verdict.decide import strained
 from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, scan
 from gimbalcal.diagnose.verdict.verify import Verification, residual_rows, verify
-from gimbalcal.diagnose.wording import spoken
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit, View
+from gimbalcal.words.naming import spaced
 
 MOST = 3  # laws of one view
 MANY = 4  # laws that fit as well and are others: with more of them none is named
@@ -181,7 +181,7 @@ def _known(ranked: Ranking, ln_evidence: float) -> str:
     h = next((h for h in ranked.hypotheses if not h.unknown(every)), None)
     if h is None or h.ln_weight < ln_evidence:
         return ""
-    return " and ".join(f"{spoken(every[m].effect)} {every[m].axis}".strip() for m in h.members)
+    return " and ".join(f"{spaced(every[m].effect)} {every[m].axis}".strip() for m in h.members)
 
 
 @dataclass(frozen=True)

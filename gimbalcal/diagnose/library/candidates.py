@@ -16,12 +16,12 @@ from functools import cached_property
 
 import numpy as np
 
-from gimbalcal.diagnose.wording import spoken
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.effects.effect import constants, follows, lacking
 from gimbalcal.effects.grids import grid, kind
 from gimbalcal.number import Array
 from gimbalcal.views.core import absent_effect
+from gimbalcal.words.naming import spaced
 
 Constants = tuple[tuple[str, float], ...]
 
@@ -63,7 +63,7 @@ class Candidate:
     @property
     def in_words(self) -> str:
         """The same for a person, "bias drift (x)"."""
-        return f"{spoken(self.effect)} ({spoken(self.axis)})" if self.axis else spoken(self.effect)
+        return f"{spaced(self.effect)} ({spaced(self.axis)})" if self.axis else spaced(self.effect)
 
     @property
     def key(self) -> tuple[str, str, str, str]:

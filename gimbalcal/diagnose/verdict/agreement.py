@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.result import Entry, Estimate, plain
 from gimbalcal.effects import Parameter
 from gimbalcal.estimate.fusion import SIGNIFICANCE
@@ -27,6 +26,7 @@ from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
+from gimbalcal.words.naming import spaced
 
 MIN_P_VALUE_OF_A_SIZE = 1e-3  # below it a size differs between recordings
 UNOBSERVABLE = 1e-13  # of the largest eigenvalue of a covariance: exact zeros left by a direction without information
@@ -75,7 +75,7 @@ class ConstantsAgreement(Entry):
         if self.p_value >= SIGNIFICANCE:
             return ""
         told = [
-            f"{wording.spoken(f'{p.name} {p.axis}')} by {from_si(d, p.unit):+.4g} ± {from_si(s, p.unit):.2g} {p.unit}"
+            f"{spaced(f'{p.name} {p.axis}')} by {from_si(d, p.unit):+.4g} ± {from_si(s, p.unit):.2g} {p.unit}"
             for p, d, s in zip(self.parameters, self.difference, self.sigma, strict=True)
         ]
         who = f"recording {self.odd + 1} differs most from the others" if self.odd >= 0 else "the second differs"

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.projection import Projection
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import DetectionLimit
 from gimbalcal.effects import Parameter
 from gimbalcal.units import from_si
+from gimbalcal.words import diagnosis_sentences
 
 SHOWS = 8.0  # sigmas
 FAINT = 0.08  # sigmas at the usual size; a hundred times that would not show: the calibration takes all of it
@@ -55,6 +55,9 @@ def limits_in_words(limits: Sequence[DetectionLimit]) -> str:
     hidden = sorted((t for t in limits if t.least > t.usual), key=lambda t: t.least / t.usual)
     if not hidden:
         return ""
-    said = [f"{wording.named(t.effect, t.axis)} below {wording.digits(t.least)} {t.unit}" for t in hidden]
+    said = [
+        f"{diagnosis_sentences.cause_in_words(t.effect, t.axis)} below {diagnosis_sentences.digits(t.least)} {t.unit}"
+        for t in hidden
+    ]
     more = f" and {len(said) - SAID} more" if len(said) > SAID else ""
     return f"At their usual size these would not have shown: {', '.join(said[:SAID])}{more}."

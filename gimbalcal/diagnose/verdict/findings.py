@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
 from gimbalcal.diagnose.result import Estimate, Finding
 from gimbalcal.diagnose.search.likeliest import Taken, weigh
@@ -22,6 +21,7 @@ from gimbalcal.inference.information import keeps_prior
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
+from gimbalcal.words.naming import spaced
 
 SERIES = 3.0  # times the whole misfit, that one of several causes may be
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
@@ -146,8 +146,8 @@ def _advice(j: Judgement) -> str:
         after = card.partition("Seen by: ")[2]
         return after.partition(". ")[0].strip(". ")
 
-    others = "; ".join(f"{wording.spoken(t)} by {seen(t)}" for t in j.confounded[:3])
-    return f"{wording.spoken(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
+    others = "; ".join(f"{spaced(t)} by {seen(t)}" for t in j.confounded[:3])
+    return f"{spaced(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
 
 
 def sizes(m: Fit) -> list[Estimate]:

@@ -20,11 +20,11 @@ from gimbalcal.diagnose.search.likeliest import ranked
 from gimbalcal.diagnose.search.ranking import Ranking, Weighed, given, likeliest_variants
 from gimbalcal.diagnose.search.refit import projections, refit
 from gimbalcal.diagnose.search.stepwise import bar
-from gimbalcal.diagnose.wording import MAX_ALTERNATIVES
 from gimbalcal.effects import with_values
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View
+from gimbalcal.words.diagnosis_sentences import MAX_ALTERNATIVES
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,13 @@ import numpy as np
 from gimbalcal.diagnose.evidence.noise import nominal
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.wording import spoken
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.words.naming import spaced
 
 TRIED = 12  # variants of the other cause: the grid of its constants
 ENOUGH = 720  # rows of a static run that a planned one is laid out with
@@ -67,7 +67,7 @@ def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
 
 def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
     """The advice as one sentence."""
-    return told_apart(a, f"{spoken(found.effect)} from {spoken(other.effect)}")
+    return told_apart(a, f"{spaced(found.effect)} from {spaced(other.effect)}")
 
 
 def told_apart(a: Advice, names: str) -> str:

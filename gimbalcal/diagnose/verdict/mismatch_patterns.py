@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.evidence.projection import log_bayes
 from gimbalcal.diagnose.library.assemble import free_rows, spans
 from gimbalcal.diagnose.library.candidates import Candidate
@@ -15,6 +14,7 @@ from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
+from gimbalcal.words import diagnosis_sentences
 
 ODD = 1e-3  # p-value below which a pattern of the misfit is listed
 LISTED = 3  # patterns that are listed, strongest first
@@ -49,11 +49,11 @@ def _pattern(v: View, m: Fit, c: Candidate, F: float, p: float) -> Mismatch:
     if v.added is not None:  # in a sensor, and the rows are what a navigator makes of it
         size = float(from_si(float(np.sqrt(np.mean(m.residual**2))), v.unit))
         rows = np.argsort(-np.abs(v.noise.weighted(m.residual)).max(axis=1))[:3]
-        words = wording.follows_sensor(v, c.channel, c.axis, size, c.rival)
+        words = diagnosis_sentences.follows_sensor(v, c.channel, c.axis, size, c.rival)
         return Mismatch(c.channel, c.axis, _where(v, rows), round(F, 2), p, words)
     i, size = _channel(v, m, c.axis)
     rows = np.argsort(-np.abs(m.residual[:, i]))[:3]
-    words = wording.follows(v, c.axis, size, c.rival)
+    words = diagnosis_sentences.follows(v, c.axis, size, c.rival)
     return Mismatch(v.channels[0][0], c.axis, _where(v, rows), round(F, 2), p, words)
 
 
@@ -65,7 +65,7 @@ def largest(v: View, m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
     rows = np.argsort(-np.abs(m.residual[:, i]))[:3]
     ratio = float(square[i])
     p = min(1.0, probability(ratio * len(m.residual), len(m.residual)) * len(v.channels))
-    words = wording.largest(v, axis, size, float(np.sqrt(ratio)), rows)
+    words = diagnosis_sentences.largest(v, axis, size, float(np.sqrt(ratio)), rows)
     return (Mismatch(v.channels[0][0], axis, _where(v, rows), round(ratio, 2), p, words),)
 
 

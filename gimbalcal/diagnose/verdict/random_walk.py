@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose import wording
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.evidence.noise import LONE_WALK, Node
 from gimbalcal.diagnose.evidence.odds import CLAIM
@@ -26,6 +25,7 @@ from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
+from gimbalcal.words import diagnosis_sentences
 
 SHAPE = "a random walk"
 AGAIN = "visit the same positions once more: a law of what is logged comes back there, a walk does not"
@@ -53,13 +53,13 @@ class RandomWalkFinding:
     def in_words(self) -> str:
         """The sensor, and the size of its walk."""
         sensor, unit = SENSOR[self.quantity]
-        size = f"{wording.digits(self.walk)} +- {wording.digits(self.sigma)} {unit}"
+        size = f"{diagnosis_sentences.digits(self.walk)} +- {diagnosis_sentences.digits(self.sigma)} {unit}"
         return f"{sensor} {self.axis} wanders, a random walk of {size}"
 
     @property
     def shape(self) -> Shape:
         """The walk as an entry of `unexplained`."""
-        return wording.shape(SHAPE, self.quantity, self.axis)
+        return Shape(f"{self.quantity} {self.axis}".strip(), SHAPE)
 
     def sentence(self, only: bool) -> str:
         """Return that it walks, as the `only` explanation or as another one."""

@@ -6,7 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from gimbalcal.diagnose.result import Delay, RowNoise, SearchStep, Shift, TurnMisfit, ViewFit
+from gimbalcal.diagnose.result import Delay, RmsMisfit, RowNoise, SearchStep, Shift, ViewFit
 from gimbalcal.diagnose.rows.slews import lateness
 from gimbalcal.diagnose.search.refit import basis
 from gimbalcal.diagnose.search.stepwise import Course
@@ -35,7 +35,7 @@ def view_fit(v: View, c: Course, sigma: Array) -> ViewFit:
     if v.missed_by_turns is not None and c.steps:
         with suppress(InputError):  # turns too few, or all about one axis, prove nothing
             missed = [float(from_si(v.missed_by_turns(e), "arcsec")) for e in ((), after.effects)]
-            turns = TurnMisfit(missed[0], missed[1], "arcsec")
+            turns = RmsMisfit(missed[0], missed[1], "arcsec")
     return ViewFit(
         chi2_reduced_before=_reduced(before, sigma),
         chi2_reduced_after=_reduced(after, sigma),

@@ -23,8 +23,8 @@ from gimbalcal.diagnose.library.variables import Variable, variables
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, write
-from gimbalcal.report.words import headline
 from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.words.diagnosis_headline import headline
 from tests.benchmarks import unknown_mount
 from tests.diagnose import plant, static_plant
 

@@ -14,8 +14,8 @@ from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.pattern import why_far
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording
-from gimbalcal.report.words import calibration_in_words
 from gimbalcal.views.pointing import nights
+from gimbalcal.words.calibration_sentences import calibration_in_words
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
 
 TELESCOPE = {"gimbal_zero__elevation": 300.0, "gimbal_zero__azimuth": -4000.0, "axis_collimation": 60.0,

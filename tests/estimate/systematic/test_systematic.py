@@ -18,8 +18,8 @@ from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.systematic.filter_pass import attitude_covariance
 from gimbalcal.estimate.systematic.state_lists import FIFTY_ONE, states
 from gimbalcal.platform import Axis, Platform
-from gimbalcal.report.words import calibration_in_words
 from gimbalcal.rotation import frame_rotation, rotation_vector
+from gimbalcal.words.calibration_sentences import calibration_in_words
 from tests.estimate.systematic.table import MOVES, START, turning_unit
 
 ANY = turning_unit(moves=MOVES[:2], stop=8.0, rate=10.0)

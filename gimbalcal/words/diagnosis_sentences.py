@@ -6,12 +6,16 @@ Misfits are given as reduced chi^2 where the noise is known, and in their own un
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gimbalcal.diagnose.result import Finding, FitSummary, Mismatch, Shape, ViewFit
 from gimbalcal.number import Array
-from gimbalcal.views.core import View
+from gimbalcal.words.naming import spaced
+
+if TYPE_CHECKING:
+    from gimbalcal.diagnose.result import Finding, FitSummary, Mismatch, Shape, ViewFit
+    from gimbalcal.views.core import View
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
 ROWS = {
@@ -34,22 +38,13 @@ MAX_HELDOUT_RATIO = 5.0  # of held-out rms to fitted rms; above it the data do n
 # --- an effect --------------------------------------------------------------------------------------------------------
 
 
-def spoken(effect: str) -> str:
-    """Return an id in words.
-
-    >>> spoken("base_tilt")
-    'base tilt'
-    """
-    return effect.replace("_", " ")
-
-
-def named(effect: str, axis: str, twins: Sequence[str] = ()) -> str:
+def cause_in_words(effect: str, axis: str, twins: Sequence[str] = ()) -> str:
     """Return an effect with its axis, and the effects confounded with it; of many none is preferred.
 
-    >>> named("bias_drift", "y", ("warm_up", "bias_step", "self_heating"))
+    >>> cause_in_words("bias_drift", "y", ("warm_up", "bias_step", "self_heating"))
     'one of 4 that fit equally well: bias drift (y), warm up, bias step, self heating'
     """
-    every = [f"{spoken(effect)} ({spoken(axis)})" if axis else spoken(effect), *(spoken(t) for t in twins)]
+    every = [f"{spaced(effect)} ({spaced(axis)})" if axis else spaced(effect), *(spaced(t) for t in twins)]
     if len(every) <= MAX_ALTERNATIVES:
         return " or ".join(every)
     return f"one of {len(every)} that fit equally well: {', '.join(every)}"
@@ -95,7 +90,7 @@ def reservation(verdict: str, findings: Sequence[Finding], unexplained: Sequence
         return f"{no_cause(unexplained)} The calibration contains the model without it"
     if verdict != "not-identifiable":
         return ""
-    held = " and ".join(named(f.effect, f.axis) for f in findings if f.effect not in DELAYS)
+    held = " and ".join(cause_in_words(f.effect, f.axis) for f in findings if f.effect not in DELAYS)
     corrects = f" The calibration includes {held}, which fits these data as well as the others" if held else ""
     return f"{causes(verdict, findings)}.{corrects}"
 
@@ -143,7 +138,7 @@ COUNTS_WITHOUT_SCALE = "they output counts, and no turn gives the size of a coun
 
 def causes(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape] = (), by: str = " and ") -> str:
     """Return the missing effects; where they are not determined, with the shape that may be there instead."""
-    effects = by.join(named(f.effect, f.axis, f.twins) for f in findings)
+    effects = by.join(cause_in_words(f.effect, f.axis, f.twins) for f in findings)
     if verdict != "not-identifiable":
         return f"Missing physics: {effects}"
     other = f", or none that is known: {shape_in_words(unexplained[0])}" if unexplained else ""
@@ -162,13 +157,8 @@ def largest_mismatch(mismatch: Sequence[Mismatch]) -> str:
 
 def shape_in_words(unexplained: Shape) -> str:
     """Return a shape without a cause, with its channel."""
-    channel, shape = spoken(unexplained.channel), unexplained.shape
+    channel, shape = spaced(unexplained.channel), unexplained.shape
     return shape if channel.startswith("gimbal") and "gimbal" in shape else f"{shape} in {channel}"
-
-
-def shape(rival: str, channel: str, axis: str) -> Shape:
-    """Return an entry of `unexplained`: a shape without a cause."""
-    return Shape(f"{channel} {axis}".strip(), rival)
 
 
 # --- a fit in a known noise -------------------------------------------------------------------------------------------
@@ -221,7 +211,7 @@ def follows(v: View, axis: str, size: float, pattern: str) -> str:
 def follows_sensor(v: View, quantity: str, axis: str, size: float, pattern: str) -> str:
     """Return that the output of a navigator has a pattern that a sensor explains."""
     return (
-        f"The misfit of {channels_of(v)} ({digits(size)} {v.unit} rms) follows {pattern} in {spoken(quantity)} {axis}"
+        f"The misfit of {channels_of(v)} ({digits(size)} {v.unit} rms) follows {pattern} in {spaced(quantity)} {axis}"
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from gimbalcal.report.rounding import significant
+from gimbalcal.words.rounding import significant
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
@@ -29,10 +29,10 @@ def _names() -> dict[str, str]:
     names: dict[str, str] = {}
     for effect, cls in CATALOGUE.items():
         own = dict.fromkeys(p.name for p in parameters(cls, ("inner",)))
-        words = effect.replace("_", " ")
+        words = spaced(effect)
         for name in own:
             names.setdefault(name, words if len(own) == 1 else f"{words}, {name.replace('_', ' ')}")
-    return names | {effect: effect.replace("_", " ") for effect in CATALOGUE}
+    return names | {effect: spaced(effect) for effect in CATALOGUE}
 
 
 def label_of(row: Mapping[str, Any]) -> str:
@@ -110,13 +110,31 @@ def sentence(words: str) -> str:
     return first + words[1:].rstrip(".") + "." if words else ""
 
 
+def as_sentence(text: str) -> str:
+    """Return a plain sentence as it is printed: typeset, with a capital and a full stop.
+
+    >>> as_sentence("off by 3 ug/g^2")
+    'Off by 3 µg/g².'
+    """
+    return sentence(typeset(text.strip()))
+
+
+def spaced(identifier: str) -> str:
+    """Return an identifier with spaces for underscores.
+
+    >>> spaced("base_tilt")
+    'base tilt'
+    """
+    return identifier.replace("_", " ")
+
+
 def answered(in_words: str) -> str:
     """Return the `in_words` of a result as sentences, for the console and the head of the page.
 
     >>> answered("changing +1 misalignment:xz -1 bias:y by 3 ug^2 does nothing")
     'Changing +1 misalignment xz −1 bias y by 3 µg² does nothing.'
     """
-    return "\n".join(sentence(typeset(spoken(line))) for line in in_words.split("\n"))
+    return "\n".join(as_sentence(spoken(line)) for line in in_words.split("\n"))
 
 
 def capitalised(text: str) -> str:
@@ -156,7 +174,7 @@ def why_in_words(unobservable: Mapping[str, Any]) -> str:
     for label in sorted(unobservable["direction"], key=len, reverse=True):
         text = text.replace(label, label_in_words(label))
     known = "|".join(sorted(CATALOGUE, key=len, reverse=True))
-    return sentence(typeset(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda found: named(found[0]), text)))
+    return as_sentence(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda found: named(found[0]), text))
 
 
 def directions(unobservable: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:

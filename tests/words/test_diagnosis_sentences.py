@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose import wording
-from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, Mismatch, Shape, TurnMisfit, ViewFit
+from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, Mismatch, RmsMisfit, RowNoise, Shape, ViewFit
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.views.pointing import pointing
+from gimbalcal.words import diagnosis_sentences
+from gimbalcal.words.naming import spaced
 from tests.diagnose.small import telescope
 from tests.golden import Golden
 
@@ -24,7 +25,7 @@ OFF = [Mismatch("specific_force", "y", {"positions": (4,)}, 9.0, 0.01, "Specific
 STARS = pointing(telescope(1))
 VIEW_FIT = ViewFit(
     **NUMBERS,
-    noise={},
+    noise=RowNoise("stars", 1.0, "arcsec"),
     rms_before=1921.3,
     rms_after=0.9317,
     heldout_rms_before=2000.0,
@@ -39,7 +40,7 @@ def test_every_effect_has_a_sentence(effect: str) -> None:
     assert said[0].isupper() or not said[0].isalpha()
     assert said.endswith(".")
     assert "\n" not in said
-    assert "_" not in wording.spoken(effect)
+    assert "_" not in spaced(effect)
 
 
 def test_an_equation_is_that_of_the_card() -> None:
@@ -50,53 +51,53 @@ def test_an_equation_is_that_of_the_card() -> None:
 
 
 def test_the_sentences_of_a_diagnosis(golden: Golden) -> None:
-    turned = replace(VIEW_FIT, turns=TurnMisfit(100.4, 20.2, "arcsec"))
+    turned = replace(VIEW_FIT, turns=RmsMisfit(100.4, 20.2, "arcsec"))
     few = replace(VIEW_FIT, heldout_rms_after=90.0)
     late = Finding("gyro_latency", "", 0.9, 9.0, (Estimate("gyro_latency", "", 3.2, 0.1, "ms"),), ("readout_latency",))
     sampled = {chi2: replace(VIEW_FIT, chi2_of_samples_after={"across": chi2, "along": chi2}) for chi2 in (1.44, 9.0)}
     cases = {
-        "adequate": wording.answer("adequate", [], [], OFF, FIT),
-        "missing physics": wording.answer("missing-physics", [CUBIC, ODD], [WAVE], OFF, FIT),
-        "not identifiable": wording.answer("not-identifiable", [ODD], [WAVE], OFF, FIT),
-        "unexplained": wording.answer("unexplained", [], [WAVE], OFF, FIT),
-        "unexplained without a shape": wording.answer("unexplained", [], [], [], FIT),
+        "adequate": diagnosis_sentences.answer("adequate", [], [], OFF, FIT),
+        "missing physics": diagnosis_sentences.answer("missing-physics", [CUBIC, ODD], [WAVE], OFF, FIT),
+        "not identifiable": diagnosis_sentences.answer("not-identifiable", [ODD], [WAVE], OFF, FIT),
+        "unexplained": diagnosis_sentences.answer("unexplained", [], [WAVE], OFF, FIT),
+        "unexplained without a shape": diagnosis_sentences.answer("unexplained", [], [], [], FIT),
         "adequate, in the unit of the readings": of_view("adequate", [], []),
         "missing physics, in the unit of the readings": of_view("missing-physics", [CUBIC], [WAVE]),
-        "few readings": wording.answer_of_views("adequate", [(STARS, few, [])], [], OFF),
-        "turns": wording.misfit_reduction(STARS, turned),
-        "standard error": wording.residuals(STARS, sampled[1.44]),
-        "excess scatter": wording.residuals(STARS, sampled[9.0]),
-        "pattern": wording.follows(STARS, "along", 12.345, "a wave"),
-        "largest": wording.largest(STARS, "along", 12.345, 2.0, np.array([3, 8])),
-        "reservation, unexplained": wording.reservation("unexplained", [], [WAVE]),
-        "reservation, not identifiable": wording.reservation("not-identifiable", [ODD], [WAVE]),
-        "delay": wording.delays([late]),
-        "outliers": wording.omitted_stars([3, 80], [0.763, 12.0], "arcsec", "mistaken or not centred"),
-        "motion": wording.motion_not_analysed("no rows between positions were logged"),
-        "rate": wording.rate_not_analysed("no model explains the forces"),
-        "gyroscopes": wording.gyroscopes_not_analysed(wording.COUNTS_WITHOUT_SCALE),
+        "few readings": diagnosis_sentences.answer_of_views("adequate", [(STARS, few, [])], [], OFF),
+        "turns": diagnosis_sentences.misfit_reduction(STARS, turned),
+        "standard error": diagnosis_sentences.residuals(STARS, sampled[1.44]),
+        "excess scatter": diagnosis_sentences.residuals(STARS, sampled[9.0]),
+        "pattern": diagnosis_sentences.follows(STARS, "along", 12.345, "a wave"),
+        "largest": diagnosis_sentences.largest(STARS, "along", 12.345, 2.0, np.array([3, 8])),
+        "reservation, unexplained": diagnosis_sentences.reservation("unexplained", [], [WAVE]),
+        "reservation, not identifiable": diagnosis_sentences.reservation("not-identifiable", [ODD], [WAVE]),
+        "delay": diagnosis_sentences.delays([late]),
+        "outliers": diagnosis_sentences.omitted_stars([3, 80], [0.763, 12.0], "arcsec", "mistaken or not centred"),
+        "motion": diagnosis_sentences.motion_not_analysed("no rows between positions were logged"),
+        "rate": diagnosis_sentences.rate_not_analysed("no model explains the forces"),
+        "gyroscopes": diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE),
     }
     golden("sentences/in_words", "\n".join(f"{name}: {text}" for name, text in cases.items()))
     assert of_view("unexplained", [], [WAVE]) == cases["unexplained"]
 
 
 def of_view(verdict: str, findings: list[Finding], shapes: list[Shape]) -> str:
-    return wording.answer_of_views(verdict, [(STARS, VIEW_FIT, findings)], shapes, OFF)
+    return diagnosis_sentences.answer_of_views(verdict, [(STARS, VIEW_FIT, findings)], shapes, OFF)
 
 
 def test_a_shape_of_a_gimbal_names_its_gimbal_once() -> None:
     shape = "a third or higher harmonic of the inner gimbal angle"
-    assert wording.shape_in_words(wording.shape(shape, "gimbal_angle", "inner")) == shape
-    assert wording.shape_in_words(wording.shape("a pattern", "gimbal_angle", "inner")).endswith("gimbal angle inner")
+    assert diagnosis_sentences.shape_in_words(Shape("gimbal_angle inner", shape)) == shape
+    assert diagnosis_sentences.shape_in_words(Shape("gimbal_angle inner", "a pattern")).endswith("gimbal angle inner")
 
 
 @pytest.mark.parametrize(
     ("findings", "verdict", "text"),
     [
         ([], "unexplained", ""),
-        ([CUBIC], "missing-physics", wording.misfit_reduction(STARS, VIEW_FIT)),
-        ([], "adequate", wording.residuals(STARS, VIEW_FIT)),
+        ([CUBIC], "missing-physics", diagnosis_sentences.misfit_reduction(STARS, VIEW_FIT)),
+        ([], "adequate", diagnosis_sentences.residuals(STARS, VIEW_FIT)),
     ],
 )
 def test_the_sentence_of_a_view_depends_on_its_findings(findings: list[Finding], verdict: str, text: str) -> None:
-    assert wording.view_in_words(STARS, VIEW_FIT, findings, verdict) == text
+    assert diagnosis_sentences.view_in_words(STARS, VIEW_FIT, findings, verdict) == text

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from gimbalcal.design.observability import observe
-from gimbalcal.diagnose.answer import Curves
+from gimbalcal.diagnose.answer import Curves, Diagnosis
+from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, Shape
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.effect import constants
 from gimbalcal.report.campaign_page import campaign_report, chance
 from gimbalcal.report.campaign_page import headline as campaign_headline
 from gimbalcal.report.console import bounds_table, findings_table, parameters_table
-from gimbalcal.report.naming import (
+from gimbalcal.report.noise_page import headline as noise_headline
+from gimbalcal.words.calibration_sentences import calibration_in_words, calibration_verdict, goodness_of_fit
+from gimbalcal.words.diagnosis_headline import does, headline, size_in_words
+from gimbalcal.words.naming import (
     answered,
     counted,
     direction_in_words,
@@ -27,15 +32,6 @@ from gimbalcal.report.naming import (
     unit_in_print,
     unobservable_of,
     why_in_words,
-)
-from gimbalcal.report.noise_page import headline as noise_headline
-from gimbalcal.report.words import (
-    calibration_in_words,
-    calibration_verdict,
-    does,
-    goodness_of_fit,
-    headline,
-    size_in_words,
 )
 from tests.golden import Golden
 from tests.report.example import example
@@ -121,54 +117,57 @@ def test_lack_of_fit_is_both_significant_and_large(chi2: float, dof: int, expect
 
 # --- diagnoses --------------------------------------------------------------------------------------------------------
 
-WARM = {"effect": "bias_temperature", "axis": "y", "twins": [], "separate_by": "", "probability": 0.9, "sigma": 44.0,
-        "parameters": [{"name": "b_T", "axis": "y", "value": 14.83, "sigma": 0.34, "unit": "ug/degC"}]}  # fmt: skip
-TWIN = WARM | {"twins": ["bias_drift"], "separate_by": "Warm it and let it cool."}
-SATURATION = {
-    "effect": "soft_saturation", "axis": "x, y, z", "twins": ["dead_zone"],
-    "parameters": [{"name": "saturation", "axis": a, "value": v, "sigma": 1.0, "unit": "mg/g^2"}
-                   for a, v in zip("xyz", (-9.0, 5.0, 0.4), strict=True)]
-    + [{"name": "soft_saturation.f_0", "axis": "", "value": 3.0, "sigma": 34.0, "unit": "m/s^2"}],
-}  # fmt: skip
+WARM = Finding("bias_temperature", "y", 0.9, 44.0, (Estimate("b_T", "y", 14.83, 0.34, "ug/degC"),))
+TWIN = replace(WARM, twins=("bias_drift",), separate_by="Warm it and let it cool.")
+SATURATION = Finding(
+    "soft_saturation", "x, y, z", 0.9, 20.0,
+    (*(Estimate("saturation", a, v, 1.0, "mg/g^2") for a, v in zip("xyz", (-9.0, 5.0, 0.4), strict=True)),
+     Estimate("soft_saturation.f_0", "", 3.0, 34.0, "m/s^2")),
+    twins=("dead_zone",),
+)  # fmt: skip
 TWO_UNITS = ("the 2 sessions do not share their constants: a does not agree (bias:z by +35 mg). The positions scatter "
              "by 0.11 m/s^2, and `gimbalcal diagnose` looks for what the model misses")  # fmt: skip
 
 
-def finding(effect: str, value: float = -12.3) -> dict[str, Any]:
+def finding(effect: str, value: float = -12.3) -> Finding:
     """A finding of an effect on its first axis, with all its parameters and constants."""
     cls = CATALOGUE[effect]
     own = parameters(cls, ("inner",))
-    sizes = [{"name": p.name, "axis": p.axis, "value": value, "sigma": 0.4, "unit": p.unit}
-             for p in own if p.axis == own[0].axis]  # fmt: skip
-    fixed = [{"name": c.name, "axis": "", "value": 7.0, "sigma": 0.1, "unit": c.metadata["unit"]}
-             for c in constants(cls)]  # fmt: skip
-    return {"effect": effect, "axis": own[0].axis, "parameters": sizes + fixed, "twins": [], "probability": 0.9,
-            "sigma": 20.0}  # fmt: skip
+    sizes = [Estimate(p.name, p.axis, value, 0.4, p.unit) for p in own if p.axis == own[0].axis]
+    fixed = [Estimate(c.name, "", 7.0, 0.1, c.metadata["unit"]) for c in constants(cls)]
+    return Finding(effect, own[0].axis, 0.9, 20.0, (*sizes, *fixed))
 
 
-def diagnosis(verdict: str, *findings: Any, **more: Any) -> dict[str, Any]:
-    shape = {"channel": "specific_force z", "shape": "grows with the square root of time"}
-    return {"verdict": verdict, "findings": list(findings), "unexplained": [shape] if verdict == "unexplained" else [],
-            "mismatch": [], "fit": {"chi2_reduced_before": 1.06}, "outcome": "", **more}  # fmt: skip
+def fit(chi2: float = 1.06) -> FitSummary:
+    return FitSummary(chi2_reduced_before=chi2, chi2_reduced_after=1.0, heldout_before=chi2, heldout_after=1.0,
+                      noise={})  # fmt: skip
+
+
+def diagnosis(verdict: str, *findings: Finding, **more: Any) -> Diagnosis:
+    shapes = (Shape("specific_force z", "grows with the square root of time"),)
+    made = Diagnosis(verdict, (), findings, shapes if verdict == "unexplained" else (), fit())
+    return replace(made, **more)
 
 
 DIAGNOSES = {
     "adequate": diagnosis("adequate"),
-    "adequate, in units of the noise": diagnosis("adequate", fit={"chi2_reduced_before": 4.0}),
+    "adequate, in units of the noise": diagnosis("adequate", fit=fit(4.0)),
     "adequate with an outcome": diagnosis("adequate", outcome="the residuals are 2.1 times the noise"),
     "missing physics": diagnosis("missing-physics", WARM),
     "missing physics with an outcome": diagnosis("missing-physics", WARM, outcome="bias drift y is far from usual"),
     "two units": diagnosis("missing-physics", WARM, outcome=TWO_UNITS, provenance={"sessions": [{}, {}]}),
     "all axes": diagnosis("missing-physics", SATURATION),
-    "four causes": diagnosis("missing-physics", *[WARM | {"axis": a} for a in ("y", "x", "z")], TWIN),
+    "four causes": diagnosis("missing-physics", *[replace(WARM, axis=a) for a in ("y", "x", "z")], TWIN),
     "not identifiable": diagnosis("not-identifiable", TWIN),
-    "many confounded causes": diagnosis("not-identifiable", WARM | {"twins": ["bias_drift", "warm_up", "bias_step"]}),
+    "many confounded causes": diagnosis(
+        "not-identifiable", replace(WARM, twins=("bias_drift", "warm_up", "bias_step"))
+    ),
     "unexplained": diagnosis("unexplained"),
-    "unexplained with an outcome": diagnosis("unexplained", unexplained=[], outcome="position 9 is mis-set"),
+    "unexplained with an outcome": diagnosis("unexplained", unexplained=(), outcome="position 9 is mis-set"),
     "constants that differ": diagnosis(
         "unexplained",
         outcome="the 2 recordings differ",
-        unexplained=[{"channel": "", "shape": "constants that differ"}],
+        unexplained=(Shape("", "constants that differ"),),
     ),
 }  # fmt: skip
 
@@ -190,7 +189,7 @@ def test_the_size_of_a_misfit_is_given_in_the_unit_of_the_readings(unit: str, si
     before = np.array([[0.0, 1.0], [0.0, -30.0]])
     channels = (("specific_force", "x"), ("specific_force", "y"))
     curves = Curves(np.arange(2.0), np.ones(2), channels, before, 0 * before, np.full((2, 2), sigma), (unit, unit))
-    assert f"off by up to {size}." in headline(DIAGNOSES["missing physics"], curves)
+    assert f"off by up to {size}." in headline(replace(DIAGNOSES["missing physics"], curves=curves))
 
 
 def test_every_effect_has_a_sentence_with_its_size_and_a_next_step(golden: Golden) -> None:
@@ -205,10 +204,9 @@ def test_every_effect_has_a_sentence_with_its_size_and_a_next_step(golden: Golde
     golden("sentences/findings", lines({e: finding(e) for e in sorted(CATALOGUE)}, does))
 
 
-def sized(effect: str, *sizes: tuple[str, float, float, str], axis: str = "") -> dict[str, Any]:
+def sized(effect: str, *sizes: tuple[str, float, float, str], axis: str = "") -> Finding:
     """A finding of sizes: axis, value, sigma, unit."""
-    rows = [{"name": effect, "axis": a, "value": v, "sigma": s, "unit": u} for a, v, s, u in sizes]
-    return {"effect": effect, "axis": axis, "twins": [], "parameters": rows, "probability": 0.9, "sigma": 20.0}
+    return Finding(effect, axis, 0.9, 20.0, tuple(Estimate(effect, *size) for size in sizes))
 
 
 @pytest.mark.parametrize(
@@ -233,8 +231,9 @@ def test_a_plain_number_that_counts_is_no_share() -> None:
     assert "%" not in does(finding("periodic_worm_error"))  # 144 teeth were "14400 %"
 
 
-def test_an_effect_of_a_user_needs_no_sentence() -> None:
-    assert does(WARM | {"effect": "my_own"}).startswith("My own y ")
+def test_an_effect_of_a_user_needs_no_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(CATALOGUE, "my_own", type("MyOwn", (CATALOGUE["bias_temperature"],), {"says": ""}))
+    assert does(replace(WARM, effect="my_own")).startswith("My own y ")
 
 
 # --- tables of the console --------------------------------------------------------------------------------------------
@@ -243,11 +242,11 @@ def test_an_effect_of_a_user_needs_no_sentence() -> None:
 def test_tables_of_the_console(golden: Golden) -> None:
     content, _, _ = example()
     held = {"direction": {"misalignment:up": 1.0, "cubic_nonlinearity:x": 1.0}, "why": "declined"}
-    two = [{"name": "b_T", "axis": a, "value": 14.83, "sigma": 0.34, "unit": "ug/degC"} for a in "xy"]
+    two = tuple(Estimate("b_T", a, 14.83, 0.34, "ug/degC") for a in "xy")
     tables = [
         parameters_table(content),
         parameters_table({**content, "unobservable": [held]}),
-        findings_table({"findings": [WARM | {"parameters": two}, sized("bias", ("x", 0.0123, 0.0004, "1"))]}),
+        findings_table([replace(WARM, parameters=two), sized("bias", ("x", 0.0123, 0.0004, "1"))]),
         bounds_table(observe("wu2018-18").to_dict()),
     ]
     golden("console/tables", "\n\n".join(tables))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gimbalcal.report.rounding import last_place, pdg, rms, significant
+from gimbalcal.words.rounding import last_place, pdg, rms, significant
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,157 @@
+"""Generate the sentences on a calibration: the fit, the parameters that are not determined, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isnan, sqrt
+from typing import Any, Literal
+
+from gimbalcal.units import from_si
+from gimbalcal.words.naming import (
+    capitalised,
+    counted,
+    label_in_words,
+    leading,
+    listed,
+    sentence,
+    typeset,
+    unobservable_of,
+)
+
+Content = Mapping[str, Any]  # of calibration.json
+
+Fit = Literal["fits", "misfit", "overstated", "reserved"]
+MIN_P_VALUE = 1e-3  # below it an excess is not attributed to chance
+MAX_RELATIVE_EXCESS = 0.1  # of the residual over the noise; less changes no decision, however significant
+MIN_EXCESS_SCATTER = 1.5  # of positions over the noise of their means, from which on it is reported
+
+
+def goodness_of_fit(chi2: float, dof: int) -> tuple[float, float, Fit]:
+    """Return the residual in units of the noise, the probability of a chi^2 at least as large, and the judgement."""
+    from scipy.special import chdtrc
+
+    if dof <= 0:
+        return float("nan"), float("nan"), "fits"
+    ratio = sqrt(chi2 / dof)
+    p = float(chdtrc(dof, chi2))
+    if p < MIN_P_VALUE and ratio > 1 + MAX_RELATIVE_EXCESS:
+        return ratio, p, "misfit"
+    if p > 1 - MIN_P_VALUE and ratio < 1 - MAX_RELATIVE_EXCESS:
+        return ratio, p, "overstated"
+    return ratio, p, "fits"
+
+
+def scaled_to_residual(content: Content) -> bool:
+    """Return whether the noise was estimated from the residual itself, so that chi^2 does not test the fit."""
+    provenance = content["provenance"]
+    noise = provenance.get("noise", {})
+    sources = (noise.get("accelerometer_from"), noise.get("gimbal_angle_from"))
+    return "residual" in sources or bool(provenance.get("options", {}).get("excess_scatter"))
+
+
+def noise_is_stated(content: Content) -> bool:
+    """Return whether recording.toml states the noise; otherwise it was estimated from the scatter of the samples."""
+    noise = content["provenance"].get("noise", {})
+    return "samples" not in (noise.get("accelerometer_from"), noise.get("from"))
+
+
+def calibration_verdict(content: Content) -> Fit:
+    """Return what the residuals say of the model."""
+    if content["outcome"]:
+        return "reserved"
+    if content["provenance"].get("pattern"):
+        return "misfit"  # systematic residuals are no noise, whatever their size
+    return goodness_of_fit(content["residual"]["chi2"], content["residual"]["dof"])[2]
+
+
+def calibration_in_words(content: Content) -> str:
+    """Return a few sentences on a calibration: the fit, the parameters that are not determined, and what to do next."""
+    limits = "".join(f" {sentence(text)}" for text in content["provenance"].get("limits", []))
+    if content["outcome"]:
+        return typeset(sentence(content["outcome"]) + limits)
+    residual = f"{capitalised(_residual(content))}.{_outliers(content)}"
+    return typeset(f"{residual}{limits} {_determined(content)}{_next_of_calibration(content)}")
+
+
+def _next_of_calibration(content: Content) -> str:
+    """Return what to do with a calibration that fits; one that does not fit names the step with the reason."""
+    if calibration_verdict(content) != "fits" or content["residual"]["dof"] <= 0:
+        return ""
+    total, confounded = len(content["parameters"]), len(_confounded(content))
+    if 0 < total < 2 * confounded:
+        both = " and calibrate them jointly with this recording" if confounded < total else ""
+        return f" Next: record more attitudes{both}; `gimbalcal observe` predicts what each determines."
+    return " Next: `gimbalcal apply` corrects recordings with it."
+
+
+def _confounded(content: Content) -> list[str]:
+    """Return the labels of the parameters that the data do not determine one by one."""
+    return list(dict.fromkeys(label for u in unobservable_of(content) for label in leading(u["direction"])))
+
+
+def _determined(content: Content) -> str:
+    parameters, confounded = content["parameters"], _confounded(content)
+    if not unobservable_of(content):
+        return f"All {counted(len(parameters), 'parameter')} are determined."
+    more = [f"{len(confounded) - 4} more"] if len(confounded) > 4 else []
+    names = listed([*map(label_in_words, confounded[:4]), *more])
+    separately = " separately" if len(confounded) > 1 else ""
+    return (f"{len(parameters) - len(confounded)} of {len(parameters)} parameters are determined; these data do not "
+            f"determine {names}{separately} (the report gives the reason).")  # fmt: skip
+
+
+def _residual(content: Content) -> str:
+    """Return how large the residual is, and what that says of the model and of the noise."""
+    ratio, _, judgement = goodness_of_fit(content["residual"]["chi2"], content["residual"]["dof"])
+    if isnan(ratio):
+        return "there are as many unknowns as data, so the fit cannot be tested: record more positions"
+    if scaled_to_residual(content) and judgement == "fits":
+        return _scaled(content)
+    stated = noise_is_stated(content)
+    size = f"{ratio:.2f} times the {'stated noise' if stated else 'noise of the samples'}"
+    if judgement == "fits":
+        return f"the calibration explains these data: the residuals are {size}"
+    if judgement == "overstated":
+        reference = "stated" if stated else "the samples suggest"
+        return (f"the residuals are {size}: the noise, and with it every sigma, is smaller than {reference}; "
+                "state it in [noise]")  # fmt: skip
+    noise = "is larger than stated" if stated else "is correlated from sample to sample"
+    return (f"the residuals are {size}, more than chance allows: the model is incomplete, or the noise {noise}; "
+            "`gimbalcal diagnose` decides which")  # fmt: skip
+
+
+def _scaled(content: Content) -> str:
+    """Return how large the residual is where its scatter is the only estimate of the noise."""
+    rms = content["residual"].get("rms", {})
+    star, force = (
+        sqrt(sum(x**2 for c, x in rms.items() if c.startswith(key))) for key in ("pointing", "specific_force")
+    )
+    if star:
+        size = float(f"{from_si(star, 'arcsec'):.3g}")
+        text = f"the residuals of the stars are {size:g} arcsec rms on the sky, and every sigma is scaled to them"
+        if pattern := content["provenance"].get("pattern"):
+            text += (f"; but they are not noise: the residual {pattern['channel']} follows the "
+                     f"{pattern['axis'].replace('_', ' ')}, and `gimbalcal diagnose` looks for the cause")  # fmt: skip
+        return text
+    size_of_force = ""
+    if force:
+        ug = float(from_si(force / sqrt(sum(c.startswith("specific_force") for c in rms)), "ug"))
+        size_of_force = f" by {ug / 1e3:.3g} mg" if ug >= 1e3 else f" by {ug:.3g} ug"
+    excess = content["provenance"].get("options", {}).get("excess_over_noise") or 0.0
+    wandering = (f", {excess:.2g} times what the noise of the samples explains: the outputs change from position to "
+                 "position") if excess >= MIN_EXCESS_SCATTER else ""  # fmt: skip
+    return f"the readings scatter{size_of_force} about the calibration, and every sigma is scaled to that{wandering}"
+
+
+def _outliers(content: Content) -> str:
+    """Return a sentence on stars far from all others; empty for none."""
+    stars = content["provenance"].get("far_off", [])
+    if not stars:
+        return ""
+    worst = ", ".join(f"number {s['star']} of “{s['title']}” by {s['arcsec']:.3g} arcsec" for s in stars[:3])
+    one = len(stars) == 1
+    which = "One star is an outlier" if one else f"{capitalised(counted(len(stars), 'star'))} are outliers"
+    why = stars[0].get("why", "mistaken or not centred")
+    omit = f"leave {'it' if one else 'them'} out"
+    step = omit if why.startswith("mistaken") else "`gimbalcal diagnose` looks for the cause"
+    return f" {which}, {worst}: {why}; {step}."

@@ -1,0 +1,287 @@
+"""Generate the headline of a diagnosis: what is missing, how large it is and what to do next.
+
+It is for a reader who knows neither the package nor its files. Each effect states in its own class what it does
+(`Effect.says`); the sensor and the size are inserted here.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from math import hypot
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gimbalcal.effects import CATALOGUE, Effect, Stage
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants
+from gimbalcal.words.diagnosis_sentences import DELAYS, MAX_ALTERNATIVES
+from gimbalcal.words.law_sentences import laws_in_words, next_of_laws
+from gimbalcal.words.naming import (
+    as_sentence,
+    capitalised,
+    counted,
+    listed,
+    named,
+    spaced,
+    spoken,
+    typeset,
+    unit_in_print,
+)
+from gimbalcal.words.rounding import CLEAR, distinct_from_zero, pdg, significant
+
+if TYPE_CHECKING:
+    from gimbalcal.diagnose.answer import Diagnosis
+    from gimbalcal.diagnose.result import Estimate, Finding, FitSummary
+
+DIFFERENT_UNITS = ("constants that differ", "terms that differ")  # between recordings of what should be one unit
+MAX_FINDINGS = 3  # that a headline names
+CONSTANTS = {"tau": "time constant", "period": "period", "order": "order", "teeth": "teeth", "lines": "lines",
+             "epoch": "at", "m": "times a turn"}  # fmt: skip
+GIMBAL_STAGES = (Stage.ENCODER, Stage.AXIS_TILT)
+
+
+def headline(d: Diagnosis) -> str:
+    """Return two to four sentences on a diagnosis; its curves give the size of the misfit in the readings."""
+    if not d.outcome:
+        return _headline(d)
+    if d.verdict == "adequate":
+        return (f"No known physics is missing, but these data scatter more than their noise as stated. "
+                f"{as_sentence(d.outcome)} Next: state the actual noise in [noise] of recording.toml, or record "
+                "again.")  # fmt: skip
+    different = [u.shape.startswith(DIFFERENT_UNITS) for u in d.unexplained]
+    if d.verdict == "unexplained" and different and all(different):
+        return f"{as_sentence(d.outcome)} Otherwise no known physics is missing."
+    both = [_headline(d), _outcome(d.outcome)]
+    first = d.verdict == "unexplained" or d.provenance.get("sessions")
+    return " ".join(both[::-1] if first else both)  # a fault of the recording, or that it is of two units, comes first
+
+
+def _headline(d: Diagnosis) -> str:
+    if d.verdict == "adequate":
+        return f"Nothing is missing: the model explains these data{_residuals(d.fit)}. The calibration can be used."
+    if d.verdict == "unexplained":
+        return _unexplained(d)
+    if d.verdict == "not-identifiable":
+        advice = next((f.separate_by for f in d.findings if f.separate_by), "")
+        step = f"{advice[:1].lower()}{advice[1:]}" if advice else "record other positions or conditions."
+        return (f"Something is missing, and these data do not determine what. "
+                f"{' '.join(_perhaps(f) for f in d.findings[:MAX_FINDINGS])} Next: {step}")  # fmt: skip
+    text = " ".join(_perhaps(f) if _many(f) else f"{does(f)}{_alternatives(f)}" for f in d.findings[:MAX_FINDINGS])
+    if len(d.findings) > MAX_FINDINGS:
+        text += f" {capitalised(counted(len(d.findings) - MAX_FINDINGS, 'further cause'))} below."
+    text += _size_in_readings(d)
+    if d.laws:
+        text += f" A further misfit has no known cause; a formula fits it: {laws_in_words(d.laws)}."
+    elif d.unexplained:
+        text += " A further misfit has no known cause."
+    return f"{text} {_next_of_findings(d.findings)}"
+
+
+def _outcome(outcome: str) -> str:
+    """Return the reservation of a calibration, without its advice to run a diagnosis: this is one."""
+    sentences = re.split(r"(?<=\.) (?=[A-Z])", spoken(outcome))
+    return " ".join(as_sentence(s) for s in sentences if "`gimbalcal diagnose`" not in s) or as_sentence(outcome)
+
+
+def does(f: Finding) -> str:
+    """Return what one finding does, as a sentence with its size."""
+    return as_sentence(_does(f))
+
+
+def _does(f: Finding) -> str:
+    cls, size = CATALOGUE[f.effect], size_in_words(f)
+    if not cls.says:
+        return f"{named(f.effect, f.axis)} is present in these data, {size}"
+    if f.effect in DELAYS:
+        channel, sign = DELAYS[f.effect]
+        (p,) = f.parameters
+        value, sigma = pdg(abs(p.value), p.sigma)
+        when = "later" if sign * p.value > 0 else "earlier"
+        return f"{channel} is logged {value} ± {sigma} {p.unit} {when} than the other channels"
+    if f.effect == "position_blunder" and (position := _position(f)):
+        return f"position {position} was not set as its readout states, or was disturbed: {size}"
+    return cls.says.format(who=who(cls, f.axis), size=size)
+
+
+def who(cls: type[Effect], axis: str) -> str:
+    """Return the sensor or axis that an effect belongs to.
+
+    >>> who(CATALOGUE["bias_temperature"], "y"), who(CATALOGUE["gimbal_zero"], "inner")
+    ('accelerometer y', 'the inner axis')
+    >>> who(CATALOGUE["gyro_bias"], "x, y, z")
+    'each gyroscope'
+    """
+    several = "," in axis
+    if cls.stage in GIMBAL_STAGES and several:
+        return f"each of the axes {listed([spaced(a.strip()) for a in axis.split(',')])}"
+    if cls.stage in GIMBAL_STAGES or axis in ("inner", "middle", "outer", "platform"):
+        return f"the {spaced(axis)} axis" if axis else "each axis"
+    if cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES:
+        sensor = "gyroscope" if cls.stage in GYROSCOPE_STAGES else "accelerometer"
+        return f"{sensor} {axis[0]}" if axis and axis[0] in "xyz" and not several else f"each {sensor}"
+    return spaced(axis) or "it"
+
+
+def size_in_words(f: Finding) -> str:
+    """Return the sizes of a finding: sine and cosine as one amplitude, the largest two of several, then constants.
+
+    >>> from gimbalcal.diagnose.result import Estimate, Finding
+    >>> size_in_words(Finding("bias_temperature", "y", 0.9, 44.0, (Estimate("b_T", "y", 14.83, 0.34, "ug/degC"),)))
+    '14.83 ± 0.34 µg per °C'
+    """
+    fixed = {c.name for c in constants(CATALOGUE[f.effect])}
+    parts = _amplitudes([p for p in f.parameters if _own_name(p) not in fixed])
+    clear = [p for p in parts if distinct_from_zero(p.value, p.sigma)]
+    if parts and not clear:
+        return _at_most(max(parts, key=_bound))
+    ranked = sorted(clear, key=lambda p: -abs(p.value))
+    several = len({p.axis for p in parts}) > 1
+    sizes = [_one(p) + (f" ({spaced(p.axis)})" if several and p.axis else "") for p in ranked[:2]]
+    smaller = f" and {counted(len(parts) - 2, 'smaller', 'smaller')}" if len(ranked) > 2 else ""
+    with_constants = "".join(
+        f", {CONSTANTS[_own_name(p)]} {_one(p, counts=True)}" for p in f.parameters
+        if _own_name(p) in fixed & CONSTANTS.keys() and distinct_from_zero(p.value, p.sigma)
+    )  # fmt: skip
+    return f"{(', ' if smaller else ' and ').join(sizes)}{smaller}{with_constants}" or "of unknown size"
+
+
+def _own_name(p: Estimate) -> str:
+    """Return the name of a parameter or constant without that of its effect."""
+    return p.name.rpartition(".")[2]
+
+
+def _bound(p: Estimate) -> float:
+    return float(abs(p.value) + CLEAR * p.sigma)
+
+
+def _at_most(p: Estimate) -> str:
+    """Return an upper bound, for a size that is not distinct from zero.
+
+    >>> from gimbalcal.diagnose.result import Estimate
+    >>> _at_most(Estimate("K2", "x", -1.2, 18.0, "mg/g^2"))
+    'at most 37 mg per g²'
+    """
+    share = p.unit == "1"
+    return f"at most {significant(_bound(p) * (100 if share else 1), 2)} {'%' if share else unit_in_words(p.unit)}"
+
+
+def _amplitudes(parameters: Sequence[Estimate]) -> list[Estimate]:
+    """Return the parameters with sine and cosine of one axis combined into their amplitude."""
+    out: dict[tuple[str, str], Estimate] = {}
+    for p in parameters:
+        key = (re.sub(r"_?(sin|cos)$", "", p.name), p.axis or "")
+        if key in out:
+            a = out[key]
+            amplitude = hypot(a.value, p.value)
+            sigma = hypot(a.value * a.sigma, p.value * p.sigma) / amplitude if amplitude else p.sigma
+            out[key] = replace(p, value=amplitude, sigma=sigma)
+        else:
+            out[key] = p
+    return list(out.values())
+
+
+def _one(p: Estimate, counts: bool = False) -> str:
+    """Return value and sigma; a plain number is a share, in per cent, unless it `counts`, as the teeth of a wheel."""
+    value, sigma, unit = p.value, p.sigma, p.unit
+    if unit == "1":
+        value, sigma, unit = (value, sigma, "") if counts else (100 * value, 100 * sigma, "%")
+    size = f"{value:.4g}" if sigma <= 0 or not np.isfinite(sigma) else " ± ".join(pdg(value, sigma))
+    return f"{size} {unit_in_words(unit)}".strip().replace("-", "−")
+
+
+def unit_in_words(unit: str) -> str:
+    """Return a unit with its quotients in words.
+
+    >>> unit_in_words("ug/degC"), unit_in_words("deg/h/g"), unit_in_words("ppm")
+    ('µg per °C', '°/h per g', 'ppm')
+    """
+    kept = unit.replace("deg/h", "deg|h", 1)
+    return unit_in_print(kept.replace("/", " per ").replace("|", "/").replace("(", "").replace(")", ""))
+
+
+def _position(f: Finding) -> int:
+    return next((round(p.value) for p in f.parameters if _own_name(p) == "position"), 0)
+
+
+def _alternatives(f: Finding) -> str:
+    names = " or ".join(named(t) for t in f.twins)
+    return f" It may equally be {names}: these data do not distinguish them." if names else ""
+
+
+def _many(f: Finding) -> bool:
+    """Return whether a finding has more confounded causes than are named one by one."""
+    return 1 + len(f.twins) > MAX_ALTERNATIVES
+
+
+def _perhaps(f: Finding) -> str:
+    """Return a finding as one of several causes that fit equally well."""
+    names = [named(t) for t in f.twins]
+    other = f", or the cause is {' or '.join(names)}" if names else ""
+    if _many(f):
+        other = f", or the cause is one of {counted(len(names), 'other')} that fit these data equally well"
+    return f"Possibly {_does(f)}{other}."
+
+
+def _next_of_findings(findings: Sequence[Finding]) -> str:
+    late = [f for f in findings if f.effect in DELAYS]
+    disturbed = [f for f in findings if f.effect == "position_blunder"]
+    added = [f for f in findings if f not in late and f not in disturbed]
+    steps = ["shift the time stamps by that much"] if late else []
+    steps += [f"leave position {_position(f)} out, or record it again" for f in disturbed]
+    if added:
+        options = " ".join(f"--with {f.effect}{f':{f.axis}' if f.axis and ' ' not in f.axis else ''}" for f in added)
+        which = "it" if len(added) == 1 else "them"
+        steps.append(
+            f"use the calibration.json written here, which includes {which}; calibrate later recordings `{options}`"
+        )
+    return f"Next: {'; '.join(steps)}."
+
+
+def _unexplained(d: Diagnosis) -> str:
+    size = _size_in_readings(d)
+    if d.laws:
+        return (f"{as_sentence(laws_in_words(d.laws))} No known effect does that; a formula fits these data.{size} "
+                f"{next_of_laws(d.laws, d.recommend)}")  # fmt: skip
+    shape = next(iter(d.unexplained), None)
+    follows = f" It {_follows(shape.shape)}, in {spaced(shape.channel)}." if shape else ""
+    usual = "look at the chart below, and record again while that quantity is varied deliberately"
+    return (f"Something is missing that no known effect explains.{size}{follows} "
+            f"Next: {typeset((d.recommend or usual).rstrip('.'))}. Do not trust the calibration beyond "
+            "that.")  # fmt: skip
+
+
+def _follows(shape: str) -> str:
+    return shape if shape.startswith(("depends", "follows", "is ", "comes", "grows")) else f"looks like {shape}"
+
+
+def _residuals(fit: FitSummary) -> str:
+    """Return how large the residuals of an adequate fit are: in their unit, or relative to the noise that is known."""
+    if (misfit := fit.misfit) is not None:
+        size = f"{significant(misfit.rms_after, 3)} {unit_in_print(misfit.unit)}"
+        return f", with residuals of {size} rms that show no pattern"
+    chi2 = fit.chi2_reduced_before
+    return f", with residuals of {chi2**0.5:.2f} times the noise" if chi2 else ""
+
+
+def _size_in_readings(d: Diagnosis) -> str:
+    """Return how large the misfit is in the readings without the findings; empty where that is not known."""
+    curves = d.curves
+    if curves is None or curves.sigma is None or not curves.units:
+        return ""
+    moved = np.nan_to_num(np.abs(curves.before - curves.after) * curves.sigma)
+    residual = np.nan_to_num(np.abs(curves.before) * curves.sigma)
+    worst = next(((m.channel, m.axis) for m in d.mismatch), None)
+    i = curves.channels.index(worst) if worst in curves.channels else int(np.argmax(moved.max(axis=0)))
+    size, unit = float(moved[:, i].max()), curves.units[i]
+    if not size:
+        return f" The readings are off by {_amount(float(np.sqrt((residual[:, i] ** 2).mean())), unit)} rms."
+    return f" Without it, readings are off by up to {_amount(size, unit)}."
+
+
+def _amount(size: float, unit: str) -> str:
+    larger = {"ug": ("mg", 1e3, 1e3), "arcsec": ("arcmin", 60.0, 600.0)}  # unit, factor, from which size on
+    if unit in larger and size >= larger[unit][2]:
+        unit, size = larger[unit][0], size / larger[unit][1]
+    return f"{significant(size, 2)} {unit_in_print(unit)}"

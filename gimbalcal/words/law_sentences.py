@@ -1,0 +1,83 @@
+"""Generate the sentences on a law: a formula that fits a misfit and that no catalogue holds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from gimbalcal.words.naming import listed, named, spaced, typeset, unit_in_print
+from gimbalcal.words.rounding import distinct_from_zero, significant
+
+if TYPE_CHECKING:
+    from gimbalcal.diagnose.result import Estimate, LawResult
+
+SENSORS = {"specific_force": "accelerometer {}", "angular_rate": "gyroscope {}", "gimbal_angle": "the {} axis"}
+POWERS = {"**2": "²", "**3": "³"}
+
+
+def laws_in_words(laws: Sequence[LawResult]) -> str:
+    """Return which sensor is off by which formula, of all laws one after the other."""
+    parts = []
+    for law in laws:
+        sensor = SENSORS.get(law.channel, law.channel + " {}").format(spaced(law.axis))
+        parts.append(f"{sensor} is off by {law_in_words(law.form, law.parameters, law.units)}")
+    known = list(dict.fromkeys(named(*one.split(":")) for law in laws for one in law.beside))
+    return "; ".join(parts) + (f", in addition to {listed(known)}, which is known" if known else "")
+
+
+def next_of_laws(laws: Sequence[LawResult], recommend: str) -> str:
+    """Return what to do next with laws: calibrate with them, look for the cause, and what the advice recommends."""
+    options = dict.fromkeys(f"--with {one}" for law in laws for one in (*law.beside, law.with_))
+    step = f"Next: calibrate with it, `{' '.join(options)} --effects law.py`, and look for its physical cause."
+    return f"{step} {typeset(recommend)}".rstrip()
+
+
+def law_in_words(form: str, parameters: Sequence[Estimate], units: Mapping[str, str]) -> str:
+    """Return the formula of a law with its numbers; terms that are not distinct from zero are omitted.
+
+    >>> from gimbalcal.diagnose.result import Estimate
+    >>> law_in_words("a*force_y*Heaviside(temperature - 23.003) + b*Abs(force_x)**2*exp(-time/tau2)", [
+    ...     Estimate("a", None, 20.81, 1.0, "ug/g"), Estimate("b", None, -1.234, 0.1, "ug/g^2"),
+    ...     Estimate("tau2", None, 900.4, 9.0, "s")],
+    ...     {"force_y": "g", "temperature": "degC", "force_x": "g", "time": "s"})
+    '20.8 µg/g · force y where temperature > 23.00 °C − 1.23 µg/g² · |force x|² · exp(−time/900.4 s)'
+    """
+    numbers = {p.name: p for p in parameters}
+    terms = re.split(r" \+ (?=[a-h]\*)", form)
+    fixed = {name: _constant(p) for name, p in numbers.items() if name not in {t[0] for t in terms}}
+    clear = [t for t in terms if distinct_from_zero(numbers[t[0]].value, numbers[t[0]].sigma)] or terms
+    out = ""
+    for t in clear:
+        p = numbers[t[0]]
+        sign = ("−" if p.value < 0 else "") if not out else " − " if p.value < 0 else " + "
+        out += f"{sign}{significant(abs(p.value), 3)} {unit_in_print(p.unit)} · {_factors(t[2:], fixed, units)}"
+    return out.replace("· where", "where")
+
+
+def _constant(p: Estimate) -> str:
+    """Return a constant with its unit; an angle without one is in radians."""
+    number, unit = significant(p.value, 4), p.unit
+    if unit in ("1", "rad", "1/rad"):
+        return number
+    return f"{number}/{unit_in_print(unit[2:])}" if unit.startswith("1/") else f"{number} {_unit_of_variable(unit)}"
+
+
+def _unit_of_variable(unit: str) -> str:
+    return "" if unit in ("rad", "as logged", "") else unit_in_print(unit)
+
+
+def _factors(text: str, fixed: Mapping[str, str], units: Mapping[str, str]) -> str:
+    """Return the factors of a term after its coefficient, with thresholds as conditions after them."""
+    where = []
+    for x, sign, limit in re.findall(r"Heaviside\((\w+) ([-+]) ([\w.+-]+)\)", text):
+        above = f"{'-' * (sign == '+')}{significant(float(limit), 4)} {_unit_of_variable(units.get(x, ''))}".rstrip()
+        where.append(f"{x} > {above}")
+    text = re.sub(r"\*?Heaviside\([^)]*\)", "", text).lstrip("*")
+    for name, value in fixed.items():
+        text = re.sub(rf"(?<![\w.]){name}(?![\w(])", value, text)
+    text = re.sub(r"Abs\(\(?([^()]*)\)?\)", r"|\1|", text)
+    for power, sign in POWERS.items():
+        text = text.replace(power, sign)
+    text = text.replace("*", " · ") + (f" where {' and '.join(where)}" if where else "")
+    return re.sub(r"-(?=[\w ])", "−", text.replace("_", " ")).strip()
