@@ -11,20 +11,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.effects import CATALOGUE, Parameter, Stimulus
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, with_values
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import limits
-from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, prior, solve
+from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, information, prior, solve
 from gimbalcal.number import Array
+from gimbalcal.views.core import View
 
 MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
 TOLERANCE = 1e-3  # sigmas by which the last step may move an estimate
 ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
+MAX_SCALE_ROUNDS = 8  # fits, each in the noise that the one before leaves
+SCALE_TOLERANCE = 1e-6  # relative change of the excess sigma at which the rounds end
+SIGNIFICANT_EXCESS = 3.0  # sigmas of chi^2 above its degrees of freedom, below which the known noise explains the rows
+MIN_RELATIVE_SIGNAL = 1e-8  # singular value over the largest, below which rounding speaks
 
 Linearise = Callable[[Array], Information]
 """Information about all parameters from rows that are linearised at x (p,)."""
@@ -122,6 +129,125 @@ def chi2(info: Information, x: Array) -> float:
     """Sum of squares of the rows at parameters x (p,), as far as they are linear."""
     mean, scale = prior(info.parameters)
     return float(np.sum((info.rows[:, -1] - info.rows[:, :-1] @ ((x - mean) / scale)) ** 2))
+
+
+@dataclass(frozen=True, eq=False)
+class ViewsFit:
+    """Fit of views that share all parameters: effects with the estimates, the solution, and the misfit (n, C) in SI.
+
+    excess: sigma [SI] beyond the known noise of the rows, in units of `NoiseModel.parts_of_variance`; steps: 0 where
+    the fit did not converge; min_signal: as in `solve`.
+    """
+
+    views: tuple[View, ...]
+    absent: tuple[Effect, ...]  # the effects that the fit began with, before their parameters were estimated
+    effects: tuple[Effect, ...]
+    solution: Solution
+    residual: tuple[Array, ...]
+    excess: float
+    steps: int
+    min_signal: float = MIN_SIGNAL_TO_NOISE
+
+    @property
+    def sigma(self) -> tuple[Array, ...]:
+        """One sigma (n, C) of each row, SI."""
+        return tuple(_sigma(v, self.excess) for v in self.views)
+
+    @cached_property
+    def whitened(self) -> tuple[Array, Array]:
+        """Jacobian (q, p) and misfit (q,) of all rows about the estimate, in units of their noise."""
+        return whitened(self.views, self.effects, self.solution.parameters, self.excess)
+
+    def cost_of_sizes(self, sizes: Sequence[Parameter]) -> Cost:
+        """Return chi^2 as a function of absent effects whose `sizes` are free in addition to what was fitted."""
+        J, r = self.whitened
+        rows = [(v.evaluate(self.effects), sigma[..., None]) for v, sigma in zip(self.views, self.sigma, strict=True)]
+        wanted, r = (*self.solution.parameters, *sizes), r + J @ self.solution.x
+
+        def cost(effects: Sequence[Effect]) -> float:
+            parts = (columns_of_sizes(each, effects, sizes) / sigma for each, sigma in rows)
+            X = np.concatenate([J, np.concatenate([part.reshape(-1, len(sizes)) for part in parts])], axis=1)
+            return solve(information(X, r, wanted), self.min_signal).chi2
+
+        return cost
+
+
+def fit(
+    views: Sequence[View], wanted: Sequence[Parameter], absent: Sequence[Effect] = (), start: Array | None = None, *,
+    min_signal: float = MIN_SIGNAL_TO_NOISE, min_excess: float = 0.0,
+) -> ViewsFit:  # fmt: skip
+    r"""Fit parameters that all views share, and the excess of their noise where it is not stated.
+
+    .. math:: \sum_i \frac{r_i^2}{\sigma_i^2 + w_i \sigma_e^2} = \nu
+
+    determines the excess sigma_e of rows with a known variance sigma_i^2 (that of their samples, or zero), nu being
+    the degrees of freedom; a known noise is only widened where chi^2 is not due to chance. absent: effects of size zero
+    with constants of their own; start (p,): where the iteration begins (default: the prior means).
+    """
+    bounds = range_of_constants(wanted, *(v.stimulus for v in views))
+    x = prior(wanted)[0] if start is None else start
+    names = views[0].stimulus.axis_names
+    shapes = [(len(v), len(v.channels)) for v in views]
+    parts = [v.noise.parts_of_variance(shape) for v, shape in zip(views, shapes, strict=True)]
+    known, shape = (np.concatenate([part[k].ravel() for part in parts]) for k in (0, 1))
+
+    def about(x: Array, excess: float) -> Information:
+        J, r = whitened(views, with_values(absent, wanted, x, names), wanted, excess)
+        return information(J, r + J @ x, wanted)
+
+    def widened(x: Array, excess: float) -> float:
+        """Return the excess that the rows leave if nothing holds the parameters."""
+        J, r = whitened(views, with_values(absent, wanted, x, names), wanted, excess)
+        unit = J / (np.linalg.norm(J, axis=0) + 1e-300)
+        best, _, rank, _ = np.linalg.lstsq(unit, r, rcond=MIN_RELATIVE_SIGNAL)
+        r, dof, free = r - unit @ best, len(r) - int(rank), shape > 0
+        if not np.any(free) or (excess == 0 and r @ r <= dof + SIGNIFICANT_EXCESS * np.sqrt(2 * dof)):
+            return excess
+        w = np.where(free, shape, 1.0)
+        own = np.where(free, known / w, np.inf)
+        return max(excess_sigma(r * np.sqrt((known + shape * excess**2) / w), own, max(dof, 1)), min_excess)
+
+    excess = 0.0 if known.all() else widened(x, 1.0)
+    for _ in range(MAX_SCALE_ROUNDS):
+        found = gauss_newton(lambda x: about(x, excess), x, bounds, seen=min_signal)  # noqa: B023
+        x, new = found.solution.x, widened(found.solution.x, excess)
+        if not found.steps or abs(new - excess) <= SCALE_TOLERANCE * excess:
+            break
+        excess = new
+    effects = with_values(absent, wanted, x, names)
+    residual = tuple(v.evaluate(effects).residual for v in views)
+    return ViewsFit(tuple(views), tuple(absent), effects, found.solution, residual, excess, found.steps, min_signal)
+
+
+def whitened(
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excess: float = 0.0
+) -> tuple[Array, Array]:
+    """Return Jacobian (q, p) and misfit (q,) of the rows of views about effects, in units of their noise."""
+    J, r = [], []
+    for v in views:
+        rows, sigma = v.evaluate(effects), _sigma(v, excess)
+        J.append((rows.jacobian(wanted) / sigma[..., None]).reshape(-1, len(wanted)))
+        r.append((rows.residual / sigma).ravel())
+    return np.concatenate(J), np.concatenate(r)
+
+
+def _sigma(v: View, excess: float) -> Array:
+    known, shape = v.noise.parts_of_variance((len(v), len(v.channels)))
+    return np.asarray(np.sqrt(known + shape * excess**2))
+
+
+def excess_sigma(r: Array, own: Array, dof: int) -> float:
+    """Return the excess sigma at which the sum of r^2 / (own + excess^2) is dof; 0 where the variance `own` explains r.
+
+    Rows of infinite variance take no part.
+    """
+    if not np.any(own):
+        return float(np.sqrt((r**2).sum() / dof))
+    low, high = 0.0, float(np.sqrt((r**2).sum()))
+    for _ in range(60):
+        mid = (low + high) / 2
+        low, high = (mid, high) if (r**2 / (own + mid**2)).sum() > dof else (low, mid)
+    return high if (r**2 / own).sum() > dof else 0.0
 
 
 def _small_step(x: Array, target: Array, solution: Solution) -> bool:

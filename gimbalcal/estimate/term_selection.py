@@ -68,12 +68,3 @@ def refusal(
         f"its sigma is up to {most:g} {printed}, the condition number "
         f"{condition[1]:.0f} with it, {condition[0]:.0f} without)"
     )
-
-
-def scatter(r: Array, own: Array, dof: int) -> float:
-    """The excess sigma at which the sum of r^2 / (own + excess^2) is dof; 0 where the noise `own` alone explains r."""
-    low, high = 0.0, float(np.sqrt((r**2).sum()))
-    for _ in range(60):
-        mid = (low + high) / 2
-        low, high = (mid, high) if (r**2 / (own + mid**2)).sum() > dof else (low, mid)
-    return high if (r**2 / own).sum() > dof else 0.0

@@ -129,9 +129,9 @@ UNIT = "arcsec"
 
 def pointing_picture(recordings: Sequence[Recording], made: Calibration) -> Picture:
     """Return the residual of each star with zeros alone and with all terms, over both axes of the mount."""
-    from gimbalcal.estimate.pointing.fit import fit
+    from gimbalcal.estimate.pointing.fit import fit_terms
     from gimbalcal.estimate.pointing.terms import wanted_parameters
-    from gimbalcal.views.pointing import against_stars, on_stars, read_axes
+    from gimbalcal.views.pointing import pointing, read_axes
 
     axes = read_axes(recordings[0])
     angles, residual, titles = [], [], []
@@ -139,9 +139,11 @@ def pointing_picture(recordings: Sequence[Recording], made: Calibration) -> Pict
         night = f"“{r.title}”, " if len(recordings) > 1 else ""
         titles += [f"{night}star {k}" for k in range(1, len(r.time) + 1)]
         angles.append(np.degrees(np.stack([r.channels["true_angle", a] for a in axes], axis=1)))
-        residual.append(np.asarray(from_si(against_stars(r, on_stars(r), made.effects).residual, UNIT)))
-    zeros = fit(recordings, wanted_parameters(recordings[0].platform, axes, ("gimbal_zero",)))
-    before = np.asarray(from_si(np.concatenate(zeros.residuals), UNIT))
+        residual.append(np.asarray(from_si(pointing(r).evaluate(made.effects).residual, UNIT)))
+    zeros = fit_terms(
+        [pointing(r) for r in recordings], wanted_parameters(recordings[0].platform, axes, ("gimbal_zero",))
+    )
+    before = np.asarray(from_si(np.concatenate(zeros.residual), UNIT))
     after = np.concatenate(residual)
     sizes = [significant(float(np.sqrt((x**2).sum(axis=1).mean())), 3) for x in (before, after)]
     names = [a.replace("_", " ") for a in axes]

@@ -43,6 +43,17 @@ class NoiseModel:
         """First row of each block."""
         return np.flatnonzero(np.diff(self.block, prepend=-1))
 
+    def parts_of_variance(self, shape: tuple[int, int]) -> tuple[Array, Array]:
+        """Return the known variance (n, C) of rows, SI, and the shape (n, C) of what is added to it times excess^2.
+
+        Nothing is added to a stated noise; beyond their samples all rows scatter alike; where nothing is known of the
+        scale, sigma tells how rows scatter against each other.
+        """
+        zero, sigma = np.zeros(shape), 1.0 if self.sigma is None else self.sigma
+        if self.stated:
+            return zero + sigma**2, zero
+        return (zero, zero + sigma**2) if self.sample is None else (self.sample**2 + zero, zero + 1.0)
+
     def scaled(self, X: Array) -> Array:
         """Return rows (n, C, ...) in units of a stated noise, as they are where it is not stated."""
         return X / self.sigma.reshape(-1, *([1] * (X.ndim - 2))) if self.stated and self.sigma is not None else X

@@ -16,7 +16,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, PositionFit, Problem, gauss_newton, problem
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
-from gimbalcal.estimate.term_selection import scatter
+from gimbalcal.estimate.fit import excess_sigma
 from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -103,7 +103,7 @@ def _with_excess(p: Problem, noise: Noise, start: Array) -> NormFit:
         chi2, new = fit.solution.chi2, excess
         if dof > 0 and (excess > 0 or chi2 > dof + 3 * np.sqrt(2 * dof)):
             r = _misfit_si(fit, weight)
-            new = scatter(r, noise.accelerometer**2 / count, dof)
+            new = excess_sigma(r, noise.accelerometer**2 / count, dof)
         if abs(new - excess) <= 1e-3 * excess:
             break
         excess, start = new, fit.solution.x

@@ -22,10 +22,10 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
-from gimbalcal.estimate.fit import MAX_STEPS, TOLERANCE, range_of_constants
+from gimbalcal.estimate.fit import MAX_STEPS, TOLERANCE, excess_sigma, range_of_constants
 from gimbalcal.estimate.gyroscopes.heading import horizontal_rate
 from gimbalcal.estimate.gyroscopes.turns import Turns
-from gimbalcal.estimate.term_selection import coefficients, needed, refusal, scatter
+from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, complex_step
@@ -117,7 +117,7 @@ def fit_rests(
         told = Vt.T @ ((U.T @ (y / sigma).ravel()) / S)
         x = told[:p] * prior
         misfit = y - J @ x - found.horizontal @ told[p:]
-        excess = np.array([scatter(misfit[:, i], own[:, i] ** 2, int(dof[i])) for i in range(3)])
+        excess = np.array([excess_sigma(misfit[:, i], own[:, i] ** 2, int(dof[i])) for i in range(3)])
     covariance = ((Vt.T / S**2) @ Vt)[:p, :p] * np.outer(prior, prior)
     A = A[:, :p]
     slack = 1 - (U**2).sum(1).reshape(misfit.shape)

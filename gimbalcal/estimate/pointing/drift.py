@@ -1,11 +1,6 @@
-r"""Differences of the terms of a mount between nights: each night alone, against the first, with sigma.
+"""Differences of the terms of a mount between nights: each night alone, against the first, with sigma.
 
-All nights share one model if what they leave together is no more than what they leave apart,
-
-.. math:: F = \frac{(S_{together} - \sum_k S_k) / q}{\sum_k S_k / \nu} \sim F(q, \nu), \qquad
-          \chi^2 = (S_{together} - \sum_k S_k) / \sigma^2 \sim \chi^2(q)
-
-where the noise is estimated or stated; q and nu are the degrees of freedom of the difference and of what is left.
+Whether all nights share one model is `estimate.sharing.agreement`.
 """
 
 from __future__ import annotations
@@ -17,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.effects import Parameter
-from gimbalcal.estimate.pointing.fit import MIN_SIGMA_RAD, Fit, fit
-from gimbalcal.inference.p_value import probability
+from gimbalcal.estimate.fit import ViewsFit
+from gimbalcal.estimate.pointing.fit import MIN_SIGMA_RAD, fit_terms
+from gimbalcal.estimate.sharing import agreement
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -31,42 +27,38 @@ MIN_SPARE_DOF = 4  # degrees of freedom that a night has to itself before its te
 class Nights:
     """Fits of each night alone, the probability that all share one set of terms, and the terms that moved."""
 
-    fits: tuple[Fit, ...]
+    fits: tuple[ViewsFit, ...]
     probability: float
     moved: tuple[tuple[Parameter, int, float, float], ...]  # term, night (from 0), change since the first, its sigma
 
 
-def by_night(together: Fit, sigma: float | None) -> Nights | None:
-    """The nights of a fit, each alone; None where fewer than two have enough stars. sigma: the stated one."""
-    wanted, free = together.solution.parameters, len(together.solution.parameters) + MIN_SPARE_DOF
-    runs = [r for r in together.runs if 2 * len(r.time) >= free]
+def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
+    """Fit the nights of a joint fit one by one; None where fewer than two have enough stars. stated: sigma of a star.
+
+    Where no sigma is stated, it is what the nights scatter each by itself: what differs between them is no noise.
+    """
+    wanted, sigma = joint.solution.parameters, joint.excess
+    runs = [v for v in joint.views if 2 * len(v) >= len(wanted) + MIN_SPARE_DOF]
     if len(runs) < 2:
         return None
-    alone = tuple(fit([r], wanted, sigma or together.sigma, together.absent) for r in runs)
-    left, ranks = sum(f.square for f in alone), sum(_seen(f) for f in alone)
-    nu = 2 * sum(len(r.time) for r in runs) - ranks
-    if sigma is None:  # what differs between nights is no noise of theirs
-        apart = max(float(np.sqrt(left / max(nu, 1))), MIN_SIGMA_RAD)
-        alone = tuple(fit([r], wanted, apart, together.absent) for r in runs)
-    common = together if len(runs) == len(together.runs) else fit(runs, wanted, sigma, together.absent)
-    gain = max(common.square - left, 0.0)
-    shared, variance = ranks - _seen(common), sigma**2 if sigma is not None else left / max(nu, 1)
-    p = probability(gain / variance, shared, nu if sigma is None else np.inf) if variance > 0 else 1.0
+    alone = tuple(fit_terms([v], wanted, sigma, joint.absent) for v in runs)
+    shared = fit_terms(runs, wanted, sigma, joint.absent).solution
+    dof = sum(f.solution.dof for f in alone)
+    variance = 1.0 if stated is not None else sum(f.solution.chi2 for f in alone) / max(dof, 1)
+    p = agreement(shared, [f.solution for f in alone], variance, np.inf if stated is not None else dof).p_value
+    if stated is None:
+        own = max(sigma * float(np.sqrt(variance)), MIN_SIGMA_RAD)
+        alone = tuple(fit_terms([v], wanted, own, joint.absent) for v in runs)
     return Nights(alone, p, _moved(alone) if p < SIGNIFICANCE else ())
 
 
-def _seen(f: Fit) -> int:
-    """Return the number of directions that the stars determine."""
-    return len(f.solution.parameters) - len(f.solution.unobservable)
-
-
-def change(first: Fit, other: Fit) -> tuple[Array, Array]:
-    """Change of each term since the first night and its sigma, SI."""
+def change(first: ViewsFit, other: ViewsFit) -> tuple[Array, Array]:
+    """Return the change of each term since the first night and its sigma, SI."""
     variance = np.diag(first.solution.covariance) + np.diag(other.solution.covariance)
     return other.solution.x - first.solution.x, np.sqrt(variance)
 
 
-def _moved(alone: Sequence[Fit]) -> tuple[tuple[Parameter, int, float, float], ...]:
+def _moved(alone: Sequence[ViewsFit]) -> tuple[tuple[Parameter, int, float, float], ...]:
     """Terms that stand out, the clearest first, each in the night where it is clearest."""
     best: dict[Parameter, tuple[Parameter, int, float, float]] = {}
     for k, f in enumerate(alone[1:], start=1):
@@ -78,7 +70,7 @@ def _moved(alone: Sequence[Fit]) -> tuple[tuple[Parameter, int, float, float], .
 
 
 def record(nights: Nights) -> list[dict[str, Any]]:
-    """Each night's terms, and their change since the first with sigma, in printed units."""
+    """Return each night's terms, and their change since the first with sigma, in printed units."""
     out = []
     for f in nights.fits:
         d, s = change(nights.fits[0], f)
@@ -87,8 +79,8 @@ def record(nights: Nights) -> list[dict[str, Any]]:
             row = {"value": f.solution.x[i], "sigma": f.solution.sigma[i]}
             row |= {} if f is nights.fits[0] else {"change": d[i], "change_sigma": s[i]}
             rows[p.label] = {k: float(from_si(v, p.unit)) for k, v in row.items()} | {"unit": p.unit}
-        n = len(f.runs[0].time)
-        rms = float(from_si(np.sqrt((f.residuals[0] ** 2).sum() / n), "arcsec"))
-        title, start = f.runs[0].title, float(f.runs[0].time[0])
-        out.append({"title": title, "start_s": start, "stars": n, "rms_arcsec": rms, "terms": rows})
+        night, residual = f.views[0], f.residual[0]
+        rms = float(from_si(np.sqrt((residual**2).sum() / len(night)), "arcsec"))
+        start = float(night.source.time[0])
+        out.append({"title": night.title, "start_s": start, "stars": len(night), "rms_arcsec": rms, "terms": rows})
     return out

@@ -12,14 +12,15 @@ from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.exchange.tpoint import as_record, mount_record, tpoint_terms
 from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
+from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.pointing.drift import Nights, by_night, record
-from gimbalcal.estimate.pointing.fit import Fit, fit, misfit_with_sizes
+from gimbalcal.estimate.pointing.fit import fit_terms
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
 from gimbalcal.estimate.pointing.terms import USUAL_TERMS, wanted_parameters
 from gimbalcal.inference.p_value import probability
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
-from gimbalcal.views.pointing import CHANNELS, nights, on_stars, read_axes
+from gimbalcal.views.pointing import CHANNELS, nights, pointing, read_axes
 
 SIGNIFICANCE = 1e-3  # probability below which chance is not believed
 NEGLIGIBLE_EXCESS = 0.1  # relative excess over the stated noise that no user would act on, however significant
@@ -38,18 +39,18 @@ def pointing_calibration(
     """
     join(recordings)  # refuses runs of different mounts, and one that is given twice
     each = [nights(r) for r in recordings]
-    runs = tuple(night for own in each for night in own)
+    runs = tuple(pointing(night) for own in each for night in own)
     before = [sum(len(n.time) for n in own[:k]) for own in each for k in range(len(own))]
     held, platform, axes = terms or USUAL_TERMS, recordings[0].platform, read_axes(recordings[0])
     stated = _stated(recordings)
     also = extra_effects(more, recordings, held)
     sizes = tuple(p for e in also for p in wanted_parameters(platform, axes, _named(e)))
     wanted = wanted_parameters(platform, axes, held)
-    found = fit(runs, wanted, stated)
+    found = fit_terms(runs, wanted, stated)
     extra = NO_EXTENSION
     if also:
-        extra = extension(also, sizes, on_stars(join(recordings)), misfit_with_sizes(found, sizes))
-        found = fit(runs, (*wanted, *extra.parameters), stated, extra.effects)
+        extra = extension(also, sizes, pointing(join(recordings)).stimulus, found.cost_of_sizes(sizes))
+        found = fit_terms(runs, (*wanted, *extra.parameters), stated, extra.effects)
     several = by_night(found, stated)
     left = pattern(found, axes)
     latitude = next((r.site.latitude for r in recordings if r.site.latitude is not None), None)
@@ -63,7 +64,7 @@ def pointing_calibration(
         outcome=" ".join(filter(None, [_misfit(found, stated), _differ(several)])),
         provenance={
             "noise": {
-                "star_arcsec": float(from_si(found.sigma, "arcsec")),
+                "star_arcsec": float(from_si(found.excess, "arcsec")),
                 "gimbal_angle_from": "residual" if stated is None else "recording.toml",
             },
             "pattern": asdict(left) if left else {},
@@ -71,7 +72,7 @@ def pointing_calibration(
                 {"title": t, "star": n, "arcsec": float(from_si(d, "arcsec")), "why": why}
                 for t, n, d, why in far_off(found, before)
             ],
-            "stars": sum(len(r.time) for r in runs),
+            "stars": sum(len(v) for v in runs),
             "mount": mount_record(recordings[0].platform, latitude),
         },
         readout=Readout(gimbals=recordings[0].platform.axis_names),
@@ -98,13 +99,13 @@ def _stated(recordings: Sequence[Recording]) -> float | None:
     return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(told) else None
 
 
-def _residual(found: Fit) -> Residual:
-    left = np.concatenate(found.residuals)
+def _residual(found: ViewsFit) -> Residual:
+    left = np.concatenate(found.residual)
     rms = {" ".join(key): float(v) for key, v in zip(CHANNELS, np.sqrt((left**2).mean(axis=0)), strict=True)}
     return Residual(found.solution.chi2, found.solution.dof, rms)
 
 
-def _misfit(found: Fit, stated: float | None) -> str:
+def _misfit(found: ViewsFit, stated: float | None) -> str:
     dof = found.solution.dof
     if stated is None or dof <= 0:
         return ""

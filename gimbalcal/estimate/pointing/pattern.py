@@ -16,8 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.estimate.pointing.fit import Fit
+from gimbalcal.estimate.fit import ViewsFit
+from gimbalcal.estimate.pointing.fit import weighted
 from gimbalcal.number import Array
+from gimbalcal.views.core import View
 from gimbalcal.views.pointing import CHANNELS
 
 SIGNIFICANCE = 1e-3  # probability, all trials paid, below which neighbours are no more alike by chance
@@ -40,15 +42,15 @@ class Pattern:
     probability: float
 
 
-def far_off(found: Fit, before: Sequence[int]) -> tuple[tuple[str, int, float, str], ...]:
+def far_off(found: ViewsFit, before: Sequence[int]) -> tuple[tuple[str, int, float, str], ...]:
     """Title of the run, number from 1, distance [rad] and why of stars far off the others, worst first.
 
     before: how many stars of the same recording come before each run, which is one night of it.
     """
-    every = [(run.title, k + n + 1, d) for run, k, left in zip(found.runs, before, found.weighted, strict=True)
+    every = [(v.title, k + n + 1, d) for v, k, left in zip(found.views, before, weighted(found), strict=True)
              for n, d in enumerate(np.linalg.norm(left, axis=1).tolist())]  # fmt: skip
-    left, axes = np.concatenate(found.weighted), found.runs[0].platform.axis_names[:2]
-    at = np.stack([np.concatenate([run.channels["true_angle", a] for run in found.runs]) for a in axes], axis=-1)
+    left, axes = np.concatenate(weighted(found)), found.views[0].stimulus.axis_names[:2]
+    at = np.concatenate([_true_angles(v)[:, :2] for v in found.views])
     far = strays(left)
     why = why_far(left, at, far, axes[0])
     return tuple((*every[k], why) for k in far)
@@ -87,16 +89,17 @@ def why_far(left: Array, angles: Array, far: Sequence[int], axis: str) -> str:
     return "all in one part of the sky, so rather what the model lacks there than mistakes" if together else MISTAKEN
 
 
-def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:
+def pattern(found: ViewsFit, axes: Sequence[str]) -> Pattern | None:
     """The clearest pattern of what a fit leaves over the true angles of its axes; None where noise may look so."""
     from scipy.special import ndtr
 
-    left = np.concatenate(found.weighted)
+    left = np.concatenate(weighted(found))
     if len(left) < MIN_STARS:
         return None
     trials = []
     for axis in axes:
-        angle = np.concatenate([r.channels["true_angle", axis] for r in found.runs])
+        k = found.views[0].stimulus.axis_names.index(axis)
+        angle = np.concatenate([_true_angles(v)[:, k] for v in found.views])
         if np.ptp(angle) < MIN_TRAVEL_RAD:
             continue
         order = np.argsort(angle, kind="stable")
@@ -108,3 +111,9 @@ def pattern(found: Fit, axes: Sequence[str]) -> Pattern | None:
     best = min(trials, key=lambda t: t.probability)
     p = min(1.0, len(trials) * best.probability)
     return Pattern(best.channel, best.axis, p) if p < SIGNIFICANCE else None
+
+
+def _true_angles(v: View) -> Array:
+    """Return the angles (n, k) [rad] at which an ideal mount is on its stars."""
+    assert v.stimulus.true_angle is not None
+    return v.stimulus.true_angle
