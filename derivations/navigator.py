@@ -54,7 +54,7 @@ def mechanised_among_the_stars() -> float:
 
     It tells velocity and place in the middle of a step, half of what the step adds; radii are those of the derivation.
     """
-    from gimbalcal.navigate.space_stable import _march
+    from gimbalcal.navigate.space_stable_navigator import _march
 
     at, phase = np.array([*VELOCITY, LATITUDE, 1.1, HEIGHT]), 0.4
     s, c, S, K = np.sin(LATITUDE), np.cos(LATITUDE), np.sin(phase), np.cos(phase)

@@ -12,8 +12,8 @@ from datetime import UTC, datetime
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.content_checks import refuse_not_finite
-from gimbalcal.calibration.gravity import with_gravity
-from gimbalcal.effects.baseline import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
+from gimbalcal.calibration.gravity_uncertainty import with_gravity
+from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR

@@ -19,7 +19,7 @@ from gimbalcal.checks.input_errors import CLOCK_UNITS, SENSOR, Correction, other
 from gimbalcal.checks.sidereal import measured_latitude
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
-from gimbalcal.effects.grade import hurried
+from gimbalcal.effects.sensor_grades import hurried
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.recording import Recording

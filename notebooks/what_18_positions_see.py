@@ -44,7 +44,7 @@ plt.show()
 # coefficient of its usual size. A column of zeros would be an unobservable coefficient.
 
 # %%
-from gimbalcal.design.observability import observe
+from gimbalcal.design.position_observability import observe
 
 seen = observe("wu2018-18")
 for sentence in seen.in_words.splitlines():

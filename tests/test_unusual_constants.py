@@ -14,7 +14,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.calibration.readout import Counts, Readout
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
-from gimbalcal.effects.grade import GRADES
+from gimbalcal.effects.sensor_grades import GRADES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.methods import calibrate

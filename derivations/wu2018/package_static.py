@@ -78,17 +78,17 @@ def simulated_attitude() -> float:
     return float(np.abs(navigation_to_platform(PHASES, LATITUDE) - rows).max())
 
 
-@checks(SOURCE, "Eq. (18)", "Eq. (19)", where="navigate.space_stable")
+@checks(SOURCE, "Eq. (18)", "Eq. (19)", where="navigate.space_stable_navigator")
 def navigated_axes() -> float:
     """Up, north and east as the navigator of a stable platform computes them, over a day."""
-    from gimbalcal.navigate import space_stable
+    from gimbalcal.navigate import space_stable_navigator
 
     n = np.zeros(len(PHASES))
-    up = space_stable.NavigatorOutput(n, n + LATITUDE, PHASES, n, np.stack([n, n], axis=-1)).up
+    up = space_stable_navigator.NavigatorOutput(n, n + LATITUDE, PHASES, n, np.stack([n, n], axis=-1)).up
     worst = 0.0
     for t, vertical in zip(PHASES, up, strict=True):
         C = numbers(static_force.navigation_to_platform(), {L: LATITUDE, S_t: t})
-        ours = np.vstack([space_stable._north_east(LATITUDE, t), -vertical])
+        ours = np.vstack([space_stable_navigator._north_east(LATITUDE, t), -vertical])
         worst = max(worst, float(np.abs(ours - C.T).max()))
     return worst
 
@@ -256,7 +256,7 @@ def _derived_name(name: str) -> str:
     return "d" + name.replace("_0", "_mean")
 
 
-checks(SOURCE, "Eq. (28)", where="navigate.space_stable.navigate")(mechanised_among_the_stars)
+checks(SOURCE, "Eq. (28)", where="navigate.space_stable_navigator.navigate")(mechanised_among_the_stars)
 
 
 @dataclass(frozen=True)

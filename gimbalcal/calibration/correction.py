@@ -20,7 +20,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gimbalcal.calibration.mount import Mount, mount, with_readouts
+from gimbalcal.calibration.mount_correction import Mount, mount, with_readouts
 from gimbalcal.calibration.readout import SI, Readout, in_counts, in_si, with_noise
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.effect import GIMBALS, happens_once, lacking

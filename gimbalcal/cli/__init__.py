@@ -17,8 +17,8 @@ from gimbalcal import __version__
 from gimbalcal.atomic import FULL
 from gimbalcal.cli.analysis import calibrate, compare, diagnose, navigate, noise
 from gimbalcal.cli.catalogue import catalogue
+from gimbalcal.cli.conversion import apply, export, import_, new
 from gimbalcal.cli.demonstration import demo
-from gimbalcal.cli.files import apply, export, import_, new
 from gimbalcal.cli.options import EFFECTS, example
 from gimbalcal.cli.plain_characters import print_plain_characters
 from gimbalcal.cli.planning import budget, campaign, design, observe, simulate

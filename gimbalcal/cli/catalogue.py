@@ -16,7 +16,7 @@ def catalogue(effect: str | None) -> None:
     import inspect
 
     from gimbalcal.effects import CATALOGUE, parameters
-    from gimbalcal.effects.grade import GRADES
+    from gimbalcal.effects.sensor_grades import GRADES
     from gimbalcal.units import from_si
     from gimbalcal.words.naming import unit_in_print
 

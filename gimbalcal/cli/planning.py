@@ -87,7 +87,7 @@ def observe(
         result = observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma).to_dict()
         page, sentence = plan_page.observability_report, plan_page.turning_headline(result)
     else:
-        from gimbalcal.design.observability import observe_any
+        from gimbalcal.design.position_observability import observe_any
 
         result = observe_any(schedule, angle_sigma, force_sigma, latitude, candidates).to_dict()
         page, sentence = plan_page.plan_report, plan_page.headline(result)
@@ -171,7 +171,7 @@ def design(
         text, drawn = rotation_toml(turns), turns
     else:
         from gimbalcal.design.optimal import design as run
-        from gimbalcal.design.positions import rig_of
+        from gimbalcal.design.rig_positions import rig_of
         from gimbalcal.schedule.file import schedule_toml
 
         _only(criterion, ("D", "A", "position"), kind)

@@ -25,7 +25,7 @@ from gimbalcal.earth import radii
 from gimbalcal.effects import Parameter
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.navigate.mechanisations import is_strapdown, usual
-from gimbalcal.navigate.space_stable import USUAL, Aids
+from gimbalcal.navigate.space_stable_navigator import USUAL, Aids
 from gimbalcal.navigate.stationary_base import ROW
 from gimbalcal.navigate.uncertainty import sensitivity
 from gimbalcal.number import Array

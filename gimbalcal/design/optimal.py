@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.design.budget import PRIOR_SHARE, position_sensitivity
-from gimbalcal.design.positions import PositioningRig, design_parameters, distinct, whitened_rows
+from gimbalcal.design.rig_positions import PositioningRig, design_parameters, distinct, whitened_rows
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import Parameter
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import TERMS
 from gimbalcal.inference.information import information, solve

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.design.observability import STATIC_SENSORS, information_at_rest, information_in_positions
+from gimbalcal.design.position_observability import STATIC_SENSORS, information_at_rest, information_in_positions
 from gimbalcal.design.turning import TurningExperiment, TurningNoise, unrecorded
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, position_parameters
 from gimbalcal.estimate.accelerometers.expected import planned
@@ -25,7 +25,7 @@ from gimbalcal.estimate.systematic.segments import DEFAULT_VELOCITY_SIGMA_M_S
 from gimbalcal.estimate.systematic.state_lists import LISTS, states
 from gimbalcal.inference.information import Information
 from gimbalcal.kinematics import required_latitude
-from gimbalcal.navigate.space_stable import ALONE
+from gimbalcal.navigate.space_stable_navigator import ALONE
 from gimbalcal.navigate.stationary_base import static_plan, still_base, still_unit
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
@@ -45,7 +45,7 @@ Plans = Sequence[tuple[str, Scenario]]  # names and scenarios
 
 
 @dataclass(frozen=True)
-class Manoeuvre:
+class PlannedManoeuvre:
     """Something that could be added to a calibration, what it takes [h], and the information with it."""
 
     what: str
@@ -58,7 +58,7 @@ class PlannedCalibration:
     """Information of a calibration, with each of several manoeuvres, and a perfect recording that is navigated."""
 
     information: Information
-    manoeuvres: tuple[Manoeuvre, ...]
+    manoeuvres: tuple[PlannedManoeuvre, ...]
     base: Recording
 
 
@@ -91,7 +91,7 @@ def _by_positions(plans: Plans, more: Sequence[str], hours: float) -> PlannedCal
     runs = [s for s in scenarios if s.recording_kind.stabilised]
     rest = _at_rest((*runs, *scenarios)[0], EXTRA_RUN_S, site, extra)
     what = f"{'another' if runs else 'a run of'} 24 h at rest"
-    manoeuvres = [Manoeuvre(what, EXTRA_RUN_S / 3600, total + rest)]
+    manoeuvres = [PlannedManoeuvre(what, EXTRA_RUN_S / 3600, total + rest)]
     for s in scenarios:
         if s.recording_kind.stabilised:
             continue
@@ -99,7 +99,7 @@ def _by_positions(plans: Plans, more: Sequence[str], hours: float) -> PlannedCal
         for i, h in enumerate(schedule.holds):
             one = Schedule(schedule.name, schedule.platform, (Hold(h.angles, EXTRA_DWELL_S),))
             what = f"ten more minutes in position {i + 1} of {schedule.name}"
-            manoeuvres.append(Manoeuvre(what, EXTRA_DWELL_S / 3600, total + _in_positions(s, one, site)))
+            manoeuvres.append(PlannedManoeuvre(what, EXTRA_DWELL_S / 3600, total + _in_positions(s, one, site)))
     return PlannedCalibration(total, tuple(manoeuvres), still_base(hours, site))
 
 
@@ -207,16 +207,16 @@ def _by_turns(plans: Plans, asked: str, more: Sequence[str], hours: float) -> Pl
     ]
     each = [s.information for s in sessions]
     total = _sum(wanted, each)
-    manoeuvres: list[Manoeuvre] = []
+    manoeuvres: list[PlannedManoeuvre] = []
     for k, own in enumerate(sessions):
-        manoeuvres.append(Manoeuvre(f"the turns of {own.turns.name} once more", own.hours, total + each[k]))
+        manoeuvres.append(PlannedManoeuvre(f"the turns of {own.turns.name} once more", own.hours, total + each[k]))
         slow = replace(own, turns=_with_longer_stops(own.turns))
         slower = f"stops of {slow.turns.stop:g} s in place of {own.turns.stop:g} s in {own.turns.name}"
         others = _sum(wanted, [t for i, t in enumerate(each) if i != k])
-        manoeuvres.append(Manoeuvre(slower, slow.hours - own.hours, others + slow.information))
+        manoeuvres.append(PlannedManoeuvre(slower, slow.hours - own.hours, others + slow.information))
     for name in sorted(set(ROTATIONS) - {own.turns.name for own in sessions}):
         other = replace(sessions[0], turns=ROTATIONS[name])
-        manoeuvres.append(Manoeuvre(f"a session of {name} besides", other.hours, total + other.information))
+        manoeuvres.append(PlannedManoeuvre(f"a session of {name} besides", other.hours, total + other.information))
     navigating = (at_rest or [s for _, s in plans])[0]
     site = _with_gravity(required_latitude(navigating.site.latitude), navigating.site.height, navigating.site.gravity)
     unit = still_unit(hours + ALONE.alignment / 3600, site, standing(turning_schedule(navigating.schedule).start))

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.design.observability import Observability, assess_information
+from gimbalcal.design.position_observability import Observability, assess_information
 from gimbalcal.design.turning import StretchModel, TurningExperiment, turning_experiment
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError

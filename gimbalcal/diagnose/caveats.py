@@ -12,7 +12,7 @@ from dataclasses import replace
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.rows.baseline import by_triad
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.excess_scatter import larger_noise_in_words, scatter_in_words
 from gimbalcal.estimate.accelerometers.fit_summary import excess_in_words, joined, outliers_in_words

@@ -20,7 +20,7 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.result import Cost
 from gimbalcal.earth import SOLAR_DAY
 from gimbalcal.effects import CATALOGUE, Effect
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import constants, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.extra_effects import ExtraEffect

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import refuse_other_gimbals
-from gimbalcal.calibration.gravity import with_gravity
+from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.both_triads import diagnose_both_triads, has_gyroscopes
 from gimbalcal.diagnose.caveats import with_reservation
@@ -19,7 +19,7 @@ from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_fin
 from gimbalcal.diagnose.several import diagnose_several
 from gimbalcal.diagnose.unknown_noise import applies, diagnose_unknown_noise
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.baseline import ACCELEROMETER_TERMS
+from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError

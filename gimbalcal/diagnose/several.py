@@ -42,7 +42,7 @@ from gimbalcal.diagnose.verdict.pooled_sizes import Part, agreement_on_size, com
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
 from gimbalcal.diagnose.verdict.threshold import clean_evidence_jointly
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array

@@ -26,7 +26,7 @@ from gimbalcal.diagnose.verdict.refit_calibration import origin
 from gimbalcal.diagnose.verdict.view_calibration import Seen, calibrated_views
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, curves_of, diagnose_view, diagnosis_of
 from gimbalcal.effects import CATALOGUE, Effect
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined

@@ -16,7 +16,7 @@ import numpy as np
 
 from gimbalcal.calibration import Readout
 from gimbalcal.calibration.readout import in_si
-from gimbalcal.effects.grade import DEG_ROOT_H, GRADES, UG, Grade, grade_named, grade_of_noise
+from gimbalcal.effects.sensor_grades import DEG_ROOT_H, GRADES, UG, Grade, grade_named, grade_of_noise
 from gimbalcal.errors import InputError
 from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means

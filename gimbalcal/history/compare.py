@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration.gravity import common_gravity, without_gravity
+from gimbalcal.calibration.gravity_uncertainty import common_gravity, without_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.history.dated_calibration import DatedCalibration, day_of

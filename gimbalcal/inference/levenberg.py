@@ -17,7 +17,7 @@ Model = Callable[[Array, Array], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
-class Minimum:
+class LeastSquaresMinimum:
     """Minima of r runs: x (r, p), half the sum of squares (r,), Jacobian (r, m, p), steps (r,), convergence (r,)."""
 
     x: Array
@@ -26,19 +26,19 @@ class Minimum:
     steps: Array
     converged: Array
 
-    def better(self, other: Minimum) -> Minimum:
+    def better(self, other: LeastSquaresMinimum) -> LeastSquaresMinimum:
         """Return, run by run, the one with the smaller cost."""
         first = self.cost <= other.cost
 
         def pick(mine: Array, theirs: Array) -> Array:
             return np.where(first.reshape(-1, *[1] * (mine.ndim - 1)), mine, theirs)
 
-        return Minimum(*(pick(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
+        return LeastSquaresMinimum(*(pick(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
 
 
 def minimise(
     model: Model, x0: Array, tolerance: float = 1e-11, limit: int = 60, gain: float = 0.0, damping: float = 1e-3
-) -> Minimum:
+) -> LeastSquaresMinimum:
     r"""Minimise the sums of squares of many runs from x0 (r, p), by damped Gauss-Newton steps.
 
     .. math:: \Delta x = -(J^T J + \lambda\, \mathrm{diag}(J^T J))^{-1} J^T r
@@ -68,7 +68,7 @@ def minimise(
         steps[a] += 1
         # a refused step that is already below the rounding of the cost is arrival, not failure
         live[a] = ~small & (lam[a] < 1e12)
-    return Minimum(x, cost, J, steps, ~live)
+    return LeastSquaresMinimum(x, cost, J, steps, ~live)
 
 
 def _step(r: Array, J: Array, damping: Array) -> Array:

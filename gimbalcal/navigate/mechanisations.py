@@ -5,7 +5,7 @@ from __future__ import annotations
 from gimbalcal.calibration import Calibration
 from gimbalcal.errors import InputError
 from gimbalcal.navigate.navigation_errors import NONE, Navigated
-from gimbalcal.navigate.space_stable import ALONE, USUAL, Aids
+from gimbalcal.navigate.space_stable_navigator import ALONE, USUAL, Aids
 from gimbalcal.navigate.static_run import platform_navigated
 from gimbalcal.navigate.strapdown_unit import unit_navigated
 from gimbalcal.recording import Recording

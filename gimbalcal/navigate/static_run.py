@@ -26,7 +26,7 @@ from gimbalcal.kinematics import (
     with_phase_of_force,
 )
 from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated
-from gimbalcal.navigate.space_stable import Aids, InertialSite, NavigatorOutput, deviation, navigate
+from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, NavigatorOutput, deviation, navigate
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE
@@ -48,7 +48,7 @@ def platform_navigated(recording: Recording, calibration: Calibration | None, ai
 def half_apart(pairs: Sequence[tuple[Recording, Recording]], aids: Aids) -> Array:
     """Return half of the difference of the errors (n, 7, p) of each pair of runs of a base at rest, for small errors.
 
-    Their difference is navigated, of all pairs at once: `space_stable.deviation`.
+    Their difference is navigated, of all pairs at once: `space_stable_navigator.deviation`.
     """
     refuse(pairs[0][0])
     given = [(_navigator_input(plus, aids), _navigator_input(minus, aids)) for plus, minus in pairs]

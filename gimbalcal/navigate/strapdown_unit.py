@@ -26,7 +26,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.kinematics import required_latitude
 from gimbalcal.navigate.mean_intervals import MAX_INTERVAL_S, Intervals, thinned
 from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated
-from gimbalcal.navigate.space_stable import Aids, InertialSite, schuler_rate
+from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, schuler_rate
 from gimbalcal.navigate.static_run import horizontal
 from gimbalcal.navigate.strapdown import StrapdownStates, aided, carried
 from gimbalcal.number import Array, apply_matrix

@@ -9,7 +9,7 @@ import numpy as np
 
 from gimbalcal.earth import HOUR
 from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, NONE, Navigated
-from gimbalcal.navigate.space_stable import Aids
+from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.units import from_si
 
 

@@ -19,7 +19,7 @@ from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimul
 from gimbalcal.navigate.mean_intervals import Intervals, thinned
 from gimbalcal.navigate.mechanisations import is_strapdown, navigated
 from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
-from gimbalcal.navigate.space_stable import USUAL, Aids, InertialSite
+from gimbalcal.navigate.space_stable_navigator import USUAL, Aids, InertialSite
 from gimbalcal.navigate.static_run import half_apart, horizontal, with_inner
 from gimbalcal.navigate.strapdown_unit import block_of, navigate_intervals
 from gimbalcal.number import Array

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from gimbalcal.effects.baseline import ACCELEROMETER_TERMS, BASELINE
+from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, BASELINE
 from gimbalcal.platform import Platform
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.earth import G0
-from gimbalcal.effects.grade import GRADES, Grade
+from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError
 from gimbalcal.recording.document import LARGEST

@@ -12,7 +12,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters
 from gimbalcal.effects.effect import constants
-from gimbalcal.effects.grade import Grade, hurried
+from gimbalcal.effects.sensor_grades import Grade, hurried
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.effects.process import SettingError
 from gimbalcal.errors import InputError

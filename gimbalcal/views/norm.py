@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.calibration import Counts, Readout
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects import Effect
-from gimbalcal.effects.baseline import ACCELEROMETER_TERMS
+from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError, amount
 from gimbalcal.forward import Rows, accelerometers, linearise

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects import Effect, Stage, Stimulus
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.gimbal_mechanics import MIN_TURN_RAD
 from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Rows, linearise

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.effects import Effect, Stage
-from gimbalcal.effects.baseline import ACCELEROMETER_BIAS
+from gimbalcal.effects.baseline_effects import ACCELEROMETER_BIAS
 from gimbalcal.effects.effect import MATRIX_AXES, SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows, linearise

@@ -22,7 +22,7 @@ from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Effect
 from gimbalcal.estimate.extra_effects import extra_effects
 from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE
-from gimbalcal.navigate.space_stable import Aids
+from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.navigate.uncertainty import before_and_after
 from gimbalcal.number import Array
 from gimbalcal.pipeline import three_stage

@@ -49,7 +49,7 @@ SLIPS = [
     ("effects.accelerometer", "lean", "yx * fz - yz * fx", "yx * fz + yz * fx", CAI, "3 6 18 20"),
     ("effects.accelerometer", "lean", "yx * fz - yz * fx", "yx * fz + yz * fx", WEI, "5 6 7 8"),
     ("effects.nonlinearity", "CrossCoupling.contribution", "xz * fz", "xz * fy", CAI, "4 6 12 19"),
-    ("effects.motion", "AccelerometerLeverArm.contribution", "), s.rate", "), 2 * s.rate", CAI, "9 10 12"),
+    ("effects.motion_errors", "AccelerometerLeverArm.contribution", "), s.rate", "), 2 * s.rate", CAI, "9 10 12"),
     ("inversion", "invert", "f = f + step", "f = f - step", CAI, "8"),
     ("estimate.systematic.sensor_inversion", "sensitivity", "return -J", "return J", CAI, "18 19"),
 ]  # fmt: skip
@@ -115,9 +115,16 @@ COMPILED = [
     ("navigate.strapdown", "- (kd * vn - kn * vd)", "- (kd * vn + kn * vd)", "strapdown", CAI, "Eq. (17)"),
     ("navigate.strapdown", "-ve * sL / (cL * RN)", "ve * sL / (cL * RN)", "strapdown", CAI, "Eq. (17)"),
     ("inference.adjoint", "total -= cross", "total += cross", "smooth", CAI, "Eq. (13)"),
-    ("navigate.space_stable", "cL * sS - spin * y", "cL * sS + spin * y", "_march", WU, "Eq. (28)"),
-    ("navigate.space_stable", "ax * h / 2 + EARTH_RATE * y", "ax * h / 2 - EARTH_RATE * y", "_march", WU, "Eq. (28)"),
-    ("navigate.space_stable", "L = atan2(z + E2 / (1 - E2)", "L = atan2(z + E2", "_march", WU, "Eq. (28)"),
+    ("navigate.space_stable_navigator", "cL * sS - spin * y", "cL * sS + spin * y", "_march", WU, "Eq. (28)"),
+    (
+        "navigate.space_stable_navigator",
+        "ax * h / 2 + EARTH_RATE * y",
+        "ax * h / 2 - EARTH_RATE * y",
+        "_march",
+        WU,
+        "Eq. (28)",
+    ),
+    ("navigate.space_stable_navigator", "L = atan2(z + E2 / (1 - E2)", "L = atan2(z + E2", "_march", WU, "Eq. (28)"),
 ]
 
 

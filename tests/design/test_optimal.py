@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.design.optimal import assess, design, gains, optimise, position_response, report, value
-from gimbalcal.design.positions import PositioningRig, design_parameters, free_rig, grid, rig_of, whitened_rows
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.design.rig_positions import PositioningRig, design_parameters, free_rig, grid, rig_of, whitened_rows
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import TERMS
 from gimbalcal.platform import KNOWN

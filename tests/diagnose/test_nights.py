@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.calibration.exchange.tpoint import as_record, tpoint_terms
+from gimbalcal.calibration.exchange.tpoint_model import as_record, tpoint_terms
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.errors import InputError

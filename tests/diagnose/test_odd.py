@@ -16,7 +16,7 @@ from gimbalcal.diagnose.library.candidates import sources
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN

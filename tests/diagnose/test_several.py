@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.several import baseline_of
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.platform import KNOWN
 from tests.diagnose import static_plant

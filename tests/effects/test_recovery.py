@@ -5,7 +5,7 @@ import pytest
 
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.number import Array

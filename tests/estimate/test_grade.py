@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
-from gimbalcal.effects.grade import DEG_ROOT_H, UG
+from gimbalcal.effects.sensor_grades import DEG_ROOT_H, UG
 from gimbalcal.estimate.grade import graded, walk
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, SPACE_STABLE

@@ -269,8 +269,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("report.navigation_page", "budget_report", "100 * budget.share[i]", "budget.share[i]"),
         ("report.sections", "pointing_picture", "np.sqrt((x**2).sum(axis=1).mean())", "(x**2).sum(axis=1).mean()"),
     ),
-    "calibration/test_gravity.py": (
-        ("calibration.gravity", "scaled", "1 + x if", "1 - x if"),
+    "calibration/test_gravity_uncertainty.py": (
+        ("calibration.gravity_uncertainty", "scaled", "1 + x if", "1 - x if"),
     ),
     "cli/test_noise.py": (
         ("at_rest", "Channel.to_dict", "(2 * np.sqrt(self.model))", "np.sqrt(self.model)"),

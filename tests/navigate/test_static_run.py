@@ -14,7 +14,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_val
 from gimbalcal.errors import InputError
 from gimbalcal.navigate.mechanisations import navigated
 from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, Navigated, labels
-from gimbalcal.navigate.space_stable import USUAL, Aids, InertialSite
+from gimbalcal.navigate.space_stable_navigator import USUAL, Aids, InertialSite
 from gimbalcal.navigate.static_run import half_apart, horizontal
 from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.navigate.summary import content

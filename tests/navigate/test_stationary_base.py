@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal.earth import normal_gravity
 from gimbalcal.navigate.mechanisations import navigated, usual
-from gimbalcal.navigate.space_stable import Aids
+from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.navigate.stationary_base import still_unit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, Site

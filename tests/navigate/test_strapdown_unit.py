@@ -20,7 +20,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.navigate.mean_intervals import thinned
 from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE, Navigated
-from gimbalcal.navigate.space_stable import Aids, InertialSite, schuler_rate
+from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, schuler_rate
 from gimbalcal.navigate.strapdown import aided, radii
 from gimbalcal.navigate.strapdown_unit import aligned
 from gimbalcal.navigate.uncertainty import bands, before_and_after

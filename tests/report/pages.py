@@ -13,9 +13,9 @@ from gimbalcal import from_arrays
 from gimbalcal.at_rest import content as noise_content
 from gimbalcal.at_rest import noise_at_rest
 from gimbalcal.design.budget import budget
-from gimbalcal.design.observability import observe, observe_any
 from gimbalcal.design.optimal import design
-from gimbalcal.design.positions import rig_of
+from gimbalcal.design.position_observability import observe, observe_any
+from gimbalcal.design.rig_positions import rig_of
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, LawResult, Mismatch, Shape
@@ -24,7 +24,7 @@ from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.guess.log import Guess
 from gimbalcal.guess.proposal import Proposal
 from gimbalcal.navigate.navigation_errors import Navigated
-from gimbalcal.navigate.space_stable import Aids
+from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.navigate.summary import content as navigation_content
 from gimbalcal.recording import Recording
 from gimbalcal.report import calibration_report

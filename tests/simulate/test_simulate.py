@@ -11,7 +11,7 @@ import pytest
 import gimbalcal.simulate.folder as folder_module
 import gimbalcal.simulate.simulation as run_module
 from gimbalcal.effects import CATALOGUE, parameters, values
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve

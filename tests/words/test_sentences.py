@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimbalcal.design.observability import observe
+from gimbalcal.design.position_observability import observe
 from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, Shape
 from gimbalcal.effects import CATALOGUE, parameters

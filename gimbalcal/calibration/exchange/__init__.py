@@ -26,12 +26,12 @@ from gimbalcal import calibration as own
 from gimbalcal.atomic import write
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.content_checks import MAX_NUMBER
-from gimbalcal.calibration.exchange import kalibr, psins, table, tpoint
+from gimbalcal.calibration.exchange import kalibr, parameter_table, psins, tpoint_model
 from gimbalcal.calibration.exchange.matrices import LINEAR, QUADRATIC
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
 
-FORMATS: Mapping[str, Any] = {"kalibr": kalibr, "psins": psins, "csv": table, "tpoint": tpoint}
+FORMATS: Mapping[str, Any] = {"kalibr": kalibr, "psins": psins, "csv": parameter_table, "tpoint": tpoint_model}
 FILES = {"kalibr": "imu.yaml", "psins": "clbt.mat", "csv": "calibration.csv", "tpoint": "tpoint.mod",
          "json": "calibration.json"}  # fmt: skip
 DIRECTION = {kind: "readings to physics" if kind in ("psins", "tpoint") else "physics to readings" for kind in FILES}
@@ -60,9 +60,9 @@ def read_exchange(kind: str, path: Path) -> Calibration:
         raise InputError(f"{path} does not exist or is not a file")
     mount: dict[str, object] = {}
     if kind == "tpoint":
-        found, gimbals, mount = tpoint.read(path)
+        found, gimbals, mount = tpoint_model.read(path)
     else:
-        found, gimbals = table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
+        found, gimbals = parameter_table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
     for p, (value, s) in found.items():
         if not (abs(value) < MAX_NUMBER and s < MAX_NUMBER):
             raise InputError(f"{path}: {p.label} is beyond anything that can be measured; correct it")
@@ -92,7 +92,7 @@ def _lost(calibration: Calibration, kind: str) -> tuple[str, ...]:
         return ()
     present = {p.effect for p, v in zip(calibration.parameters, calibration.values, strict=True) if v != 0}
     held = {"kalibr": set(LINEAR), "psins": {*LINEAR, *QUADRATIC}}.get(kind, present)
-    unnamed = tpoint.unnamed(calibration) if kind == "tpoint" else sorted(present - held)
+    unnamed = tpoint_model.unnamed(calibration) if kind == "tpoint" else sorted(present - held)
     lost = [f"{kind} has no term for {e}: it is omitted" for e in unnamed]
     if np.count_nonzero(calibration.covariance - np.diag(np.diag(calibration.covariance))):
         lost.append(f"{kind} has no place for correlations: calibration.json has them")

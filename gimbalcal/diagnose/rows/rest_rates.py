@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gimbalcal.calibration import Calibration
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
-from gimbalcal.effects.baseline import ACCELEROMETER_TERMS, GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
+from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition

@@ -22,7 +22,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values
-from gimbalcal.effects.baseline import ACCELEROMETER_TERMS, GYROSCOPE_INPUT_TERMS
+from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition

@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual
 from gimbalcal.diagnose.verdict.refit_calibration import origin
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
-from gimbalcal.effects.baseline import ACCELEROMETER_TERMS
+from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import rotations_of_the_triad

@@ -22,7 +22,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import with_values
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     PositionFit,

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
-from gimbalcal.effects.baseline import BASELINE
-from gimbalcal.effects.grade import GRADES, Grade
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.process import Process, SettingError, WhiteNoise
+from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
 from gimbalcal.estimate.fit import gauss_newton as iterate
 from gimbalcal.estimate.fit import range_of_constants

@@ -23,7 +23,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
 from gimbalcal.effects import Parameter, values, with_values
 from gimbalcal.effects.accelerometer import leaning
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.estimate.accelerometers.errors_in_variables import Problem, position_parameters, visit_means
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words, outliers_in_words, provenance

@@ -20,7 +20,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
-from gimbalcal.effects.baseline import GYROSCOPE_INPUT_TERMS
+from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError

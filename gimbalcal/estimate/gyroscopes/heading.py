@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects.baseline import GYROSCOPE_INPUT_TERMS
+from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns
 from gimbalcal.estimate.gyroscopes.turns import Turns, logged_turns, turned

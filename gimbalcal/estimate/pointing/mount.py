@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual
-from gimbalcal.calibration.exchange.tpoint import as_record, mount_record, tpoint_terms
+from gimbalcal.calibration.exchange.tpoint_model import as_record, mount_record, tpoint_terms
 from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fit import ViewsFit

@@ -17,7 +17,7 @@ import numpy as np
 
 from gimbalcal.estimate.pulses.polynomial import Pulses, along, lower
 from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
-from gimbalcal.inference.levenberg import Minimum, covariance_at_minimum, minimise
+from gimbalcal.inference.levenberg import LeastSquaresMinimum, covariance_at_minimum, minimise
 from gimbalcal.number import Array
 
 
@@ -103,7 +103,7 @@ def _residuals(p: Array, u: Array, sigma: float, free: Array) -> tuple[Array, Ar
     return ((f**2).sum(-1) - 1) / (2 * sigma), J[..., free]
 
 
-def _in_si(found: Minimum, free: Array, K0: Array, gravity: float) -> PulseFit:
+def _in_si(found: LeastSquaresMinimum, free: Array, K0: Array, gravity: float) -> PulseFit:
     """From the dimensionless problem (force in g, counts in g of the rough scale) to SI per pulse."""
     one = np.ones_like(K0)
     unit = np.concatenate([K0, K0**2 / gravity, K0**3 / gravity**2, gravity * one, one], axis=-1)

@@ -23,7 +23,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.estimate.pulses.gravity_norm import PulseFit, initial_scale
 from gimbalcal.estimate.pulses.polynomial import Pulses, lower
 from gimbalcal.inference.ellipsoid import ellipsoid
-from gimbalcal.inference.levenberg import Minimum, covariance_at_minimum, minimise
+from gimbalcal.inference.levenberg import LeastSquaresMinimum, covariance_at_minimum, minimise
 from gimbalcal.number import Array
 
 FREE = np.r_[0:6, 9:15]  # K1, K2, bias, E of the fifteen: Eq. (6) has no cubic term
@@ -135,7 +135,7 @@ def _across(S: Array, JS: Array, D: Array, JD: Array, length: Array, sigma: floa
     return [(cross[..., i] / sigma, J[..., i, :] / sigma) for i in range(3)]
 
 
-def _in_si(found: Minimum, K0: Array, speed: float) -> PulseFit:
+def _in_si(found: LeastSquaresMinimum, K0: Array, speed: float) -> PulseFit:
     one = np.ones_like(K0)
     unit = np.concatenate([K0, K0**2 / speed, speed * one, one], axis=-1)
     x, full = np.zeros((len(K0), 15)), np.zeros((len(K0), 15, 15))

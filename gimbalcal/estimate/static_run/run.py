@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
 from gimbalcal.inference.information import Information, information

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.effects.grade import Grade, grade_of_noise
+from gimbalcal.effects.sensor_grades import Grade, grade_of_noise
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH

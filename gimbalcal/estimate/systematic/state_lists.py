@@ -7,7 +7,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.estimate.extra_effects import ExtraEffect, unfit

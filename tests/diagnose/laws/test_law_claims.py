@@ -198,7 +198,7 @@ def test_what_has_a_name_keeps_it_beside_a_law(tmp_path: Path) -> None:
     load_effects(tmp_path / "law.py")
     made = calibrate(r, more=[*law["beside"], law["with"]])
     assert made.outcome == ""
-    told = headline(d.to_dict(), d.curves)
+    told = headline(d)
     assert told.startswith("The azimuth axis is off by ")
     assert "arcsec · cos(3 · azimuth), in addition to encoder eccentricity azimuth, which is known." in told
     assert "`--with encoder_eccentricity:azimuth --with law_gimbal_angle_azimuth --effects law.py`" in told

@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.diagnose.library.assemble import available, columns_at, library
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.forward import predict
 from gimbalcal.views.core import absent_effect
 from tests.diagnose.plant import ARCSEC, UG, turned

@@ -11,7 +11,7 @@ from gimbalcal.diagnose.library.assemble import available, constants_of, free_ro
 from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE, absent, parameters
-from gimbalcal.effects.grade import GRADES
+from gimbalcal.effects.sensor_grades import GRADES
 from gimbalcal.number import Array
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import pointing

@@ -14,7 +14,7 @@ from gimbalcal.diagnose.known_noise import searched
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine, matched
 from gimbalcal.diagnose.several import baseline_of
 from gimbalcal.diagnose.verdict.pooled_sizes import pooled
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Source

@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 
-from gimbalcal.effects import CATALOGUE, grade, parameters
+from gimbalcal.effects import CATALOGUE, parameters, sensor_grades
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
-from gimbalcal.effects.grade import GRADES, QUANTITY_OF_UNIT, grade_named, grade_of_noise
+from gimbalcal.effects.sensor_grades import GRADES, QUANTITY_OF_UNIT, grade_named, grade_of_noise
 from gimbalcal.errors import InputError
 from gimbalcal.units import from_si
 
@@ -29,7 +29,7 @@ TABLE = {
 
 
 def test_the_table_is_what_the_factors_make_of_the_catalogue() -> None:
-    rows = dict(re.findall(r"^(\S[^\n]*\]) +((?:[\d.]+ *){4})$", grade.__doc__ or "", re.MULTILINE))
+    rows = dict(re.findall(r"^(\S[^\n]*\]) +((?:[\d.]+ *){4})$", sensor_grades.__doc__ or "", re.MULTILINE))
     assert set(rows) == set(TABLE)
     for words, (effect, unit) in TABLE.items():
         p = parameters(CATALOGUE[effect])[0]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.design.observability import Observability, observe, observe_static
+from gimbalcal.design.position_observability import Observability, observe, observe_static
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, gauss_newton, model, problem

@@ -61,7 +61,7 @@ _TERM = re.compile(r"^[&=]*\s*([A-Z][A-Z0-9]*)\s+(\S+)(?:\s+(\S+))?\s*$")
 
 
 @dataclass(frozen=True)
-class Term:
+class TpointTerm:
     """A term of a TPOINT model [rad]."""
 
     name: str
@@ -82,7 +82,7 @@ def mount_record(platform: Platform, latitude: float | None) -> dict[str, object
     return {"kind": mount_of(platform), "axes": list(platform.axis_names), **place}
 
 
-def tpoint_terms(calibration: Calibration) -> tuple[Term, ...]:
+def tpoint_terms(calibration: Calibration) -> tuple[TpointTerm, ...]:
     """Return the terms of a pointing calibration in TPOINT's convention; none for a mount or effect without a name."""
     mount = calibration.provenance.get("mount", {})
     rows = _rows(str(mount.get("kind", "")), tuple(mount.get("axes", ())), mount.get("latitude_deg"))
@@ -92,7 +92,7 @@ def tpoint_terms(calibration: Calibration) -> tuple[Term, ...]:
         w = np.array([weights.get(label, 0.0) for label in labels])
         if np.any(w):
             variance = max(float(w @ calibration.covariance @ w), 0.0)
-            out.append(Term(name, float(w @ calibration.values), float(np.sqrt(variance))))
+            out.append(TpointTerm(name, float(w @ calibration.values), float(np.sqrt(variance))))
     return tuple(out)
 
 
@@ -208,7 +208,7 @@ def read(path: Path) -> tuple[Found, tuple[str, ...], dict[str, object]]:
     return found, axes, {"kind": kind, "axes": list(axes), **place}
 
 
-def _found(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, Term]) -> Found:
+def _found(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, TpointTerm]) -> Found:
     """Our parameters of the terms: each of one, but for MA, which is a turn of the mount without one about its pole."""
     rows = _rows(kind, axes, float(np.degrees(L)))
     rows = {n: dict([next(iter(w.items()))]) for n, w in rows.items()}
@@ -222,10 +222,10 @@ def _found(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, Term]) 
     return out
 
 
-def _terms(path: Path) -> tuple[dict[str, Term], str]:
+def _terms(path: Path) -> tuple[dict[str, TpointTerm], str]:
     """Terms by name in the order of the file, and its caption."""
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    out: dict[str, Term] = {}
+    out: dict[str, TpointTerm] = {}
     for number, line in enumerate(lines, start=1):
         if line.strip() == "END":
             break
@@ -243,7 +243,7 @@ def _terms(path: Path) -> tuple[dict[str, Term], str]:
             )
         if found[1] in out:
             raise InputError(f"{path}, line {number}: {found[1]} is there twice; keep one of them")
-        out[found[1]] = Term(found[1], value, sigma)
+        out[found[1]] = TpointTerm(found[1], value, sigma)
     if not out:
         raise InputError(f"{path} is not a TPOINT model: a line for each term is wanted, as in `IH  -12.3  0.4`")
     if "END" not in (line.strip() for line in lines):
@@ -257,6 +257,6 @@ def _is_method(line: str) -> bool:
     return first in ("S", "T") and bool(numbers) and all(_NUMBER.match(word) for word in numbers)
 
 
-def as_record(terms: Sequence[Term]) -> list[dict[str, object]]:
+def as_record(terms: Sequence[TpointTerm]) -> list[dict[str, object]]:
     """Terms as calibration.json tells them."""
     return [{"term": t.name, "value": _arcsec(t.value), "sigma": _arcsec(t.sigma), "unit": UNIT} for t in terms]

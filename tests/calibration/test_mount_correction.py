@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.calibration.mount import SENSORS, mount
+from gimbalcal.calibration.mount_correction import SENSORS, mount
 from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, values, with_values
 from gimbalcal.forward import predict
 from gimbalcal.kinematics import ideal_force, stimulus_from_angles, stimulus_from_readings

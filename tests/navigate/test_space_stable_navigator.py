@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
-from gimbalcal.navigate import space_stable
-from gimbalcal.navigate.space_stable import Aids, InertialSite, deviation, navigate, schuler_rate
+from gimbalcal.navigate import space_stable_navigator
+from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, deviation, navigate, schuler_rate
 from gimbalcal.number import Array
 
 L = np.deg2rad(40.0)
@@ -233,9 +233,10 @@ def test_python_and_the_machine_march_alike() -> None:
     time, S = rows(12, 10.0)
     force = true_force(S) + 1e-4
     every = []
-    for march in (space_stable._march.loop, space_stable._march.made()):
-        out, (r, v) = np.empty((len(time), 5)), space_stable._at_rest(SITE, SITE.phase)
-        end = march(np.full(len(time), 10.0), force, r, v, *space_stable._held(SITE, Aids()), np.zeros((len(time), 2)),
+    for march in (space_stable_navigator._march.loop, space_stable_navigator._march.made()):
+        out, (r, v) = np.empty((len(time), 5)), space_stable_navigator._at_rest(SITE, SITE.phase)
+        aids = space_stable_navigator._held(SITE, Aids())
+        end = march(np.full(len(time), 10.0), force, r, v, *aids, np.zeros((len(time), 2)),
                     np.full(len(time), SITE.height), out)  # fmt: skip
         every.append((out, np.array(end)))
     (python, end), (machine, same) = every

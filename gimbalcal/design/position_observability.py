@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
-from gimbalcal.effects.baseline import BASELINE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, by_visit, position_parameters, problem, whiten
 from gimbalcal.estimate.accelerometers.expected import planned

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.calibration.gravity import scaled, with_gravity, without_gravity
+from gimbalcal.calibration.gravity_uncertainty import scaled, with_gravity, without_gravity
 from gimbalcal.recording import Site
 from tests.history.calibrations import LABELS, SIGMA, calibration
 from tests.recording.test_dwells import recording

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration.exchange import export, read_calibration
-from gimbalcal.calibration.exchange.tpoint import NAMES, tpoint_terms
+from gimbalcal.calibration.exchange.tpoint_model import NAMES, tpoint_terms
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.forward import predict
