@@ -21,10 +21,10 @@ from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.joint import information_of
 from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.estimate.fit import gauss_newton, range_of_constants
+from gimbalcal.estimate.sharing import agreement
 from gimbalcal.estimate.static_run.run import information_of_rows
 from gimbalcal.estimate.static_run.system import linearisation_point, outcome
 from gimbalcal.inference.information import Information, Solution, solve
-from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.readings import Readings
@@ -81,21 +81,16 @@ def fuse(
 
 
 def contradiction(together: Solution, device: Solution, static: Solution) -> str:
-    """One sentence where the stages disagree on what both see, "" where they do not.
-
-    The rise of chi^2 in fusion is chi^2-distributed with as many degrees of freedom as directions both see.
-    """
-    rise, shared = together.chi2 - device.chi2 - static.chi2, together.dof - device.dof - static.dof
-    if shared <= 0:
-        return ""
+    """Return a sentence where the stages disagree on what both see, "" where they do not."""
     # a stage that its own model does not explain proves nothing against the other
     noise = max(1.0, device.chi2 / max(device.dof, 1), static.chi2 / max(static.dof, 1))
-    p = probability(max(rise, 0.0) / noise, shared)
-    if p >= SIGNIFICANCE:
+    found = agreement(together, [device, static], noise)
+    if found.p_value >= SIGNIFICANCE:
         return ""
     return (
-        f"The multi-position recording and the static run contradict each other: chi^2 of {rise / noise:.0f} for the "
-        f"{shared} combinations that both see (probability {p:.1g}); the unit changed in between or a model is wrong"
+        f"The multi-position recording and the static run contradict each other: chi^2 of {found.rise:.0f} for the "
+        f"{found.combinations} combinations that both see (probability {found.p_value:.1g}); the unit changed in "
+        "between or a model is wrong"
     )
 
 

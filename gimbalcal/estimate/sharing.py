@@ -7,23 +7,27 @@ when K recordings share them tells whether they may,
 
 q being the number of combinations that more than one recording determines and s^2 a factor of the noise, which is one
 where it is stated. Where s^2 is estimated from nu degrees of freedom, Delta / (q s^2) is an F variate of q and nu.
+Of two estimates x_1, x_2 of the same p constants with covariances C_1, C_2 it is
+
+.. math:: \Delta = (x_1 - x_2)^T (C_1 + C_2)^{-1} (x_1 - x_2), \qquad q = p .
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Parameter
-from gimbalcal.inference.information import Information, Solution, solve
+from gimbalcal.inference.information import Solution
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-SIGNIFICANCE = 0.01  # probability that any of several recordings of a unit is said not to agree where all do
+AGREEMENT_SIGNIFICANCE = 0.01  # chance that any of several recordings of a unit is said not to agree where all do
 
 
 @dataclass(frozen=True)
@@ -43,31 +47,63 @@ def agreement(shared: Solution, alone: Sequence[Solution], variance: float = 1.0
     return Agreement(rise, combinations, probability(rise, combinations, dof) if combinations > 0 else 1.0)
 
 
-def information_of(made: Calibration, wanted: Sequence[Parameter]) -> Information:
-    """Return what a calibration tells of some of its parameters, whatever the others are."""
-    at = [made.parameters.index(p) for p in wanted]
-    sigma = made.sigmas[at]
-    root = np.linalg.inv(np.linalg.cholesky(made.covariance[np.ix_(at, at)] / np.outer(sigma, sigma)))
-    scale = np.array([p.sigma for p in wanted])
-    mean = np.array([p.mean for p in wanted])
-    rows = np.column_stack([root * (scale / sigma), root @ ((made.values[at] - mean) / sigma)])
-    return Information(tuple(wanted), rows, len(at))
+@dataclass(frozen=True)
+class Comparison:
+    """One recording against all others: p-value, the largest difference in words, and what keeps it from being judged.
+
+    It does not agree where the p-value is below `AGREEMENT_SIGNIFICANCE` over the number of recordings.
+    """
+
+    title: str
+    recordings: int
+    p_value: float = 1.0
+    largest: str = ""
+    obstacle: str = ""
+
+    @property
+    def agrees(self) -> bool:
+        """Return whether the recording agrees with the others, or cannot be judged."""
+        return bool(self.obstacle) or self.p_value >= AGREEMENT_SIGNIFICANCE / self.recordings
+
+    @property
+    def in_words(self) -> str:
+        """Describe the agreement with the others."""
+        if self.obstacle:
+            return f"it cannot be judged alone: {self.obstacle}"
+        agrees = "agrees" if self.agrees else "does not agree"
+        return f"{agrees} with the others (p = {self.p_value:.2g}; {self.largest})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry of the provenance."""
+        p_value = None if self.obstacle else self.p_value
+        return {"title": self.title, "p_value": p_value, "in_words": self.in_words}
 
 
-def largest_difference(own: Solution, others: Solution) -> str:
-    """Describe the parameter in which two estimates differ by most sigmas."""
-    return largest_in_words(own.parameters, own.x - others.x, np.hypot(own.sigma, others.sigma))
+def disagreeing(comparisons: Sequence[Comparison]) -> list[int]:
+    """Return the ordinals of recordings that do not agree; of two, one is as far off as the other."""
+    off = [k for k, c in enumerate(comparisons) if not c.agrees]
+    return off[:1] if len(comparisons) == 2 else off
 
 
-def largest_in_words(parameters: Sequence[Parameter], difference: Array, sigma: Array) -> str:
+def compare_calibrations(own: Calibration, others: Calibration) -> tuple[float, str]:
+    """Return the p-value of the difference in the parameters of both, and the largest difference in words.
+
+    Their sigmas are scaled to their scatter.
+    """
+    shared = [p for p in own.parameters if p in others.parameters]
+    mine, theirs = ([c.parameters.index(p) for p in shared] for c in (own, others))
+    difference = own.values[mine] - others.values[theirs]
+    C = own.covariance[np.ix_(mine, mine)] + others.covariance[np.ix_(theirs, theirs)]
+    sigma = np.sqrt(np.diag(C))
+    root = np.linalg.cholesky(C / np.outer(sigma, sigma))
+    rise = float(np.sum(np.linalg.solve(root, difference / sigma) ** 2))
+    dof = max(1, min(own.residual.dof, others.residual.dof))
+    return probability(rise, len(shared), dof), largest_difference(shared, difference, sigma)
+
+
+def largest_difference(parameters: Sequence[Parameter], difference: Array, sigma: Array) -> str:
     """Describe the largest of differences (p,), SI, over their sigma (p,)."""
     i = int(np.argmax(np.abs(difference) / sigma))
     p = parameters[i]
     size, one = (float(f"{from_si(float(v), p.unit):.3g}") for v in (difference[i], sigma[i]))
     return f"most in {p.label}, by {size:+g} +- {one:g} {p.unit}"
-
-
-def difference_of(own: Information, others: Information, dof: float) -> tuple[Agreement, str]:
-    """Compare one recording with others, their noise estimated from `dof`; also describe the largest difference."""
-    alone = solve(own), solve(others)
-    return agreement(solve(own + others), alone, dof=dof), largest_difference(*alone)

@@ -19,7 +19,6 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-AGREEMENT_SIGNIFICANCE = 0.01  # chance that any of several recordings of a unit is said not to agree where all do
 FALSE_TERM_RATE = 0.01  # chance that a calibration takes up any term that is not there
 TRIADS = 2  # accelerometers and gyroscopes share it
 # times what noise explains: means of low-cost accelerometers wander from rest to rest by up to four times what their

@@ -2,17 +2,13 @@ r"""Several recordings of one unit that was turned in its place: common constant
 
 The information of a recording about the constants is a triangle; those of all recordings are added. Each is then
 linearised again about the joint estimate, because products of two errors differ from those of its own estimate. Whether
-one agrees with the others is tested on the excess of the misfit of all, with R_k the triangle of one, over that of the
-others, with as many degrees of freedom as there are constants that both observe:
-
-.. math:: \chi^2 = \min_x \sum_k \lVert R_k (x - x_k) \rVert^2 .
+one agrees with the others is `estimate.sharing.agreement`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +17,7 @@ from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import ExtraEffect
+from gimbalcal.estimate.sharing import Comparison, agreement, disagreeing, largest_difference
 from gimbalcal.estimate.systematic.calibrate import calibrated
 from gimbalcal.estimate.systematic.error_model import rotated
 from gimbalcal.estimate.systematic.filter_pass import filter_and_smooth
@@ -28,13 +25,10 @@ from gimbalcal.estimate.systematic.iterate import CONVERGED_SIGMAS, SystematicFi
 from gimbalcal.estimate.systematic.observability import WIDE_PRIOR_SIGMAS, data_information
 from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
 from gimbalcal.estimate.systematic.state_lists import states
-from gimbalcal.estimate.term_selection import AGREEMENT_SIGNIFICANCE
 from gimbalcal.inference.information import Information, solve
-from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.joining import refuse_twice
-from gimbalcal.units import from_si
 
 MAX_ROUNDS = 4  # of all recordings
 
@@ -63,22 +57,13 @@ def calibrate_jointly(
         if move < CONVERGED_SIGMAS:
             break
     each = [replace(m, converged=move < CONVERGED_SIGMAS) for m in each]
-    agreements = [_agreement(wanted, each, k, theta) for k in range(len(each))]
+    compared = [_compared(r.title, wanted, each, k, theta) for k, r in enumerate(recordings)]
     calibrations = [calibrated(m) for m in each]
-    threshold = AGREEMENT_SIGNIFICANCE / len(each)
-    sessions: list[dict[str, Any]] = [
-        {"title": r.title, "stops": int(m.segments.stop.max()) + 1, "p_value": p_value,
-         "in_words": f"{'agrees' if p_value >= threshold else 'does not agree'} with the others "
-                     f"(p = {p_value:.2g}; {largest})"}
-        for r, m, (p_value, largest) in zip(recordings, each, agreements, strict=True)
-    ]  # fmt: skip
+    sessions = [{**c.to_dict(), "stops": int(m.segments.stop.max()) + 1} for c, m in zip(compared, each, strict=True)]
     worst = min(calibrations, key=lambda c: c.residual.navigation["nis"]["p_value"])
     nis = [c.residual.navigation["nis"] for c in calibrations]
-    different = [f"{s['title']} {s['in_words']}" for s in sessions if s["p_value"] < threshold]
-    different = different[:1] if len(each) == 2 else different  # of two, one is as far off as the other
-    words = (
-        [f"{amount(len(each), 'recording')} do not share their constants: {'; '.join(different)}"] if different else []
-    )
+    different = "; ".join(f"{compared[k].title} {compared[k].in_words}" for k in disagreeing(compared))
+    words = [f"{amount(len(each), 'recording')} do not share their constants: {different}"] if different else []
     words += [f"{r.title}: {c.outcome}" for r, c in zip(recordings, calibrations, strict=True) if c.outcome]
     limits = list(dict.fromkeys(text for c in calibrations for text in c.provenance["limits"]))
     return Calibration(
@@ -139,15 +124,11 @@ def _relinearised(wanted: tuple[Parameter, ...], each: Sequence[SystematicFit], 
     )
 
 
-def _agreement(wanted: Sequence[Parameter], each: Sequence[SystematicFit], k: int, theta: Array) -> tuple[float, str]:
-    """Return the p-value of one recording's difference from all others, and the largest difference in words."""
+def _compared(
+    title: str, wanted: Sequence[Parameter], each: Sequence[SystematicFit], k: int, theta: Array
+) -> Comparison:
+    """Compare one recording with all others together."""
     parts = [each[k]], [m for i, m in enumerate(each) if i != k], each
     own, others, whole = (solve(_joint(wanted, part, theta)) for part in parts)
-    observed = [len(wanted) - len(solution.unobservable) for solution in (own, others, whole)]
-    dof = max(observed[0] + observed[1] - observed[2], 1)
-    p_value = probability(max(whole.chi2 - others.chi2, 0.0), dof)
-    difference, sigma = own.x - others.x, np.hypot(own.sigma, others.sigma)
-    i = int(np.argmax(np.abs(difference) / sigma))
-    p = wanted[i]
-    size, one = (float(f"{from_si(float(v), p.unit):.3g}") for v in (difference[i], sigma[i]))
-    return p_value, f"most in {p.label}, by {size:+g} +- {one:g} {p.unit}"
+    largest = largest_difference(wanted, own.x - others.x, np.hypot(own.sigma, others.sigma))
+    return Comparison(title, len(each), agreement(whole, [own, others]).p_value, largest)
