@@ -15,20 +15,15 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, Diagnosis, in_print, plotted_against
-from gimbalcal.diagnose.evidence.noise import nodes, settle
+from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.evidence.stated_noise import settle
 from gimbalcal.diagnose.laws.law_claims import Lawful, lawful, misheld
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import Estimate, Finding, Shape, Shift, StatedNoiseFit
 from gimbalcal.diagnose.rows.baseline import carried
-from gimbalcal.diagnose.search.about_settings import about_settings
-from gimbalcal.diagnose.search.ranking import Search, search
-from gimbalcal.diagnose.search.single_axis_random_walk import wandering
-from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
-from gimbalcal.diagnose.verdict.detection_limits import detection_limits, limits_in_words
-from gimbalcal.diagnose.verdict.findings import axes_of, entry
-from gimbalcal.diagnose.verdict.fitted_causes import (
+from gimbalcal.diagnose.search.fitted_causes import (
     FittedCauses,
     JointCovariance,
     calibration_fit,
@@ -36,6 +31,12 @@ from gimbalcal.diagnose.verdict.fitted_causes import (
     fit_causes,
     joint_covariance,
 )
+from gimbalcal.diagnose.search.ranking import Search, search
+from gimbalcal.diagnose.search.relinearise import about_causes, about_settings
+from gimbalcal.diagnose.search.single_axis_random_walk import wandering
+from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
+from gimbalcal.diagnose.verdict.detection_limits import detection_limits, limits_in_words
+from gimbalcal.diagnose.verdict.findings import axes_of, entry
 from gimbalcal.diagnose.verdict.manoeuvres import advise, sentence
 from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.random_walk import decide_with_walk, repeat_advice, with_walk, without_single_walks
@@ -48,8 +49,8 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
-from gimbalcal.views.core import Fit, absent_effect
-from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at
+from gimbalcal.views.core import Fit
+from gimbalcal.views.known_attitude import fit_baseline
 from gimbalcal.words import diagnosis_sentences
 from gimbalcal.words.naming import spaced
 
@@ -72,7 +73,7 @@ def diagnose_known_noise(
         none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
         law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell) if none.shapes else Lawful()
         likelier = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
-        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or repeat_advice(s.o.view.kind))
+        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or repeat_advice(s.fit.view.kind))
         made = _report(held, none, clean, rng, options, tell, calibration, law)
         return made if likelier > CLAIM else with_walk(made, walk, only=likelier < -CLAIM)
     made = _report(s, d, clean, rng, options, tell, calibration)
@@ -96,15 +97,15 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
         o = settle(fit_baseline(recording, baseline, start, steps=0))
     o = about_settings(o)
     tell("comparing every cause of the catalogue, alone and in pairs")
-    s = search(o, library(o), nodes(o))
+    s = search(o, library(o), noises(o))
     if dragged:
         tell("again, about the constants that belong to what was found")
-        o = _about_found(s)
-        s = search(o, library(o), nodes(o))
+        o = about_causes(s)
+        s = search(o, library(o), noises(o))
     if more := wandering(s):
-        who = f"accelerometer {more[0].alone}" if more[0].alone else "all accelerometers"
+        who = f"accelerometer {more[0].single_walk}" if more[0].single_walk else "all accelerometers"
         tell(f"again, as {who} may wander")
-        s = search(o, library(o), (*nodes(o), *more))
+        s = search(o, library(o), (*noises(o), *more))
     return s
 
 
@@ -113,26 +114,6 @@ def _misfit(o: Fit) -> float:
     Z, y = o.reduced(o.Z), o.reduced(o.residual[:, :, None])
     left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
     return float((left**2).sum() / max(len(y) - Z.shape[1], 1))
-
-
-def _about_found(s: Search) -> Fit:
-    """The rows linearised about the best known cause and the constants that go with it.
-
-    A cause of many sigmas drags the constants of a model without it far away, where the derivatives are not those of
-    the unit: what the cause leaves would then look like further causes.
-    """
-    candidates = s.library.candidates
-    best = next((h.members for h in s.hypotheses if not h.unknown(candidates)), ())
-    f = fit_causes(s, best)
-    _, shift, _ = calibration_fit(s, f)
-    found, at = [], 0
-    for j, m in enumerate(f.members):
-        c = candidates[m]
-        size = f.x[at : at + len(c.parameters)] * np.array([p.sigma for p in c.parameters])
-        at += len(c.parameters)
-        found.append((absent_effect(c.effect, s.o.view.stimulus, c.source, **dict(c.variants[f.variants[j]].constants)),
-                      c.parameters, size))  # fmt: skip
-    return given_back(settle(linearised_at(s.o, shift, found)), found)  # the scatter shows when they are gone
 
 
 def _report(
@@ -149,14 +130,14 @@ def _report(
     shapes = tuple(shape(s.library.candidates[i]) for i in d.shapes[:3])
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": s.o.view.source.files,
+        "recordings": s.fit.view.source.files,
         "options": dict(options),
         "ln_bayes_factor": round(s.ln_total, 3),
         "ln_bayes_factor_needed": round(bar(clean), 3),
         "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
         "probability_unknown": round(d.unknown, 4),
         "causes_compared": len([c for c in s.library.candidates if not c.rival]),
-        "excess_kurtosis": round(s.o.view.noise.kurtosis, 3),
+        "excess_kurtosis": round(s.fit.view.noise.kurtosis, 3),
     }
     words, fault = diagnosis_sentences.answer(d.verdict, named, shapes, mismatch, fitted), misheld(s, d.verdict)
     if d.verdict == "adequate":
@@ -179,7 +160,7 @@ def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibratio
     joint = joint_covariance(s, f)
     told = [_constants_of(s, f, joint, j) for j in range(len(causes))]
     found = found_jointly(causes, told, f.x, joint)
-    return calibrated([(s.o, f.projection.node, range(len(causes)))], found, outcome, known)[0]
+    return calibrated([(s.fit, f.projection.node, range(len(causes)))], found, outcome, known)[0]
 
 
 def _constants_of(s: Search, f: FittedCauses, joint: JointCovariance, j: int) -> tuple[tuple[str, float, float], ...]:
@@ -196,24 +177,24 @@ def measured(
     `f` is the fit of what was found, `seen` the same or that of a shape, whose noise counts.
     """
     physical, node = physical_columns(s, f), seen.projection.node
-    before = scan(s.o, s.rows, node, rng)
-    after = scan(s.o, s.rows, node, rng, s.library.X[:, list(f.index)]) if f.index else before
+    before = scan(s.fit, s.rows, node, rng)
+    after = scan(s.fit, s.rows, node, rng, s.library.X[:, list(f.index)]) if f.index else before
     fitted = verify(s, f if f.index else seen, physical).summary(node, before.p_value, after.p_value)
     fitted = replace(fitted, calibration_moved=moved(s, f) if f.index else ())
-    left, rest = residual_rows(s.o, physical @ f.x)
-    sigma, units = in_print(s.o.view.channels, np.broadcast_to(s.o.sigma, left.shape))
+    left, rest = residual_rows(s.fit, physical @ f.x)
+    sigma, units = in_print(s.fit.view.channels, np.broadcast_to(s.fit.sigma, left.shape))
     return (
         before,
         fitted,
         Curves(
-            s.o.view.stimulus.time,
-            s.o.view.stimulus.position,
-            s.o.view.channels,
+            s.fit.view.stimulus.time,
+            s.fit.view.stimulus.position,
+            s.fit.view.channels,
             left,
             rest,
             sigma,
             units,
-            plotted_against(s.o.view.stimulus),
+            plotted_against(s.fit.view.stimulus),
         ),
     )
 
@@ -228,7 +209,7 @@ def findings(s: Search, d: Decision, f: FittedCauses) -> tuple[Finding, ...]:
         at += len(c.parameters)
         advice = ""
         if j.alike:
-            advice = sentence(advise(s.o, c, f.variants[n], size, j.alike[0]), c, j.alike[0])
+            advice = sentence(advise(s.fit, c, f.variants[n], size, j.alike[0]), c, j.alike[0])
         rows = printed(c.parameters, size, sigma) + constants(c, _constants_of(s, f, joint, n))
         out.append(entry(j, axes_of(j), f.significance[n], rows, advice))
     return tuple(out)
@@ -258,7 +239,7 @@ def moved(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
     """How far each calibration constant moves once what was found is in the model."""
     before, after, sigma = calibration_fit(s, f)
     out = []
-    for p, b, a, e in zip(s.o.parameters, before, after, sigma, strict=True):
+    for p, b, a, e in zip(s.fit.parameters, before, after, sigma, strict=True):
         scale = float(from_si(p.sigma, p.unit))
         in_sigmas = round(float((a - b) / e), 2) if e > 0 else 0.0
         out.append(Shift(p.name, p.axis, float(a - b) * scale, float(e) * scale, p.unit, in_sigmas))

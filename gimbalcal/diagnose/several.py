@@ -31,11 +31,11 @@ from gimbalcal.diagnose.result import (
 )
 from gimbalcal.diagnose.rows.baseline import unfit
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.unknown_noise import applies
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
-from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.manoeuvres import advise, sentence
 from gimbalcal.diagnose.verdict.mismatch_scan import LISTED, Scan, mismatches
 from gimbalcal.diagnose.verdict.pooled_sizes import Part, agreement_on_size, common_constants, parts, pooled
@@ -153,14 +153,14 @@ def _report(
     fitted = replace(_sums(shares, lead), recordings=tuple(_row(c, k, x) for k, x in enumerate(shares)))
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": [row for s in c.searches for row in s.o.view.source.files],
+        "recordings": [row for s in c.searches for row in s.fit.view.source.files],
         "options": options,
         "ln_bayes_factor": round(c.ln_total, 3),
         "ln_bayes_factor_needed": round(bar(clean), 3),
         "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
         "probability_unknown": round(d.unknown, 4),
         "causes_compared": len({(x.effect, x.axis, x.source) for x in c.library.candidates if not x.rival}),
-        "excess_kurtosis": round(max(s.o.view.noise.kurtosis for s in c.searches), 3),
+        "excess_kurtosis": round(max(s.fit.view.noise.kurtosis for s in c.searches), 3),
     }
     words = [diagnosis_sentences.answer(d.verdict, named, unexplained, mismatch, fitted)]
     words += [f.agreement.in_words for f in named if f.agreement and f.agreement.in_words]
@@ -187,7 +187,7 @@ def _calibrated(
     causes = [c.library.candidates[m] for m in members]
     x, C = pooled(each, [len(cause.parameters) for cause in causes])
     told = [common_constants(c, members, each, j) for j in range(len(causes))]
-    seen = [(p.search.o, p.fit.projection.node, p.slots) for p in each]
+    seen = [(p.search.fit, p.fit.projection.node, p.slots) for p in each]
     made, between = calibrated(seen, found_of(causes, told, x, C), outcome, known)
     assert between is not None  # there are several
     return made, between
@@ -247,7 +247,7 @@ def _advice(c: CombinedRanking, d: Decision, shares: Sequence[Part], slot: int, 
         for k in sorted(both, key=lambda k: -shares[k].fit.significance[shares[k].slots.index(slot)])[:1]:
             found = shares[k].search.library.candidates[shares[k].slots.index(slot)]
             other = c.searches[k].library.candidates[int(c.place[alike, k])]
-            return sentence(advise(c.searches[k].o, found, 0, size, other), found, other)
+            return sentence(advise(c.searches[k].fit, found, 0, size, other), found, other)
     return ""
 
 
@@ -279,7 +279,7 @@ def _row(c: CombinedRanking, k: int, x: Share) -> RecordingFit:
     """One recording in `fit`: what it is, its numbers, and what it alone would have said."""
     s = c.searches[k]
     alone = SeparateVerdict(x.alone.verdict, _called(x.alone), round(s.ln_total, 3), round(x.needed, 3))
-    return RecordingFit(k + 1, s.o.view.source.title, s.o.view.kind, x.fit, alone)
+    return RecordingFit(k + 1, s.fit.view.source.title, s.fit.view.kind, x.fit, alone)
 
 
 def _called(d: Decision) -> str:

@@ -19,8 +19,8 @@ from gimbalcal.diagnose.rows.baseline import by_triad, carried
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.rows.slews import view_of_slews
 from gimbalcal.diagnose.rows.turns import view_of_turns
-from gimbalcal.diagnose.search.about_found import about_found
-from gimbalcal.diagnose.search.stepwise import course
+from gimbalcal.diagnose.search.relinearise import about_first_cause
+from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.verdict.detection_limits import limits_in_words
 from gimbalcal.diagnose.verdict.refit_calibration import origin
 from gimbalcal.diagnose.verdict.view_calibration import Seen, calibrated_views
@@ -78,7 +78,7 @@ def without_norm_outliers(
     notes: list[str] = []
     while True:
         v = alone(recording, calibration, baseline, tell)
-        told = diagnosis_of(*about_found(v, course(v, tell), tell), tell)
+        told = diagnosis_of(about_first_cause(stepwise(v, tell), tell), tell)
         n = len(v)
         off = strays(told.after) if recording.kind.sighting and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS else []
         if not 0 < len(off) <= STRAYS * n:
@@ -133,7 +133,7 @@ def of_triads(
     moving = view_of_turns(recording, made, found_at_rest(still))
     if moving is None or made is None:
         return told, [diagnosis_sentences.motion_not_analysed("too few turns were logged to say how the unit turned")]
-    told.append(diagnosis_of(moving, course(moving, tell), tell))
+    told.append(diagnosis_of(stepwise(moving, tell), tell))
     late, notes = on_the_way(recording, made, told[-1].model.effects, tell)
     return [*told, *late], notes
 
@@ -146,7 +146,7 @@ def on_the_way(
     if isinstance(v, str):
         return [], [diagnosis_sentences.motion_not_analysed(v)]
     tell("the slews: do all channels agree in time")
-    return [diagnosis_of(v, course(v, tell), tell)], []
+    return [diagnosis_of(stepwise(v, tell), tell)], []
 
 
 def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:

@@ -16,9 +16,10 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import SOUGHT, Lawful, laws_of_view, told_heldout
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import Finding, LawResult, Mismatch, Shape, ViewFit
-from gimbalcal.diagnose.search.refit import projections, with_constants
+from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
+from gimbalcal.diagnose.search.refit import with_constants
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
-from gimbalcal.diagnose.search.stepwise import Course, course, refined, steps_of
+from gimbalcal.diagnose.search.stepwise import SearchResult, refined, result_of, stepwise
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.detection_limits import detection_limits
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding
@@ -62,17 +63,17 @@ class ViewDiagnosis:
 
 def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
     """Return the diagnosis of a view, in which one sensor may walk alone."""
-    c = course(v, tell)
-    steady = diagnosis_of(v, c, tell)
+    c = stepwise(v, tell)
+    steady = diagnosis_of(c, tell)
     if c.start.exact:
         return steady
-    walking, ln_total, ln_odds = wandering_in(v, c)
+    walking, ln_total, ln_odds = wandering_in(c)
     if not walking.noise.single_walks:
         return steady
-    walk = _walk_of_sensor(walking, c.start, ln_odds, ln_total)
+    walk = _walk_of_sensor(replace(c.start, view=walking), ln_odds, ln_total)
     tell(f"again, as {walk.in_words.partition(' wanders')[0]} may wander")
-    again = diagnosis_of(walking, course(walking, tell), tell)
-    if again.findings and ln_odds > CLAIM:  # a cause beside the walk; a course in time may be the walk itself
+    again = diagnosis_of(stepwise(walking, tell), tell)
+    if again.findings and ln_odds > CLAIM:  # a cause as well as the walk; a drift may be the walk itself
         drifts = any(CATALOGUE[f.effect].role.time_drift for f in again.findings)
         return (replace(again, verdict="not-identifiable") if drifts else again).with_walk(walk, only=False)
     if again.findings or (again.unexplained and ln_odds < CLAIM):
@@ -80,76 +81,75 @@ def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
     if steady.findings and ln_odds < CLAIM:
         shared = tuple(replace(f, probability=capped(walk.share_of(f.probability))) for f in steady.findings)
         return replace(steady, verdict="not-identifiable", findings=shared).with_walk(walk, only=False)
-    none = steps_of(v, c.start, (), refused=True)
-    bare = diagnosis_as(v, none, (), tell, lacking=True)
+    none = result_of(c.start, (), refused=True)
+    bare = diagnosis_as(none, (), tell, lacking=True)
     likelier = max((law.evidence for law in bare.laws), default=-np.inf) - ln_total
     if likelier > CLAIM:  # a walk has no formula
         return bare
     advice = repeat_advice(v.kind, by_hand=not v.stimulus.axis_names)
     if likelier < -CLAIM:
-        bare = replace(
-            diagnosis_as(v, none, (), tell, lacking=True, formulas=False), recommend=bare.recommend or advice
-        )
+        bare = replace(diagnosis_as(none, (), tell, lacking=True, formulas=False), recommend=bare.recommend or advice)
     return bare.with_walk(walk, only=likelier < -CLAIM)
 
 
-def diagnosis_of(v: View, c: Course, tell: Tell) -> ViewDiagnosis:
+def diagnosis_of(c: SearchResult, tell: Tell) -> ViewDiagnosis:
     """Return the diagnosis that a search through a view ends in."""
-    return diagnosis_as(v, *confirmed(v, c, tell), tell)
+    return diagnosis_as(*confirmed(c, tell), tell)
 
 
 def diagnosis_as(
-    v: View, c: Course, verdicts: Sequence[Judgement], tell: Tell, lacking: bool = False, formulas: bool = True
+    c: SearchResult, verdicts: Sequence[Judgement], tell: Tell, lacking: bool = False, formulas: bool = True
 ) -> ViewDiagnosis:
     """Return the diagnosis of a search whose causes have been judged; where there is none, formulas may be sought.
 
     lacking: something is missing even if it has no shape.
     """
+    v = c.start.view
     if v.finer is not None:
         tell("refitting at the full resolution")
         v = v.finer()
         c = refined(v, c)
-    model = with_constants(v, c.end, {j.cause.effect for j in verdicts})
-    found = drifts_as_one([finding(v, model, j) for j in verdicts])
-    shapes = tuple(Shape(f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), s.rival) for s in c.left)
+    model = with_constants(c.end, {j.cause.effect for j in verdicts})
+    found = drifts_as_one([finding(model, j) for j in verdicts])
+    shapes = tuple(Shape(f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), s.rival) for s in c.shapes)
     verdict = "adequate"
     if found:
         verdict = "missing-physics" if any(not f.twins for f in found) else "not-identifiable"
     elif shapes or lacking:
         verdict = "unexplained"
-    sigma = row_sigma(v, c.described)
-    fit, lawful = view_fit(v, c, sigma), Lawful()
+    sigma = row_sigma(c.described)
+    fit, lawful = view_fit(c, sigma), Lawful()
     if verdict == "adequate" and not c.start.exact:
         remaining = library(c.end)
-        fit = replace(fit, unseen=detection_limits(remaining.candidates, projections(v, c.end, remaining.X)))
+        fit = replace(fit, unseen=detection_limits(remaining.candidates, projections_of(c.end, remaining.X)))
     if verdict == "unexplained" and formulas:
         tell(SOUGHT)
-        lawful, with_law = laws_of_view(v, c.end, sigma)
+        lawful, with_law = laws_of_view(c.end, sigma)
         c_law = replace(c, described=with_law)
-        fit_law = view_fit(v, c_law, row_sigma(v, with_law)) if lawful.laws else fit
+        fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
         lawful = told_heldout(lawful, fit_law)
         if lawful.laws:
-            c, fit, sigma = c_law, fit_law, row_sigma(v, with_law)
+            c, fit, sigma = c_law, fit_law, row_sigma(with_law)
     if verdict == "missing-physics" and fit.heldout_rms_after > max(
         fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
-    mismatch = () if verdict == "adequate" else mismatches(v, c.start, sigma)
+    mismatch = () if verdict == "adequate" else mismatches(c.start, sigma)
     before, after = c.start.residual / sigma, c.described.residual / sigma
     return ViewDiagnosis(
         v, verdict, mismatch, found, shapes, fit, before, after, sigma, model, lawful.laws, lawful.recommend
     )
 
 
-def _walk_of_sensor(v: View, first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:
+def _walk_of_sensor(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:
     """Return the sensor that walks alone in the noises of a view, and the size of its walk."""
-    unit = float(np.sqrt(np.mean(v.noise.weighted(first.residual) ** 2)))
-    each = [p for p in projections(v, first, np.zeros((*first.residual.shape, 0))) if p.node.alone]
+    unit, bare = rms_misfit(first), np.zeros((first.residual.size, 0))
+    each = [p for p in projections_of(first, bare) if p.node.single_walk]
     ln = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in each])
     sigma = unit * np.array([float(p.scale.sigma(p.misfit[0])) for p in each])
     nodes = [p.node for p in each]
     return likeliest_walk(
-        nodes, np.exp(ln - ln.max()), dict.fromkeys("xyz", sigma), v.channels[0][0], ln_odds, ln_total
+        nodes, np.exp(ln - ln.max()), dict.fromkeys("xyz", sigma), first.view.channels[0][0], ln_odds, ln_total
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from gimbalcal.number import Array
 
 MIN_SINGULAR_VALUE = 1e-4  # sigmas per prior sigma: a calibration direction below it changes nothing
+MIN_RELATIVE_SINGULAR_VALUE = 1e-7  # of columns of unit length: one below it is a combination of the others
 
 
 def eigh(G: Array) -> tuple[Array, Array]:
@@ -28,6 +29,12 @@ def orthonormal(Z: Array) -> Array:
     """Return an orthonormal basis (R, q) of the columns, without numerically null directions."""
     U, S, _ = np.linalg.svd(Z, full_matrices=False)
     return np.asarray(U[:, S > MIN_SINGULAR_VALUE])
+
+
+def basis(A: Array) -> Array:
+    """Return an orthonormal basis (R, q) of columns A (R, p), whatever their units."""
+    U, S, _ = np.linalg.svd(A / (np.linalg.norm(A, axis=0) + 1e-300), full_matrices=False)
+    return np.asarray(U[:, S > MIN_RELATIVE_SINGULAR_VALUE * S.max(initial=1e-300)])
 
 
 def logsumexp(x: Array, axis: int | None = None) -> Array:

@@ -153,6 +153,10 @@ class Fit:
         """Return columns (n, C, p) as rows (R, p) in which white noise is white: `NoiseModel.reduced`."""
         return self.view.noise.reduced(X)
 
+    def expanded(self, X: Array) -> Array:
+        """Return the columns (n, C, p) of reduced rows (n C, p), where no noise is stated: what `reduced` undoes."""
+        return np.asarray(X.reshape(*self.residual.shape, X.shape[-1]) / self.view.weight[..., None])
+
 
 def known_effect(effect_id: str) -> type[Effect]:
     """Return the effect of the catalogue with this id. Raises InputError where there is none."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose import Diagnosis, diagnose
-from gimbalcal.diagnose.evidence.noise import nominal
+from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Recording

@@ -18,8 +18,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from gimbalcal.diagnose.evidence import projection as evidence
-from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
 from gimbalcal.diagnose.evidence.projection import Projection
+from gimbalcal.diagnose.evidence.stated_noise import nodes, nominal, settle
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search import ranking as search
 from gimbalcal.diagnose.search import refine

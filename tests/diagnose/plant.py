@@ -171,8 +171,8 @@ def strange(axis: int) -> dict[str, Error]:
 
 def strength(recording_of: Callable[[float], Recording], probe: float) -> float:
     """Sigmas above noise of an effect of size `probe`, after calibration and setting errors took what they can."""
-    from gimbalcal.diagnose.evidence.noise import nominal
     from gimbalcal.diagnose.evidence.projection import orthonormal
+    from gimbalcal.diagnose.evidence.stated_noise import nominal
     from gimbalcal.views.known_attitude import fit_baseline
 
     with_it, without = recording_of(probe), recording_of(0.0)

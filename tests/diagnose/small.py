@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.fft import idct
 
-from gimbalcal.diagnose.evidence.noise import Node, nodes, settle
+from gimbalcal.diagnose.evidence.node import Node
+from gimbalcal.diagnose.evidence.stated_noise import nodes, settle
 from gimbalcal.diagnose.library.assemble import columns_at, library
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.result import FitSummary

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.noise import nominal
+from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.inference.algebra import orthonormal

@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.search.stepwise import course
+from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.verdict.view_fit import held_out_misfit, shifts
 from gimbalcal.effects import values
 from gimbalcal.number import Array
@@ -153,7 +153,7 @@ def test_rows_left_out_are_predicted_as_a_fit_without_them_predicts_them() -> No
     v = pointing(run(E, A, tilted(E, A, 12 * ARCSEC, -7 * ARCSEC), rng))
     m = start(v)
     sigma = np.full((N, 2), 3 * ARCSEC)
-    left = held_out_misfit(v, m, sigma)
+    left = held_out_misfit(m, sigma)
     J, r = m.jacobian / sigma[..., None], m.residual / sigma
     J = J / (np.linalg.norm(J, axis=(0, 1)) + 1e-300)
     for k in (0, 17, 50, 79):
@@ -167,7 +167,7 @@ def test_constants_move_as_what_was_found_moves_them() -> None:
     """A bent tube that the model lacks is taken up in part by the zero of the elevation encoder."""
     rng, E, A = stars(5)
     v = pointing(run(E, A, (E + 30 * ARCSEC * np.cos(E), A), rng))
-    c = course(v, lambda _: None)
+    c = stepwise(v, lambda _: None)
     assert {s.taken[0].effect for s in c.steps} == {"tube_flexure"}
     rows = shifts(c.start, c.end)
     zero = next(r for r in rows if (r["name"], r["axis"]) == ("gimbal_zero", "elevation"))

@@ -210,18 +210,17 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.cost", "_swung", "(v.max() - v.min()) / 2 * turn", "(v.max() - v.min()) * turn"),
     ),
     "diagnose/search/test_rounds.py": (
-        ("diagnose.search.about_found", "about_found", "> DRAGGED *", "< DRAGGED *"),
-        ("diagnose.search.likeliest", "weigh", "CLAIM * several", "-CLAIM * several"),
-        ("diagnose.search.stepwise", "exchanged", "best.lead > EXCHANGE", "best.lead > -EXCHANGE"),
-        ("diagnose.search.stepwise", "pruned", "support[i] > 0, usual[i], support[i], i",
-         "support[i] > 0, usual[i], -support[i], i"),
-        ("diagnose.search.stepwise", "bar", "CLAIM - OFTEN", "CLAIM + OFTEN"),
-        ("diagnose.search.stepwise", "course", "if ln_odds(v, first, other, share) < ln_odds",
-         "if ln_odds(v, first, other, share) > ln_odds"),
+        ("diagnose.search.relinearise", "about_first_cause", "before <= MIN_CHI2_RATIO", "before > MIN_CHI2_RATIO"),
+        ("diagnose.search.stepwise", "likeliest", "CLAIM * several", "-CLAIM * several"),
+        ("diagnose.search.stepwise", "swap", "best.lead > SWAP", "best.lead > -SWAP"),
+        ("diagnose.search.stepwise", "backward_eliminate", "kind), support[i], i)", "kind), -support[i], i)"),
+        ("diagnose.search.stepwise", "needed_evidence", "CLAIM - OFTEN", "CLAIM + OFTEN"),
+        ("diagnose.search.stepwise", "stepwise", "if ln_odds(first, other, share) < ln_odds",
+         "if ln_odds(first, other, share) > ln_odds"),
     ),
-    "diagnose/search/test_about_settings.py::test_about_the_angles_of_each_visit_nothing_is_curved": (
-        ("diagnose.search.about_settings", "_told", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),
-        ("diagnose.search.about_settings", "_at", "there.value + added", "there.value - added"),
+    "diagnose/search/test_relinearise.py::test_about_the_angles_of_each_visit_nothing_is_curved": (
+        ("diagnose.search.relinearise", "_settings", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),
+        ("diagnose.search.relinearise", "_at", "there.value + added", "there.value - added"),
     ),
     "diagnose/search/test_stepwise.py::test_the_first_step_takes_away_most": (
         ("diagnose.search.stepwise", "ordered", "np.argmin([m.rms", "np.argmax([m.rms"),

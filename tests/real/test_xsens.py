@@ -10,8 +10,8 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.search.likeliest import weigh
 from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.stepwise import likeliest
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.grade import graded
 from gimbalcal.recording import Recording, read
@@ -78,7 +78,7 @@ def test_the_drift_is_no_accident_of_the_order() -> None:
 
     def odds(means: Recording) -> float:
         view = norm(means)
-        return weigh(view, start(view)).ln_total
+        return likeliest(start(view)).ln_total
 
     (means,) = graded([read(MEANS)]).of([read(MEANS)])
     assert odds(means) > CLAIM

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.gram import Gram, size
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.scale import STATED, Free, Stated
 from gimbalcal.diagnose.library.candidates import Layout
 from gimbalcal.inference.algebra import eigh, logsumexp, orthonormal
@@ -42,6 +42,8 @@ class ReducedRows:
     P: int
     Q: Array  # (R, q) orthonormal calibration columns
     y: Array  # (R, m) data cleared of them
+    scale: Stated | Free = STATED  # of white noise
+    unit: float = 1.0  # of X and y, in those of reduced rows
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ class Projection:
         return float(b @ np.linalg.pinv(self.G.block(at), rcond=1e-10, hermitian=True) @ b)
 
 
-def stack(Z: Array, X: Array, y: Array, low: int) -> ReducedRows:
+def stack(Z: Array, X: Array, y: Array, low: int, scale: Stated | Free = STATED, unit: float = 1.0) -> ReducedRows:
     """Reduced Z (R, z), X (R, P), y (R, m) to `ReducedRows` whose first `low` rows are coloured."""
     Q = orthonormal(Z)
     q, P = Q.shape[1], X.shape[1]
@@ -81,8 +83,8 @@ def stack(Z: Array, X: Array, y: Array, low: int) -> ReducedRows:
         A[:, q + k : q + k + part.shape[1]] = _cleared(Q, part)
     tail = A[low:]
     if not len(tail):
-        return ReducedRows(A, np.broadcast_to(0.0, (A.shape[1], A.shape[1])), q, P, Q, y)
-    return ReducedRows(A[:low].copy(), tail.T @ tail, q, P, Q, y)
+        return ReducedRows(A, np.broadcast_to(0.0, (A.shape[1], A.shape[1])), q, P, Q, y, scale, unit)
+    return ReducedRows(A[:low].copy(), tail.T @ tail, q, P, Q, y, scale, unit)
 
 
 def appended(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
@@ -100,7 +102,7 @@ def appended(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
     high[:, at] = np.concatenate([QN, XN, N.T @ N, rows.y[low:].T @ N])
     high[at] = high[:, at].T
     columns = np.concatenate([rows.low[:, : at.start], left[:low], rows.low[:, at.start :]], axis=1)
-    return ReducedRows(columns, high, q, P + N.shape[1], rows.Q, rows.y)
+    return ReducedRows(columns, high, q, P + N.shape[1], rows.Q, rows.y, rows.scale, rows.unit)
 
 
 def _cleared(Q: Array, X: Array) -> Array:
@@ -118,10 +120,10 @@ def projected(nodes: Sequence[Node], rows: ReducedRows, before: Sequence[Project
     if before and size(rows.P) <= len(before[0].G.triangle):
         return tuple(_grown(p, rows) for p in before)
     room = np.empty((len(nodes), size(rows.P + SPARE)))
-    return tuple(project(node, rows, STATED, own) for node, own in zip(nodes, room, strict=True))
+    return tuple(project(node, rows, own) for node, own in zip(nodes, room, strict=True))
 
 
-def project(node: Node, rows: ReducedRows, scale: Stated | Free = STATED, room: Array | None = None) -> Projection:
+def project(node: Node, rows: ReducedRows, room: Array | None = None) -> Projection:
     """Whiten by a node, profile the calibration out, and form the Gram matrix (in `room`) and scores."""
     A = node.products(rows.low)  # some MB each: in place
     A += rows.high
@@ -132,7 +134,7 @@ def project(node: Node, rows: ReducedRows, scale: Stated | Free = STATED, room: 
     np.subtract(A[q:, q:], B, out=B)
     logdet = 2 * float(np.log(np.diag(L)).sum())
     G, misfit = Gram.of(B[:P, :P], room), np.diag(B)[P:].copy()
-    return Projection(node, G, B[:P, P:].copy(), misfit, node.logdet + logdet, scale)
+    return Projection(node, G, B[:P, P:].copy(), misfit, node.logdet + logdet, rows.scale.with_memory(node.fresh))
 
 
 def _grown(p: Projection, rows: ReducedRows) -> Projection:
@@ -147,7 +149,7 @@ def _grown(p: Projection, rows: ReducedRows) -> Projection:
 
 def extended(p: Projection, rows: ReducedRows, X: Array) -> Projection:
     """The projection at the same noise of reduced columns X (R, p) that are not among the rows."""
-    return project(p.node, rows_like(rows, X), p.scale)
+    return project(p.node, rows_like(rows, X))
 
 
 def rows_like(rows: ReducedRows, X: Array, low: int = 0) -> ReducedRows:
@@ -156,7 +158,7 @@ def rows_like(rows: ReducedRows, X: Array, low: int = 0) -> ReducedRows:
     X = X - Q @ (Q.T @ X)
     A = np.concatenate([Q, X, rows.y], axis=1)
     low = max(low, rows.low.shape[0])
-    return ReducedRows(A[:low], A[low:].T @ A[low:], rows.q, X.shape[1], Q, rows.y)
+    return ReducedRows(A[:low], A[low:].T @ A[low:], rows.q, X.shape[1], Q, rows.y, rows.scale, rows.unit)
 
 
 def log_bayes(p: Projection, index: Array, sizes: Array) -> Array:

@@ -12,7 +12,7 @@ prior of a size is that at which sigma puts it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -41,6 +41,10 @@ class Stated:
     sizes: ClassVar[Array] = SIZES
     any_size: ClassVar[Array] = ANY_SIZE
     looser: ClassVar[tuple[int, ...]] = (0,)
+
+    def with_memory(self, _: float) -> Stated:
+        """Return the scale in a noise of memory: what was stated is the scatter within a row."""
+        return self
 
     def sigma(self, misfit: Array) -> Array:
         """The scale, whatever is left (...)."""
@@ -81,6 +85,10 @@ class Free:
     sizes: ClassVar[Array] = RATIOS
     any_size: ClassVar[Array] = ANY_RATIO
     looser: ClassVar[tuple[int, ...]] = (0, LOOSER)
+
+    def with_memory(self, fresh: float) -> Free:
+        """Return the scale in a noise in which this share of a row's variance is new."""
+        return replace(self, fresh=float(np.sqrt(fresh)))
 
     def sigma(self, misfit: Array) -> Array:
         """The likeliest scale where this misfit (...) is left."""

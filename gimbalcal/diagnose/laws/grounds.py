@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.laws.law_search import Ground, Place
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
 from gimbalcal.diagnose.library.shapes import RIVAL_SIGMA
 from gimbalcal.diagnose.library.variables import joined, variables
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
-from gimbalcal.diagnose.search.refit import basis, projections
 from gimbalcal.effects import Stage
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import block_diagonal, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.views.core import Fit, View
+from gimbalcal.views.core import Fit
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
 FEWER = 150  # the same of six sensors at once
@@ -44,23 +44,52 @@ def stretches(n: int, most: int = STRETCHES) -> Array:
     return np.arange(n) * min(n, most) // n
 
 
-def ground_of_search(s: Search, node: Node) -> Ground:
-    """Outputs of the accelerometers and gimbals that move, in the likeliest noise of a recording of known attitude."""
-    o, names = s.o, s.o.view.stimulus.axis_names
-    outputs = [("xyz".index(a), a) for q, a in o.view.channels if q == "specific_force"]
-    moving = [(i, a) for i, a in enumerate(names) if np.ptp(o.view.stimulus.readout[:, i]) > MOVES]
-    block = stretches(len(o.residual)) if o.view.kind.stabilised else o.view.noise.block
-    every = _places(o.rows, Stage.ACCELEROMETER, outputs, block)
-    if not o.view.kind.stabilised:
-        every += _places(o.rows, Stage.ENCODER, moving, block)
-    Q, y = orthonormal(node.whiten(o.reduced(o.Z))), node.whiten(o.reduced(o.residual[:, :, None]))[:, 0]
+def ground(s: Search, node: Node, sigma: float = 1.0) -> Ground | None:
+    """Return the sensors and gimbals whose additions the rows of a search show, in its likeliest noise; or None.
+
+    sigma: of a row, in the unit of reduced rows.
+    """
+    places = _places_at_known_attitude(s.fit) if s.fit.view.noise.stated else _places_of_view(s.fit)
+    if not places:
+        return None
+    Q, y = orthonormal(node.whiten(s.rows.Q)), node.whiten(s.rows.y[:, :1])[:, 0] * (s.rows.unit / sigma)
+    n, C = s.fit.residual.shape
+    size = RIVAL_SIGMA if s.fit.view.noise.stated else s.fit.rms / np.sqrt(C)
 
     def evidence(sets: Sequence[Array]) -> Array:
-        X, of = _side_by_side([o.reduced(RIVAL_SIGMA * unit(X)) for X in sets])
+        X, of = _side_by_side([s.columns(size * unit_rms(X)) for X in sets])
         rows = rows_like(s.rows, X)
-        return bayes_factors([project(p.node, rows, p.scale) for p in s.projections], layout_of(of))[1]
+        return bayes_factors([project(p.node, rows) for p in s.projections], layout_of(of))[1]
 
-    return Ground(every, lambda X: node.whiten(o.reduced(X)), Q, y - Q @ (Q.T @ y), evidence, o.residual.shape)
+    return Ground(places, lambda X: node.whiten(s.fit.reduced(X)) / sigma, Q, y - Q @ (Q.T @ y), evidence, (n, C))
+
+
+def _places_at_known_attitude(fit: Fit) -> list[Place]:
+    """Outputs of the accelerometers, and the gimbals that move, of a recording of known attitude."""
+    v = fit.view
+    outputs = [("xyz".index(a), a) for q, a in v.channels if q == FORCE]
+    moving = [(i, a) for i, a in enumerate(v.stimulus.axis_names) if np.ptp(v.stimulus.readout[:, i]) > MOVES]
+    if v.kind.stabilised:
+        return _places(fit.rows, Stage.ACCELEROMETER, outputs, stretches(len(fit.residual)))
+    return [
+        *_places(fit.rows, Stage.ACCELEROMETER, outputs, v.noise.block),
+        *_places(fit.rows, Stage.ENCODER, moving, v.noise.block),
+    ]
+
+
+def _places_of_view(fit: Fit) -> list[Place]:
+    """Sensors or gimbals whose additions a view shows: in its channels, or in those of a navigator behind them."""
+    v = fit.view
+    if v.added is not None:
+        s, block = v.stimulus, stretches(len(v.stimulus.time), FEWER)
+        sensors = [(q, a, partial(v.added, q, a)) for q in FED.get(v.name, ()) for a in "xyz"]
+        return [Place(q, a, variables(s), s, block, columns) for q, a, columns in sensors]
+    stage, rows = SEEN.get(v.name), v.noise_free(fit.effects)
+    if stage is None or stage not in rows.sensitivity:
+        return []
+    names = list(enumerate(v.stimulus.axis_names if stage is Stage.ENCODER else "xyz"))
+    shown = {a for q, a in v.channels if q == RATE} or {a for _, a in names}
+    return _places(rows, stage, [(i, a) for i, a in names if a in shown], stretches(len(rows.seen[stage].time)))
 
 
 def together(each: Sequence[Ground]) -> Ground:
@@ -108,7 +137,7 @@ def _joined_place(each: Sequence[Ground], channel: str, axis: str) -> Place:
     return Place(channel, axis, shared, first.stimulus, block, columns)
 
 
-def unit(X: Array) -> Array:
+def unit_rms(X: Array) -> Array:
     """Columns (n, C, m) of rms one in the channel that shows them most; none where nothing does."""
     rms = np.sqrt((X**2).mean(axis=0)).max(axis=0)
     return np.asarray(X / np.where(rms > 0, rms, np.inf))
@@ -124,42 +153,11 @@ def _side_by_side(sets: Sequence[Array]) -> tuple[Array, list[Candidate]]:
 
 def with_law(s: Search, columns: Array) -> tuple[Search, Array, Array]:
     """The search with one law in the place of the library, its columns (n, C, m) as scaled, and their scale (m,)."""
-    scaled = RIVAL_SIGMA * unit(columns)
-    reduced = s.o.reduced(scaled)
+    scaled = RIVAL_SIGMA * unit_rms(columns)
+    reduced = s.fit.reduced(scaled)
     _, (law,) = _side_by_side([reduced])
     rows = rows_like(s.rows, reduced)
-    each = tuple(project(p.node, rows, p.scale) for p in s.projections)
+    each = tuple(project(p.node, rows) for p in s.projections)
     size = np.abs(columns).max(axis=(0, 1))
     scale = np.abs(scaled).max(axis=(0, 1)) / np.where(size > 0, size, np.inf)
-    return Search(Library((law,), reduced), (), each, s.null, s.joint, s.singles, s.share, s.o, rows), scaled, scale
-
-
-def _places_of_view(v: View, m: Fit) -> list[Place]:
-    """Sensors or gimbals whose additions a view shows: in its channels, or in those of a navigator behind them."""
-    if v.added is not None:
-        s, block = v.stimulus, stretches(len(v.stimulus.time), FEWER)
-        sensors = [(q, a, partial(v.added, q, a)) for q in FED.get(v.name, ()) for a in "xyz"]
-        return [Place(q, a, variables(s), s, block, columns) for q, a, columns in sensors]
-    stage, rows = SEEN.get(v.name), v.noise_free(m.effects)
-    if stage is None or stage not in rows.sensitivity:
-        return []
-    names = list(enumerate(v.stimulus.axis_names if stage is Stage.ENCODER else "xyz"))
-    shown = {a for q, a in v.channels if q == RATE} or {a for _, a in names}
-    return _places(rows, stage, [(i, a) for i, a in names if a in shown], stretches(len(rows.seen[stage].time)))
-
-
-def ground_of_view(v: View, m: Fit, sigma: Array) -> Ground | None:
-    """Sensors or gimbals whose additions a view shows, beside a model in white noise of `sigma` (n, C); or none."""
-    every = _places_of_view(v, m)
-    if not every:
-        return None
-    n, C = m.residual.shape
-    one = float(np.sqrt(np.mean(v.noise.weighted(sigma) ** 2)))
-    Q = basis(v.noise.weighted(m.jacobian))
-    y = v.noise.weighted(m.residual).ravel() / one
-
-    def evidence(sets: Sequence[Array]) -> Array:
-        X, of = _side_by_side([m.rms / np.sqrt(C) * unit(X) for X in sets])
-        return bayes_factors(projections(v, m, X), layout_of(of))[1]
-
-    return Ground(every, lambda X: v.noise.weighted(X).reshape(n * C, -1) / one, Q, y - Q @ (Q.T @ y), evidence, (n, C))
+    return replace(s, library=Library((law,), reduced), hypotheses=(), projections=each, rows=rows), scaled, scale

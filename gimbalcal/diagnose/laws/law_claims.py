@@ -12,27 +12,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.node import Node
+from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
 from gimbalcal.diagnose.laws.grounds import with_law
 from gimbalcal.diagnose.laws.law_advice import to_tell
 from gimbalcal.diagnose.laws.law_file import found, printed
 from gimbalcal.diagnose.laws.law_search import Ground, Law, same
-from gimbalcal.diagnose.laws.model_comparison import in_searches, in_view
+from gimbalcal.diagnose.laws.model_comparison import compared
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
-from gimbalcal.diagnose.search.likeliest import ranked
-from gimbalcal.diagnose.search.ranking import Ranking, Search
-from gimbalcal.diagnose.search.refit import fitted_columns, with_columns
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
+from gimbalcal.diagnose.search.ranking import Ranking, Search, search
+from gimbalcal.diagnose.search.refit import fitted_columns
 from gimbalcal.diagnose.verdict.agreement import inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import strained
-from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, scan
 from gimbalcal.diagnose.verdict.verify import Verification, residual_rows, verify
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.views.core import Fit, View
+from gimbalcal.views.core import Fit
 from gimbalcal.words.naming import spaced
 
 MOST = 3  # laws of one view
@@ -127,10 +128,10 @@ def lawful(
 
 def misheld(s: Search, verdict: str) -> str:
     """Sentences on positions that were not held where the readouts say, which is a fault and no physics."""
-    if verdict != "unexplained" or not s.o.view.kind.in_positions:
+    if verdict != "unexplained" or not s.fit.view.kind.in_positions:
         return ""
     try:
-        faults = trusted_positions(s.o.view.source).faults
+        faults = trusted_positions(s.fit.view.source).faults
     except InputError:  # too few positions or accelerometers to tell one that was not held
         return ""
     told = [f"{f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults]
@@ -145,22 +146,23 @@ def law_of_searches(
     nodes: the likeliest noise of each; ranked: all other hypotheses. instead: of causes that leave a rest; the law then
     has to be 20 times as likely as these.
     """
-    b = in_searches(searches, nodes, ranked, alone=instead)
+    b = compared(searches, nodes, ranked, alone=instead)
+    assert b is not None  # every recording of known attitude has outputs
     g, every = b.ground, b.laws
     best_else = max(h.ln_weight for h in ranked.hypotheses) + (TOGETHER + CLAIM) * instead
     best, others = chosen(g, every, best_else - b.ln_known)
     if best is not None and (as_likely := _known(ranked, b.total)):
-        return Lawful((), KNOWN.format(more=_more(searches[0].o.view.kind), names=as_likely, law=printed(best)))
+        return Lawful((), KNOWN.format(more=_more(searches[0].fit.view.kind), names=as_likely, law=printed(best)))
     likely = best or next(iter(others and every), None)
     if likely is None:
-        return Lawful((), undetermined(every, others, g, searches[0].o.view.kind))
+        return Lawful((), undetermined(every, others, g, searches[0].fit.view.kind))
     held = [_held(s, own, columns, rng)
             for s, own, columns in zip(searches, b.searches, g.parts(likely.columns), strict=True)]  # fmt: skip
     x, C, agree = mean_of([(h.x, h.weight) for h in held])
     lead = max(range(len(held)), key=lambda k: float(x @ held[k].weight @ x))
-    advice = to_tell(searches[lead].o, likely, x, others[0], asked=best is None) if others else ""
+    advice = to_tell(searches[lead].fit, likely, x, others[0], asked=best is None) if others else ""
     if best is None:
-        return Lawful((), f"{undetermined(every, others, g, searches[0].o.view.kind)}. {advice}")
+        return Lawful((), f"{undetermined(every, others, g, searches[0].fit.view.kind)}. {advice}")
     if agree.against(""):
         return Lawful((), DIFFERENT.format(law=printed(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in held], weights=[len(s.rows.Q) for s in searches]))
@@ -169,9 +171,9 @@ def law_of_searches(
     most = CLAIM if instead else -np.log(LEFT)
     if any(h.left < LEFT or h.strained >= most for h in held) or after >= before:
         return Lawful((), LEAVES.format(law=printed(best)))
-    title = " and ".join(s.o.view.source.title for s in searches)
+    title = " and ".join(s.fit.view.source.title for s in searches)
     law = found(best, x, C, (before, after), others, title, beside=b.name)
-    left = (residual_rows(s.o, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
+    left = (residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
     return Lawful((law,), advice, tuple(zip(held, left, strict=True)))
 
 
@@ -209,24 +211,25 @@ def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> 
     made, physical, scale = with_law(s, columns)
     f = fit_causes(made, (0,))
     explained = made.library.X if columns.any() else None
-    left, checked = scan(s.o, s.rows, f.projection.node, rng, explained), verify(made, f, physical)
+    left, checked = scan(s.fit, s.rows, f.projection.node, rng, explained), verify(made, f, physical)
     if s is not bare:
         same = next(p for p in bare.projections if p.node is f.projection.node)
-        none = verify(bare, replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.o.residual.shape, 0)))
+        none = verify(bare, replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.fit.residual.shape, 0)))
         checked = replace(checked, before=none.before, heldout_before=none.heldout_before)
     weight = inverse_of(f.covariance * np.outer(scale, scale))
     return LawFit(f.x * scale, weight, left.p_value, strained(made, (0,)), checked, f.projection.node)
 
 
-def laws_of_view(v: View, m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
+def laws_of_view(m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
     """What is told of a view that nothing known explains, `sigma` (n, C) being its noise; and the model with the laws.
 
     One law after the other, until nothing is left: all of them, or none. What is held out is told by the caller, who
     has the numbers of the view.
     """
-    laws, with_them, left = list[LawResult](), m, ranked(v, m)
+    v, laws, with_them, left = m.view, list[LawResult](), m, search(m, library(m), noises(m))
+    one = float(np.sqrt(np.mean(v.noise.weighted(sigma) ** 2)))
     while left.ln_total >= (1 + bool(laws)) * CLAIM:
-        b = in_view(v, with_them, sigma, left, alone=bool(laws))
+        b = compared([left], noises(m, memory=False), left, alone=bool(laws), sigma=one)
         if b is None:
             return Lawful((), NOWHERE), m
         g, every = b.ground, b.laws
@@ -237,11 +240,10 @@ def laws_of_view(v: View, m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
             return Lawful((), LEAVES.format(law=laws[0].expression)), m
         if best is None:
             return Lawful((), undetermined(every, others, g, v.kind)), m
-        with_them = with_them if b.columns is None else with_columns(v, with_them, b.columns)
-        with_them, x, covariance = fitted_columns(v, with_them, best.columns)
+        with_them, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
         number = sum(o.axis == best.place.axis for o in laws) + 1
         laws.append(found(best, x, covariance, (0.0, 0.0), others, v.title, number, v.name, b.name))
-        left = ranked(v, with_them)
+        left = search(with_them, library(with_them), noises(with_them))
     return Lawful(tuple(laws)), with_them
 
 

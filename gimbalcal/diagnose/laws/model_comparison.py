@@ -13,19 +13,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
 from gimbalcal.diagnose.evidence.projection import projected
-from gimbalcal.diagnose.laws.grounds import ground_of_search, ground_of_view, together
+from gimbalcal.diagnose.laws.grounds import ground, together
 from gimbalcal.diagnose.laws.law_search import Ground, Law, laws_of
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.combine import CombinedRanking
-from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, Weighed, likeliest_variants, reduced
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
+from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, log_evidence, reduced
 from gimbalcal.diagnose.search.refit import with_columns
-from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.verify import physical_columns
-from gimbalcal.number import Array
-from gimbalcal.views.core import Fit, View
 
 FIRST = 3  # known causes that a law is sought beside
 NAMED = float(np.log(1000.0))  # odds at which a formula of one term beside a name gives way to one without
@@ -35,7 +33,7 @@ NAMED = float(np.log(1000.0))  # odds at which a formula of one term beside a na
 class Beside:
     """Laws by evidence in a ground, and the known cause that is in the model there with its ln evidence; or none.
 
-    searches: the recordings with that cause in their models; columns: (n, C, p) of it in a view.
+    searches: those of the views with that cause in their models.
     """
 
     ground: Ground
@@ -43,7 +41,6 @@ class Beside:
     known: Candidate | None = None
     ln_known: float = 0.0
     searches: tuple[Search, ...] = ()
-    columns: Array | None = None
 
     @property
     def name(self) -> tuple[str, ...]:
@@ -59,34 +56,31 @@ class Beside:
         return self.ln_known + self.laws[0].evidence if self.laws else -np.inf
 
 
-def in_searches(searches: Sequence[Search], nodes: Sequence[Node], ranked: Ranking, alone: bool) -> Beside:
-    """Laws of recordings of known attitude, beside the known cause with which they say most; or `alone`."""
+def compared(
+    searches: Sequence[Search], nodes: Sequence[Node], ranked: Ranking, alone: bool, sigma: float = 1.0
+) -> Beside | None:
+    """Return the laws of one view, or of several of one unit, with the known cause with which they say most.
 
-    def ground(own: Sequence[Search]) -> Ground:
-        return together([ground_of_search(s, node) for s, node in zip(own, nodes, strict=True)])
+    nodes: the likeliest noise of each; ranked: all that was weighed; alone: without a known cause; sigma: of a row, in
+    the unit of reduced rows. None where no addition to a sensor or gimbal shows.
+    """
 
-    best = Beside(g := ground(searches), laws_of(g), searches=tuple(searches))
+    def common_ground(own: Sequence[Search]) -> Ground | None:
+        each = [g for s, node in zip(own, nodes, strict=True) if (g := ground(s, node, sigma)) is not None]
+        return together(each) if len(each) == len(own) else None
+
+    g = common_ground(searches)
+    if g is None:
+        return None
+    best = Beside(g, laws_of(g), searches=tuple(searches))
     for h in () if alone else _likely(ranked):
         member = h.members[0]
         places = [ranked.within((member,), k) if isinstance(ranked, CombinedRanking) else (member,)
                   for k in range(len(searches))]  # fmt: skip
         own = tuple(_with_cause(s, at) for s, at in zip(searches, places, strict=True))
-        c = ranked.library.candidates[member]
-        best = _better(best, Beside(g := ground(own), laws_of(g, products=False), c, h.ln_weight, own), ranked)
-    return best
-
-
-def in_view(v: View, m: Fit, sigma: Array, left: Weighed, alone: bool) -> Beside | None:
-    """The same of a view, beside a model in noise of `sigma` (n, C); `left`: what may be missing. None: no ground."""
-    g = ground_of_view(v, m, sigma)
-    if g is None:
-        return None
-    best = Beside(g, laws_of(g))
-    for h in () if alone else _likely(left):
-        c = left.library.candidates[h.members[0]]
-        X = left.library.X[..., list(c.variants[likeliest_variants(left, h.members)[0]].index)]
-        if (g := ground_of_view(v, with_columns(v, m, X), sigma)) is not None:
-            best = _better(best, Beside(g, laws_of(g, products=False), c, h.ln_weight, columns=X), left)
+        if (g := common_ground(own)) is not None:
+            c = ranked.library.candidates[member]
+            best = _better(best, Beside(g, laws_of(g, products=False), c, h.ln_weight, own), ranked)
     return best
 
 
@@ -116,13 +110,11 @@ def _with_cause(s: Search, members: Sequence[int]) -> Search:
     """The search with these causes, at their likeliest constants, as part of its model and nothing in its library."""
     if not members:
         return s
-    f = fit_causes(s, members)
-    o = replace(s.o, jacobian=np.concatenate([s.o.jacobian, physical_columns(s, f)], axis=2))
-    none = Library((), np.zeros((len(o.reduced(o.residual[:, :, None])), 0)))
-    nodes = [p.node for p in s.projections]
-    rows = reduced(o, none, nodes)
+    X = physical_columns(s, fit_causes(s, members))
+    stated = s.fit.view.noise.stated
+    fit = replace(s.fit, jacobian=np.concatenate([s.fit.jacobian, X], axis=2)) if stated else with_columns(s.fit, X)
+    none, nodes = Library((), np.zeros((len(s.rows.Q), 0))), [p.node for p in s.projections]
+    rows = reduced(fit, none.X, nodes)
     each = projected(nodes, rows)
-    null = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in each])
-    empty = np.zeros((len(each), 0))
-    return replace(s, library=none, hypotheses=(), projections=each, null=null, joint=empty, singles=empty[0],
-                   share=empty[0], o=o, rows=rows)  # fmt: skip
+    null, empty = log_evidence(each), np.zeros((len(each), 0))
+    return Search(none, (), fit, rows, each, null, empty, empty[0], empty[0])

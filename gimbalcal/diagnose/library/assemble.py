@@ -36,7 +36,7 @@ MOST = 150  # choices of constants that are weighed beside each other; of more, 
 def library(fit: Fit) -> Library:
     """Return everything that could still be missing from a model, as columns per prior sigma, and shapes of no cause.
 
-    The columns are reduced rows (R, P) where the noise is stated, else rows (n, C, P) in SI.
+    The columns are reduced rows (R, P).
     """
     v, rows = fit.view, fit.rows
     search = _Columns(fit, rows, spans(rows.jacobian(fit.parameters)) if not v.noise.stated else np.zeros((0, 0)))
@@ -47,6 +47,7 @@ def library(fit: Fit) -> Library:
     else:
         blocks = [_clear_of_noise(v, X, search.misfit, search.taken) for X in blocks]
         found += shapes_of(v, search.misfit, search.taken, blocks, free_rows(v, fit.parameters))
+        blocks = [fit.reduced(np.concatenate(blocks, axis=-1))]
     return Library(tuple(found), np.concatenate(blocks, axis=-1))
 
 

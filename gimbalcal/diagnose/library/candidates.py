@@ -78,7 +78,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Library:
-    """All candidates and their columns X (..., P), in units of prior sigmas."""
+    """All candidates and their columns X (R, P) as reduced rows, in units of prior sigmas."""
 
     candidates: tuple[Candidate, ...]
     X: Array

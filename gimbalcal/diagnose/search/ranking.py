@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import Node, coloured
+from gimbalcal.diagnose.evidence.node import Node
+from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import BESIDE, CLAIM, DETECTED, OFTEN, PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.evidence.projection import (
     Projection,
@@ -25,10 +26,12 @@ from gimbalcal.diagnose.evidence.projection import (
     projected,
     stack,
 )
+from gimbalcal.diagnose.evidence.scale import Free
+from gimbalcal.diagnose.evidence.stated_noise import coloured
 from gimbalcal.diagnose.library.candidates import Candidate, Layout, Library
 from gimbalcal.diagnose.search.refine import refine
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.inference.algebra import logsumexp
+from gimbalcal.inference.algebra import basis, logsumexp
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 
@@ -84,22 +87,20 @@ class Ranking:
 
 
 @dataclass(frozen=True)
-class Weighed(Ranking):
-    """The ranking of one recording over its noises, with what is needed to look at its hypotheses again."""
+class Search(Ranking):
+    """The ranking of what a fit of one view may lack, over its noises, with all that it takes to ask further."""
 
+    fit: Fit
+    rows: ReducedRows
     projections: tuple[Projection, ...]
     null: Array  # (nodes,) ln prior x likelihood of nothing missing
     joint: Array  # (nodes, candidates) ln prior x likelihood of each alone
     singles: Array  # (candidates,) ln Bayes factors
     share: Array  # (candidates,) ln prior share of each alone
 
-
-@dataclass(frozen=True)
-class Search(Weighed):
-    """The same of a recording of known attitude, with its rows."""
-
-    o: Fit
-    rows: ReducedRows
+    def columns(self, X: Array) -> Array:
+        """Return columns (n, C, p) as reduced rows (R, p) in the unit of this search."""
+        return self.fit.reduced(X) / self.rows.unit
 
 
 def log_priors(candidates: Sequence[Candidate], recording_kind: str = "") -> Array:
@@ -135,30 +136,57 @@ def needed(s: Ranking, best: Hypothesis) -> Hypothesis:
     return best
 
 
-def reduced(o: Fit, library: Library, among: Sequence[Node] = ()) -> ReducedRows:
-    """Calibration, causes and data as rows, for the noises of the grid and `among` others."""
-    return stack(o.reduced(o.Z), library.X, o.reduced(o.residual[:, :, None]), coloured(o, among))
+def reduced(fit: Fit, X: Array, nodes: Sequence[Node], unit: float = 0.0) -> ReducedRows:
+    """Return the model, reduced columns X (R, P) and the data as rows, for these noises.
+
+    Rows are in units of the stated noise; where none is stated in units of the rms misfit, or of `unit` [SI], and the
+    scale is bounded by the scatter of the samples.
+    """
+    y, noise = fit.reduced(fit.residual[:, :, None]), fit.view.noise
+    if noise.stated:
+        return stack(fit.reduced(fit.Z), X, y, coloured(fit, nodes))
+    unit = unit or rms_misfit(fit)
+    Q = basis(fit.reduced(fit.jacobian))
+    sample = 0.0 if noise.sample is None else float(np.sqrt(np.mean(noise.weighted(noise.sample) ** 2))) / unit
+    return stack(Q, X / unit, y / unit, len(y), Free(len(y) - Q.shape[1], sample), unit)
 
 
-def search(o: Fit, library: Library, nodes: Sequence[Node]) -> Search:
-    """Singles, refinement, then pairs where a single cause is found wanting or none is found."""
-    rows = reduced(o, library, nodes)
+def projections_of(fit: Fit, X: Array, memory: bool = True, unit: float = 0.0) -> tuple[Projection, ...]:
+    """Return reduced columns X (R, P) beyond a model, one projection for each of its noises."""
+    every = noises(fit, memory)
+    return projected(every, reduced(fit, X, every, unit))
+
+
+def rms_misfit(fit: Fit) -> float:
+    """Return the root mean square [SI] of what a model leaves of the weighted rows."""
+    return max(float(np.sqrt(np.mean(fit.view.noise.weighted(fit.residual) ** 2))), 1e-300)
+
+
+def search(fit: Fit, library: Library, nodes: Sequence[Node]) -> Search:
+    """Compare what may be missing from a model: singles, and pairs where one is found wanting or none is found.
+
+    In a stated noise constants are refined here, and candidates that the calibration takes up are left out; without one
+    a fit with all constants follows each round.
+    """
+    rows = reduced(fit, library.X, nodes)
     projections = projected(nodes, rows)
-    library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
+    if fit.view.noise.stated:
+        library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
     factors = bayes_factors(projections, library.layout)
-    finer = refine(o, library, projections, *factors[1:], rows)
+    finer = refine(fit, library, projections, *factors[1:], rows) if fit.view.noise.stated else library
     if finer is not library:
         rows = appended(rows, library.X, finer.X[:, library.X.shape[1] :])
         projections, library = projected(nodes, rows, projections), finer
         factors = bayes_factors(projections, library.layout)
-    w = weighed(library, projections, factors, o.view.kind)
-    return Search(library, w.hypotheses, projections, w.null, w.joint, w.singles, w.share, o, rows)
+    return ranked(fit, library, rows, projections, factors)
 
 
-def weighed(library: Library, projections: tuple[Projection, ...], factors: Factors, recording_kind: str) -> Weighed:
-    """Singles, and pairs where a single cause is found wanting or none is found, from the factors of singles."""
+def ranked(
+    fit: Fit, library: Library, rows: ReducedRows, projections: tuple[Projection, ...], factors: Factors
+) -> Search:
+    """Rank singles, and pairs where a single cause is found wanting or none is found, from the factors of singles."""
     null, ln, joint = factors
-    prior = log_priors(library.candidates, recording_kind)
+    prior = log_priors(library.candidates, fit.view.kind)
     rival = np.array([bool(c.rival) for c in library.candidates])
     share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
     found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
@@ -169,7 +197,7 @@ def weighed(library: Library, projections: tuple[Projection, ...], factors: Fact
     floor = float(joint.max() - logsumexp(null)) + float(prior.min())
     found += pairs(library.candidates, ln, prior, floor, gained)
     found.sort(key=lambda h: -h.ln_weight)
-    return Weighed(library, tuple(found), projections, null, joint, ln, share)
+    return Search(library, tuple(found), fit, rows, projections, null, joint, ln, share)
 
 
 def _visible(library: Library, p: Projection) -> Library:
@@ -179,9 +207,14 @@ def _visible(library: Library, p: Projection) -> Library:
     return Library(tuple(kept), library.X)
 
 
+def log_evidence(projections: Sequence[Projection]) -> Array:
+    """Return ln of prior x likelihood (nodes,) of each noise where nothing is missing."""
+    return np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in projections])
+
+
 def bayes_factors(projections: Sequence[Projection], layout: Layout) -> Factors:
     """ln weight of no effect per node, ln BF of each candidate, and ln weight per node and candidate."""
-    null = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in projections])
+    null = log_evidence(projections)
     joint = gather(projections, layout) + null[:, None]
     return null, logsumexp(joint, axis=0) - logsumexp(null), joint
 
@@ -263,7 +296,7 @@ def given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, flo
     return condition(p, np.array(c.variants[best].index), float(p.scale.sizes[size])), ln
 
 
-def likeliest_variants(s: Weighed, members: Sequence[int]) -> tuple[int, ...]:
+def likeliest_variants(s: Search, members: Sequence[int]) -> tuple[int, ...]:
     """The variants of the members that are likeliest in any one noise, chosen one after the other."""
     every = s.library.candidates
     best: tuple[float, tuple[int, ...]] = (-np.inf, ())

@@ -7,13 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.memories import lone_sensors, memories
-from gimbalcal.diagnose.evidence.projection import Projection, project, stack
-from gimbalcal.diagnose.evidence.scale import Free
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import Grid, constants
 from gimbalcal.effects.grids import kind, limits
 from gimbalcal.errors import InputError
+from gimbalcal.inference.algebra import basis
 from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View
@@ -92,79 +90,50 @@ def _seen(r: Array, J: Array) -> tuple[Array, float]:
 
 
 def start(v: View) -> Fit:
-    """The baseline alone."""
+    """Fit the baseline alone."""
     wanted = tuple(p for i in v.baseline for p in v.parameters_of(i))
     return refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
 
 
-def with_columns(v: View, m: Fit, X: Array) -> Fit:
-    """A model with further columns X (n, C, q) that belong to no effect, fitted beside its own."""
+def with_columns(m: Fit, X: Array) -> Fit:
+    """Return a model with further columns X (n, C, q) that belong to no effect, all of them fitted."""
     J = np.concatenate([m.jacobian, X], axis=-1)
-    A, y = v.noise.weighted(J).reshape(m.residual.size, -1), v.noise.weighted(m.residual).ravel()
-    x = np.linalg.lstsq(A, y, rcond=1e-9)[0]
+    x = np.linalg.lstsq(m.reduced(J), m.reduced(m.residual[..., None])[:, 0], rcond=1e-9)[0]
     return replace(m, residual=m.residual - J @ x, jacobian=J)
 
 
-def fitted_columns(v: View, m: Fit, X: Array) -> tuple[Fit, Array, Array]:
-    """The same, the sizes x (q,) of the columns, and their covariance (q, q) from the scatter of what is left."""
-    made = with_columns(v, m, X)
-    Q = basis(v.noise.weighted(m.jacobian))
-    A = v.noise.weighted(X).reshape(m.residual.size, -1)
+def fitted_columns(m: Fit, X: Array) -> tuple[Fit, Array, Array]:
+    """Return the same, the sizes x (q,) of the columns, and their covariance (q, q) from the remaining scatter."""
+    made = with_columns(m, X)
+    Q, A, y = basis(m.reduced(m.jacobian)), m.reduced(X), m.reduced(m.residual[..., None])[:, 0]
     left = A - Q @ (Q.T @ A)
-    x = np.linalg.lstsq(left, v.noise.weighted(m.residual).ravel(), rcond=1e-9)[0]
-    variance = float((v.noise.weighted(made.residual) ** 2).sum()) / max(m.residual.size - Q.shape[1] - X.shape[-1], 1)
+    x = np.linalg.lstsq(left, y, rcond=1e-9)[0]
+    variance = float((made.reduced(made.residual[..., None]) ** 2).sum()) / max(len(y) - Q.shape[1] - X.shape[-1], 1)
     return made, x, np.linalg.pinv(left.T @ left, rcond=1e-12, hermitian=True) * variance
 
 
-def with_constants(v: View, m: Fit, ids: Container[str]) -> Fit:
-    """The model with the continuous constants of these effects fitted with all else, from where they are."""
+def with_constants(m: Fit, ids: Container[str]) -> Fit:
+    """Return the model with the continuous constants of these effects fitted with all else, from where they are."""
     smooth = {(e.id, f.name) for e in m.effects if e.id in ids for f in constants(type(e)) if kind(f).smooth}
     every = (p for e in m.effects for p in parameters(type(e), constants=True))
     free = [p for p in every if (p.effect, p.field) in smooth]
-    return refit(v, m.effects, (*m.parameters, *free)) if free else m
+    return refit(m.view, m.effects, (*m.parameters, *free)) if free else m
 
 
-def constants_told(v: View, m: Fit, effect_id: str) -> list[tuple[Parameter, float, float]]:
-    """Non-linear constants of an effect of the model, each with its value and one sigma in SI, all else fitted too.
+def constants_with_sigma(m: Fit, effect_id: str) -> list[tuple[Parameter, float, float]]:
+    """Return the nonlinear constants of an effect of the model, each with its value and one sigma in SI.
 
-    Linearised at the model; of an instant or the name of a position, at which the output jumps, nothing is told, nor of
-    a constant that these rows do not determine.
+    They are linearised at the model, with all else fitted too. Left out are instants and names of positions, at which
+    the output jumps, and constants that these rows do not determine.
     """
     smooth = {f.name for f in constants(CATALOGUE[effect_id]) if not (kind(f).once or kind(f) is Grid.SPAN)}
     wanted = [p for p in parameters(CATALOGUE[effect_id], constants=True) if p.field in smooth]
     effect = next(e for e in m.effects if e.id == effect_id)
-    X = v.evaluate(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.residual.shape, 0))
-    Q = basis(v.noise.weighted(m.jacobian))
-    A = v.noise.weighted(X).reshape(m.residual.size, len(wanted))
+    X = m.view.evaluate(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.residual.shape, 0))
+    Q, A, y = basis(m.reduced(m.jacobian)), m.reduced(X), m.reduced(m.residual[..., None])
     left = A - Q @ (Q.T @ A)
     left = np.where(np.linalg.norm(left, axis=0) > RANK * np.linalg.norm(A, axis=0), left, 0.0)
-    variance = float((v.noise.weighted(m.residual) ** 2).sum()) / max(m.residual.size - Q.shape[1] - len(wanted), 1)
+    variance = float((y**2).sum()) / max(len(y) - Q.shape[1] - len(wanted), 1)
     sigma = np.sqrt(variance * np.diag(covariance_at_minimum(left[None])[0]))
     told = zip(wanted, sigma, strict=True)
     return [(p, float(getattr(effect, p.field)), float(s)) for p, s in told if np.isfinite(s)]
-
-
-def basis(J: Array) -> Array:
-    """Orthonormal basis (n C, q) of modelled columns J (n, C, p), whatever their units."""
-    J = J.reshape(J.shape[0] * J.shape[1], -1)
-    U, S, _ = np.linalg.svd(J / (np.sqrt((J**2).sum(axis=0)) + 1e-300), full_matrices=False)
-    return np.asarray(U[:, S > RANK * S.max(initial=1e-300)])
-
-
-def projections(v: View, m: Fit, X: Array, memory: bool = True, unit: float = 0.0) -> tuple[Projection, ...]:
-    """Columns X (n, C, P) beside a model in noises of any scale: its misfit cleared of its own columns.
-
-    Rows are in units of the misfit's rms (or of `unit`, SI); what the scatter of the samples says of the scale counts.
-    Without memory in white noise alone.
-    """
-    n, C = m.residual.shape
-    r = v.noise.weighted(m.residual)
-    unit = unit or max(float(np.sqrt(np.mean(r**2))), 1e-300)
-    sample = 0.0 if v.noise.sample is None else float(np.sqrt(np.mean(v.noise.weighted(v.noise.sample) ** 2))) / unit
-    Q = basis(v.noise.weighted(m.jacobian))
-    rows = stack(Q, v.noise.weighted(X).reshape(n * C, -1) / unit, r.reshape(-1, 1) / unit, n * C)
-    noises = memories(n, C, v.noise.wander)[: None if memory else 1]
-    if memory and v.noise.single_walks and v.noise.wander is not None:
-        noises += lone_sensors(v.noise.wander, v.weight, v.stimulus.time, v.channels[0][0], v.noise.single_walks)
-    dof = n * C - Q.shape[1]
-    return tuple(project(node, rows, Free(dof, sample, float(np.sqrt(node.fresh)))) for node in noises)

@@ -12,15 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.memories import LONE_SENSORS
-from gimbalcal.diagnose.evidence.noise import Node, lone_walks
+from gimbalcal.diagnose.evidence.correlated_noise import SINGLE_WALKS
+from gimbalcal.diagnose.evidence.node import Node
+from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.projection import project, rows_like
+from gimbalcal.diagnose.evidence.stated_noise import single_walks_of_stated_noise
 from gimbalcal.diagnose.library.assemble import library
-from gimbalcal.diagnose.search.likeliest import ranked
-from gimbalcal.diagnose.search.ranking import Search, log_priors
-from gimbalcal.diagnose.search.refit import projections
-from gimbalcal.diagnose.search.stepwise import Course, ln_odds
+from gimbalcal.diagnose.search.ranking import Search, projections_of, search
+from gimbalcal.diagnose.search.stepwise import SearchResult, ln_odds, log_shares
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
@@ -40,11 +40,11 @@ def wandering(s: Search) -> tuple[Node, ...]:
     accelerometers are likelier there are none: what they leave keeps its shape.
     """
     found = s.ln_total >= CLAIM
-    if not found and (not s.o.view.kind.stabilised or not _walks(s)):
+    if not found and (not s.fit.view.kind.stabilised or not _walks(s)):
         return ()
-    nodes = lone_walks(s.o)
+    nodes = single_walks_of_stated_noise(s.fit)
     ln = weights(s, nodes)
-    alone = np.array([bool(n.alone) for n in nodes])
+    alone = np.array([bool(n.single_walk) for n in nodes])
     if not alone.any() or (not alone.all() and logsumexp(ln[~alone]) > logsumexp(ln[alone])):
         return ()
     others = np.append(s.null, ln[~alone])
@@ -75,25 +75,26 @@ def weights(s: Search, nodes: Sequence[Node]) -> Array:
     return np.array([np.log(n.prior) + project(n, bare[n.coloured]).log_likelihood()[0] for n in nodes])
 
 
-def wandering_in(v: View, c: Course) -> tuple[View, float, float]:
+def wandering_in(c: SearchResult) -> tuple[View, float, float]:
     """A view with the lone walks among its noises that come within a factor 20 of what a course found, if any do.
 
     Of a course that found nothing, those that are 20 times likelier than all other noises. Beside it ln of the odds of
     a walk alone to nothing, and of a walk to all that was found instead. Of a telescope no row is a sensor, and how far
     a sensor walked between sessions of an unknown time nobody knows.
     """
+    v = c.start.view
     if v.session is not None or v.noise.wander is None or v.channels[0][0] not in (FORCE, RATE):
         return v, -np.inf, -np.inf
-    bare = np.zeros((*c.start.residual.shape, 0))
-    every = projections(with_single_walks(v, LONE_SENSORS), c.start, bare)
+    with_walks = replace(c.start, view=with_single_walks(v, SINGLE_WALKS))
+    every = projections_of(with_walks, np.zeros((c.start.residual.size, 0)))
     ln = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in every])
-    alone = np.array([bool(p.node.alone) for p in every])
+    alone = np.array([bool(p.node.single_walk) for p in every])
     total = float(logsumexp(ln[alone]) - logsumexp(ln[~alone]))
-    found = found_in(v, c)
+    found = found_in(c)
     odds = total - found
     if total < (found - CLAIM if found >= CLAIM else CLAIM):
         return v, total, odds
-    return with_single_walks(v, [LONE_SENSORS[k] for k in likeliest(ln[alone])]), total, odds
+    return with_single_walks(v, [SINGLE_WALKS[k] for k in likeliest(ln[alone])]), total, odds
 
 
 def with_single_walks(v: View, walks: Sequence[SingleWalk]) -> View:
@@ -101,12 +102,11 @@ def with_single_walks(v: View, walks: Sequence[SingleWalk]) -> View:
     return replace(v, noise=replace(v.noise, single_walks=tuple(walks)), cache={})
 
 
-def found_in(v: View, c: Course) -> float:
-    """ln Bayes factor of all that a course found, and of what its last model leaves, against nothing."""
-    anything = ranked(v, c.start).ln_total
+def found_in(c: SearchResult) -> float:
+    """Return the ln Bayes factor of all that a search found, and of what its last model leaves, against nothing."""
+    known = library(c.start)
+    anything = search(c.start, known, noises(c.start)).ln_total
     if not c.steps:
         return anything
-    known = library(c.start).candidates
-    share = dict(zip((k.key for k in known), log_priors(known, v.kind).tolist(), strict=True))
-    named = ln_odds(v, c.start, [s.taken for s in c.steps], share)
-    return max(anything, named + max(ranked(v, c.end).ln_total, 0.0))
+    named = ln_odds(c.start, c.causes, log_shares(c.start.view, known))
+    return max(anything, named + max(search(c.end, library(c.end), noises(c.end)).ln_total, 0.0))

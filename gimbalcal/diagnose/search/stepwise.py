@@ -1,4 +1,4 @@
-"""Diagnosis of a view: the strongest cause or pair is taken up, everything refitted, and the rest searched again."""
+"""Stepwise search of a view whose noise is not stated: select the strongest cause or pair, refit all, search again."""
 
 from __future__ import annotations
 
@@ -7,247 +7,303 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
 from gimbalcal.diagnose.library.assemble import constants_of, library
-from gimbalcal.diagnose.library.candidates import Candidate, Variant, layout_of
-from gimbalcal.diagnose.search.likeliest import Taken, weigh
-from gimbalcal.diagnose.search.ranking import bayes_factors, is_usual, log_priors
-from gimbalcal.diagnose.search.refit import projections, refit, start, with_columns, with_constants
+from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
+from gimbalcal.diagnose.search.ranking import (
+    bayes_factors,
+    is_usual,
+    likeliest_variants,
+    log_priors,
+    projections_of,
+    search,
+    total,
+)
+from gimbalcal.diagnose.search.refit import refit, start, with_columns, with_constants
 from gimbalcal.effects import Effect
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit, View, absent_effect
 from gimbalcal.views.known_attitude import refuse_too_little
 
-MOST = 8  # rounds
-EXCHANGE = 1.0  # ln of odds by which another cause must be likelier to take a place
+MAX_ROUNDS = 8
+SWAP = 1.0  # ln of odds by which another cause must be likelier to take a place
 Key = tuple[str, str, str, str]
+SelectedCause = tuple[Candidate, Variant]
+"""A cause with one choice of its nonlinear constants."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """A cause that was taken up, and the model after it."""
+    """A selected cause, and the model that holds it and all causes before it."""
 
-    taken: Taken
+    cause: SelectedCause
     model: Fit
 
 
 @dataclass(frozen=True)
-class Course:
-    """A finished search: the baseline, the steps from it, and the shapes found in what no cause explains.
+class SearchResult:
+    """A finished search: the baseline, the causes selected in order, and the shapes of what no cause explains.
 
-    described: the model after the last step with these shapes in it, which is what the data follow.
-    standard: what every rig of the kind has, as far as the data support it, where the course began from that.
+    described: the model after the last step with these shapes in it, which is what the data follow. standard: what
+    every rig of the kind has, as far as the data support it, where the search began from that.
     """
 
     start: Fit
     steps: tuple[Step, ...]
-    left: tuple[Candidate, ...]
+    shapes: tuple[Candidate, ...]
     described: Fit
-    standard: tuple[Taken, ...] = ()
+    standard: tuple[SelectedCause, ...] = ()
 
     @property
     def end(self) -> Fit:
         """The model after the last step."""
         return self.steps[-1].model if self.steps else self.start
 
+    @property
+    def causes(self) -> list[SelectedCause]:
+        """The selected causes in the order of what each explains."""
+        return [s.cause for s in self.steps]
 
-def course(v: View, tell: Tell) -> Course:
-    """What is missing from the baseline, by the likelier of two courses: one from it, one from the textbook's model.
+
+@dataclass(frozen=True)
+class Round:
+    """What is likeliest to be missing from a model: one cause or two, or a shape.
+
+    named: whether these are known causes; columns (n, C, q): theirs; lead: ln odds of these to the cause that they were
+    compared with.
+    """
+
+    causes: tuple[SelectedCause, ...]
+    ln_bayes: float  # of these
+    ln_total: float  # of anything at all
+    named: bool
+    columns: Array
+    lead: float
+
+
+def stepwise(v: View, tell: Tell) -> SearchResult:
+    """Search for what the baseline lacks, from the baseline and from the textbook's model, and return the likelier.
 
     Several causes that share their patterns are not found one after the other: of four terms of a mount, two others
     may explain more than any two of them. What every textbook of such a rig names is therefore tried at once too.
-    Nothing is looked for in what is left of numbers without noise.
+    Numbers without noise are not searched.
     """
     first = start(v)
     refuse_too_little(v.title, first.jacobian.reshape(first.residual.size, -1))
     if first.exact:
-        return Course(first, (), (), first)
-    taken = climbed(v, first, (), tell)
-    if not taken:
-        return steps_of(v, first, taken)
-    found = library(first)
-    known, X = found.candidates, found.X
-    usual = textbook(v, first, known, X)
-    lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in taken}
-    standard = pruned(v, first, usual, tell) if lacking else []
+        return SearchResult(first, (), (), first)
+    selected = forward_select(first, (), tell)
+    if not selected:
+        return result_of(first, selected)
+    known = library(first)
+    usual = textbook(first, known)
+    lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in selected}
+    standard = backward_eliminate(first, usual, tell) if lacking else []
     if not standard:
-        return steps_of(v, first, taken)
+        return result_of(first, selected)
     tell("once more, from what every rig of the kind has")
-    other = climbed(v, first, standard, tell)
-    share = dict(zip((c.key for c in known), log_priors(known, v.kind).tolist(), strict=True))
-    if ln_odds(v, first, other, share) < ln_odds(v, first, taken, share):
-        return steps_of(v, first, taken)
-    return steps_of(v, first, other, [t for t in standard if t in other])
+    other = forward_select(first, standard, tell)
+    share = log_shares(v, known)
+    if ln_odds(first, other, share) < ln_odds(first, selected, share):
+        return result_of(first, selected)
+    return result_of(first, other, [c for c in standard if c in other])
 
 
-def climbed(v: View, first: Fit, begun: Sequence[Taken], tell: Tell) -> list[Taken]:
-    """Forward in white noise as long as anything is claimed, exchanging what fits better; back in noise with memory.
+def forward_select(first: Fit, begun: Sequence[SelectedCause], tell: Tell) -> list[SelectedCause]:
+    """Select causes in white noise as long as any is claimed, swap what fits better, eliminate in correlated noise.
 
-    Noise with a memory can mimic the first of several causes, not all of them: it is tested in the backward pass. Where
-    a sensor may walk alone, forward steps in white noise have been taken before, and come no nearer than that walk.
+    Correlated noise can mimic the first of several causes, not all of them, so it enters in the elimination. Where a
+    sensor may walk by itself, steps in white noise were taken before, and the walk is among the noises from the start.
     """
-    taken, keep_usual = list(begun), bool(begun)
-    model = take(v, first, taken)
-    for _ in range(MOST):
-        best = weigh(v, model, memory=bool(v.noise.single_walks))
+    selected, keep_usual = list(begun), bool(begun)
+    model = with_causes(first, selected)
+    for _ in range(MAX_ROUNDS):
+        best = likeliest(model, memory=bool(first.view.noise.single_walks))
         if best.ln_total < CLAIM or not best.named:
             break
-        tell(f"taken up: {', '.join(c.in_words for c, _ in best.found)}")
-        taken = sharpened(v, first, exchanged(v, first, [*taken, *best.found], tell, keep_usual=keep_usual))
-        model = take(v, first, taken)
-    taken = pruned(v, first, taken, tell)
-    taken = exchanged(v, first, taken, tell, memory=True, keep_usual=keep_usual)
-    return pruned(v, first, sharpened(v, first, taken), tell)
+        tell(f"selected: {', '.join(c.in_words for c, _ in best.causes)}")
+        selected = refine_constants(first, swap(first, [*selected, *best.causes], tell, keep_usual=keep_usual))
+        model = with_causes(first, selected)
+    selected = backward_eliminate(first, selected, tell)
+    selected = swap(first, selected, tell, memory=True, keep_usual=keep_usual)
+    return backward_eliminate(first, refine_constants(first, selected), tell)
 
 
-def sharpened(v: View, first: Fit, taken: Sequence[Taken]) -> list[Taken]:
-    """The causes with their continuous constants fitted: between the values of a grid a strong one leaves a rest."""
-    made = with_constants(v, take(v, first, taken), {c.effect for c, _ in taken})
-    told = {e.id: constants_of(e) for e in made.effects}
-    same = [not t.constants or t.constants == told[c.effect] for c, t in taken]
-    return [this if kept else (this[0], replace(this[1], constants=told[this[0].effect]))
-            for this, kept in zip(taken, same, strict=True)]  # fmt: skip
+def refine_constants(first: Fit, selected: Sequence[SelectedCause]) -> list[SelectedCause]:
+    """Fit the continuous constants: constants on the grid leave visible residuals for strong causes."""
+    fitted = with_constants(with_causes(first, selected), {c.effect for c, _ in selected})
+    value = {e.id: constants_of(e) for e in fitted.effects}
+    return [
+        (c, v) if not v.constants or v.constants == value[c.effect] else (c, replace(v, constants=value[c.effect]))
+        for c, v in selected
+    ]
 
 
-def textbook(v: View, first: Fit, known: Sequence[Candidate], X: Array) -> list[Taken]:
-    """What every textbook of such a rig names and the baseline lacks, on all axes; less what the data speak against.
+def textbook(first: Fit, known: Library) -> list[SelectedCause]:
+    """Return what every textbook of such a rig names and the baseline lacks, on all axes, as far as data support it.
 
-    In a linear model: of what these rows hardly see a fit finds any size, far from where the model is linear.
+    The model is linear: of what these rows hardly see a fit finds any size, far from where the model is linear.
     """
-    kind = v.kind
-    named = [c for c in known if is_usual(c, kind)]
+    named = [c for c in known.candidates if is_usual(c, first.view.kind)]
     widest = {c.effect: max((o for o in named if o.effect == c.effect), key=lambda o: len(o.parameters)) for c in named}
     out = [(c, c.variants[0]) for c in widest.values()]
     while out:
         support = []
         for cause, variant in out:
             others = [i for _, other in out if other is not variant for i in other.index]
-            beside = with_columns(v, first, X[..., others])
-            support.append(factor(v, beside, X[..., list(variant.index)], cause))
+            without = with_columns(first, first.expanded(known.X[:, others]))
+            support.append(ln_bayes(without, known.X[:, list(variant.index)], cause))
         if min(support) > 0:
             break
         del out[int(np.argmin(support))]
     return out
 
 
-def ln_odds(v: View, first: Fit, taken: Sequence[Taken], share: Mapping[Key, float]) -> float:
-    """ln odds of several causes together against none: each by what it adds to those before it, and its prior.
+def log_shares(v: View, known: Library) -> dict[Key, float]:
+    """Return ln of the prior share of each candidate of a library among the known ones."""
+    return dict(zip((c.key for c in known.candidates), log_priors(known.candidates, v.kind).tolist(), strict=True))
 
-    What every rig of the kind has costs nothing beforehand; `share` is the ln prior share of what shows by itself.
+
+def ln_odds(first: Fit, selected: Sequence[SelectedCause], share: Mapping[Key, float]) -> float:
+    """Return ln odds of several causes together against none: what each adds to those before it, and its prior.
+
+    What every rig of the kind has costs no prior; `share` is the ln prior share of what shows by itself.
     """
-    least = min(share.values())  # some show only beside others
-    steps = ordered(v, first, taken)
+    least = min(share.values())  # some show only together with others
+    steps = ordered(first, selected)
     before = [first, *(s.model for s in steps)]
-    added = [alone(v, m, s.taken) - float(np.log(s.taken[0].tried)) for m, s in zip(before, steps, strict=False)]
-    special = [c for c, _ in taken if not is_usual(c, v.kind)]
+    added = [evidence_for(m, s.cause) - float(np.log(s.cause[0].tried)) for m, s in zip(before, steps, strict=False)]
+    special = [c for c, _ in selected if not is_usual(c, first.view.kind)]
     return float(sum(added) + sum(share.get(c.key, least) + np.log(SINGLE) for c in special))
 
 
-def exchanged(
-    v: View, first: Fit, taken: Sequence[Taken], tell: Tell, memory: bool = False, keep_usual: bool = False
-) -> list[Taken]:
-    """Each cause in turn, or each that is not of every rig, gives way if another cause, or two, belong in its place."""
-    out = list(taken)
-    for cause, variant in taken:
-        if (cause, variant) not in out or (is_usual(cause, v.kind) and keep_usual):
+def swap(
+    first: Fit, selected: Sequence[SelectedCause], tell: Tell, memory: bool = False, keep_usual: bool = False
+) -> list[SelectedCause]:
+    """Replace each cause in turn, or each that not every rig has, by another or by two that are likelier there."""
+    out = list(selected)
+    for cause, variant in selected:
+        if (cause, variant) not in out or (is_usual(cause, first.view.kind) and keep_usual):
             continue
-        others = [t for t in out if t[0] != cause]
-        best = weigh(v, take(v, first, others), memory, cause)
-        if best.lead > EXCHANGE:
-            tell(f"{cause.in_words} gives way to {', '.join(c.in_words for c, _ in best.found)}")
-            out = [*others, *best.found]
+        others = [c for c in out if c[0] != cause]
+        best = likeliest(with_causes(first, others), memory, cause)
+        if best.lead > SWAP:
+            tell(f"{cause.in_words} is replaced by {', '.join(c.in_words for c, _ in best.causes)}")
+            out = [*others, *best.causes]
     return out
 
 
-def pruned(v: View, first: Fit, taken: Sequence[Taken], tell: Tell) -> list[Taken]:
-    """The causes taken up, less those that noise with a memory explains as well."""
-    out = list(taken)
+def backward_eliminate(first: Fit, selected: Sequence[SelectedCause], tell: Tell) -> list[SelectedCause]:
+    """Remove, the weakest first, the causes that correlated noise explains as well."""
+    kind, out = first.view.kind, list(selected)
     while out:
-        left = [sharpened(v, first, [t for t in out if t != this]) for this in out]
-        rest = [take(v, first, others) for others in left]
-        support = [alone(v, m, this) - bar(v, this[0]) for m, this in zip(rest, out, strict=True)]
+        others = [refine_constants(first, [c for c in out if c != this]) for this in out]
+        support = [
+            evidence_for(with_causes(first, rest), this) - needed_evidence(first, this[0])
+            for rest, this in zip(others, out, strict=True)
+        ]
         if min(support) > 0:
             break
-        usual = [is_usual(c, v.kind) for c, _ in out]
-        weakest = min((support[i] > 0, usual[i], support[i], i) for i in range(len(out)))[-1]
-        tell(f"{out[weakest][0].in_words} is not kept: noise with a memory explains it")
-        out = left[weakest]
+        weakest = min((support[i] > 0, is_usual(out[i][0], kind), support[i], i) for i in range(len(out)))[-1]
+        tell(f"{out[weakest][0].in_words} is not kept: correlated noise explains it")
+        out = others[weakest]
     return out
 
 
-def bar(v: View, cause: Candidate) -> float:
-    """ln Bayes factor that a cause needs: less for what every unit of the kind has, and its model left out."""
-    return float(CLAIM - OFTEN * is_usual(cause, v.kind))
+def needed_evidence(fit: Fit, cause: Candidate) -> float:
+    """Return the ln Bayes factor that a cause needs: less for what every unit of the kind has and its model lacks."""
+    return float(CLAIM - OFTEN * is_usual(cause, fit.view.kind))
 
 
-def alone(v: View, without: Fit, this: Taken) -> float:
-    """ln Bayes factor of one cause with the others in the model, noise with memory."""
-    cause, made = this[0], _made(v, this)
-    effects = without.effects if cause.effect in {e.id for e in without.effects} else [*without.effects, made]
-    X = v.noise_free(effects).jacobian(cause.parameters) * np.array([p.sigma for p in cause.parameters])
-    return factor(v, without, X, cause)
+def evidence_for(without: Fit, selected: SelectedCause) -> float:
+    """Return the ln Bayes factor of one cause with the others in the model, in correlated noise."""
+    cause, effect = selected[0], _absent(without.view, selected)
+    effects = without.effects if cause.effect in {e.id for e in without.effects} else [*without.effects, effect]
+    X = without.view.noise_free(effects).jacobian(cause.parameters) * np.array([p.sigma for p in cause.parameters])
+    return ln_bayes(without, without.reduced(X), cause)
 
 
-def factor(v: View, without: Fit, X: Array, cause: Candidate) -> float:
-    """ln Bayes factor of columns X (n, C, p) of a cause beside a model, noise with memory."""
+def ln_bayes(without: Fit, X: Array, cause: Candidate) -> float:
+    """Return the ln Bayes factor of reduced columns X (R, p) of a cause beyond a model, in correlated noise."""
     one = replace(cause, variants=(Variant((), tuple(range(X.shape[-1]))),), scanned=0)
-    return float(bayes_factors(projections(v, without, X), layout_of([one]))[1][0])
+    return float(bayes_factors(projections_of(without, X), Library((one,), X).layout)[1][0])
 
 
-def steps_of(v: View, first: Fit, taken: Sequence[Taken], standard: Sequence[Taken] = (), refused: bool = False
-             ) -> Course:  # fmt: skip
-    """The causes in the order of what each takes away, and the shape of what is left.
+def result_of(
+    first: Fit, selected: Sequence[SelectedCause], standard: Sequence[SelectedCause] = (), refused: bool = False
+) -> SearchResult:
+    """Order the causes by what each explains, and describe what they leave by shapes.
 
-    Of what a known cause would explain no shape is told, unless causes have been `refused` already.
+    What a known cause would explain gets no shape, unless causes have been `refused` already.
     """
-    steps, left = ordered(v, first, taken), list[Candidate]()
+    steps, shapes = ordered(first, selected), list[Candidate]()
     described = steps[-1].model if steps else first
-    for _ in range(MOST):
-        rest = weigh(v, described, memory=True, shape=refused)
-        if rest.ln_total < CLAIM or rest.named or (left and rest.ln_bayes < CLAIM):
+    for _ in range(MAX_ROUNDS):
+        rest = likeliest(described, memory=True, shape=refused)
+        if rest.ln_total < CLAIM or rest.named or (shapes and rest.ln_bayes < CLAIM):
             break
-        left += [c for c, _ in rest.found if c.rival]
-        described = with_columns(v, described, rest.columns)
-    return Course(first, steps, tuple(left), described, tuple(standard))
+        shapes += [c for c, _ in rest.causes if c.rival]
+        described = with_columns(described, rest.columns)
+    return SearchResult(first, steps, tuple(shapes), described, tuple(standard))
 
 
-def ordered(v: View, first: Fit, taken: Sequence[Taken]) -> tuple[Step, ...]:
-    """One step for each cause, the one that takes away most first."""
-    left, steps = list(taken), list[Step]()
-    while left:
-        models = [take(v, first, [*(s.taken for s in steps), t]) for t in left]
+def likeliest(model: Fit, memory: bool = False, against: Candidate | None = None, shape: bool = False) -> Round:
+    """Return what is likeliest to be missing from a model, in white or in correlated noise: causes, or a `shape`.
+
+    Causes are selected where by themselves they are likelier than a shape by itself, several of them at the odds of a
+    claim: together they may mimic what one shape says. With a shape in the model almost any cause seems needed, as it
+    resembles a part of what the shape only sketches.
+    """
+    s = search(model, library(model), noises(model, memory))
+    every = s.library.candidates
+    shapes = [h for h in s.hypotheses if all(every[i].rival for i in h.members)]
+    known = [
+        h for h in s.hypotheses if not h.unknown(every) and len({every[i].effect for i in h.members}) == len(h.members)
+    ]
+    several = bool(known) and len(known[0].members) > 1  # there is none where everything that could be is in the model
+    named = not (shape and shapes) and total(known) > total(shapes) + CLAIM * several
+    best = known[0] if named else shapes[0]
+    rival = [h.ln_weight for h in known if against and any(every[i].key == against.key for i in h.members)]
+    lead = best.ln_weight - max(rival) if rival and named else 0.0
+    variants = [every[i].variants[n] for i, n in zip(best.members, likeliest_variants(s, best.members), strict=True)]
+    causes = tuple((every[i], variant) for i, variant in zip(best.members, variants, strict=True))
+    columns = model.expanded(s.library.X[:, [k for variant in variants for k in variant.index]])
+    return Round(causes, best.ln_bayes, s.ln_total, named, columns, lead)
+
+
+def ordered(first: Fit, selected: Sequence[SelectedCause]) -> tuple[Step, ...]:
+    """Return one step for each cause, the one that explains most first."""
+    rest, steps = list(selected), list[Step]()
+    while rest:
+        models = [with_causes(first, [*(s.cause for s in steps), c]) for c in rest]
         best = int(np.argmin([m.rms for m in models]))
-        steps.append(Step(left.pop(best), models[best]))
+        steps.append(Step(rest.pop(best), models[best]))
     return tuple(steps)
 
 
-def refined(v: View, c: Course) -> Course:
-    """The same causes fitted to another view of the same recording."""
+def refined(v: View, c: SearchResult) -> SearchResult:
+    """Fit the same causes to another view of the same recording."""
     first = start(v)
-    steps = ordered(v, first, [s.taken for s in c.steps])
-    return Course(first, steps, c.left, steps[-1].model if steps else first, c.standard)
+    steps = ordered(first, c.causes)
+    return SearchResult(first, steps, c.shapes, steps[-1].model if steps else first, c.standard)
 
 
-def take(v: View, model: Fit, found: Sequence[Taken]) -> Fit:
-    """The model with these causes in it, everything refitted; once for each set of causes."""
-    key = model.parameters, frozenset((c.key, variant.constants) for c, variant in found)
-    if key not in v.cache:
-        v.cache[key] = _taken(v, model, found)
-    return v.cache[key]
+def with_causes(model: Fit, selected: Sequence[SelectedCause]) -> Fit:
+    """Return the model with these causes in it, everything refitted; each set of causes is fitted once."""
+    cache, key = model.view.cache, (model.parameters, frozenset((c.key, variant.constants) for c, variant in selected))
+    if key not in cache:
+        effects, wanted = list(model.effects), list(model.parameters)
+        for this in selected:
+            if not this[0].rival and this[0].effect not in {e.id for e in effects}:
+                effects.append(_absent(model.view, this))
+            wanted += this[0].parameters
+        cache[key] = refit(model.view, effects, wanted)
+    return cache[key]
 
 
-def _taken(v: View, model: Fit, found: Sequence[Taken]) -> Fit:
-    effects = list(model.effects)
-    wanted = list(model.parameters)
-    for this in found:
-        if not this[0].rival and this[0].effect not in {e.id for e in effects}:
-            effects.append(_made(v, this))
-        wanted += this[0].parameters
-    return refit(v, effects, wanted)
-
-
-def _made(v: View, this: Taken) -> Effect:
-    """The effect that a cause is, with its constants and of no size yet."""
-    cause, variant = this
+def _absent(v: View, selected: SelectedCause) -> Effect:
+    """Return the effect of a cause, with its constants and of no size."""
+    cause, variant = selected
     return absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants))

@@ -9,97 +9,96 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
 from gimbalcal.diagnose.result import Estimate, Finding
-from gimbalcal.diagnose.search.likeliest import Taken, weigh
 from gimbalcal.diagnose.search.ranking import is_usual
-from gimbalcal.diagnose.search.refit import basis, constants_told
-from gimbalcal.diagnose.search.stepwise import Course, Key, steps_of, take
+from gimbalcal.diagnose.search.refit import constants_with_sigma
+from gimbalcal.diagnose.search.stepwise import Key, SearchResult, SelectedCause, likeliest, result_of, with_causes
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
 from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.effects.effect import constants
+from gimbalcal.inference.algebra import basis
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
-from gimbalcal.views.core import Fit, View
+from gimbalcal.views.core import Fit
 from gimbalcal.words.naming import spaced
 
 SERIES = 3.0  # times the whole misfit, that one of several causes may be
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
 
 
-def confirmed(v: View, c: Course, tell: Tell) -> tuple[Course, list[Judgement]]:
-    """The course without causes that something else is likelier to be: that is taken up in their place.
+def confirmed(c: SearchResult, tell: Tell) -> tuple[SearchResult, list[Judgement]]:
+    """Remove causes that something else is likelier to be, and select that in their place; judge those that remain.
 
-    Where it has been refused as well, what these explained is left, and its shape: a misfit beyond the noise does not
+    Where the replacement has been refused as well, the misfit is left to a shape: a misfit beyond the noise does not
     vanish with the last name for it.
     """
-    gone: set[Key] = set()
+    refused: set[Key] = set()
     if c.start.exact:
         return c, []
-    if not c.steps and not c.left:
-        c = _instead(v, c, (), gone, tell)
+    if not c.steps and not c.shapes:
+        c = _replaced(c, (), refused, tell)
     while True:
-        if series := cancelling(v, c):
-            tell(
-                f"{', '.join(cause.label for cause, _ in series)}: larger than all that is missed; the like of a series"
-            )
-            gone |= {cause.key for cause, _ in series}
-            c = _instead(v, c, [s.taken for s in c.steps if s.taken not in series], gone, tell)
+        if series := cancelling(c):
+            tell(f"{', '.join(cause.label for cause, _ in series)}: larger than the whole misfit, as terms of a series")
+            refused |= {cause.key for cause, _ in series}
+            c = _replaced(c, [cause for cause in c.causes if cause not in series], refused, tell)
             continue
-        tell("asking of each cause what else could stand in its place")
-        verdicts = judged_in_turn(v, c)
+        tell("comparing each cause with what else could stand in its place")
+        verdicts = judged_in_turn(c)
         least = min(verdicts, key=lambda j: j.probability, default=None)
         if least is None or least.probability >= LIKELY:
             return c, verdicts
-        tell(f"{least.cause.in_words} is not named: it is likelier something else, or noise with a memory")
-        gone.add(least.cause.key)
-        c = _instead(v, c, [s.taken for s in c.steps if s.taken[0] is not least.cause], gone, tell)
+        tell(f"{least.cause.in_words} is not named: another cause or correlated noise is likelier")
+        refused.add(least.cause.key)
+        c = _replaced(c, [cause for cause in c.causes if cause[0] is not least.cause], refused, tell)
 
 
-def _instead(v: View, c: Course, kept: Sequence[Taken], gone: set[Key], tell: Tell) -> Course:
-    """The course with these causes and what is likeliest beside them, unless that is among those that are gone."""
-    best = weigh(v, take(v, c.start, kept), memory=True)
-    new = best.found if best.ln_total >= CLAIM and best.named else ()
-    if new and not gone & {cause.key for cause, _ in new}:
-        tell(f"taken up: {', '.join(cause.in_words for cause, _ in new)}")
+def _replaced(c: SearchResult, kept: Sequence[SelectedCause], refused: set[Key], tell: Tell) -> SearchResult:
+    """Return the search with these causes and what is likeliest with them, unless that has been refused."""
+    best = likeliest(with_causes(c.start, kept), memory=True)
+    new = best.causes if best.ln_total >= CLAIM and best.named else ()
+    if new and not refused & {cause.key for cause, _ in new}:
+        tell(f"selected: {', '.join(cause.in_words for cause, _ in new)}")
         kept = [*kept, *new]
-    return steps_of(v, c.start, kept, [t for t in c.standard if t in kept], refused=bool(gone))
+    return result_of(c.start, kept, [cause for cause in c.standard if cause in kept], refused=bool(refused))
 
 
-def cancelling(v: View, c: Course) -> list[Taken]:
-    """Causes that not every rig has, each of them much larger than the misfit that all of them together explain.
+def cancelling(c: SearchResult) -> list[SelectedCause]:
+    """Return causes that not every rig has, each of them much larger than the misfit that all of them explain together.
 
     What is a few arcsec of a law that has no name here is also the difference of a hundred of one pattern and of the
-    next like it: terms of a series, not causes. Contributions are beside what the baseline takes of them.
+    next like it: terms of a series, not causes. Contributions count without what the baseline takes up of them.
     """
-    m, Q = c.end, basis(v.noise.weighted(c.start.jacobian))
+    m, Q = c.end, basis(c.start.reduced(c.start.jacobian))
     x = values(m.effects, m.parameters)
     out = []
-    for cause, variant in (s.taken for s in c.steps if not is_usual(s.taken[0], v.kind)):
+    for cause, variant in (this for this in c.causes if not is_usual(this[0], m.view.kind)):
         own = {(p.effect, p.field, p.axis) for p in cause.parameters}
         at = [i for i, p in enumerate(m.parameters) if (p.effect, p.field, p.axis) in own]
-        added = v.noise.weighted(m.jacobian[..., at] @ x[at]).ravel()
-        if np.linalg.norm(added - Q @ (Q.T @ added)) > SERIES * np.linalg.norm(v.noise.weighted(c.start.residual)):
+        added = m.reduced((m.jacobian[..., at] @ x[at])[..., None])[:, 0]
+        misfit = c.start.reduced(c.start.residual[..., None])
+        if np.linalg.norm(added - Q @ (Q.T @ added)) > SERIES * np.linalg.norm(misfit):
             out.append((cause, variant))
     return out
 
 
-def judged_in_turn(v: View, c: Course) -> list[Judgement]:
-    """Each cause among its alternatives: what every rig has beside the like of it, what is special beside all.
+def judged_in_turn(c: SearchResult) -> list[Judgement]:
+    """Judge each cause among its alternatives: what every rig has with the like of it, what is special with all.
 
-    What every rig has too where one of these alternatives was found itself: it explains its own part of the misfit,
-    and a set that it belongs to would be as likely as that part is clear.
+    What every rig has is judged with all as well where one of its alternatives was selected: that explains its own part
+    of the misfit, and a set that it belongs to would be as likely as that part is clear.
     """
     if not c.steps:
         return []
-    found = [s.taken[0] for s in c.steps]
-    among = take(v, c.start, c.standard)
-    first = [judged_without(v, among, s.taken[0]) if s.taken in c.standard else None for s in c.steps]
-    return [judged_without(v, c.end, cause) if j is None or j.instead(found) else j
-            for j, cause in zip(first, found, strict=True)]  # fmt: skip
+    selected = [cause for cause, _ in c.causes]
+    among = with_causes(c.start, c.standard)
+    first = [judged_without(among, cause[0]) if cause in c.standard else None for cause in c.causes]
+    return [judged_without(c.end, cause) if j is None or j.instead(selected) else j
+            for j, cause in zip(first, selected, strict=True)]  # fmt: skip
 
 
-def finding(v: View, m: Fit, j: Judgement) -> Finding:
+def finding(m: Fit, j: Judgement) -> Finding:
     """Return the finding of a cause of a view, with its sizes and constants from a model that has both fitted."""
     e, own = j.cause.effect, {p.label for p in j.cause.parameters}
     names = {f.name for f in constants(CATALOGUE[e])}
@@ -111,9 +110,9 @@ def finding(v: View, m: Fit, j: Judgement) -> Finding:
     rows += [replace(r, name=p.field, axis="") for p, r in told if p.effect == e and p.field in names]
     rows += [
         Estimate(p.field, "", float(from_si(x, p.unit)), float(from_si(s, p.unit)), p.unit)
-        for p, x, s in constants_told(v, m, e)  # whole numbers, which no fit moves
+        for p, x, s in constants_with_sigma(m, e)  # whole numbers, which no fit moves
     ]
-    axis = j.cause.axis if v.added is None else _element(j.cause.axis, rows)
+    axis = j.cause.axis if m.view.added is None else _element(j.cause.axis, rows)
     return entry(j, axis, j.significance or 0.0, rows, _advice(j))
 
 

@@ -11,19 +11,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import LIKELY, SURE, TOGETHER, UNSURE
 from gimbalcal.diagnose.evidence.projection import Projection, at_best, log_bayes
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.combine import CombinedRanking
-from gimbalcal.diagnose.search.likeliest import ranked
-from gimbalcal.diagnose.search.ranking import Ranking, Weighed, given, likeliest_variants
-from gimbalcal.diagnose.search.refit import projections, refit
-from gimbalcal.diagnose.search.stepwise import bar
+from gimbalcal.diagnose.search.ranking import (
+    Ranking,
+    Search,
+    given,
+    likeliest_variants,
+    projections_of,
+    rms_misfit,
+    search,
+)
+from gimbalcal.diagnose.search.refit import refit
+from gimbalcal.diagnose.search.stepwise import needed_evidence
 from gimbalcal.effects import with_values
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
-from gimbalcal.views.core import Fit, View
+from gimbalcal.views.core import Fit
 from gimbalcal.words.diagnosis_sentences import MAX_ALTERNATIVES
 
 
@@ -126,12 +135,12 @@ def best_evidence(s: Ranking, others: Sequence[int] = ()) -> Array:
     if isinstance(s, CombinedRanking):
         ln = _evidence_of_common_size(s, others)
     else:
-        assert isinstance(s, Weighed)
+        assert isinstance(s, Search)
         ln = _evidence_of_any_size(s, others)
     return np.where([bool(c.rival) for c in s.library.candidates], -np.inf, ln)
 
 
-def _evidence_of_any_size(s: Weighed, others: Sequence[int]) -> Array:
+def _evidence_of_any_size(s: Search, others: Sequence[int]) -> Array:
     """Return the same of one recording, noise integrated over."""
     rows = []
     for p, ln in zip(s.projections, s.null, strict=True):
@@ -173,7 +182,7 @@ def _by_size(p: Projection, candidates: Sequence[Candidate]) -> Array:
     return out
 
 
-def judged_without(v: View, end: Fit, taken: Candidate) -> Judgement:
+def judged_without(end: Fit, taken: Candidate) -> Judgement:
     """Return the judgement of one cause from the view searched again without it, the others kept in the model.
 
     What another cause would explain beside this one as well does not speak against this one: the two are a pair. Where
@@ -182,22 +191,23 @@ def judged_without(v: View, end: Fit, taken: Candidate) -> Judgement:
     """
     own = {(p.effect, p.field, p.axis) for p in taken.parameters}
     wanted = [p for p in end.parameters if (p.effect, p.field, p.axis) not in own]
-    none = with_values(end.effects, taken.parameters, np.zeros(len(taken.parameters)), v.stimulus.axis_names)
-    without = refit(v, none, wanted)
-    s = ranked(v, without)
+    names = end.view.stimulus.axis_names
+    none = with_values(end.effects, taken.parameters, np.zeros(len(taken.parameters)), names)
+    without = refit(end.view, none, wanted)
+    s = search(without, library(without), noises(without))
     known = s.library.candidates
     at = next(i for i, c in enumerate(known) if c.key == taken.key)
     j = judgement(s, at, (), best_evidence(s), s.unknown > 0.5)
-    probability = 0.0 if s.ln_total < bar(v, taken) else j.probability
+    probability = 0.0 if s.ln_total < needed_evidence(end, taken) else j.probability
     (variant,) = likeliest_variants(s, (at,))
-    sigma = _significance(v, without, end, s.library.X[..., list(known[at].variants[variant].index)])
+    sigma = _significance(without, end, s.library.X[:, list(known[at].variants[variant].index)])
     return Judgement(taken, probability, j.alike, sigma)
 
 
-def _significance(v: View, without: Fit, end: Fit, X: Array) -> float:
-    """Return the significance of columns X (n, C, p) that a model lacks, in the likeliest noise of one with them."""
-    unit = float(np.sqrt(np.mean(v.noise.weighted(end.residual) ** 2)))
-    left = projections(v, end, X[..., :0], unit=unit)
+def _significance(without: Fit, end: Fit, X: Array) -> float:
+    """Return the significance of reduced columns X (R, p) that a model lacks, in the likeliest noise with them."""
+    unit = rms_misfit(end)
+    left = projections_of(end, X[:, :0], unit=unit)
     k = int(np.argmax([np.log(p.node.prior) + p.log_likelihood()[0] for p in left]))
-    taken = projections(v, without, X, unit=unit)[k].explained(range(X.shape[-1]))
+    taken = projections_of(without, X, unit=unit)[k].explained(range(X.shape[-1]))
     return float(np.sqrt(taken) / left[k].scale.sigma(left[k].misfit[0]))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import nominal
+from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.earth import EARTH_RATE

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import ReducedRows
 from gimbalcal.diagnose.result import Mismatch
 from gimbalcal.inference.algebra import orthonormal

@@ -20,9 +20,9 @@ from gimbalcal.diagnose.evidence.projection import project, projected, rows_like
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.search.combine import CombinedRanking
+from gimbalcal.diagnose.search.fitted_causes import FittedCauses, constant_value, fit_causes
 from gimbalcal.diagnose.search.ranking import Search, reduced
 from gimbalcal.diagnose.verdict.agreement import UNOBSERVABLE, Agreement, inverse_of, mean_of
-from gimbalcal.diagnose.verdict.fitted_causes import FittedCauses, constant_value, fit_causes
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 
@@ -81,7 +81,7 @@ def _common(c: CombinedRanking, members: Sequence[int], j: int, own: Sequence[Fi
     for k in seen:
         s, n = c.searches[k], _slots(c, members, k).index(j)
         others = [i for o in range(len(own[k].members)) if o != n for i in _index(s, own[k], o)]
-        made = [columns_at(s.o, _candidate(c, members[j], k), constants) for constants in tried]
+        made = [columns_at(s.fit, _candidate(c, members[j], k), constants) for constants in tried]
         X = np.concatenate([s.library.X[:, others], *made], axis=1)
         p = project(own[k].projection.node, rows_like(s.rows, X))
         beside, width = range(len(others)), made[0].shape[1]
@@ -104,7 +104,7 @@ def _columns(s: Search, f: FittedCauses, n: int, constants: Constants | None) ->
     v = found.variants[f.variants[n]]
     if constants is None:
         return found, v, s.library.X[:, list(v.index)]
-    return found, Variant(constants, ()), columns_at(s.o, found, constants)
+    return found, Variant(constants, ()), columns_at(s.fit, found, constants)
 
 
 def _only(s: Search, chosen: Sequence[tuple[Candidate, Variant, Array]]) -> Search:
@@ -116,7 +116,7 @@ def _only(s: Search, chosen: Sequence[tuple[Candidate, Variant, Array]]) -> Sear
         at += X.shape[1]
     few = Library(tuple(candidates), np.concatenate([X for *_, X in chosen], axis=1))
     nodes = [p.node for p in s.projections]
-    rows = reduced(s.o, few, nodes)
+    rows = reduced(s.fit, few.X, nodes)
     projections = projected(nodes, rows)
     none = np.zeros(len(candidates))
     return replace(

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.evidence.noise import LONE_WALK, Node
+from gimbalcal.diagnose.evidence.node import SINGLE_WALK, Node
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.diagnose.search.ranking import Search, weighed
+from gimbalcal.diagnose.search.ranking import Search, ranked
 from gimbalcal.diagnose.verdict.decide import Decision, decide
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
@@ -32,7 +32,7 @@ AGAIN = "visit the same positions once more: a law of what is logged comes back 
 LONGER = "let the run go on as long again: a law of what is logged goes on as it began, a walk does not"
 HAND = "take the same rests once more: a law of what is logged comes back there, a walk does not"
 SENSOR = {"specific_force": ("accelerometer", "ug/sqrt(h)"), "angular_rate": ("gyroscope", "deg/h/sqrt(h)")}
-STEP = float(np.log(LONE_WALK[1] / LONE_WALK[0]))
+STEP = float(np.log(SINGLE_WALK[1] / SINGLE_WALK[0]))
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def decide_with_walk(s: Search, held: Search, needed: float) -> tuple[Decision, 
     reach.
     """
     d = decide(s, needed)
-    single = np.array([bool(p.node.alone) for p in s.projections])
+    single = np.array([bool(p.node.single_walk) for p in s.projections])
     if d.hypothesis is not None or not single.any():
         return d, None
     total = float(logsumexp(s.null[single]) - logsumexp(s.null[~single]))
@@ -97,14 +97,13 @@ def decide_with_walk(s: Search, held: Search, needed: float) -> tuple[Decision, 
 
 def without_single_walks(s: Search) -> Search:
     """Return the search in the noises in which no accelerometer walks alone."""
-    kept = np.array([not p.node.alone for p in s.projections])
+    kept = np.array([not p.node.single_walk for p in s.projections])
     if kept.all():
         return s
     projections = tuple(p for p, k in zip(s.projections, kept, strict=True) if k)
     null, joint = s.null[kept], s.joint[kept]
     factors = null, logsumexp(joint, axis=0) - logsumexp(null), joint
-    w = weighed(s.library, projections, factors, s.o.view.kind)
-    return replace(s, hypotheses=w.hypotheses, projections=projections, null=w.null, joint=w.joint, singles=w.singles)
+    return ranked(s.fit, s.library, s.rows, projections, factors)
 
 
 def repeat_advice(kind: str, by_hand: bool = False) -> str:
@@ -126,8 +125,8 @@ def likeliest_walk(
 
     units: of the noise in each of the nodes (nodes,), SI, by axis.
     """
-    axis = nodes[int(np.argmax(weight))].alone
-    weight = np.array([w * (n.alone == axis) for w, n in zip(weight, nodes, strict=True)])
+    axis = nodes[int(np.argmax(weight))].single_walk
+    weight = np.array([w * (n.single_walk == axis) for w, n in zip(weight, nodes, strict=True)])
     weight = weight / weight.sum()
     walks = [sum(p.N for p in n.noise.get(quantity, ()) if isinstance(p, RandomWalk)) for n in nodes]
     size = np.log(np.array(walks) * units[axis] + 1e-300)
@@ -139,6 +138,6 @@ def likeliest_walk(
 
 def _units(s: Search) -> dict[str, Array]:
     """One sigma of a row of each accelerometer, which is the unit of every noise of the search."""
-    sigma = np.broadcast_to(s.o.sigma, s.o.residual.shape)[0]
-    own = {axis: k for k, (quantity, axis) in enumerate(s.o.view.channels) if quantity == "specific_force"}
+    sigma = np.broadcast_to(s.fit.sigma, s.fit.residual.shape)[0]
+    own = {axis: k for k, (quantity, axis) in enumerate(s.fit.view.channels) if quantity == "specific_force"}
     return {axis: np.full(len(s.projections), sigma[k]) for axis, k in own.items()}

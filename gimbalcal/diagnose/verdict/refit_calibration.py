@@ -23,10 +23,10 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.calibration import Calibration, Readout, Residual
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.search.fitted_causes import JointCovariance
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement, agreement_on_constants
-from gimbalcal.diagnose.verdict.fitted_causes import JointCovariance
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.inference.information import Information, Solution, information, solve
@@ -114,12 +114,12 @@ def calibrated(
     seen: the rows of each recording, their noise, and which of the causes it shows; known: the calibration that the
     diagnosis started from, for what it holds and these recordings do not.
     """
-    here = [_Share(o, node, found, tuple(which), alone=len(seen) == 1) for o, node, which in seen]
+    here = [_Share(fit, node, found, tuple(which), alone=len(seen) == 1) for fit, node, which in seen]
     solution, made, between = _refitted(here, found)
     mine = solution.parameters
     held = {p: told for p, told in found.held(mine).items() if p not in mine}
     kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in held]
-    kept = [p for p in kept if p.effect in {e.id for s in here for e in s.o.effects}]
+    kept = [p for p in kept if p.effect in {e.id for s in here for e in s.fit.effects}]
     wanted, n = (*mine, *held, *kept), len(mine)
     P = np.zeros((len(wanted), len(wanted)))
     P[:n, :n] = solution.covariance
@@ -127,7 +127,7 @@ def calibrated(
     if kept and known is not None:
         at = [known.parameters.index(p) for p in kept]
         P[n + len(held) :, n + len(held) :] = known.covariance[np.ix_(at, at)]
-    recordings = [s.o.view.source for s in here]
+    recordings = [s.fit.view.source for s in here]
     calibration = Calibration(
         method="diagnosis",
         effects=tuple(e for e in made if e.id in {p.effect for p in wanted}),
@@ -160,7 +160,7 @@ def origin(recordings: Sequence[Recording], causes: Sequence[str]) -> dict[str, 
 class _Share:
     """One recording: its rows, their noise, and the causes that it shows."""
 
-    o: Fit
+    fit: Fit
     node: Node
     found: Found
     which: tuple[int, ...]
@@ -171,33 +171,33 @@ class _Share:
         """What is fitted: the constants of the model, and the causes."""
         causes = [p for i in self.which for p in self.found.causes[i].parameters]
         causes += [p for i, p in self.found.continuous if i in self.which]
-        return tuple(dict.fromkeys([*self.o.parameters, *causes]))
+        return tuple(dict.fromkeys([*self.fit.parameters, *causes]))
 
     @property
     def own(self) -> tuple[Parameter, ...]:
         """What of it is this recording's own and not carried."""
         once = {self.found.causes[i].effect for i in self.which if self.found.causes[i].once}
-        stood = {p for p in self.o.parameters if CATALOGUE[p.effect].stage not in UNIT}
+        stood = {p for p in self.fit.parameters if CATALOGUE[p.effect].stage not in UNIT}
         return tuple(p for p in self.wanted if p.effect in once or p in stood)
 
     def model(self) -> tuple[Effect, ...]:
         """The model of the baseline with the causes at the sizes that were told."""
-        effects, names = self.o.effects, self.o.view.stimulus.axis_names
+        effects, names = self.fit.effects, self.fit.view.stimulus.axis_names
         at = np.cumsum([0, *(len(c.parameters) for c in self.found.causes)])
         for i in self.which:
             c = self.found.causes[i]
             if c.effect not in {e.id for e in effects}:
                 fixed = {name: value for name, value, _ in self.found.constants[i]}
-                effects = (*effects, absent_effect(c.effect, self.o.view.stimulus, c.source, **fixed))
+                effects = (*effects, absent_effect(c.effect, self.fit.view.stimulus, c.source, **fixed))
             size = values(effects, c.parameters) + self.found.x[at[i] : at[i + 1]]
             effects = with_values(effects, c.parameters, size, names)
         return effects
 
     def information(self, effects: Sequence[Effect]) -> Information:
         """What the rows say of the wanted parameters, linearised at effects; without what is this recording's own."""
-        rows = self.o.view.evaluate(effects).over(self.o.sigma)
-        A = self.node.whiten(self.o.reduced(rows.jacobian(self.wanted)))
-        r = self.node.whiten(self.o.reduced(rows.residual[:, :, None]))[:, 0]
+        rows = self.fit.view.evaluate(effects).over(self.fit.sigma)
+        A = self.node.whiten(self.fit.reduced(rows.jacobian(self.wanted)))
+        r = self.node.whiten(self.fit.reduced(rows.residual[:, :, None]))[:, 0]
         wide = self.found.wide()
         told = information(A, r + A @ values(effects, self.wanted), [wide.get(p, p) for p in self.wanted])
         return told if self.alone else told.without([wide.get(p, p) for p in self.own])
@@ -214,7 +214,7 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
         narrow = {w: p for p, w in found.wide().items()}
         solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
         solution = _near(_with_sizes(solution, found, told), values(_union(models), solution.parameters))
-        names = here[0].o.view.stimulus.axis_names
+        names = here[0].fit.view.stimulus.axis_names
         models = [
             with_values(m, mine, values_of(solution, mine), names)
             for s, m in zip(here, models, strict=True)
@@ -264,8 +264,8 @@ def _rms(here: Sequence[_Share], effects: Sequence[Effect]) -> dict[str, float]:
     """Root mean square of what is left, SI, by "quantity:axis"; of the first recording that has the channel."""
     out: dict[str, float] = {}
     for s in here:
-        mine = {p.effect for p in s.wanted} | {e.id for e in s.o.effects}
-        left = readings(s.o.view.source).residual([e for e in effects if e.id in mine])
-        for (quantity, axis), column in zip(s.o.view.channels, left.T, strict=True):
+        mine = {p.effect for p in s.wanted} | {e.id for e in s.fit.effects}
+        left = readings(s.fit.view.source).residual([e for e in effects if e.id in mine])
+        for (quantity, axis), column in zip(s.fit.view.channels, left.T, strict=True):
             out.setdefault(f"{quantity}:{axis}", float(np.sqrt(np.mean(column**2))))
     return out

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.result import StatedNoiseFit
+from gimbalcal.diagnose.search.fitted_causes import FittedCauses
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.fitted_causes import FittedCauses
 from gimbalcal.inference.algebra import eigh
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, absent_effect
@@ -54,7 +54,7 @@ class Verification:
 def verify(s: Search, f: FittedCauses, physical: Array) -> Verification:
     """Fit and prediction in the noise of the final model; `physical` (n, C, p) are its columns, row by row."""
     Z, X, y, fold, by = _whitened(s, f, physical)
-    C = s.o.residual.shape[1]
+    C = s.fit.residual.shape[1]
     left, q = _residual(Z, y)
     rest, qx = _residual(np.concatenate([Z, X], axis=1), y)
     series = rest.reshape(-1, C)
@@ -70,7 +70,7 @@ def verify(s: Search, f: FittedCauses, physical: Array) -> Verification:
 
 def _whitened(s: Search, f: FittedCauses, physical: Array) -> tuple[Array, Array, Array, Array, str]:
     """Whitened Z, X, y and the fold of each row: in visits of the reduced rows, or in stretches of the raw ones."""
-    o = s.o
+    o = s.fit
     n, C = o.residual.shape
     if o.view.kind.stabilised:
         fold = np.repeat(np.arange(n) * FOLDS // n, C)
@@ -117,7 +117,7 @@ def _held_out(A: Array, y: Array, fold: Array) -> float:
 
 def physical_columns(s: Search, f: FittedCauses) -> Array:
     """Columns (n, C, p) of what was found, before reduction, per prior sigma."""
-    o = s.o
+    o = s.fit
     out = [np.zeros((*o.residual.shape, 0))]
     for m, v in zip(f.members, f.variants, strict=True):
         c = s.library.candidates[m]

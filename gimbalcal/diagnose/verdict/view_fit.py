@@ -8,26 +8,26 @@ import numpy as np
 
 from gimbalcal.diagnose.result import Delay, RmsMisfit, RowNoise, SearchStep, Shift, ViewFit
 from gimbalcal.diagnose.rows.slews import lateness
-from gimbalcal.diagnose.search.refit import basis
-from gimbalcal.diagnose.search.stepwise import Course
+from gimbalcal.diagnose.search.stepwise import SearchResult
 from gimbalcal.diagnose.verdict.findings import sizes
 from gimbalcal.errors import InputError
+from gimbalcal.inference.algebra import basis
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
-from gimbalcal.views.core import Fit, View
+from gimbalcal.views.core import Fit
 
 
-def row_sigma(v: View, end: Fit) -> Array:
+def row_sigma(end: Fit) -> Array:
     """Return one sigma (n, C) of each row: the scatter about the last model, spread as the noise of the samples."""
-    r = v.noise.weighted(end.residual)
-    free = max(r.size - basis(end.jacobian).shape[1], 1)
-    return np.asarray(np.sqrt((r**2).sum() / free) / v.weight)
+    r = end.view.noise.weighted(end.residual)
+    free = max(r.size - basis(end.reduced(end.jacobian)).shape[1], 1)
+    return np.asarray(np.sqrt((r**2).sum() / free) / end.view.weight)
 
 
-def view_fit(v: View, c: Course, sigma: Array) -> ViewFit:
+def view_fit(c: SearchResult, sigma: Array) -> ViewFit:
     """Return how well the last model of a search explains a view, in rows of `sigma` (n, C)."""
-    before, after = c.start, c.described
-    (held_before, held_rms_before), (held_after, held_rms_after) = (_held_out(v, m, sigma) for m in (before, after))
+    v, before, after = c.start.view, c.start, c.described
+    (held_before, held_rms_before), (held_after, held_rms_after) = (_held_out(m, sigma) for m in (before, after))
     late = turns = None
     if v.name == "slews":
         every = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in lateness(v).items()}
@@ -47,46 +47,52 @@ def view_fit(v: View, c: Course, sigma: Array) -> ViewFit:
         rms_before=float(from_si(before.rms, v.unit)),
         rms_after=float(from_si(after.rms, v.unit)),
         steps=tuple(
-            SearchStep(s.taken[0].effect, s.taken[0].axis, float(from_si(s.model.rms, v.unit)), v.unit) for s in c.steps
+            SearchStep(s.cause[0].effect, s.cause[0].axis, float(from_si(s.model.rms, v.unit)), v.unit) for s in c.steps
         ),
         calibration_moved=shifts(before, after) if c.steps else (),
         late=late,
         turns=turns,
-        chi2_of_samples_before=_against_samples(v, before),
-        chi2_of_samples_after=_against_samples(v, after),
+        chi2_of_samples_before=_against_samples(before),
+        chi2_of_samples_after=_against_samples(after),
     )
 
 
-def _against_samples(v: View, m: Fit) -> dict[str, float] | None:
+def _against_samples(m: Fit) -> dict[str, float] | None:
     """Return reduced chi^2 of each channel in the noise of the samples alone; None where their scatter is not known."""
+    v = m.view
     if v.noise.sample is None:
         return None
     n = len(m.residual)
-    Q = basis(m.jacobian / v.noise.sample[..., None]).reshape(n, len(v.channels), -1)
+    Q = _basis(m, v.noise.sample).reshape(n, len(v.channels), -1)
     fitted = (Q**2).sum(axis=(0, 2))  # degrees of freedom that the parameters take of each channel
     chi2 = ((m.residual / v.noise.sample) ** 2).sum(axis=0) / np.maximum(n - fitted, 1)
     return dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
 
 
 def _reduced(m: Fit, sigma: Array) -> float:
-    rank = basis(m.jacobian / sigma[..., None]).shape[1]
+    rank = _basis(m, sigma).shape[1]
     return float(((m.residual / sigma) ** 2).sum() / max(m.residual.size - rank, 1))
 
 
-def _held_out(v: View, m: Fit, sigma: Array) -> tuple[float, float]:
+def _basis(m: Fit, sigma: Array) -> Array:
+    """Return an orthonormal basis (n C, q) of a model's columns in rows of `sigma` (n, C)."""
+    return basis((m.jacobian / sigma[..., None]).reshape(m.residual.size, -1))
+
+
+def _held_out(m: Fit, sigma: Array) -> tuple[float, float]:
     """Return the mean square misfit of rows held out, in sigma, and the rms length of a row in the unit of print."""
-    left = held_out_misfit(v, m, sigma)
+    left = held_out_misfit(m, sigma)
     rms = float(np.sqrt(((left * sigma) ** 2).sum() / len(left)))
-    return float(np.mean(left**2)), float(from_si(rms, v.unit))
+    return float(np.mean(left**2)), float(from_si(rms, m.view.unit))
 
 
-def held_out_misfit(v: View, m: Fit, sigma: Array) -> Array:
+def held_out_misfit(m: Fit, sigma: Array) -> Array:
     """Return the misfit (n, C), in sigma, of each group of rows to a fit without it."""
     n, C = m.residual.shape
-    Q = basis(m.jacobian / sigma[..., None]).reshape(n, C, -1)
+    Q = _basis(m, sigma).reshape(n, C, -1)
     r = m.residual / sigma
     left = []
-    for rows in np.split(np.arange(n), np.flatnonzero(np.diff(v.groups)) + 1):
+    for rows in np.split(np.arange(n), np.flatnonzero(np.diff(m.view.groups)) + 1):
         e = r[rows].ravel()
         q = Q[rows].reshape(len(e), Q.shape[-1])
         left.append(np.linalg.lstsq(np.eye(len(e)) - q @ q.T, e, rcond=1e-6)[0])

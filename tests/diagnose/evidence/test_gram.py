@@ -3,7 +3,7 @@
 import numpy as np
 
 from gimbalcal.diagnose.evidence.gram import Gram
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import Projection, condition
 
 

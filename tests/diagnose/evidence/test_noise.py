@@ -7,7 +7,8 @@ import pytest
 from scipy.fft import dct
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.evidence.noise import LONE_WALK, coloured, lone_walks, nodes, settle
+from gimbalcal.diagnose.evidence.node import SINGLE_WALK
+from gimbalcal.diagnose.evidence.stated_noise import coloured, nodes, settle, single_walks_of_stated_noise
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import covariance
 from gimbalcal.inference.noise_processes import chain
@@ -155,7 +156,7 @@ def test_a_lone_walk_is_that_of_one_accelerometer():
     o = fit_baseline(record(np.random.default_rng(5), dwell=12))
     still = next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": 0.0})
     named = (("setting error", 1.0), ("random walk y", pytest.approx(250.0)))
-    alone = next(n for n in lone_walks(o) if n.alone == "y" and n.name == named)
+    alone = next(n for n in single_walks_of_stated_noise(o) if n.single_walk == "y" and n.name == named)
     V, W = (covariance_of(n, 3 * len(o.view.noise.starts)) for n in (still, alone))
     t = np.add.reduceat(o.view.stimulus.time, o.view.noise.starts) / 2  # blocks of two rows
     process = alone.noise["specific_force"][1]
@@ -182,12 +183,12 @@ def test_a_static_node_is_the_covariance_of_its_processes():
 def test_a_lone_walk_of_a_static_run_is_that_of_one_accelerometer():
     o = fit_baseline(at_rest(np.random.default_rng(1)))
     grid = next(n for n in nodes(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0})
-    for size in LONE_WALK:
+    for size in SINGLE_WALK:
         named = {"random walk of forces z": size, "random walk of angles": 1.0}
-        (alone,) = (n for n in lone_walks(o) if dict(n.name) == named)
+        (alone,) = (n for n in single_walks_of_stated_noise(o) if dict(n.name) == named)
         V = (1 / alone.inverse_root**2).reshape(-1, o.residual.shape[1])
         z = o.view.channels.index(("specific_force", "z"))
-        assert alone.alone == "z"
+        assert alone.single_walk == "z"
         white = [
             i for i, (quantity, axis) in enumerate(o.view.channels) if quantity == "specific_force" and axis != "z"
         ]

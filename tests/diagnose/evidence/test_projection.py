@@ -7,7 +7,7 @@ from scipy.linalg import null_space
 from scipy.stats import multivariate_normal
 
 from gimbalcal.diagnose.evidence.gram import Gram
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import (
     Projection,
     any_size,

@@ -7,15 +7,15 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.stats import multivariate_normal
 
-from gimbalcal.diagnose.evidence.memories import (
-    LONE_SENSORS,
+from gimbalcal.diagnose.evidence.correlated_noise import (
     MEMORY,
     MEMORY_PRIOR,
+    SINGLE_WALKS,
     first_order,
-    lone_sensors,
     memories,
+    single_walks,
 )
-from gimbalcal.diagnose.evidence.noise import LONE_AT_REST, Node
+from gimbalcal.diagnose.evidence.node import SINGLE_WALK_PRIOR_AT_REST, Node
 from gimbalcal.diagnose.evidence.projection import Projection, any_size, condition, log_bayes, project, stack
 from gimbalcal.diagnose.evidence.scale import _DENSITY, SIZES, STATED, Free
 from gimbalcal.effects.process import covariance
@@ -35,8 +35,8 @@ def example(size: float = 0.7) -> tuple[Array, Array, Array]:
 
 def projections(r: Array, J: Array, X: Array, sample: float = 0.0) -> tuple[Projection, ...]:
     Q = np.linalg.qr(J)[0]
-    rows = stack(Q, X, r[:, None], len(r))
-    return tuple(project(node, rows, Free(len(r) - Q.shape[1], sample)) for node in memories(len(r) // C, C))
+    rows = stack(Q, X, r[:, None], len(r), Free(len(r) - Q.shape[1], sample))
+    return tuple(project(node, rows) for node in memories(len(r) // C, C))
 
 
 def stationary(rho: float) -> Array:
@@ -71,8 +71,8 @@ def test_evidence_is_the_mean_of_dense_densities_over_scales_and_sizes(index: li
 def test_a_memory_weighs_what_its_dense_density_says() -> None:
     """With nothing modelled the misfit is a normal vector: each memory weighs what its densities do over all scales."""
     r, _, X = example()
-    rows = stack(np.zeros((len(r), 0)), X, r[:, None], len(r))
-    found = np.array([np.log(node.prior) + project(node, rows, Free(len(r))).log_likelihood()[0]
+    rows = stack(np.zeros((len(r), 0)), X, r[:, None], len(r), Free(len(r)))
+    found = np.array([np.log(node.prior) + project(node, rows).log_likelihood()[0]
                       for node in memories(n, C)])  # fmt: skip
     made = [
         np.log(q) + logsumexp(np.array([multivariate_normal(cov=s**2 * stationary(rho)).logpdf(r)
@@ -129,8 +129,10 @@ def test_claims_on_clean_misfits_are_rare() -> None:
     rng = np.random.default_rng(4)
     ln = []
     for _ in range(300):
-        rows = stack(np.full((40, 1), 40**-0.5), rng.standard_normal((40, 1)), rng.standard_normal((40, 1)), 40)
-        made = [project(node, rows, Free(39)) for node in memories(40, 1)]
+        rows = stack(
+            np.full((40, 1), 40**-0.5), rng.standard_normal((40, 1)), rng.standard_normal((40, 1)), 40, Free(39)
+        )
+        made = [project(node, rows) for node in memories(40, 1)]
         null = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in made])
         each = np.array([float(any_size(p, np.array([0]))) for p in made])
         ln.append(float(logsumexp(null + each) - logsumexp(null)))
@@ -177,8 +179,8 @@ def test_one_sensor_that_walks_alone_is_a_walk_beside_what_all_of_them_wander() 
     rng = np.random.default_rng(5)
     time, weight = np.cumsum(rng.uniform(10, 200, 14)), rng.uniform(0.3, 1.0, (14, 1))
     asked = (("z", 25.0, 0.0, 0.0), ("x", 10.0, 0.95, 0.4), ("z", 2.5, 0.8, 0.9))
-    made = lone_sensors(H, weight, time, "specific_force", asked)
-    assert [node.alone for node in made] == ["z", "x", "z"]
+    made = single_walks(H, weight, time, "specific_force", asked)
+    assert [node.single_walk for node in made] == ["z", "x", "z"]
     apart = np.abs(np.subtract.outer(np.arange(14), np.arange(14)))
     since = time - time[0]
     for node, (axis, walk, rho, share) in zip(made, asked, strict=True):
@@ -189,8 +191,8 @@ def test_one_sensor_that_walks_alone_is_a_walk_beside_what_all_of_them_wander() 
         np.testing.assert_allclose(L @ V @ L.T, np.eye(14), atol=1e-9)
         assert node.logdet == pytest.approx(np.linalg.slogdet(V)[1])
         assert node.noise["specific_force"][0].N == pytest.approx(walk / np.sqrt(since[-1]))
-    every = lone_sensors(H, weight, time, "specific_force", LONE_SENSORS)
-    assert sum(node.prior for node in every) == pytest.approx(3 * LONE_AT_REST)
+    every = single_walks(H, weight, time, "specific_force", SINGLE_WALKS)
+    assert sum(node.prior for node in every) == pytest.approx(3 * SINGLE_WALK_PRIOR_AT_REST)
 
 
 def test_a_noise_half_white_and_half_with_a_memory_is_no_drift() -> None:
@@ -203,9 +205,10 @@ def test_a_noise_half_white_and_half_with_a_memory_is_no_drift() -> None:
     claims = np.zeros(2)
     for _ in range(60):
         r = (V @ rng.standard_normal((m, 3))).ravel()
-        rows = stack(np.kron(np.ones((m, 1)), np.eye(3)) / np.sqrt(m), 10 * drift.reshape(-1, 1), r[:, None], 3 * m)
+        Q = np.kron(np.ones((m, 1)), np.eye(3)) / np.sqrt(m)
+        rows = stack(Q, 10 * drift.reshape(-1, 1), r[:, None], 3 * m, Free(3 * m - 3))
         for i, nodes in enumerate((memories(m, 3), memories(m, 3, seen))):
-            p = [project(node, rows, Free(3 * m - 3)) for node in nodes]
+            p = [project(node, rows) for node in nodes]
             null = np.array([np.log(q.node.prior) + q.log_likelihood()[0] for q in p])
             each = np.array([float(any_size(q, np.array([0]))) for q in p])
             claims[i] += logsumexp(null + each) - logsumexp(null) > np.log(20)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import settle
+from gimbalcal.diagnose.evidence.stated_noise import settle
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording

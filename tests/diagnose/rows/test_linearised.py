@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import settle
+from gimbalcal.diagnose.evidence.stated_noise import settle
 from gimbalcal.effects import parameters
 from gimbalcal.effects.thermal import ScaleTemperature
 from gimbalcal.simulate import simulate

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.noise import nodes, nominal, settle
+from gimbalcal.diagnose.evidence.stated_noise import nodes, nominal, settle
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.forward import predict

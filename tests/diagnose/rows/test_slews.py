@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.rows.slews import lateness, view_of_slews
-from gimbalcal.diagnose.search.stepwise import course
+from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, diagnosis_of
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.pipeline import silent
@@ -32,7 +32,7 @@ def seen(r: Recording) -> View:
 
 def told(r: Recording) -> ViewDiagnosis:
     v = seen(r)
-    return diagnosis_of(v, course(v, silent), silent)
+    return diagnosis_of(stepwise(v, silent), silent)
 
 
 def unit(**more: Any) -> Unit:
@@ -101,7 +101,7 @@ def test_a_hand_is_no_delay_but_fifty_milliseconds_are() -> None:
         value, sigma = lateness(v)["force"]
         assert abs(value + late) < 3 * sigma
         assert sigma < 0.008
-        findings = diagnosis_of(v, course(v, silent), silent).findings
+        findings = diagnosis_of(stepwise(v, silent), silent).findings
         assert [set(f["twins"]) | {f["effect"]} for f in findings] == [{"time_tag_latency", "gyro_latency"}] * (
             late > 0
         )

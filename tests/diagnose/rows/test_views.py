@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.rows.rest_rates import rest_rates
-from gimbalcal.diagnose.search.stepwise import course
+from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.view_diagnosis import diagnosis_of
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.number import Array
@@ -137,7 +137,7 @@ def test_rests_are_judged_where_too_few_turns_were_logged_to_prove_it() -> None:
     v = rest_rates(r)
     assert v is not None
     assert v.missed_by_turns is not None
-    found = diagnosis_of(v, course(v, silent), silent)
+    found = diagnosis_of(stepwise(v, silent), silent)
     assert [f["effect"] for f in found.findings] == ["gyro_g_sensitivity_rate"]
     assert found.fit.turns is None
 

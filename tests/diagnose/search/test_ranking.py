@@ -33,7 +33,7 @@ CLEAN = searched(observed(4, dwell=6), *LABELS)
 
 def dense(s: Search, members: list[tuple[int, ...]], sizes: tuple[float, ...], k: int) -> float:
     """ln density of the contrasts free of the calibration, with these columns of these prior sizes, in noise k."""
-    Z, y = rows_of(s.o)
+    Z, y = rows_of(s.fit)
     U, sv, _ = np.linalg.svd(Z)
     free = U[:, int((sv > 1e-4).sum()) :]
     V = free.T @ covariance(s.projections[k].node, len(y)) @ free
@@ -58,7 +58,7 @@ def test_a_single_is_the_mean_over_noises_and_sizes() -> None:
 
 def test_a_second_cause_is_judged_with_the_first_in_the_model_at_its_best_size() -> None:
     """In one noise: the second's sizes mixed with the first at its likeliest size, and what the first had gained."""
-    one = searched(S.o, *LABELS, count=1)
+    one = searched(S.fit, *LABELS, count=1)
     i, j = candidate(one, LABELS[0]), candidate(one, LABELS[1])
     first, second = (one.library.candidates[n].variants[0].index for n in (i, j))
     alone = [dense(one, [first], (size,), 0) for size in SIZES]
@@ -85,7 +85,7 @@ def test_two_causes_are_found_as_a_pair() -> None:
 
 
 def test_shares_of_the_prior_make_a_whole() -> None:
-    o = S.o
+    o = S.fit
     whole = library(o)
     prior = log_priors(whole.candidates)
     rival = np.array([bool(c.rival) for c in whole.candidates])

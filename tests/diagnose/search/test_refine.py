@@ -8,8 +8,8 @@ from scipy.optimize import minimize_scalar
 
 from gimbalcal.diagnose.evidence.projection import any_size, extended
 from gimbalcal.diagnose.library.candidates import layout_of
+from gimbalcal.diagnose.search.fitted_causes import constant_value, fit_causes
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.fitted_causes import constant_value, fit_causes
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.units import from_si
@@ -29,7 +29,7 @@ FOUND = lagged(1)
 
 
 def test_a_lag_between_the_values_of_the_grid_is_found() -> None:
-    o = FOUND.o
+    o = FOUND.fit
     tried = np.array([v.constants[0][1] for v in few(o, LAGGED).candidates[0].variants])
     f = fit_causes(FOUND, (0,))
     ((name, tau, sigma),) = constant_value(FOUND, f, 0)
@@ -43,7 +43,7 @@ def test_a_lag_between_the_values_of_the_grid_is_found() -> None:
 
 def test_finer_values_fit_better_and_share_the_prior_of_the_cause() -> None:
     """The candidate's Bayes factor stays a mean over all that was tried: the search is paid for."""
-    coarse, (fine,) = few(FOUND.o, LAGGED).candidates[0], FOUND.library.candidates
+    coarse, (fine,) = few(FOUND.fit, LAGGED).candidates[0], FOUND.library.candidates
     added = fine.variants[len(coarse.variants) :]
     assert [v.constants for v in fine.variants[: len(coarse.variants)]] == [v.constants for v in coarse.variants]
     layout = layout_of([fine])
@@ -71,7 +71,7 @@ def test_the_best_of_what_was_tried_is_the_best_there_is(tau: float) -> None:
     tried = any_size(p, np.array([v.index for v in c.variants]))
 
     def less(x: float) -> float:
-        return -float(any_size(extended(p, s.rows, columns_at(s.o, c, (("tau", x),))), np.arange(1)))
+        return -float(any_size(extended(p, s.rows, columns_at(s.fit, c, (("tau", x),))), np.arange(1)))
 
     best = minimize_scalar(less, bounds=(0.7 * tau, 1.4 * tau), method="bounded", options={"xatol": 0.1})
     nearest = c.variants[int(np.argmax(tried))].constants[0][1]
@@ -81,7 +81,7 @@ def test_the_best_of_what_was_tried_is_the_best_there_is(tau: float) -> None:
 
 def test_where_nothing_is_found_nothing_is_refined() -> None:
     s = lagged(2, 0.0)
-    assert len(s.library.candidates[0].variants) == len(few(s.o, LAGGED).candidates[0].variants)
+    assert len(s.library.candidates[0].variants) == len(few(s.fit, LAGGED).candidates[0].variants)
 
 
 def dead(b: Bench) -> dict[str, np.ndarray]:
@@ -99,7 +99,7 @@ def test_a_dead_zone_is_taken_at_its_size() -> None:
     assert f.x[0] * p.sigma == pytest.approx(size, abs=4 * np.sqrt(f.covariance[0, 0]) * p.sigma)
     made = c.variants[f.variants[0]].column
     assert made is not None
-    change = (with_it.triad("specific_force") - without.triad("specific_force")) / s.o.sigma
+    change = (with_it.triad("specific_force") - without.triad("specific_force")) / s.fit.sigma
     # the calibrated model's force differs from the true one by its misalignments: at null by some of the zone itself
     near = made * size / p.sigma
     assert np.corrcoef(near.ravel(), change.ravel())[0, 1] > 0.98

@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.search.refit import constants_told, projections, refit, start, with_columns
+from gimbalcal.diagnose.search.ranking import projections_of
+from gimbalcal.diagnose.search.refit import (
+    constants_with_sigma,
+    refit,
+    start,
+    with_columns,
+)
 from gimbalcal.effects import values, with_values
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
@@ -69,7 +75,7 @@ def test_columns_of_no_effect_are_fitted_beside_those_of_the_model() -> None:
     m = start(v)
     X = np.zeros((*m.residual.shape, 1))
     X[:, 1, 0] = np.sin(5 * v.stimulus.readout[:, 1])
-    after = with_columns(v, m, X)
+    after = with_columns(m, X)
     assert np.abs(np.einsum("nc,ncp->p", after.residual, after.jacobian)).max() < 1e-9 * np.linalg.norm(m.residual)
     assert after.jacobian.shape[-1] == m.jacobian.shape[-1] + 1
     assert after.parameters == m.parameters
@@ -86,7 +92,7 @@ def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings() -> 
     y = m.residual / np.linalg.norm(m.residual)
 
     def copied(X: np.ndarray) -> float:
-        (p,) = projections(v, m, X, memory=False)
+        (p,) = projections_of(m, m.reduced(X), memory=False)
         return float(np.sqrt(p.explained(range(X.shape[-1])) / p.misfit[0]))
 
     assert copied(read) > 0.9
@@ -102,6 +108,6 @@ def test_a_constant_that_nothing_determines_is_not_told() -> None:
     for size, count in ((0.0, 0), (20.0, 1)):
         none = absent_effect("periodic_worm_error", v.stimulus)
         worm = with_values([none], wanted[:1], np.array([size * np.pi / 648000]), v.stimulus.axis_names)
-        told = constants_told(v, replace(m, effects=(*m.effects, *worm)), "periodic_worm_error")
+        told = constants_with_sigma(replace(m, effects=(*m.effects, *worm)), "periodic_worm_error")
         assert len(told) == count
         assert all(0 < sigma < np.inf for _, _, sigma in told)

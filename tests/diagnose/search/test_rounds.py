@@ -10,12 +10,20 @@ import pytest
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, SINGLE
 from gimbalcal.diagnose.library.candidates import Library, Variant
-from gimbalcal.diagnose.search import about_found, likeliest, stepwise
+from gimbalcal.diagnose.search import relinearise, stepwise
 from gimbalcal.diagnose.search.ranking import Hypothesis
 from gimbalcal.views.noise import NoiseModel
 
 VIEW: Any = SimpleNamespace(kind="pointing", title="run", stimulus=None)
-FIRST: Any = SimpleNamespace(exact=False, effects=(), parameters=(), residual=np.ones(1), jacobian=np.ones((1, 1)))
+FIRST: Any = SimpleNamespace(
+    exact=False,
+    effects=(),
+    parameters=(),
+    residual=np.ones(1),
+    jacobian=np.ones((1, 1)),
+    view=VIEW,
+    expanded=lambda X: X,
+)
 
 
 def cause(name: str, rival: str = "") -> Any:
@@ -33,10 +41,12 @@ def said(_: str) -> None:
 def weighed(monkeypatch: pytest.MonkeyPatch, hypotheses: list[Hypothesis], **more: Any) -> Any:
     every = (cause("a"), cause("b"), cause("c"), cause("shape", rival="sine"))
     s = SimpleNamespace(hypotheses=tuple(hypotheses), ln_total=9.0,
-                        library=SimpleNamespace(candidates=every, X=np.zeros((2, 1, 1))))  # fmt: skip
-    monkeypatch.setattr(likeliest, "ranked", lambda *_: s)
-    monkeypatch.setattr(likeliest, "likeliest_variants", lambda _, members: [0] * len(members))
-    return likeliest.weigh(VIEW, FIRST, **more)
+                        library=SimpleNamespace(candidates=every, X=np.zeros((2, 1))))  # fmt: skip
+    for name in ("library", "noises"):
+        monkeypatch.setattr(stepwise, name, lambda *_: None)
+    monkeypatch.setattr(stepwise, "search", lambda *_: s)
+    monkeypatch.setattr(stepwise, "likeliest_variants", lambda _, members: [0] * len(members))
+    return stepwise.likeliest(FIRST, **more)
 
 
 def test_one_cause_beats_a_shape_by_itself_and_two_at_the_odds_of_a_claim(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,38 +68,38 @@ def test_the_lead_is_over_the_best_that_holds_what_it_is_held_against(monkeypatc
 def test_a_cause_gives_way_to_one_that_is_clearly_likelier(
     monkeypatch: pytest.MonkeyPatch, lead: float, kept: list[Any]
 ) -> None:
-    def weigh(_v: Any, model: Any, _memory: bool, against: Any) -> Any:
+    def likeliest(model: Any, _memory: bool, against: Any) -> Any:
         assert against not in model
-        return SimpleNamespace(lead=lead if against is A[0] else 0.0, found=(C,))
+        return SimpleNamespace(lead=lead if against is A[0] else 0.0, causes=(C,))
 
-    monkeypatch.setattr(stepwise, "weigh", weigh)
-    monkeypatch.setattr(stepwise, "take", lambda _v, _first, taken: [c for c, _ in taken])
+    monkeypatch.setattr(stepwise, "likeliest", likeliest)
+    monkeypatch.setattr(stepwise, "with_causes", lambda _first, selected: [c for c, _ in selected])
     monkeypatch.setattr(stepwise, "is_usual", lambda *_: False)
-    assert stepwise.exchanged(VIEW, FIRST, [A, B], said) == kept
+    assert stepwise.swap(FIRST, [A, B], said) == kept
 
 
 def test_what_every_rig_has_needs_a_tenth_of_the_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stepwise, "is_usual", lambda c, _: c is A[0])
-    assert stepwise.bar(VIEW, A[0]) == pytest.approx(np.log(2.0))
-    assert stepwise.bar(VIEW, B[0]) == pytest.approx(np.log(20.0))
+    assert stepwise.needed_evidence(FIRST, A[0]) == pytest.approx(np.log(2.0))
+    assert stepwise.needed_evidence(FIRST, B[0]) == pytest.approx(np.log(20.0))
 
 
 def test_the_weakest_is_dropped_first_as_it_may_hold_the_others_down(monkeypatch: pytest.MonkeyPatch) -> None:
     support = {("a", "bc"): 1.0, ("b", "ac"): 2.0, ("c", "ab"): 9.0, ("b", "c"): 5.0, ("c", "b"): 9.0,
                ("a", "c"): 5.0, ("c", "a"): 9.0}  # fmt: skip
-    monkeypatch.setattr(stepwise, "sharpened", lambda _v, _first, taken: list(taken))
-    monkeypatch.setattr(stepwise, "take", lambda _v, _first, taken: "".join(sorted(c.effect for c, _ in taken)))
-    monkeypatch.setattr(stepwise, "alone", lambda _v, others, this: support[this[0].effect, others])
+    monkeypatch.setattr(stepwise, "refine_constants", lambda _first, selected: list(selected))
+    monkeypatch.setattr(stepwise, "with_causes", lambda _f, selected: "".join(sorted(c.effect for c, _ in selected)))
+    monkeypatch.setattr(stepwise, "evidence_for", lambda others, this: support[this[0].effect, others])
     monkeypatch.setattr(stepwise, "is_usual", lambda *_: False)
-    assert stepwise.pruned(VIEW, FIRST, [A, B, C], said) == [B, C]
+    assert stepwise.backward_eliminate(FIRST, [A, B, C], said) == [B, C]
 
 
 def test_odds_of_several_pay_the_share_of_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stepwise, "ordered", lambda _v, _m, taken: [stepwise.Step(t, FIRST) for t in taken])
-    monkeypatch.setattr(stepwise, "alone", lambda *_: 5.0)
+    monkeypatch.setattr(stepwise, "ordered", lambda _m, selected: [stepwise.Step(c, FIRST) for c in selected])
+    monkeypatch.setattr(stepwise, "evidence_for", lambda *_: 5.0)
     monkeypatch.setattr(stepwise, "is_usual", lambda c, _: c is C[0])
     share = {A[0].key: -2.0, C[0].key: -9.0}
-    made = stepwise.ln_odds(VIEW, FIRST, [A, B, C], share)  # the share of b is not known: the least, -9
+    made = stepwise.ln_odds(FIRST, [A, B, C], share)  # the share of b is not known: the least, -9
     assert made == pytest.approx(3 * 5.0 - 2.0 - 9.0 + 2 * np.log(SINGLE))
 
 
@@ -97,14 +107,14 @@ def test_odds_of_several_pay_the_share_of_each(monkeypatch: pytest.MonkeyPatch) 
 def test_the_likelier_of_two_courses_is_told(monkeypatch: pytest.MonkeyPatch, other: float, told: Any) -> None:
     monkeypatch.setattr(stepwise, "start", lambda _: FIRST)
     monkeypatch.setattr(stepwise, "refuse_too_little", lambda *_: None)
-    monkeypatch.setattr(stepwise, "climbed", lambda _v, _m, begun, _t: [B, C] if begun else [A])
-    monkeypatch.setattr(stepwise, "library", lambda _: Library((A[0],), np.zeros((1, 1, 1))))
+    monkeypatch.setattr(stepwise, "forward_select", lambda _m, begun, _t: [B, C] if begun else [A])
+    monkeypatch.setattr(stepwise, "library", lambda _: Library((A[0],), np.zeros((1, 1))))
     monkeypatch.setattr(stepwise, "textbook", lambda *_: [B])
-    monkeypatch.setattr(stepwise, "pruned", lambda _v, _m, taken, _t: list(taken))
+    monkeypatch.setattr(stepwise, "backward_eliminate", lambda _m, selected, _t: list(selected))
     monkeypatch.setattr(stepwise, "log_priors", lambda *_: np.zeros(1))
-    monkeypatch.setattr(stepwise, "ln_odds", lambda _v, _m, taken, _s: 2.0 if taken == [A] else other)
-    monkeypatch.setattr(stepwise, "steps_of", lambda _v, _m, taken, standard=(): (taken, list(standard)))
-    assert stepwise.course(VIEW, said) == told
+    monkeypatch.setattr(stepwise, "ln_odds", lambda _m, selected, _s: 2.0 if selected == [A] else other)
+    monkeypatch.setattr(stepwise, "result_of", lambda _m, selected, standard=(): (selected, list(standard)))
+    assert stepwise.stepwise(VIEW, said) == told
 
 
 @pytest.mark.parametrize(("left", "anew"), [(1.0, True), (1.6, False)])
@@ -112,10 +122,9 @@ def test_constants_that_were_dragged_far_are_looked_about_again(
     monkeypatch: pytest.MonkeyPatch, left: float, anew: bool
 ) -> None:
     """A misfit of nine is more than four times one, and less than that of 2.6."""
-    monkeypatch.setattr(about_found, "absent_effect", lambda *_, **__: None)
-    monkeypatch.setattr(about_found, "course", lambda v, _: f"the course of {v}")
+    monkeypatch.setattr(relinearise, "absent_effect", lambda *_, **__: None)
+    monkeypatch.setattr(relinearise, "stepwise", lambda v, _: f"the search of {v}")
     v: Any = SimpleNamespace(relinearise=lambda *_: "another view", stimulus=None, noise=NoiseModel())
-    first, last = (SimpleNamespace(residual=np.array([r])) for r in (3.0, left))
-    c: Any = SimpleNamespace(start=first, end=last, steps=(SimpleNamespace(taken=A),))
-    expected = ("another view", "the course of another view") if anew else (v, c)
-    assert about_found.about_found(v, c, said) == expected
+    first, last = (SimpleNamespace(residual=np.array([r]), view=v) for r in (3.0, left))
+    c: Any = SimpleNamespace(start=first, end=last, steps=(A,), causes=[A])
+    assert relinearise.about_first_cause(c, said) == ("the search of another view" if anew else c)

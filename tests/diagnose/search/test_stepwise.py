@@ -9,10 +9,18 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gimbalcal.diagnose.search.likeliest import weigh
 from gimbalcal.diagnose.search.ranking import log_priors
 from gimbalcal.diagnose.search.refit import refit, start
-from gimbalcal.diagnose.search.stepwise import Course, alone, course, pruned, refined, sharpened, take
+from gimbalcal.diagnose.search.stepwise import (
+    SearchResult,
+    backward_eliminate,
+    evidence_for,
+    likeliest,
+    refine_constants,
+    refined,
+    stepwise,
+    with_causes,
+)
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
@@ -32,8 +40,8 @@ def view(north: float = 0.0, east: float = 0.0, bend: float = 0.0) -> View:
 
 
 @cache
-def found() -> Course:
-    return course(view(12.0, -7.0, 15.0), silent)
+def found() -> SearchResult:
+    return stepwise(view(12.0, -7.0, 15.0), silent)
 
 
 def test_a_refit_is_least_squares() -> None:
@@ -67,13 +75,13 @@ def test_a_direction_that_nothing_shows_keeps_its_prior() -> None:
 
 def test_a_tilted_base_and_a_bent_tube_are_taken_up() -> None:
     c = found()
-    taken = [s.taken[0].effect for s in c.steps]
+    taken = [s.cause[0].effect for s in c.steps]
     assert set(taken) == {"base_tilt", "tube_flexure"}
     rms = [c.start.rms, *(s.model.rms for s in c.steps)]
     assert rms == sorted(rms, reverse=True)
     assert c.end is c.steps[-1].model
     assert c.end.rms == pytest.approx(np.sqrt(2) * ARCSEC, rel=0.15)
-    assert c.left == ()
+    assert c.shapes == ()
     size = dict(
         zip([(p.effect, p.axis) for p in c.end.parameters], values(c.end.effects, c.end.parameters), strict=True)
     )
@@ -84,29 +92,29 @@ def test_a_tilted_base_and_a_bent_tube_are_taken_up() -> None:
 
 def test_the_first_step_takes_away_most() -> None:
     v, c = view(12.0, -7.0, 15.0), found()
-    each = [take(v, c.start, [s.taken]).rms for s in c.steps]
+    each = [with_causes(c.start, [s.cause]).rms for s in c.steps]
     assert each[0] == min(each) == c.steps[0].model.rms
     again = refined(v, c)
-    assert [s.taken[0].label for s in again.steps] == [s.taken[0].label for s in c.steps]
+    assert [s.cause[0].label for s in again.steps] == [s.cause[0].label for s in c.steps]
     assert again.end.rms == pytest.approx(c.end.rms, rel=1e-9)
 
 
 def test_nothing_is_taken_up_where_nothing_is_missing() -> None:
     said: list[str] = []
     for seed in range(2, 6):
-        c = course(pointing(telescope(seed)), said.append)
-        assert (c.steps, c.left, said) == ((), (), [])
+        c = stepwise(pointing(telescope(seed)), said.append)
+        assert (c.steps, c.shapes, said) == ((), (), [])
         assert c.end is c.start
-        assert weigh(pointing(telescope(seed)), c.start).ln_total < np.log(20)
+        assert likeliest(c.start).ln_total < np.log(20)
 
 
 def test_what_noise_with_a_memory_explains_is_not_kept() -> None:
     """A slow wander of the misfit follows a cause by chance: 20 to one in white noise is no claim in coloured noise."""
-    v, c = view(12.0, -7.0, 15.0), found()
-    without = take(v, c.start, [c.steps[0].taken])
-    assert alone(v, without, c.steps[1].taken) > np.log(20)  # a bent tube is not explained by memory
-    last = take(v, c.start, [s.taken for s in c.steps])
-    assert alone(v, last, c.steps[1].taken) < 1  # once it is in the model nothing is left of it
+    c = found()
+    without = with_causes(c.start, c.causes[:1])
+    assert evidence_for(without, c.causes[1]) > np.log(20)  # a bent tube is not explained by memory
+    last = with_causes(c.start, c.causes)
+    assert evidence_for(last, c.causes[1]) < 1  # once it is in the model nothing is left of it
 
 
 def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
@@ -149,9 +157,9 @@ def test_constants_between_the_values_of_a_grid_are_fitted_and_leave_no_rest() -
     first = start(v)
     known = {c.label: c for c in causes_of(v, first)}
     warm, drift = known["warm_up:x"], known["bias_drift:x"]
-    (_, told), _ = made = sharpened(v, first, [(warm, warm.variants[2]), (drift, drift.variants[0])])
+    (_, told), _ = made = refine_constants(first, [(warm, warm.variants[2]), (drift, drift.variants[0])])
     assert len(told.constants) == 1
-    kept = pruned(v, first, made, silent)
+    kept = backward_eliminate(first, made, silent)
     assert [c.label for c, _ in kept] == ["warm_up:x"]
     ((_, alone_),) = kept
     ((name, value),) = alone_.constants

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.noise import nodes, settle
 from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE
+from gimbalcal.diagnose.evidence.stated_noise import nodes, settle
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search.ranking import search
 from gimbalcal.diagnose.verdict.decide import decide, strained

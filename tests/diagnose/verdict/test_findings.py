@@ -11,7 +11,7 @@ import pytest
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import Estimate, Finding
 from gimbalcal.diagnose.search.refit import refit, start, with_constants
-from gimbalcal.diagnose.search.stepwise import steps_of
+from gimbalcal.diagnose.search.stepwise import result_of
 from gimbalcal.diagnose.verdict import findings
 from gimbalcal.diagnose.verdict.findings import cancelling, drifts_as_one, finding, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
@@ -61,9 +61,9 @@ def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch: pytest.
     tilt, bend, like = (next(c for c in known if c.label == label) for label in LABELS)
     taken = [(c, c.variants[0]) for c in (tilt, bend, like)]
     told = {tilt.key: 0.9, bend.key: 0.8, like.key: 0.01}
-    monkeypatch.setattr(findings, "judged_without", lambda v, m, c: Judgement(c, told[c.key], (), 9.0))
-    kept, verdicts = findings.confirmed(v, steps_of(v, first, taken), silent)
-    assert {s.taken[0].key for s in kept.steps} == {j.cause.key for j in verdicts} == {tilt.key, bend.key}
+    monkeypatch.setattr(findings, "judged_without", lambda m, c: Judgement(c, told[c.key], (), 9.0))
+    kept, verdicts = findings.confirmed(result_of(first, taken), silent)
+    assert {c.key for c, _ in kept.causes} == {j.cause.key for j in verdicts} == {tilt.key, bend.key}
 
 
 def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,10 +71,10 @@ def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch: pytest.Mon
     v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
     first = start(v)
     tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
-    monkeypatch.setattr(findings, "judged_without", lambda v, m, c: Judgement(c, 0.001, (), 9.0))
-    kept, verdicts = findings.confirmed(v, steps_of(v, first, [(tilt, tilt.variants[0])]), silent)
+    monkeypatch.setattr(findings, "judged_without", lambda m, c: Judgement(c, 0.001, (), 9.0))
+    kept, verdicts = findings.confirmed(result_of(first, [(tilt, tilt.variants[0])]), silent)
     assert (kept.steps, verdicts) == ((), [])
-    assert kept.left
+    assert kept.shapes
     assert kept.described.rms < 0.5 * first.rms
 
 
@@ -83,9 +83,9 @@ def test_what_is_likelier_than_a_refused_cause_takes_its_place(monkeypatch: pyte
     first = start(v)
     like = next(c for c in causes_of(v, first) if c.label == LABELS[2])
     monkeypatch.setattr(
-        findings, "judged_without", lambda v, m, c: Judgement(c, 0.001 if c.key == like.key else 0.9, (), 9.0)
+        findings, "judged_without", lambda m, c: Judgement(c, 0.001 if c.key == like.key else 0.9, (), 9.0)
     )
-    kept, verdicts = findings.confirmed(v, steps_of(v, first, [(like, like.variants[0])]), silent)
+    kept, verdicts = findings.confirmed(result_of(first, [(like, like.variants[0])]), silent)
     assert [j.cause.label for j in verdicts] == [LABELS[0]]
     assert kept.end.rms < 0.2 * first.rms
 
@@ -112,17 +112,17 @@ def test_terms_of_a_series_are_no_causes(law: Callable[[Array], Array], series: 
     first = start(v)
     known = {c.label: c for c in causes_of(v, first)}
     taken = [known[label] for label in ("refraction", "encoder_two_cycle:elevation", "encoder_eccentricity:elevation")]
-    c = steps_of(v, first, [(cause, cause.variants[0]) for cause in taken])
-    assert {cause.label for cause, _ in cancelling(v, c)} == ({t.label for t in taken[1:]} if series else set())
+    c = result_of(first, [(cause, cause.variants[0]) for cause in taken])
+    assert {cause.label for cause, _ in cancelling(c)} == ({t.label for t in taken[1:]} if series else set())
 
 
 def test_a_cause_is_told_with_the_sizes_of_the_last_model() -> None:
     v = pointing(telescope(2, north=25.0, east=-9.0))
     first = start(v)
     tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
-    c = steps_of(v, first, [(tilt, tilt.variants[0])])
-    (j,) = judged_in_turn(v, c)
-    told = finding(v, c.end, j)
+    c = result_of(first, [(tilt, tilt.variants[0])])
+    (j,) = judged_in_turn(c)
+    told = finding(c.end, j)
     assert (told["effect"], told["probability"]) == ("base_tilt", 0.9)
     (north, east) = told["parameters"]
     assert abs(north["value"] - 25.0) < 4 * north["sigma"] < 4.0
@@ -140,8 +140,8 @@ def test_errors_of_a_size_with_a_fitted_time_constant_are_as_large_as_its_sigma(
         cause = Candidate("warm_up", "x, y, z", v.parameters_of("warm_up"), ())
         effects = (*start(v).effects, absent_effect("warm_up", v.stimulus, tau=0.9 * tau))
         wanted = [p for e in (*terms, "warm_up") for p in v.parameters_of(e)]
-        m = with_constants(v, refit(v, effects, wanted), {"warm_up"})
-        told = {(p.name, p.axis): p for p in finding(v, m, Judgement(cause, 0.9, (), 9.0)).parameters}
+        m = with_constants(refit(v, effects, wanted), {"warm_up"})
+        told = {(p.name, p.axis): p for p in finding(m, Judgement(cause, 0.9, (), 9.0)).parameters}
         p = told[cause.parameters[1].name, "y"]
         pulls.append((to_si(p.value, p.unit) - size) / to_si(p.sigma, p.unit))
         assert told["tau", ""].sigma > 0

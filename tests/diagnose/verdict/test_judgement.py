@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.search.stepwise import course, take
+from gimbalcal.diagnose.search.stepwise import stepwise, with_causes
 from gimbalcal.diagnose.verdict.judgement import judged_without
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
@@ -18,10 +18,10 @@ from tests.diagnose.small import telescope
 
 def test_a_clear_cause_is_likely_and_alone() -> None:
     v = pointing(telescope(1, north=12.0, east=-7.0))
-    c = course(v, silent)
+    c = stepwise(v, silent)
     (s,) = c.steps
-    j = judged_without(v, c.end, s.taken[0])
-    assert j.cause is s.taken[0]
+    j = judged_without(c.end, s.cause[0])
+    assert j.cause is s.cause[0]
     assert j.confounded == ()
     assert j.probability > 0.95
     # F test of its two columns: what they take away, over what is left
@@ -32,10 +32,10 @@ def test_a_clear_cause_is_likely_and_alone() -> None:
 
 def test_a_weak_cause_is_less_likely() -> None:
     v = pointing(telescope(1, north=12.0, east=-7.0))
-    strong = course(v, silent).steps[0].taken
+    strong = stepwise(v, silent).causes[0]
     weak = pointing(telescope(1, north=0.3))
-    end = take(weak, course(weak, silent).start, [strong])
-    j = judged_without(weak, end, strong[0])
+    end = with_causes(stepwise(weak, silent).start, [strong])
+    j = judged_without(end, strong[0])
     assert j.probability < 0.9
     assert j.significance < 4
 
@@ -58,10 +58,10 @@ def low(r: Recording, n: int) -> Recording:
 def test_laws_that_coincide_on_these_rows_are_told_together() -> None:
     """A slope in elevation over ten degrees is a bent tube, an eccentric encoder, refraction: whoever is taken up."""
     v = pointing(low(telescope(2), 80))
-    c = course(v, silent)
+    c = stepwise(v, silent)
     (s,) = c.steps[:1]
-    j = judged_without(v, c.end, s.taken[0])
+    j = judged_without(c.end, s.cause[0])
     assert len(j.confounded) >= 2
-    assert s.taken[0].effect not in j.confounded
-    assert {"tube_flexure", "encoder_eccentricity", "refraction"} & {s.taken[0].effect, *j.confounded}
+    assert s.cause[0].effect not in j.confounded
+    assert {"tube_flexure", "encoder_eccentricity", "refraction"} & {s.cause[0].effect, *j.confounded}
     assert 0.85 < j.probability < 0.95  # of all of them together; the rest is that of shapes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.noise import nominal
+from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.verdict import manoeuvres
 from gimbalcal.diagnose.verdict.manoeuvres import (

@@ -30,8 +30,8 @@ def wavy(size: float, seed: int = 3) -> View:
 def test_a_pattern_is_told_with_its_f_statistic() -> None:
     v = wavy(3.0)
     m = start(v)
-    first = patterns(v, m)[0]
-    assert mismatches(v, m, np.full((80, 2), ARCSEC))[0] == first
+    first = patterns(m)[0]
+    assert mismatches(m, np.full((80, 2), ARCSEC))[0] == first
     assert (first["channel"], first["axis"]) == ("pointing", "along")
     assert "azimuth" in first["in_words"]
     angle = v.stimulus.readout[:, list(v.stimulus.axis_names).index("azimuth")]
@@ -63,15 +63,15 @@ def test_chance_is_no_pattern() -> None:
     for seed in range(6):
         v = pointing(telescope(seed))
         m = start(v)
-        assert patterns(v, m) == ()
-        assert mismatches(v, m, np.full((80, 2), ARCSEC)) == largest(v, m, np.full((80, 2), ARCSEC))
+        assert patterns(m) == ()
+        assert mismatches(m, np.full((80, 2), ARCSEC)) == largest(m, np.full((80, 2), ARCSEC))
 
 
 def test_without_a_pattern_the_worst_channel_is_told_against_the_scatter_in_the_end() -> None:
     v = pointing(telescope(1))
     m = start(v)
     sigma = np.tile([2.0, 0.9], (80, 1)) * ARCSEC
-    (found,) = largest(v, m, sigma)
+    (found,) = largest(m, sigma)
     square = np.mean((m.residual / sigma) ** 2, axis=0)
     assert found["axis"] == ("across", "along")[int(np.argmax(square))] == "along"
     assert found["statistic"] == pytest.approx(square[1], abs=0.01)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from gimbalcal.diagnose.evidence.noise import Node
+from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import ReducedRows
 from gimbalcal.diagnose.search.ranking import reduced
 from gimbalcal.diagnose.verdict import mismatch_scan
@@ -26,7 +26,7 @@ LIBRARY = few(TABLE, "scale_factor_asymmetry:y")
 def prepared(o: Fit) -> tuple[ReducedRows, Node]:
     (node,) = noises(o, 1)
     label = "scale_factor_asymmetry:y" if o.view.kind == "multi-position" else "bias_drift:x"
-    return reduced(o, few(o, label)), node
+    return reduced(o, few(o, label).X, [node]), node
 
 
 def scanned(o: Fit, seed: int = 1, explained: Array | None = None) -> Scan:

@@ -10,8 +10,8 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
+from gimbalcal.diagnose.search.fitted_causes import constant_value, fit_causes
 from gimbalcal.diagnose.verdict.agreement import inverse_of
-from gimbalcal.diagnose.verdict.fitted_causes import constant_value, fit_causes
 from gimbalcal.diagnose.verdict.pooled_sizes import agreement_on_size, common_constants, parts, pooled
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
@@ -34,7 +34,7 @@ def joint(c: CombinedRanking, labels: tuple[str, ...]) -> tuple[Array, Array]:
     """Rows of both recordings stacked: a calibration of its own for each, and sizes common to both."""
     Z, X, y, V = [], [], [], []
     for s in c.searches:
-        calibration, data = rows_of(s.o)
+        calibration, data = rows_of(s.fit)
         index = [i for label in labels for i in s.library.candidates[candidate(s, label)].variants[0].index]
         Z.append(orthonormal(calibration))
         X.append(s.library.X[:, index])

@@ -8,10 +8,11 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.evidence.noise import LONE_WALK
+from gimbalcal.diagnose.evidence.node import SINGLE_WALK
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import searched
 from gimbalcal.diagnose.result import Shape
+from gimbalcal.diagnose.search import single_axis_random_walk
 from gimbalcal.diagnose.search.ranking import Hypothesis
 from gimbalcal.diagnose.search.single_axis_random_walk import CLOSE, wandering, weights
 from gimbalcal.diagnose.verdict.decide import Decision
@@ -27,6 +28,7 @@ from tests.diagnose import static_plant
 from tests.diagnose.plant import UG, at_strength, on, record
 from tests.diagnose.small import FIT
 
+SINGLE, WEIGHTS = "single_walks_of_stated_noise", "weights"
 HOURS = (17 * 135 + 119) / 3600  # of the plant's timetable
 
 
@@ -101,11 +103,11 @@ def test_what_wanders_is_said():
 
 def of_nodes(told, **more):
     """A search in which each noise has a lone walk (axis, size) or none, and a ln evidence of nothing missing."""
-    nodes = [SimpleNamespace(alone=a, noise={"specific_force": (RandomWalk(size),)}) for a, size, _ in told]
+    nodes = [SimpleNamespace(single_walk=a, noise={"specific_force": (RandomWalk(size),)}) for a, size, _ in told]
     o = SimpleNamespace(residual=np.zeros((4, 3)), sigma=np.array([1.0, 3.0, 9.0]) * to_si(1.0, "ug/sqrt(h)"),
                         view=SimpleNamespace(channels=tuple(("specific_force", a) for a in "xyz")))  # fmt: skip
     return SimpleNamespace(
-        projections=tuple(SimpleNamespace(node=n) for n in nodes), null=np.array([ln for *_, ln in told]), o=o, **more
+        projections=tuple(SimpleNamespace(node=n) for n in nodes), null=np.array([ln for *_, ln in told]), fit=o, **more
     )
 
 
@@ -121,7 +123,7 @@ def test_a_walk_is_as_large_as_its_grid_says_on_the_axis_that_is_likeliest(monke
     d, wander = decide_with_walk(s, SimpleNamespace(ln_total=1.0), needed)
     assert wander.axis == "y"
     assert wander.walk == pytest.approx(2.0 * 3.0)  # between one and four, in the noise of y
-    step = np.log(LONE_WALK[1] / LONE_WALK[0])
+    step = np.log(SINGLE_WALK[1] / SINGLE_WALK[0])
     assert wander.sigma == pytest.approx(6.0 * np.sqrt(np.log(2.0) ** 2 + step**2 / 12), rel=0.01)
     assert wander.ln_odds == pytest.approx(np.log(3.0) - 1.0, abs=0.01)  # of three times nothing, to e times nothing
     assert d.verdict == "not-identifiable"
@@ -144,23 +146,21 @@ def test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone(monkeypatch, l
      (9.0, [9.0 - CLAIM + 0.1], [0]), (9.0, [9.0 - CLAIM - 0.1], [])],  # a twentieth as likely as what was found
 )  # fmt: skip
 def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):
-    walks = [SimpleNamespace(alone="x", k=k) for k in range(len(ln))]
-    monkeypatch.setattr("gimbalcal.diagnose.search.single_axis_random_walk.lone_walks", lambda _: walks)
-    monkeypatch.setattr("gimbalcal.diagnose.search.single_axis_random_walk.weights", lambda *_: np.array(ln))
+    walks = [SimpleNamespace(single_walk="x", k=k) for k in range(len(ln))]
+    monkeypatch.setattr(single_axis_random_walk, SINGLE, lambda _: walks)
+    monkeypatch.setattr(single_axis_random_walk, WEIGHTS, lambda *_: np.array(ln))
     s = SimpleNamespace(
-        ln_total=ln_total, o=SimpleNamespace(view=SimpleNamespace(kind=MULTI_POSITION)), null=np.zeros(1)
+        ln_total=ln_total, fit=SimpleNamespace(view=SimpleNamespace(kind=MULTI_POSITION)), null=np.zeros(1)
     )
     assert [n.k for n in wandering(s)] == kept
 
 
 @pytest.mark.parametrize(("together", "kept"), [(8.5, [0, 1]), (9.5, [])])
 def test_none_walks_alone_where_all_walking_is_likelier(monkeypatch, together, kept):
-    walks = [SimpleNamespace(alone="x", k=0), SimpleNamespace(alone="", k=1)]
-    monkeypatch.setattr("gimbalcal.diagnose.search.single_axis_random_walk.lone_walks", lambda _: walks)
-    monkeypatch.setattr(
-        "gimbalcal.diagnose.search.single_axis_random_walk.weights", lambda *_: np.array([9.0, together])
-    )
-    s = SimpleNamespace(ln_total=8.0, o=SimpleNamespace(view=SimpleNamespace(kind=STATIC_RUN)), null=np.zeros(1))
+    walks = [SimpleNamespace(single_walk="x", k=0), SimpleNamespace(single_walk="", k=1)]
+    monkeypatch.setattr(single_axis_random_walk, SINGLE, lambda _: walks)
+    monkeypatch.setattr(single_axis_random_walk, WEIGHTS, lambda *_: np.array([9.0, together]))
+    s = SimpleNamespace(ln_total=8.0, fit=SimpleNamespace(view=SimpleNamespace(kind=STATIC_RUN)), null=np.zeros(1))
     assert [n.k for n in wandering(s)] == kept
 
 

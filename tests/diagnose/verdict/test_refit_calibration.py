@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, from_dict
-from gimbalcal.diagnose.evidence.noise import settle
 from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.evidence.stated_noise import settle
 from gimbalcal.diagnose.known_noise import calibrated_alone
 from gimbalcal.diagnose.search.combine import combine
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.pooled_sizes import common_constants, parts, pooled
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
 from gimbalcal.recording import Recording, Source
@@ -68,7 +68,7 @@ def test_the_causes_have_the_sizes_that_were_told_and_the_others_go_with_them() 
     assert made.values[at] == pytest.approx(f.x[0] * p.sigma)
     assert made.sigmas[at] == pytest.approx(np.sqrt(f.covariance[0, 0]) * p.sigma)
     # constants and cause from the same rows by one least squares, in the noise that is likeliest
-    node, o = f.projection.node, s.o
+    node, o = f.projection.node, s.fit
     A = np.concatenate([node.whiten(o.reduced(o.Z)), node.whiten(s.library.X[:, list(f.index)])], axis=1)
     C = np.linalg.pinv(A.T @ A, rcond=1e-13, hermitian=True)
     scale = np.array([q.sigma for q in o.parameters])
@@ -112,7 +112,7 @@ def test_recordings_of_one_unit_add_up_and_those_of_two_are_told_apart() -> None
         causes = [c.library.candidates[i] for i in m]
         x, C = pooled(each, [1])
         found = found_of(causes, [common_constants(c, m, each, 0)], x, C)
-        return calibrated([(p.search.o, p.fit.projection.node, p.slots) for p in each], found, "")[0]
+        return calibrated([(p.search.fit, p.fit.projection.node, p.slots) for p in each], found, "")[0]
 
     assert "do not agree on the constants of the unit" in together(one[0], other).outcome
     with_run = together(one[0], run)
@@ -129,7 +129,7 @@ def test_an_effect_that_was_found_twice_with_other_constants_is_fitted_with_one(
     f = fit_causes(s, [0, 1])
     causes = [s.library.candidates[m] for m in f.members]
     one, other = (("tau", 700.0, 10.0),), (("tau", 900.0, 10.0),)
-    made = calibrated([(s.o, f.projection.node, (0, 1))], found_of(causes, [one, other], f.x, f.covariance), "")[0]
+    made = calibrated([(s.fit, f.projection.node, (0, 1))], found_of(causes, [one, other], f.x, f.covariance), "")[0]
     values = dict(zip((p.label for p in made.parameters), made.values, strict=True))
     assert values["warm_up.tau"] == pytest.approx(700.0)
     assert values["warm_up:z"] == pytest.approx(0.8 * values["warm_up:y"], rel=0.05)

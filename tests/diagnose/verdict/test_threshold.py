@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from gimbalcal.diagnose.evidence.noise import coloured, nodes
 from gimbalcal.diagnose.evidence.projection import gather, project, stack
+from gimbalcal.diagnose.evidence.stated_noise import coloured, nodes
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.verdict.threshold import DRAWS, anything, clean_evidence, clean_singles
 from gimbalcal.inference.algebra import logsumexp
@@ -26,14 +26,14 @@ REST = search(
 
 def drawn_one_by_one(s: Search, draws: int, rng: np.random.Generator) -> Array:
     """ln Bayes factors (candidates, draws) of data drawn from the dense covariance of the noises that are likely."""
-    Z, _ = rows_of(s.o)
+    Z, _ = rows_of(s.fit)
     weight = np.exp(s.null - logsumexp(s.null))
     y = np.empty((len(Z), draws))
     picked = rng.choice(len(weight), size=draws, p=weight / weight.sum())
     for k, p in enumerate(s.projections):
         mine = picked == k
         y[:, mine] = np.linalg.cholesky(covariance(p.node, len(Z))) @ rng.standard_normal((len(Z), mine.sum()))
-    rows = stack(Z, s.library.X, y, coloured(s.o))
+    rows = stack(Z, s.library.X, y, coloured(s.fit))
     made = [project(p.node, rows) for p in s.projections]
     null = np.array([np.log(p.node.prior) + p.log_likelihood() for p in made])  # (nodes, draws)
     out = []

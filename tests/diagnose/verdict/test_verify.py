@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.verdict.fitted_causes import fit_causes
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.verify import FOLDS, physical_columns, residual_rows, verify
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.forward import jacobian
@@ -34,7 +34,7 @@ def test_held_out_positions_are_refits_without_each() -> None:
     f = fit_causes(s, (0,))
     X = physical_columns(s, f)
     v = verify(s, f, X)
-    node, o = f.projection.node, s.o
+    node, o = f.projection.node, s.fit
     Z, y = (node.whiten(A) for A in (rows_of(o)[0], rows_of(o)[1][:, None]))
     both = np.concatenate([Z, node.whiten(o.reduced(X))], axis=1)
     fold = np.repeat(o.view.stimulus.position[o.view.noise.starts], 3)
@@ -84,7 +84,7 @@ def test_what_happens_at_one_place_or_moment_is_held_out_within_dwells(name: str
     f = fit_causes(s, (0,))
     X = physical_columns(s, f)
     v = verify(s, f, X)
-    node, o = f.projection.node, s.o
+    node, o = f.projection.node, s.fit
     A = node.whiten(np.concatenate([o.reduced(o.Z), o.reduced(X)], axis=1))
     y = node.whiten(rows_of(o)[1][:, None])[:, 0]
     part = np.repeat(np.tile(np.arange(6), 18), 3)
@@ -111,7 +111,7 @@ def test_a_static_run_is_held_out_in_stretches_of_time() -> None:
 def test_columns_of_a_finding_are_derivatives_of_the_forward_model(label: str) -> None:
     s = searched(PLANTED, label)
     f = fit_causes(s, (candidate(s, label),))
-    c, o = s.library.candidates[0], s.o
+    c, o = s.library.candidates[0], s.fit
     wanted = [p for p in parameters(CATALOGUE[c.effect], o.view.stimulus.axis_names) if p.axis == c.axis]
     J = jacobian(o.view.source.platform, o.view.stimulus, o.effects, wanted, o.view.kind)["specific_force"]
     whole = J * np.array([p.sigma for p in wanted]) / o.sigma[:, None]
@@ -122,8 +122,8 @@ def test_residual_rows_are_what_calibration_cannot_follow() -> None:
     s = searched(PLANTED, LABEL)
     f = fit_causes(s, (0,))
     X = physical_columns(s, f)
-    before, after = residual_rows(s.o, X @ f.x)
-    Z = s.o.Z.reshape(before.size, -1)
+    before, after = residual_rows(s.fit, X @ f.x)
+    Z = s.fit.Z.reshape(before.size, -1)
     scale = np.linalg.norm(Z, axis=0) * np.linalg.norm(before)
     assert np.abs(Z.T @ before.ravel() / scale).max() < 1e-9
     taken = (before - after).ravel() - X.reshape(before.size, -1) @ f.x  # but for what the calibration takes up

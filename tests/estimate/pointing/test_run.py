@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.search.likeliest import ranked
+from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.search.ranking import search
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.recording import Recording
 from gimbalcal.views.pointing import calmer, on_stars, pointing, since_turning, without_jumps
@@ -73,7 +75,8 @@ def tracking() -> Recording:
 def test_patterns_of_a_run_that_tracks_are_no_copies_of_its_misfit() -> None:
     """Beside a drift, which follows the clock, a tilt that follows a noisy hour angle would be that noise."""
     v = pointing(tracking(), ("gimbal_zero", "gimbal_zero_drift"))
-    s = ranked(v, start(v))
+    m = start(v)
+    s = search(m, library(m), noises(m))
     every = s.library.candidates
     slow = [h for h in s.hypotheses if all(every[i].effect in SLOW or every[i].axis == "along" for i in h.members)]
     assert len(slow) > 5

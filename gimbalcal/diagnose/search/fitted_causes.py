@@ -101,10 +101,10 @@ def joint_covariance(s: Search, f: FittedCauses) -> JointCovariance:
     for j, (effect, c) in enumerate(fitted_effects(s, f)):
         fields = [g for g in constants(type(effect)) if kind(g).smooth]
         wanted = [p for p in parameters(type(effect), constants=True) if p.field in {g.name for g in fields}]
-        ranges = [float(np.ptp(limits(g, s.o.view.stimulus))) / 2 for g in fields]
+        ranges = [float(np.ptp(limits(g, s.fit.view.stimulus))) / 2 for g in fields]
         if not wanted or c.variants[f.variants[j]].column is not None:
             continue
-        columns.append(s.o.reduced(s.o.rows.columns(effect, wanted) * ranges))
+        columns.append(s.fit.reduced(s.fit.rows.columns(effect, wanted) * ranges))
         of += [(j, p) for p in wanted]
         half_ranges += ranges
     p, k = len(f.index), len(of)
@@ -122,12 +122,12 @@ def joint_covariance(s: Search, f: FittedCauses) -> JointCovariance:
 
 def fitted_effects(s: Search, f: FittedCauses) -> list[tuple[Effect, Candidate]]:
     """Return each fitted cause as an effect with its size and its constants."""
-    out, at, names = [], 0, s.o.view.stimulus.axis_names
+    out, at, names = [], 0, s.fit.view.stimulus.axis_names
     for m, v in zip(f.members, f.variants, strict=True):
         c = s.library.candidates[m]
         size = f.x[at : at + len(c.parameters)] * [p.sigma for p in c.parameters]
         at += len(c.parameters)
-        none = absent_effect(c.effect, s.o.view.stimulus, c.source, **dict(c.variants[v].constants))
+        none = absent_effect(c.effect, s.fit.view.stimulus, c.source, **dict(c.variants[v].constants))
         out.append((with_values((none,), c.parameters, size, names)[0], c))
     return out
 
@@ -150,7 +150,7 @@ def constant_value(s: Search, f: FittedCauses, j: int) -> tuple[tuple[str, float
 
 def calibration_fit(s: Search, f: FittedCauses) -> tuple[Array, Array, Array]:
     """Calibration constants, in prior sigmas, without and with what was found, and their sigma with it (q,) each."""
-    o, node = s.o, f.projection.node
+    o, node = s.fit, f.projection.node
     Z, X, y = (
         node.whiten(A) for A in (o.reduced(o.Z), s.library.X[:, list(f.index)], o.reduced(o.residual[:, :, None]))
     )

@@ -1,4 +1,4 @@
-"""Noises of rows that nobody states: each row remembers the one before, or sensors wander, together or one alone."""
+"""Noises of rows whose scale is not stated: white, with memory of the row before, or of sensors that wander."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noise import LONE_AT_REST, LONE_WALK, Node
+from gimbalcal.diagnose.evidence.node import SINGLE_WALK, SINGLE_WALK_PRIOR_AT_REST, Node
 from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, WhiteNoise
 from gimbalcal.inference.noise_processes import chain
 from gimbalcal.inference.whitening import whitening, whitenings
@@ -42,16 +42,16 @@ def _wandering(seen: Array, rho: float, share: float) -> Node:
     return Node((("memory", rho), ("share", share)), {}, prior, root.log_determinant, root, 1 - share * rho**2)
 
 
-LONE_SENSORS = tuple(
+SINGLE_WALKS = tuple(
     (axis, walk, *base)
     for axis in "xyz"
-    for walk in LONE_WALK
+    for walk in SINGLE_WALK
     for base in ((0.0, 0.0), *((rho, share) for rho in WANDER for share in WANDER_SHARE))
 )
 """Sensor that walks alone, its sigmas of a row at the end, and beside which memory of all of them, of what share."""
 
 
-def lone_sensors(
+def single_walks(
     seen: Array, weight: Array, time: Array, quantity: str, asked: Sequence[tuple[str, float, float, float]]
 ) -> tuple[Node, ...]:
     r"""Noises in which one of three sensors walks from where it was at first, beside what all of them wander.
@@ -79,7 +79,7 @@ def lone_sensors(
             scaled = root.of_scale(np.sqrt(1 - share))
             base = WANDERS / len(WANDER) / len(WANDER_SHARE) if share else 1 - WANDERS
             name = (("memory", rho), ("share", share), (f"random walk {axis}", size))
-            prior, fresh = LONE_AT_REST / len(LONE_WALK) * base, 1 - share * rho**2
+            prior, fresh = SINGLE_WALK_PRIOR_AT_REST / len(SINGLE_WALK) * base, 1 - share * rho**2
             noise = {quantity: (walks[b],)}
             nodes[b] = Node(name, noise, prior, scaled.log_determinant, scaled, fresh, axis)
     return tuple(nodes[b] for b in range(len(asked)))

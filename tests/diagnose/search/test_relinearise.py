@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.evidence.noise import curved, nominal, settle
-from gimbalcal.diagnose.search.about_settings import about_settings
+from gimbalcal.diagnose.evidence.stated_noise import curved, nominal, settle
+from gimbalcal.diagnose.search.relinearise import about_settings
 from gimbalcal.estimate.grade import graded
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit

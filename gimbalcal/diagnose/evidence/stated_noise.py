@@ -14,14 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
-from operator import iadd
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.node import SINGLE_WALK, SINGLE_WALK_PRIOR, SINGLE_WALK_PRIOR_AT_REST, Node
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import RandomWalk, SettingError, WhiteNoise
-from gimbalcal.inference.noise_processes import Chain, Noise, one_sigma, spectrum
+from gimbalcal.inference.noise_processes import Noise, one_sigma, spectrum
 from gimbalcal.inference.robust import huber
 from gimbalcal.inference.whitening import Whitening, whitenings
 from gimbalcal.number import Array
@@ -33,9 +32,6 @@ SETTING = (0.5, 0.71, 1.0, 1.41, 2.0, 2.83)  # times the stated setting repeatab
 SETTING_PRIOR = (0.05, 0.15, 0.40, 0.22, 0.12, 0.06)
 WALK = (0.0, 1.0, 2.5, 6.0)  # random walk over the whole recording, in sigmas of a dwell mean (or of an hour's mean)
 WALK_PRIOR = (0.85, 0.07, 0.05, 0.03)
-LONE_WALK = tuple(np.geomspace(2.5, 250.0, 11).tolist())  # the same of one accelerometer alone
-LONE = 0.01  # prior probability of each of these: three times that of a drift of this accelerometer
-LONE_AT_REST = 0.003  # the same in a static run and in rests, where slow causes look more like it: that of a drift
 OFTEN = 0.15  # prior of a setting repeatability from which it is tried beside them
 SLOW = 160  # cosine modes; the strongest walk of the grid adds 2 % to white noise there
 LOST = 0.5  # nats of the likelihood of a walk that shows beyond them, to which more of them are taken
@@ -43,51 +39,6 @@ FEW = 30  # rows inside dwells below which the stated noise is better than what 
 UNSEEN = 1e-3  # sigmas of a mean: products of setting errors below are none, as those of arcseconds are
 HEAVY = 0.6  # excess kurtosis above which rows are weighted
 NEIGHBOURS = 15  # rows of a static run in which a level is followed: a quarter of an hour of minute means
-
-
-@dataclass(frozen=True)
-class Node:
-    """One possible noise: its processes, how they whiten reduced rows, their log determinant and prior probability."""
-
-    name: tuple[tuple[str, float], ...]
-    noise: Mapping[str, Noise]  # by quantity, per sigma of a row; that of a gimbal setting in rad
-    prior: float
-    logdet: float
-    inverse_root: Array | Chain | Whitening  # (R,) of a diagonal; from row to row of each channel; of all together
-    fresh: float = 1.0  # share of the variance of a row that the rows before do not hold
-    alone: str = ""  # the accelerometer that wanders, where it is one of them
-
-    def whiten(self, rows: Array) -> Array:
-        """Reduced rows (R, p) to unit covariance; those beyond the coloured ones have it already."""
-        root = self.inverse_root
-        if isinstance(root, Chain):
-            return root.whiten(rows.reshape(len(root.Q), -1)).reshape(rows.shape)
-        if isinstance(root, Whitening):
-            white = root.whiten(rows[: root.rows])
-            return white if root.rows == len(rows) else np.concatenate([white, rows[root.rows :]])
-        return np.concatenate([root[:, None] * rows[: len(root)], rows[len(root) :]])
-
-    def products(self, rows: Array, these: Array | slice = slice(None)) -> Array:
-        """`these` of W (R, p), whitened rows that are never all there where they are many, with all: (these, p)."""
-        root = self.inverse_root
-        if isinstance(root, Whitening) and root.rows == len(rows):
-            return np.asarray(reduce(iadd, (W[:, these].T @ W for W in root.parts(rows))))
-        W = self.whiten(rows)
-        return np.asarray(W[:, these].T @ W)
-
-    def colour(self, white: Array) -> Array:
-        """Independent rows (R, p) of unit variance to coloured ones of a stated noise: what `whiten` undoes."""
-        root = self.inverse_root
-        if isinstance(root, Whitening):
-            return root.colour(white)
-        scale = np.asarray(root)[:, None]
-        return np.concatenate([white[: len(scale)] / scale, white[len(scale) :]])
-
-    @property
-    def coloured(self) -> int:
-        """How many of the reduced rows are other than white: all of a device test, the slowest of a static run."""
-        root = self.inverse_root
-        return root.rows if isinstance(root, Whitening) else len(root)
 
 
 def settle(o: Fit) -> Fit:
@@ -142,7 +93,7 @@ def nodes(o: Fit) -> tuple[Node, ...]:
     ])  # fmt: skip
 
 
-def lone_walks(o: Fit) -> tuple[Node, ...]:
+def single_walks_of_stated_noise(o: Fit) -> tuple[Node, ...]:
     """Noises in which one accelerometer alone wanders, and may wander far: beside the grid, not instead of it.
 
     And those in which all of them do: an accelerometer that is not alone is not to pass for one that is.
@@ -151,15 +102,15 @@ def lone_walks(o: Fit) -> tuple[Node, ...]:
         [axis for quantity, axis in o.view.channels if quantity == "specific_force"],
         o.view.kind.stabilised,
     )
-    share = (LONE_AT_REST if static else LONE) / len(LONE_WALK)
+    share = (SINGLE_WALK_PRIOR_AT_REST if static else SINGLE_WALK_PRIOR) / len(SINGLE_WALK)
     if static:
         return _spectral(o, [
             (w, wa, share * pa, a)
-            for a in (*axes, "") for wa, pa in zip(WALK, WALK_PRIOR, strict=True) for w in LONE_WALK
+            for a in (*axes, "") for wa, pa in zip(WALK, WALK_PRIOR, strict=True) for w in SINGLE_WALK
         ])  # fmt: skip
     return _of_dwells(o, [
         (s, w, share * ps, a)
-        for a in (*axes, "") for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) if ps >= OFTEN for w in LONE_WALK
+        for a in (*axes, "") for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) if ps >= OFTEN for w in SINGLE_WALK
     ])  # fmt: skip
 
 
@@ -199,7 +150,7 @@ def _of_dwells(o: Fit, asked: Sequence[tuple[float, float, float, str]]) -> tupl
         roots |= zip(alike, whitenings(Phi, Q, states[alike[0]][2]), strict=True)
     return tuple(
         Node((("setting error", setting), (f"random walk {alone}".rstrip(), walk)), noises[k], prior,
-             roots[k].log_determinant, roots[k], alone=alone)
+             roots[k].log_determinant, roots[k], single_walk=alone)
         for k, (setting, walk, prior, alone) in enumerate(asked)
     )  # fmt: skip
 
@@ -285,7 +236,7 @@ def _spectral(o: Fit, asked: Sequence[tuple[float, float, float, str]]) -> tuple
             for q, a in o.view.channels
         ], axis=-1)  # fmt: skip
         name = ((f"random walk of forces {alone}".rstrip(), wf), ("random walk of angles", wa))
-        out.append(Node(name, noise, prior, float(np.log(V).sum()), (1 / np.sqrt(V)).ravel(), alone=alone))
+        out.append(Node(name, noise, prior, float(np.log(V).sum()), (1 / np.sqrt(V)).ravel(), single_walk=alone))
     return tuple(out)
 
 

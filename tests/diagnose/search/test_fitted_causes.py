@@ -8,8 +8,8 @@ from scipy.stats import multivariate_normal
 
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.library.assemble import columns_at
+from gimbalcal.diagnose.search.fitted_causes import calibration_fit, constant_value, fit_causes, joint_covariance
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.fitted_causes import calibration_fit, constant_value, fit_causes, joint_covariance
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import limits
@@ -25,7 +25,7 @@ LAGGED = searched(observed(1, known(0)["lagged T"][0], 100.0, dwell=30), "bias_t
 
 def dense(s: Search, index: list[int], k: int) -> tuple[Array, Array, int]:
     """Calibration and columns fitted together in noise k: estimate, covariance, and how many are of the calibration."""
-    Z, y = rows_of(s.o)
+    Z, y = rows_of(s.fit)
     Q = orthonormal(Z)
     x, C = gls(np.concatenate([Q, s.library.X[:, index]], axis=1), y, covariance(s.projections[k].node, len(y)))
     return x, C, Q.shape[1]
@@ -33,7 +33,7 @@ def dense(s: Search, index: list[int], k: int) -> tuple[Array, Array, int]:
 
 def ln_posterior_of_noises(s: Search, index: list[int]) -> Array:
     """ln prior and restricted likelihood of each noise, the columns in the model at their likeliest common size."""
-    Z, y = rows_of(s.o)
+    Z, y = rows_of(s.fit)
     U, sv, _ = np.linalg.svd(Z)
     free = U[:, int((sv > 1e-4).sum()) :]  # contrasts that the calibration has no part in
     X = free.T @ s.library.X[:, index]
@@ -78,13 +78,13 @@ def test_significance_is_what_a_member_takes_away_beside_the_others() -> None:
 def test_drawn_sizes_scatter_as_stated() -> None:
     """NEES of 60 recordings with known sizes, in the noise they were drawn from: a mean of chi^2 over its degrees."""
     rng = np.random.default_rng(8)
-    s = searched(S.o, *PAIR, count=1)
+    s = searched(S.fit, *PAIR, count=1)
     index = [i for c in s.library.candidates for i in c.variants[0].index]
     truth = np.arange(1.0, 1 + len(index)) * 3
     nees, pulls = [], []
     for _ in range(60):
-        noise = clean(s.o, s.projections[0].node, rng)
-        f = fit_causes(again(s, with_data(s.o, rows_of(noise)[1] + s.library.X[:, index] @ truth)), (0, 1))
+        noise = clean(s.fit, s.projections[0].node, rng)
+        f = fit_causes(again(s, with_data(s.fit, rows_of(noise)[1] + s.library.X[:, index] @ truth)), (0, 1))
         nees.append((f.x - truth) @ np.linalg.solve(f.covariance, f.x - truth))
         pulls.append((f.x - truth) / np.sqrt(np.diag(f.covariance)))
     p = len(index)
@@ -102,7 +102,7 @@ def test_nothing_found_is_the_calibration_alone() -> None:
 def test_constants_of_the_calibration_move_as_a_joint_fit_moves_them() -> None:
     f = fit_causes(S, (0,))
     before, after, sigma = calibration_fit(S, f)
-    Z, y = rows_of(S.o)
+    Z, y = rows_of(S.fit)
     V = covariance(f.projection.node, len(y))
     root = np.linalg.inv(np.linalg.cholesky(V))
     alone = np.linalg.lstsq(root @ Z, root @ y, rcond=1e-9)[0]
@@ -120,7 +120,7 @@ def test_constants_of_the_calibration_move_as_a_joint_fit_moves_them() -> None:
 def test_a_lag_has_the_mean_and_spread_of_its_variants() -> None:
     f = fit_causes(LAGGED, (0,))
     c = LAGGED.library.candidates[candidate(LAGGED, "bias_temperature_lagged:x")]
-    Z, y = rows_of(LAGGED.o)
+    Z, y = rows_of(LAGGED.fit)
     root = np.linalg.inv(np.linalg.cholesky(covariance(f.projection.node, len(y))))
     chi2 = []
     for v in c.variants:
@@ -138,7 +138,7 @@ def test_a_lag_has_the_mean_and_spread_of_its_variants() -> None:
 def test_sizes_and_lag_have_one_covariance() -> None:
     """A least-squares fit of calibration, size and lag, its column by differences, in the likeliest noise."""
     f = fit_causes(LAGGED, (0,))
-    c, o, node = LAGGED.library.candidates[0], LAGGED.o, f.projection.node
+    c, o, node = LAGGED.library.candidates[0], LAGGED.fit, f.projection.node
     joint = joint_covariance(LAGGED, f)
     ((_, p),) = joint.constants
     tau = dict(c.variants[f.variants[0]].constants)["tau"]

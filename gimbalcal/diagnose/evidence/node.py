@@ -1,0 +1,63 @@
+"""One possible noise of the reduced rows of a view, over a grid of which the diagnosis integrates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import reduce
+from operator import iadd
+
+import numpy as np
+
+from gimbalcal.inference.noise_processes import Chain, Noise
+from gimbalcal.inference.whitening import Whitening
+from gimbalcal.number import Array
+
+SINGLE_WALK = tuple(np.geomspace(2.5, 250.0, 11).tolist())  # sigmas of a dwell mean, of one sensor over the recording
+SINGLE_WALK_PRIOR = 0.01  # prior probability of each of these: three times that of a drift of this accelerometer
+SINGLE_WALK_PRIOR_AT_REST = 0.003  # that of a drift: in a static run and at rest slow causes resemble it
+
+
+@dataclass(frozen=True)
+class Node:
+    """One possible noise: its processes, how they whiten reduced rows, their log determinant and prior probability."""
+
+    name: tuple[tuple[str, float], ...]
+    noise: Mapping[str, Noise]  # by quantity, per sigma of a row; that of a gimbal setting in rad
+    prior: float
+    logdet: float
+    inverse_root: Array | Chain | Whitening  # (R,) of a diagonal; from row to row of each channel; of all together
+    fresh: float = 1.0  # share of the variance of a row that the rows before do not hold
+    single_walk: str = ""  # axis of the sensor that walks alone, where one does
+
+    def whiten(self, rows: Array) -> Array:
+        """Reduced rows (R, p) to unit covariance; those beyond the coloured ones have it already."""
+        root = self.inverse_root
+        if isinstance(root, Chain):
+            return root.whiten(rows.reshape(len(root.Q), -1)).reshape(rows.shape)
+        if isinstance(root, Whitening):
+            white = root.whiten(rows[: root.rows])
+            return white if root.rows == len(rows) else np.concatenate([white, rows[root.rows :]])
+        return np.concatenate([root[:, None] * rows[: len(root)], rows[len(root) :]])
+
+    def products(self, rows: Array, these: Array | slice = slice(None)) -> Array:
+        """`these` of W (R, p), whitened rows that are never all there where they are many, with all: (these, p)."""
+        root = self.inverse_root
+        if isinstance(root, Whitening) and root.rows == len(rows):
+            return np.asarray(reduce(iadd, (W[:, these].T @ W for W in root.parts(rows))))
+        W = self.whiten(rows)
+        return np.asarray(W[:, these].T @ W)
+
+    def colour(self, white: Array) -> Array:
+        """Independent rows (R, p) of unit variance to coloured ones of a stated noise: what `whiten` undoes."""
+        root = self.inverse_root
+        if isinstance(root, Whitening):
+            return root.colour(white)
+        scale = np.asarray(root)[:, None]
+        return np.concatenate([white[: len(scale)] / scale, white[len(scale) :]])
+
+    @property
+    def coloured(self) -> int:
+        """How many of the reduced rows are other than white: all of a device test, the slowest of a static run."""
+        root = self.inverse_root
+        return root.rows if isinstance(root, Whitening) else len(root)

@@ -1,0 +1,26 @@
+"""The noises over which the diagnosis of a view integrates: about what is stated, or of any scale."""
+
+from __future__ import annotations
+
+from gimbalcal.diagnose.evidence.correlated_noise import memories, single_walks
+from gimbalcal.diagnose.evidence.node import Node
+from gimbalcal.diagnose.evidence.stated_noise import nodes
+from gimbalcal.views.core import Fit, View
+
+
+def noises(fit: Fit, memory: bool = True) -> tuple[Node, ...]:
+    """Return the possible noises of a fit's rows with their prior probabilities; without `memory` white noise alone."""
+    if fit.view.noise.stated:
+        return nodes(fit)
+    every = _of_any_scale(fit.view)
+    return every if memory else every[:1]
+
+
+def _of_any_scale(v: View) -> tuple[Node, ...]:
+    """Return the noises of a view that states none: the same for every model of it."""
+    if "noises" not in v.cache:
+        own = memories(len(v), len(v.channels), v.noise.wander)
+        if v.noise.single_walks and v.noise.wander is not None:
+            own += single_walks(v.noise.wander, v.weight, v.stimulus.time, v.channels[0][0], v.noise.single_walks)
+        v.cache["noises"] = own
+    return v.cache["noises"]

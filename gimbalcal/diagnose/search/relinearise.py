@@ -1,0 +1,104 @@
+r"""Linearise a model again, where the first linearisation is too far from the unit's constants or angles.
+
+A setting that is off by :math:`\delta` takes half its square of the force along itself: a degree takes 150 ug, in which
+a change of :math:`|f|` hides. But what it turns across the force the accelerometers show. With the calibration
+constants x, Z their columns, and H what the angles of each visit do, white rows y give all of them together,
+
+.. math:: \min |y - Z x - H \delta|^2 + |\delta|^2 / \sigma_\theta^2 ,
+
+and the model is taken at the angles :math:`\theta + \delta`, with :math:`H \delta` back in the residuals: there the
+first order is noise as before, and of the second what the uncertainty of :math:`\delta` leaves.
+
+A cause of many sigmas moves the constants of a model without it far away, where the derivatives are not those of the
+unit: the residual would then resemble further causes. The rows are linearised again about the cause.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.diagnose.evidence.stated_noise import curved, settle
+from gimbalcal.diagnose.search.fitted_causes import calibration_fit, fit_causes, fitted_effects
+from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.search.stepwise import SearchResult, stepwise
+from gimbalcal.effects import Stage, values, with_values
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
+from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.views.known_attitude import given_back, linearised, linearised_at, read_gimbals
+
+MIN_CHI2_RATIO = 4.0  # of a model without causes to one with them, from which products of errors matter
+ROUNDS = 3  # the last one about angles and constants that are known to a few arcseconds
+
+
+def about_settings(o: Fit) -> Fit:
+    """Return the rows about the angles of each visit; unchanged where a setting is too small to curve anything."""
+    if o.view.kind.stabilised or not read_gimbals(o.view) or not curved(o):
+        return o
+    visit = np.unique(o.view.stimulus.visit, return_inverse=True)[1]
+    for _ in range(ROUNDS):
+        x, delta, left = _settings(o, visit)
+        o = _at(o, x, delta[visit], left)
+    return o
+
+
+def _settings(o: Fit, visit: Array) -> tuple[Array, Array, float]:
+    """Return corrections of the constants (q,) in prior sigmas and of the readouts (v, k) [rad] of each visit.
+
+    The third value is the share of the variance by settings that remains in the rows.
+    """
+    sigma, k, C, blocks = o.view.noise.setting, read_gimbals(o.view), o.residual.shape[1], len(o.view.noise.starts)
+    v = int(visit.max()) + 1
+    mine = visit[o.view.noise.starts][:, None] == np.arange(v)
+    H = o.reduced(o.rows.sensitivity[Stage.ENCODER][:, :, k] * sigma).reshape(blocks, C, 1, len(k))
+    E = (H * mine[:, None, :, None]).reshape(blocks * C, -1)
+    A = np.concatenate([o.reduced(o.Z), E], axis=1)
+    q = o.Z.shape[-1]
+    P = np.linalg.inv(A.T @ A + np.eye(A.shape[1]))
+    x = P @ (A.T @ o.reduced(o.residual[:, :, None])[:, 0])
+    seen = E.T @ E  # a turn about the force is not observable, and does nothing
+    return x[:q], x[q:].reshape(v, -1) * sigma, float((P[q:, q:] * seen).sum() / np.trace(seen))
+
+
+def _at(o: Fit, x: Array, delta: Array, left: float) -> Fit:
+    """Return rows about corrected constants and readouts (delta (n, k) [rad]), its first order back in the residual."""
+    names, scale = o.view.stimulus.axis_names, np.array([p.sigma for p in o.parameters])
+    effects = with_values(o.effects, o.parameters, values(o.effects, o.parameters) + x * scale, names)
+    shift = np.zeros_like(o.view.stimulus.readout)
+    shift[:, read_gimbals(o.view)] = delta
+    assert o.view.displaced is not None
+    there = replace(o.view.displaced(effects, shift), noise=replace(o.view.noise, setting_left=left))
+    return linearised(there, effects, o.parameters)
+
+
+def about_causes(s: Search) -> Fit:
+    """Return the rows linearised about the best known cause and the constants that go with it."""
+    f = fit_causes(s, next((h.members for h in s.hypotheses if not h.unknown(s.library.candidates)), ()))
+    _, shift, _ = calibration_fit(s, f)
+    names = s.fit.view.stimulus.axis_names
+    found = []
+    for effect, c in fitted_effects(s, f):
+        (none,) = with_values((effect,), c.parameters, np.zeros(len(c.parameters)), names)
+        found.append((none, c.parameters, values((effect,), c.parameters)))
+    return given_back(settle(linearised_at(s.fit, shift, found)), found)  # the scatter shows when they are gone
+
+
+def about_first_cause(c: SearchResult, tell: Tell) -> SearchResult:
+    """Return the search done anew where rows that are linear about a converged point have moved far from it."""
+    v = c.start.view
+    before, after = (float(np.sum(v.noise.weighted(fit.residual) ** 2)) for fit in (c.start, c.end))
+    if v.relinearise is None or not c.steps or before <= MIN_CHI2_RATIO * after:
+        return c
+    cause, variant = c.causes[0]
+    tell(f"again, about the constants that belong to {cause.in_words}")
+    try:
+        v = v.relinearise(
+            absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants)), cause.parameters
+        )
+    except InputError as problem:
+        tell(str(problem))
+        return c
+    return stepwise(v, tell)
