@@ -58,6 +58,49 @@ class StageResult:
     rms: float
     in_words: str = ""
 
+    def value_of(self, label: str) -> float:
+        """Return the estimate of a parameter of this stage, SI."""
+        return float(self.values[self.labels.index(label)])
+
+    def sigma_of(self, label: str) -> float:
+        """Return one sigma of a parameter, SI; nan for a parameter that this stage does not estimate."""
+        return float(self.sigmas[self.labels.index(label)]) if label in self.labels else float("nan")
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """A parameter with its value, one sigma and the sigma of its prior, in its unit of print."""
+
+    parameter: Parameter
+    value: float
+    sigma: float
+
+    @property
+    def prior_sigma(self) -> float:
+        """One sigma of the prior, in the unit of print."""
+        return float(from_si(self.parameter.sigma, self.parameter.unit))
+
+    @property
+    def in_words(self) -> str:
+        """The effect of a scale factor error on the reading, in words; empty for any other parameter.
+
+        >>> scale = next(p for p in parameters(CATALOGUE["gyro_scale_factor"]))
+        >>> ParameterEstimate(scale, -4000.0, 10.0).in_words
+        'reads 0.402 % too much'
+        """
+        x = float(to_si(self.value, self.parameter.unit))
+        if self.parameter.effect not in ("scale_factor", "gyro_scale_factor") or x <= -1:
+            return ""
+        percent = 100 * (1 / (1 + x) - 1)
+        return f"reads {abs(percent):.3g} % too {'much' if percent > 0 else 'little'}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a row of the parameters of calibration.json."""
+        p = self.parameter
+        row = {"name": p.name, "axis": p.axis, "value": self.value, "sigma": self.sigma, "unit": p.unit,
+               "prior_sigma": self.prior_sigma, "effect": p.effect}  # fmt: skip
+        return row | ({"in_words": self.in_words} if self.in_words else {})
+
 
 @dataclass(frozen=True, repr=False)
 class Calibration:
@@ -85,24 +128,35 @@ class Calibration:
         """One standard deviation (p,) in SI."""
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def estimates(self) -> tuple[ParameterEstimate, ...]:
+        """Parameters with values and sigmas in their units of print, in the order of `parameters`."""
+        return tuple(
+            ParameterEstimate(p, float(from_si(v, p.unit)), float(from_si(s, p.unit)))
+            for p, v, s in zip(self.parameters, self.values, self.sigmas, strict=True)
+        )
+
+    @property
+    def null_directions(self) -> tuple[Mapping[str, Any], ...]:
+        """Entries of `unobservable` among the estimated parameters; the others concern parameters that were fixed."""
+        labels = {p.label for p in self.parameters}
+        return tuple(u for u in self.unobservable if labels.issuperset(u["direction"]))
+
     def __str__(self) -> str:
         """Return the text of the console; without a printer parameters, unobservable directions and outcome."""
         if self.printer is not None:
             return self.printer(self)
-        rows = self.to_dict()["parameters"]
-        names = [f"{r['name']} {r['axis']}".strip() for r in rows]
+        names = [f"{p.name} {p.axis}".strip() for p in self.parameters]
         wide = max(map(len, names), default=0)
-        table = [
-            f"{n:{wide}s} {_rounded(r['value'], r['sigma'])} {r['unit']}" for n, r in zip(names, rows, strict=True)
-        ]
+        table = [f"{n:{wide}s} {_rounded(e.value, e.sigma)} {e.parameter.unit}"
+                 for n, e in zip(names, self.estimates, strict=True)]  # fmt: skip
         labels = {p.label for p in self.parameters}
-        unseen = [u["direction"] for u in self.unobservable if labels.issuperset(u["direction"])]
         held: dict[str, list[str]] = {}
         for label in (label for u in self.unobservable for label in u["direction"] if label not in labels):
             held.setdefault(label.partition(":")[0], []).append(label.partition(":")[2])
         some = {p.label.partition(":")[0] for p in self.parameters}
         named = [f"{name} {', '.join(axes)}" if name in some else name for name, axes in held.items()]
-        remarks = [f"not determined separately: {', '.join(d)}" for d in unseen]
+        remarks = [f"not determined separately: {', '.join(d)}" for d in (u["direction"] for u in self.null_directions)]
         remarks += [f"not estimated: {'; '.join(named)}"] if held else []
         return "\n".join([f"{self.method} calibration", *table, *remarks, *filter(None, [self.outcome])])
 
@@ -120,7 +174,7 @@ class Calibration:
         """Return a matplotlib figure of each parameter with two sigmas, in its unit."""
         from gimbalcal.calibration.plot import plot_parameters
 
-        return plot_parameters(self.to_dict()["parameters"])
+        return plot_parameters(self.estimates)
 
     @overload
     def apply(self, recording: Recording) -> Recording: ...
@@ -147,18 +201,8 @@ class Calibration:
         """Return the content of calibration.json: values in printed units, covariance in SI."""
         covariates = {e.id: getattr(e, "covariate", "") for e in self.effects}
         rows = [
-            {
-                "name": p.name,
-                "axis": p.axis,
-                "value": float(from_si(v, p.unit)),
-                "sigma": float(from_si(s, p.unit)),
-                "unit": p.unit,
-                "prior_sigma": float(from_si(p.sigma, p.unit)),
-                "effect": p.effect,
-                **({"in_words": words} if (words := reads(p, float(v))) else {}),
-                **({"covariate": covariates[p.effect]} if covariates.get(p.effect) else {}),
-            }
-            for p, v, s in zip(self.parameters, self.values, self.sigmas, strict=True)
+            e.to_dict() | ({"covariate": name} if (name := covariates.get(e.parameter.effect)) else {})
+            for e in self.estimates
         ]
         residual: dict[str, Any] = {
             "chi2": self.residual.chi2, "dof": self.residual.dof, "rms": dict(self.residual.rms),
@@ -198,18 +242,6 @@ def _rounded(value: float, sigma: float) -> str:
     digits = 1 - math.floor(math.log10(sigma)) if 0 < sigma < math.inf else 6
     shown = [f"{round(x, digits):.{max(digits, 0)}f}" for x in (value, sigma)]
     return f"{shown[0]:>14s} +- {shown[1]:<10s}"
-
-
-def reads(p: Parameter, value: float) -> str:
-    """Return the effect of a scale factor error on the reading, in words; empty for any other parameter.
-
-    >>> reads(next(p for p in parameters(CATALOGUE["gyro_scale_factor"])), -4000e-6)
-    'reads 0.402 % too much'
-    """
-    if p.effect not in ("scale_factor", "gyro_scale_factor") or value <= -1:
-        return ""
-    percent = 100 * (1 / (1 + value) - 1)
-    return f"reads {abs(percent):.3g} % too {'much' if percent > 0 else 'little'}"
 
 
 def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibration:

@@ -13,6 +13,7 @@ import gimbalcal
 from gimbalcal.cli.options import example, output_options, progress, show
 
 if TYPE_CHECKING:
+    from gimbalcal.calibration import Calibration
     from gimbalcal.diagnose import Diagnosis
 
 Tell = Callable[[str], None]
@@ -38,7 +39,7 @@ def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
         xsens = _calibrate([data / "xsens_positions"], "multiposition", new / "xsens", tell)
         tell("diagnosis: 18 positions in which an effect is concealed")
         diagnosis = _diagnose(data / "space_stable_concealed", new / "diagnosis", tell)
-    summary = {"space_stable": platform, "xsens": xsens, "diagnosis": diagnosis.to_dict()}
+    summary = {"space_stable": platform.to_dict(), "xsens": xsens.to_dict(), "diagnosis": diagnosis.to_dict()}
     sentence = "\n".join([
         f"space-stable platform: {calibration_in_words(platform)}",
         f"Xsens unit, real: {calibration_in_words(xsens)}",
@@ -48,13 +49,13 @@ def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
     return summary, sentence
 
 
-def _calibrate(folders: list[Path], method: str, out: Path, tell: Tell) -> dict[str, Any]:
+def _calibrate(folders: list[Path], method: str, out: Path, tell: Tell) -> Calibration:
     from gimbalcal.methods import calibrate
     from gimbalcal.report.files import write_calibration
 
     calibration, recordings = calibrate(folders, method, (), tell)
     write_calibration(calibration, recordings, out, _truth(folders))
-    return calibration.to_dict()
+    return calibration
 
 
 def _truth(folders: list[Path]) -> dict[str, float] | None:

@@ -1,4 +1,4 @@
-"""The page of a calibration, built from the content of calibration.json and the recordings behind it."""
+"""The page of a calibration, built from its result and the recordings behind it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE
+from gimbalcal.calibration import Calibration
+from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import amount
 from gimbalcal.recording import SENSORS, Recording
@@ -25,79 +26,70 @@ MIN_CORRELATION = 0.3  # of a pair in the table
 
 
 def calibration_report(
-    content: Mapping[str, Any], recordings: Sequence[Recording] = (), truth: Mapping[str, float] | None = None
+    c: Calibration, recordings: Sequence[Recording] = (), truth: Mapping[str, float] | None = None
 ) -> str:
-    """Return the page for the content of a calibration.json and the recordings behind it.
+    """Return the page of a calibration and the recordings behind it.
 
     truth: SI values by label, of a simulated recording; it adds each parameter's error in sigmas.
     """
-    leading, others = sections.pictures(content, recordings)
+    leading, others = sections.pictures(c, recordings)
+    null_directions = c.null_directions
     context = {
         "title": "; ".join(r.title for r in recordings) or "no recording available",
-        "date": str(content["provenance"].get("created", ""))[:16].replace("T", " "),
-        "answer": calibration_sentences.calibration_in_words(content),
-        "verdict": calibration_sentences.calibration_verdict(content),
-        "facts": _facts(content, recordings),
-        "rows": rows(content, truth),
+        "date": str(c.provenance.get("created", ""))[:16].replace("T", " "),
+        "answer": calibration_sentences.calibration_in_words(c),
+        "verdict": calibration_sentences.calibration_verdict(c),
+        "facts": _facts(c, recordings),
+        "rows": rows(c, truth),
         "with_truth": truth is not None,
-        "nominal": nominal_in_words(content),
-        **_unobservable(content),
-        "tpoint": sections.named_terms(content),
-        **sections.night_by_night(content),
-        "checks": sections.navigation_checks(content),
+        "nominal": nominal_in_words(c.readout),
+        "unobservable": naming.directions(null_directions),
+        "held": naming.directions(u for u in c.unobservable if u not in null_directions),
+        "lost": c.provenance.get("lost", ""),
+        "tpoint": sections.named_terms(c),
+        **sections.night_by_night(c),
+        "checks": sections.navigation_checks(c),
         "leading": leading,
         "pictures": others,
         "recordings": [_measured(r) for r in recordings],
-        **stages(content, truth),
-        **_correlations(content),
-        **_model(content),
-        **_provenance(content, recordings),
+        **stages(c, truth),
+        **_correlations(c),
+        **_model(c.parameters),
+        **_provenance(c, recordings),
     }
     return render("calibration.html", context)
 
 
-def _facts(content: Mapping[str, Any], recordings: Sequence[Recording]) -> list[tuple[str, str]]:
+def _facts(c: Calibration, recordings: Sequence[Recording]) -> list[tuple[str, str]]:
     """Return the numbers of the first screen."""
-    total, unobservable = len(content["parameters"]), len(naming.unobservable_of(content))
-    residual = content["residual"]
-    ratio, p, _ = calibration_sentences.goodness_of_fit(residual["chi2"], residual["dof"])
-    facts = [(f"{total - unobservable} of {total}", "combinations of parameters determined")]
-    force = [rms for channel, rms in residual["rms"].items() if channel.startswith("specific_force")]
-    if force and calibration_sentences.scaled_to_residual(content):
+    total, residual = len(c.parameters), c.residual
+    ratio, p, _ = calibration_sentences.goodness_of_fit(residual.chi2, residual.dof)
+    facts = [(f"{total - len(c.null_directions)} of {total}", "combinations of parameters determined")]
+    force = [rms for channel, rms in residual.rms.items() if channel.startswith("specific_force")]
+    if force and calibration_sentences.scaled_to_residual(c):
         rms = float(from_si(np.sqrt(np.mean(np.square(force))), "ug"))
         facts.append((f"{significant(rms, 3)} µg", "rms residual of the specific force"))
-    star = [rms for channel, rms in residual["rms"].items() if channel.startswith("pointing")]
+    star = [rms for channel, rms in residual.rms.items() if channel.startswith("pointing")]
     if star:
         sky = float(from_si(np.sqrt(np.sum(np.square(star))), "arcsec"))
         facts.append((f"{significant(sky, 3)} arcsec", "rms residual of a star on the sky"))
-    if residual["dof"] > 0 and not calibration_sentences.scaled_to_residual(content):
-        freedom = (
-            f"χ² {residual['chi2']:.{0 if residual['chi2'] > 100 else 1}f} with {residual['dof']} degrees of freedom"
-        )
+    if residual.dof > 0 and not calibration_sentences.scaled_to_residual(c):
+        freedom = f"χ² {residual.chi2:.{0 if residual.chi2 > 100 else 1}f} with {residual.dof} degrees of freedom"
         facts.append((f"{ratio:.2f} × noise", f"residual; p-value {p_value(p)} ({freedom})"))
-    facts += sections.navigation_facts(content)
+    facts += sections.navigation_facts(c)
     rows = sum(int(r.weight.sum()) for r in recordings)
     if rows:
         facts.append((f"{rows:,}".replace(",", " "), "samples used"))
     return facts
 
 
-def _unobservable(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the unobservable directions, the parameters held instead of estimated, and what missing data cost."""
-    unobservable = naming.unobservable_of(content)
-    held = [u for u in content["unobservable"] if u not in unobservable]
-    return {"unobservable": naming.directions(unobservable), "held": naming.directions(held),
-            "lost": content["provenance"].get("lost", "")}  # fmt: skip
-
-
-def _correlations(content: Mapping[str, Any]) -> dict[str, Any]:
+def _correlations(c: Calibration) -> dict[str, Any]:
     """Return a picture of the correlation matrix and its strongest pairs."""
-    if len(content["parameters"]) < 2:
+    if len(c.parameters) < 2:
         return {"correlation": None, "strongest": []}
-    labels = [naming.label_in_words(naming.label_of(p)) for p in content["parameters"]]
-    P = np.array(content["covariance"], dtype=float)
-    sigma = np.sqrt(np.diag(P))
-    R = P / np.where(sigma > 0, sigma, 1.0) / np.where(sigma > 0, sigma, 1.0)[:, None]
+    labels = [naming.label_in_words(p.label) for p in c.parameters]
+    sigma = c.sigmas
+    R = c.covariance / np.where(sigma > 0, sigma, 1.0) / np.where(sigma > 0, sigma, 1.0)[:, None]
     upper = [(i, j) for i in range(len(labels)) for j in range(i + 1, len(labels)) if abs(R[i, j]) >= MIN_CORRELATION]
     ranked = sorted(upper, key=lambda ij: -abs(R[ij]))[:12]
     strongest = [{"words": f"{labels[i]} with {labels[j]}", "value": minus(f"{R[i, j]:+.2f}")} for i, j in ranked]
@@ -107,17 +99,17 @@ def _correlations(content: Mapping[str, Any]) -> dict[str, Any]:
     return {"correlation": drawn, "strongest": strongest}
 
 
-def _model(content: Mapping[str, Any]) -> dict[str, Any]:
+def _model(parameters: Sequence[Parameter]) -> dict[str, Any]:
     """Return the effects whose parameters were estimated, from their own cards, and the literature they cite."""
-    ids = list(dict.fromkeys(p["effect"] for p in content["parameters"]))
+    ids = list(dict.fromkeys(p.effect for p in parameters))
     keys = list(dict.fromkeys(key for i in ids for key in CATALOGUE[i].sources))
     numbers = {key: n for n, key in enumerate(keys, 1)}
     effects = []
     for i in ids:
-        axes = [p["axis"].replace("_", " ") for p in content["parameters"] if p["effect"] == i]
+        axes = [naming.spaced(p.axis) for p in parameters if p.effect == i]
         effects.append(
             {
-                "words": i.replace("_", " "),
+                "words": naming.spaced(i),
                 "sentence": (CATALOGUE[i].__doc__ or "").strip().split("\n\n")[0].replace("\n", " "),
                 "equation": formula(law) or law if (law := _law(i)) else "",
                 "parameters": ", ".join(filter(None, axes)) or "one",
@@ -186,11 +178,11 @@ def _noise_in_words(noise: Mapping[str, Any]) -> str:
     return "; ".join(parts) or naming.as_text(noise)
 
 
-def _provenance(content: Mapping[str, Any], recordings: Sequence[Recording]) -> dict[str, Any]:
+def _provenance(c: Calibration, recordings: Sequence[Recording]) -> dict[str, Any]:
     """Return pairs of term and text; the page folds long ones."""
-    given = {k: v for k, v in content["provenance"].items() if k not in ("recordings", "effects", "lost")}
-    sources = naming.files(content["provenance"], [file for r in recordings for file in r.files])
-    pairs = [("method", content["method"])]
+    given = {k: v for k, v in c.provenance.items() if k not in ("recordings", "effects", "lost")}
+    sources = naming.files(c.provenance, [file for r in recordings for file in r.files])
+    pairs = [("method", c.method)]
     if noise := _noise_in_words(given.pop("noise", {})):
         pairs.append(("noise", noise))
     pairs += [

@@ -16,22 +16,23 @@ if TYPE_CHECKING:
     from gimbalcal.diagnose import Diagnosis  # which loads the whole diagnosis
     from gimbalcal.diagnose.result import Finding
 
+NOT_DETERMINED = "* not determined one by one; the report gives the combinations"
 
-def parameters_table(content: Mapping[str, Any]) -> str:
-    """Return the parameters of a calibration.json as on the page, and which the data do not determine one by one."""
-    table = rows(content, None)
-    unseen, held = any(r["unobservable"] for r in table), _held(content)
+
+def parameters_table(c: Calibration) -> str:
+    """Return the parameters of a calibration as on the page, and which the data do not determine one by one."""
+    table = rows(c, None)
+    fixed = _fixed(c)
     return "\n".join([
         *_aligned([(r["words"], r["value"], r["sigma"], r["unit"], "*" if r["unobservable"] else "") for r in table]),
-        *(["* not determined one by one; the report gives the combinations"] if unseen else []),
-        *([f"not estimated: {'; '.join(held)}"] if held else []),
+        *([NOT_DETERMINED] if any(r["unobservable"] for r in table) else []),
+        *([f"not estimated: {'; '.join(fixed)}"] if fixed else []),
     ])  # fmt: skip
 
 
-def calibration_in_words(made: Calibration) -> str:
+def calibration_in_words(c: Calibration) -> str:
     """Return the table of a calibration and its sentences, the last output of `gimbalcal calibrate`."""
-    content = made.to_dict()
-    return f"{parameters_table(content)}\n\n{answer(content)}"
+    return f"{parameters_table(c)}\n\n{answer(c)}"
 
 
 def diagnosis_in_words(d: Diagnosis) -> str:
@@ -45,14 +46,14 @@ def headline_and_numbers(d: Diagnosis) -> str:
     return f"{headline(d)}\nIn numbers: {naming.typeset(d.in_words)}"
 
 
-def _held(content: Mapping[str, Any]) -> list[str]:
-    """Return what was held instead of estimated, with its axes where others of the effect were estimated."""
-    labels = {naming.label_of(p) for p in content["parameters"]}
+def _fixed(c: Calibration) -> list[str]:
+    """Return what was fixed instead of estimated, with its axes where others of the effect were estimated."""
+    labels = {p.label for p in c.parameters}
     estimated = {label.partition(":")[0] for label in labels}
     axes: dict[str, dict[str, None]] = {}
-    for label in (label for u in content["unobservable"] for label in u["direction"] if label not in labels):
+    for label in (label for u in c.unobservable for label in u["direction"] if label not in labels):
         name, _, axis = label.partition(":")
-        axes.setdefault(name, {})[axis.replace("_", " ")] = None
+        axes.setdefault(name, {})[naming.spaced(axis)] = None
     return [naming.named(n, ", ".join(of) if n in estimated else "") for n, of in axes.items()]
 
 
@@ -81,7 +82,7 @@ def bounds_table(content: Mapping[str, Any]) -> str:
          "*" if naming.label_of(p) in lost else f"usual {significant(p['prior_sigma'], 2)}")
         for p in content["parameters"]
     ]  # fmt: skip
-    rest = ["* not determined one by one; the report gives the combinations"] if lost else []
+    rest = [NOT_DETERMINED] if lost else []
     return "\n".join([*_aligned(table), *rest])
 
 

@@ -25,8 +25,8 @@ def write_calibration(
     """
     from gimbalcal.report.calibration_page import calibration_report
 
-    content = calibration.to_dict()
-    write_report("calibration.json", content, calibration_report(content, recordings, truth), out, question)
+    page = calibration_report(calibration, recordings, truth)
+    write_report("calibration.json", calibration.to_dict(), page, out, question)
 
 
 def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: str = "") -> None:

@@ -7,18 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Counts
-from gimbalcal.calibration.readout import from_content
-from gimbalcal.effects import CATALOGUE
+from gimbalcal.calibration import Calibration, Counts, ParameterEstimate, Readout, StageResult
+from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.report.figures import by_stage
 from gimbalcal.report.html import Picture, picture
 from gimbalcal.units import from_si, to_si
 from gimbalcal.words import naming
-from gimbalcal.words.naming import label_of
 from gimbalcal.words.rounding import distinct_from_zero, last_place, minus, pdg, significant
-
-Row = Mapping[str, Any]
 
 
 def plus_minus(value: float, sigma: float) -> str:
@@ -36,36 +32,36 @@ def estimate(name: str, axis: str | None, value: float, sigma: float, unit: str)
 # --- of a calibration -------------------------------------------------------------------------------------------------
 
 
-def rows(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> list[dict[str, Any]]:
+def rows(c: Calibration, truth: Mapping[str, float] | None) -> list[dict[str, Any]]:
     """Return the rows; `first` opens a group, `below` the parameters that the data do not determine one by one."""
-    in_unobservable = naming.unobservable_leading(naming.unobservable_of(content))
-    determined = [p for p in content["parameters"] if label_of(p) not in in_unobservable]
-    rest = [p for p in content["parameters"] if label_of(p) in in_unobservable]
-    nominal = from_content(content).accelerometers
+    in_null_direction = naming.unobservable_leading(c.null_directions)
+    determined = [e for e in c.estimates if e.parameter.label not in in_null_direction]
+    others = [e for e in c.estimates if e.parameter.label in in_null_direction]
+    nominal = c.readout.accelerometers
     out: list[dict[str, Any]] = []
-    for part in (determined, rest):
-        for i, p in enumerate(part):
-            new = not i or p["name"] != part[i - 1]["name"]
-            out.append(
-                {**_row(p, nominal, truth), "first": new, "unobservable": part is rest, "below": part is rest and not i}
-            )
+    for part in (determined, others):
+        for i, e in enumerate(part):
+            new = not i or e.parameter.name != part[i - 1].parameter.name
+            out.append({**_row(e, nominal, truth), "first": new, "unobservable": part is others,
+                        "below": part is others and not i})  # fmt: skip
     return out
 
 
-def _row(p: Row, nominal: Counts | None, truth: Mapping[str, float] | None) -> dict[str, Any]:
-    value, sigma, unit = as_printed(p, p["value"], p["sigma"], nominal)
-    moved = p["value"] / p["prior_sigma"] if p["prior_sigma"] else 0.0
+def _row(e: ParameterEstimate, nominal: Counts | None, truth: Mapping[str, float] | None) -> dict[str, Any]:
+    p = e.parameter
+    value, sigma, unit = as_printed(p, e.value, e.sigma, nominal)
+    moved = e.value / e.prior_sigma if e.prior_sigma else 0.0
     error = ""
-    if truth is not None and label_of(p) in truth and p["sigma"] > 0:
-        error = in_sigmas((p["value"] - float(from_si(truth[label_of(p)], p["unit"]))) / p["sigma"], 1)
-    own = unit == naming.unit_in_print(p["unit"])  # else counted from a nominal value that the same data gave
+    if truth is not None and p.label in truth and e.sigma > 0:
+        error = in_sigmas((e.value - float(from_si(truth[p.label], p.unit))) / e.sigma, 1)
+    own = unit == naming.unit_in_print(p.unit)  # else counted from a nominal value that the same data gave
     return {
-        "words": naming.named(p["name"], p["axis"]) + (", as stated" if p["sigma"] == 0 else ""),
-        "means": naming.typeset(p.get("in_words", "")) if own and distinct_from_zero(p["value"], p["sigma"]) else "",
+        "words": naming.named(p.name, p.axis) + (", as stated" if e.sigma == 0 else ""),
+        "means": naming.typeset(e.in_words) if own and distinct_from_zero(e.value, e.sigma) else "",
         "value": value,
         "sigma": sigma,
         "unit": unit,
-        "prior": significant(p["prior_sigma"], 2) if own else "",
+        "prior": significant(e.prior_sigma, 2) if own else "",
         "moved": moved,
         "moved_text": in_sigmas(moved, 2 if abs(moved) < 1000 else 0) if own else "",
         "error": error,
@@ -82,17 +78,17 @@ def in_sigmas(x: float, places: int) -> str:
     return minus(text if text.strip("+-0.") else text[1:]) + " σ"
 
 
-def as_printed(p: Row, value: float, sigma: float, nominal: Counts | None) -> tuple[str, str, str]:
+def as_printed(p: Parameter, value: float, sigma: float, nominal: Counts | None) -> tuple[str, str, str]:
     """Return value, sigma and unit of a parameter as printed, from its value and sigma in its own unit.
 
     Where readings are counts N of nominal scale k and offset N_0, the model reads k (N - N_0) = f / (1 + s) + b, so
     that f = k (1 + s) (N - N_0 - b / k): then the scale k (1 + s) and the offset N_0 + b / k are printed.
     """
-    unit = naming.unit_in_print(p["unit"])
-    if nominal is not None and p.get("effect") in ("scale_factor", "bias") and p["axis"] in ("x", "y", "z"):
-        k, zero = (x["xyz".index(p["axis"])] for x in (nominal.scale, nominal.offset))
-        x, dx = float(to_si(value, p["unit"])), float(to_si(sigma, p["unit"]))
-        if p["effect"] == "scale_factor":
+    unit = naming.unit_in_print(p.unit)
+    if nominal is not None and p.effect in ("scale_factor", "bias") and p.axis in ("x", "y", "z"):
+        k, zero = (x["xyz".index(p.axis)] for x in (nominal.scale, nominal.offset))
+        x, dx = float(to_si(value, p.unit)), float(to_si(sigma, p.unit))
+        if p.effect == "scale_factor":
             value, sigma, unit = 1e6 * k * (1 + x), 1e6 * abs(k) * dx, "µm/s²/count"
         else:
             value, sigma, unit = zero + x / k, dx / abs(k), "counts"
@@ -100,10 +96,9 @@ def as_printed(p: Row, value: float, sigma: float, nominal: Counts | None) -> tu
     return minus(printed), spread, unit
 
 
-def nominal_in_words(content: Mapping[str, Any]) -> str:
+def nominal_in_words(readout: Readout) -> str:
     """Return what the parameters of a unit that outputs counts mean, in sentences; empty for any other."""
     sentences = []
-    readout = from_content(content)
     if readout.accelerometers is not None:
         counts = readout.accelerometers
         scale, offset = (", ".join(f"{v:.7g}" for v in x) for x in (counts.scale, counts.offset))
@@ -123,89 +118,79 @@ def nominal_in_words(content: Mapping[str, Any]) -> str:
 RATE_RESIDUALS = ("rate-table", "two-position")  # methods whose residuals are rates
 
 
-def stages(content: Mapping[str, Any], truth: Mapping[str, float] | None) -> dict[str, Any]:
+def stages(c: Calibration, truth: Mapping[str, float] | None) -> dict[str, Any]:
     """Return tables and a picture of the stages; one that estimates other coefficients has a table of its own."""
-    every = content.get("stages", [])
-    parameters = content["parameters"]
-    labels = {label_of(p) for p in parameters}
-    ours = [s for s in every if labels & s["values"].keys()]
-    staged = [p for p in parameters if any(label_of(p) in s["values"] for s in ours)]
-    several, nominal = len(ours) > 1, from_content(content).accelerometers
+    labels = {p.label for p in c.parameters}
+    ours = [s for s in c.stages if labels.intersection(s.labels)]
+    staged = [p for p in c.parameters if any(p.label in s.labels for s in ours)]
+    several = len(ours) > 1
     return {
-        "stages": [_stage(s, parameters, content["method"] in RATE_RESIDUALS) for s in every],
-        "stage_names": [_short(s["name"]) for s in ours] if several else [],
-        "stage_rows": [_stage_row(p, i and staged[i - 1], ours, nominal, truth) for i, p in enumerate(staged)],
+        "stages": [_stage(s, c) for s in c.stages],
+        "stage_names": [_short(s.name) for s in ours] if several else [],
+        "stage_rows": [_stage_row(p, c, ours, truth) | {"first": not i or staged[i - 1].name != p.name}
+                       for i, p in enumerate(staged)],
         "stage_figure": _stage_picture(staged, ours) if several else None,
-        "stage_rest": _elsewhere(p for p in parameters if p not in staged) if several else "",
-        "coefficients": [_coefficients(s) for s in every if s["values"] and s not in ours],
-    }
+        "stage_rest": _elsewhere(p for p in c.parameters if p not in staged) if several else "",
+        "coefficients": [_coefficients(s) for s in c.stages if s.labels and s not in ours],
+    }  # fmt: skip
 
 
-def _elsewhere(parameters: Iterable[Mapping[str, Any]]) -> str:
+def _elsewhere(parameters: Iterable[Parameter]) -> str:
     """Return a sentence on the parameters that no stage lists; empty where there are none."""
-    rest = dict.fromkeys(naming.named(p["name"]) for p in parameters)
-    return f"Estimated in one step, outside these stages: {naming.listed(list(rest))}." if rest else ""
+    names = dict.fromkeys(naming.named(p.name) for p in parameters)
+    return f"Estimated in one step, outside these stages: {naming.listed(list(names))}." if names else ""
 
 
 def _short(name: str) -> str:
-    return name.replace("_", " ").replace("system level: ", "")
+    return naming.spaced(name).replace("system level: ", "")
 
 
-def _stage_picture(parameters: Sequence[Mapping[str, Any]], stages: Sequence[Mapping[str, Any]]) -> Picture:
-    ratio = [
-        [float(from_si(s["sigmas"].get(label_of(p), np.nan), p["unit"])) / p["prior_sigma"] for p in parameters]
-        for s in stages
-    ]
-    words = [naming.label_in_words(label_of(p)) for p in parameters]
+def _stage_picture(parameters: Sequence[Parameter], stages: Sequence[StageResult]) -> Picture:
+    ratio = [[s.sigma_of(p.label) / p.sigma for p in parameters] for s in stages]
     return picture(
-        by_stage(words, [_short(s["name"]) for s in stages], np.array(ratio)),
+        by_stage([naming.label_in_words(p.label) for p in parameters], [_short(s.name) for s in stages],
+                 np.array(ratio)),
         f"Sigma of each parameter after each of {naming.counted(len(stages), 'stage')}, relative to its prior.",
         "Uncertainty after each stage, relative to the prior.",
-    )
+    )  # fmt: skip
 
 
-def _coefficients(s: Mapping[str, Any]) -> dict[str, Any]:
+def _coefficients(s: StageResult) -> dict[str, Any]:
     """Return the combined coefficients that a stage estimates instead of parameters, in microradians."""
-    rows = []
-    for name, value in s["values"].items():
-        v, sigma = pdg(float(from_si(value, "urad")), float(from_si(s["sigmas"][name], "urad")))
-        rows.append({"words": name.replace("_", " "), "value": minus(v), "sigma": sigma, "unit": "µrad"})
-    return {"name": _short(s["name"]), "rows": rows}
+    rows = [estimate(name, "", float(from_si(value, "urad")), float(from_si(sigma, "urad")), "urad")
+            for name, value, sigma in zip(s.labels, s.values, s.sigmas, strict=True)]  # fmt: skip
+    return {"name": _short(s.name), "rows": rows}
 
 
-def _stage(s: Mapping[str, Any], parameters: Sequence[Mapping[str, Any]], rates: bool) -> dict[str, str]:
+def _stage(s: StageResult, c: Calibration) -> dict[str, str]:
     """Return a row of the table of stages; residuals are rates or angles of gyroscopes, or forces."""
-    effects = {p["effect"] for p in parameters if label_of(p) in s["values"]}
-    turned = effects and all(CATALOGUE[e].stage in GYROSCOPE_STAGES for e in effects)
-    unit = "deg/h" if rates else "arcsec" if turned else "ug"
-    rms = float(from_si(s["rms"], unit))
+    effects = {p.effect for p in c.parameters if p.label in s.labels}
+    of_gyroscopes = effects and all(CATALOGUE[e].stage in GYROSCOPE_STAGES for e in effects)
+    unit = "deg/h" if c.method in RATE_RESIDUALS else "arcsec" if of_gyroscopes else "ug"
+    rms = float(from_si(s.rms, unit))
     text = f"{significant(rms, 3)} {naming.unit_in_print(unit)}" if np.isfinite(rms) else "–"
-    words = naming.as_sentence(s["in_words"])
-    return {"name": _short(s["name"]), "count": str(len(s["values"])), "rms": text, "in_words": words}
+    return {
+        "name": _short(s.name),
+        "count": str(len(s.labels)),
+        "rms": text,
+        "in_words": naming.as_sentence(s.in_words),
+    }
 
 
 def _stage_row(
-    p: Mapping[str, Any],
-    before: Any,
-    stages: Sequence[Mapping[str, Any]],
-    nominal: Counts | None,
-    truth: Mapping[str, float] | None,
+    p: Parameter, c: Calibration, stages: Sequence[StageResult], truth: Mapping[str, float] | None
 ) -> dict[str, Any]:
-    label, unit, printed = label_of(p), p["unit"], ""
-    cells = []
+    printed, cells = "", []
     for s in stages:
-        if label in s["values"]:
-            own, spread = (float(from_si(s[key][label], unit)) for key in ("values", "sigmas"))
-            value, sigma, printed = as_printed(p, own, spread, nominal)
+        if p.label in s.labels:
+            own, spread = (float(from_si(x, p.unit)) for x in (s.value_of(p.label), s.sigma_of(p.label)))
+            value, sigma, printed = as_printed(p, own, spread, c.readout.accelerometers)
             cells.append(f"{value}\u00a0±\u00a0{sigma}")
         else:
             cells.append("–")
-    places = max(0, -last_place(p["sigma"])) if p["sigma"] > 0 else 2
-    known = "" if truth is None or label not in truth else minus(f"{float(from_si(truth[label], unit)):.{places}f}")
-    return {
-        "words": naming.named(p["name"], p["axis"]),
-        "first": not before or before["name"] != p["name"],
-        "cells": cells,
-        "truth": known,
-        "unit": printed,
-    }
+    final = float(from_si(c.sigmas[c.parameters.index(p)], p.unit))
+    places = max(0, -last_place(final)) if final > 0 else 2
+    known = (
+        "" if truth is None or p.label not in truth else minus(f"{float(from_si(truth[p.label], p.unit)):.{places}f}")
+    )
+    return {"words": naming.named(p.name, p.axis), "cells": cells, "truth": known, "unit": printed}

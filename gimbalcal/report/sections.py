@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, from_dict
+from gimbalcal.calibration import Calibration
 from gimbalcal.errors import amount
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -19,37 +19,37 @@ from gimbalcal.report.chart import BLUE, COLOURS, SHAPES, Chart, Mark, Points, R
 from gimbalcal.report.html import Picture, picture
 from gimbalcal.report.parameters import plus_minus
 from gimbalcal.units import from_si
-from gimbalcal.words.naming import counted, label_in_words, label_of, listed, named, unit_in_print
+from gimbalcal.words.naming import counted, label_in_words, listed, named, unit_in_print
 from gimbalcal.words.rounding import minus, p_value, pdg, rms, signed, significant
 
 Pictures = tuple[list[Picture], list[Picture]]  # of the first screen; of the section on the data
 
 
-def pictures(content: Mapping[str, Any], recordings: Sequence[Recording]) -> Pictures:
+def pictures(c: Calibration, recordings: Sequence[Recording]) -> Pictures:
     """Return the pictures of the residuals, for the first screen, and of the data behind them."""
     kinds = {r.kind for r in recordings}
-    joint = JOINT_PICTURES.get(content["method"]) or JOINT_PICTURES.get(kinds.pop() if len(kinds) == 1 else "")
+    joint = JOINT_PICTURES.get(c.method) or JOINT_PICTURES.get(kinds.pop() if len(kinds) == 1 else "")
     if joint and recordings:
-        return [joint(recordings, from_dict(content, recordings[0].platform.axis_names))], []
+        return [joint(recordings, c)], []
     leading: list[Picture] = []
     others: list[Picture] = []
     for r in recordings:
-        first, more = PICTURES.get(r.kind, position_pictures)(r, from_dict(content, r.platform.axis_names))
+        first, more = PICTURES.get(r.kind, position_pictures)(r, c)
         leading, others = leading + first, others + more
-    others += navigation_pictures(content)
+    others += navigation_pictures(c)
     return (leading, others) if leading else (others[:1], others[1:])
 
 
 # --- positions and a static run ---------------------------------------------------------------------------------------
 
 
-def position_pictures(r: Recording, made: Calibration) -> Pictures:
+def position_pictures(r: Recording, c: Calibration) -> Pictures:
     """Return the residual at each position, and the positions where the platform has gimbals."""
     from gimbalcal.report.evidence import by_position
 
     if r.position is None or not r.has("specific_force"):
         return [], []
-    e = by_position(r, made.effects, made.provenance, made.readout)
+    e = by_position(r, c.effects, c.provenance, c.readout)
     unit, count = unit_in_print(e.unit), counted(len(e.labels), "position")
     far = 0 if e.sigma is None else int(np.sum(np.abs(e.after) > figures.OUTLIER * e.sigma))
     circled = f"; circled: {counted(far, 'reading')} beyond {figures.OUTLIER} σ" if far else ""
@@ -69,13 +69,14 @@ def position_pictures(r: Recording, made: Calibration) -> Pictures:
     return [residuals], [held]
 
 
-def run_pictures(r: Recording, made: Calibration) -> Pictures:
+def run_pictures(r: Recording, c: Calibration) -> Pictures:
     """Return the residual of a static run, and the model through the data."""
     from gimbalcal.report.evidence import over_time
 
-    hours, curves = over_time(r, made.effects)
+    hours, curves = over_time(r, c.effects)
     time, unit = sensible_time(3600 * hours)
-    residual = ", ".join(f"{c.name} {significant(float(np.std(c.measured - c.fitted)), 2)} {c.unit}" for c in curves)
+    sizes = [(c.name, float(np.std(c.measured - c.fitted)), c.unit) for c in curves]
+    residual = ", ".join(f"{name} {significant(size, 2)} {of}" for name, size, of in sizes)
     charts, run = figures.over_time(time, curves, unit), f"Static run of {hours[-1] - hours[0]:.1f} h"
     return [], [
         picture(
@@ -95,13 +96,13 @@ def run_pictures(r: Recording, made: Calibration) -> Pictures:
 # --- a rate table -----------------------------------------------------------------------------------------------------
 
 
-def rate_table_picture(recordings: Sequence[Recording], made: Calibration) -> Picture:
+def rate_table_picture(recordings: Sequence[Recording], c: Calibration) -> Picture:
     """Return reading minus the table's rate at each stretch of steady turning, of all mountings, by gyroscope."""
     from gimbalcal.calibration.readout import in_si
     from gimbalcal.estimate.gyroscopes.steady import stretches_of
 
-    before = [stretches_of(in_si(r, made.readout)) for r in recordings]
-    after = [stretches_of(made.apply(r)) for r in recordings]
+    before = [stretches_of(in_si(r, c.readout)) for r in recordings]
+    after = [stretches_of(c.apply(r)) for r in recordings]
     charts = []
     for i, axis in enumerate("xyz"):
         for when, each, unit in (("before", before, "deg/s"), ("after", after, "deg/h")):
@@ -127,7 +128,7 @@ def rate_table_picture(recordings: Sequence[Recording], made: Calibration) -> Pi
 UNIT = "arcsec"
 
 
-def pointing_picture(recordings: Sequence[Recording], made: Calibration) -> Picture:
+def pointing_picture(recordings: Sequence[Recording], c: Calibration) -> Picture:
     """Return the residual of each star with zeros alone and with all terms, over both axes of the mount."""
     from gimbalcal.estimate.pointing.fit import fit_terms
     from gimbalcal.estimate.pointing.terms import wanted_parameters
@@ -139,7 +140,7 @@ def pointing_picture(recordings: Sequence[Recording], made: Calibration) -> Pict
         night = f"“{r.title}”, " if len(recordings) > 1 else ""
         titles += [f"{night}star {k}" for k in range(1, len(r.time) + 1)]
         angles.append(np.degrees(np.stack([r.channels["true_angle", a] for a in axes], axis=1)))
-        residual.append(np.asarray(from_si(pointing(r).evaluate(made.effects).residual, UNIT)))
+        residual.append(np.asarray(from_si(pointing(r).evaluate(c.effects).residual, UNIT)))
     zeros = fit_terms(
         [pointing(r) for r in recordings], wanted_parameters(recordings[0].platform, axes, ("gimbal_zero",))
     )
@@ -173,18 +174,18 @@ def _over_axes(at: Array, before: Array, after: Array, names: Sequence[str], tit
     return charts
 
 
-def named_terms(content: Mapping[str, Any]) -> list[dict[str, str]]:
+def named_terms(c: Calibration) -> list[dict[str, str]]:
     """Return the terms as TPOINT names and signs them; none for another calibration."""
     rows = []
-    for term in content["provenance"].get("tpoint", ()):
+    for term in c.provenance.get("tpoint", ()):
         value, sigma = pdg(term["value"], term["sigma"])
         rows.append({"words": term["term"], "value": minus(value), "sigma": sigma, "unit": term["unit"]})
     return rows
 
 
-def night_by_night(content: Mapping[str, Any]) -> dict[str, Any]:
+def night_by_night(c: Calibration) -> dict[str, Any]:
     """Return the terms of each night by name, and whether the nights agree; empty for a single night."""
-    nights = content["provenance"].get("nights", ())
+    nights = c.provenance.get("nights", ())
     if not nights:
         return {"nights": [], "night_rows": [], "nights_in_words": ""}
     rows = []
@@ -196,7 +197,7 @@ def night_by_night(content: Mapping[str, Any]) -> dict[str, Any]:
             "changes": [f"{'' if t['change'] < 0 else '+'}{plus_minus(t['change'], t['change_sigma'])}"
                         for t in terms[1:]],
         })  # fmt: skip
-    p = p_value(content["provenance"]["same_terms_every_night"])
+    p = p_value(c.provenance["same_terms_every_night"])
     return {
         "nights": [f"{n['title']}, {n['stars']} stars, {significant(n['rms_arcsec'], 3)} arcsec" for n in nights],
         "night_rows": rows,
@@ -213,27 +214,27 @@ OUTLIER_SIGMAS = 3.5  # of a hundred innovations one in twenty sets has one this
 DIRECTIONS = ("north", "east", "down")
 
 
-def navigation_pictures(content: Mapping[str, Any]) -> list[Picture]:
+def navigation_pictures(c: Calibration) -> list[Picture]:
     """Return innovations by stop and turn, and sigmas against time by effect; none where nothing was navigated."""
-    navigation = content["residual"].get("navigation")
-    return [_innovations(navigation), _sigmas(content, navigation)] if navigation else []
+    navigation = c.residual.navigation
+    return [_innovations(navigation), _sigmas(c, navigation)] if navigation else []
 
 
-def navigation_facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+def navigation_facts(c: Calibration) -> list[tuple[str, str]]:
     """Return the numbers of the first screen."""
-    n = content["residual"].get("navigation")
+    n = c.residual.navigation
     if not n:
         return []
     updates = f"{amount(n['updates'], 'velocity update')}, {n['rejected']} rejected"
     return [(significant(n["nis"]["ratio"], 3), f"normalised innovation squared, mean ({updates})")]
 
 
-def navigation_checks(content: Mapping[str, Any]) -> list[dict[str, str]]:
+def navigation_checks(c: Calibration) -> list[dict[str, str]]:
     """Return the consistency checks of the filter: NIS, NEES, rejected updates and whiteness, each with a sentence.
 
     Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), section 5.4.
     """
-    n = content["residual"].get("navigation")
+    n = c.residual.navigation
     if not n:
         return []
     nis, nees, white = n["nis"], n["nees"]["position"], n["whiteness"]
@@ -278,15 +279,15 @@ def _innovations(n: Mapping[str, Any]) -> Picture:
     )
 
 
-def _sigmas(content: Mapping[str, Any], n: Mapping[str, Any]) -> Picture:
+def _sigmas(c: Calibration, n: Mapping[str, Any]) -> Picture:
     groups: dict[tuple[str, str], dict[str, Sequence[float]]] = {}
-    for p in content["parameters"]:
-        groups.setdefault((named(p["name"]), unit_in_print(p["unit"])), {})[p["axis"]] = n["sigma"][label_of(p)]
+    for p in c.parameters:
+        groups.setdefault((named(p.name), unit_in_print(p.unit)), {})[p.axis] = n["sigma"][p.label]
     if smoothed := n["attitude"].get("smoothed_arcsec"):  # some calibration.json have none
         groups["attitude, smoothed", "arcsec"] = smoothed
     return picture(
         sigma_over_time(np.array(n["time_s"]), groups),
-        f"Sigma of {amount(len(content['parameters']), 'parameter')} against time, by effect.",
+        f"Sigma of {amount(len(c.parameters), 'parameter')} against time, by effect.",
         "Sigma of each parameter (√P of the filter) in the course of the recording: steps are turns that determine "
         "what no stop before did. That of the attitude is the smoother's, from all updates before and after.",
     )

@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import isnan, sqrt
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from gimbalcal.units import from_si
-from gimbalcal.words.naming import (
-    capitalised,
-    counted,
-    label_in_words,
-    leading,
-    listed,
-    sentence,
-    typeset,
-    unobservable_of,
-)
+from gimbalcal.words.naming import capitalised, counted, label_in_words, leading, listed, sentence, spaced, typeset
 
-Content = Mapping[str, Any]  # of calibration.json
+if TYPE_CHECKING:
+    from gimbalcal.calibration import Calibration
 
 Fit = Literal["fits", "misfit", "overstated", "reserved"]
 MIN_P_VALUE = 1e-3  # below it an excess is not attributed to chance
@@ -41,57 +32,57 @@ def goodness_of_fit(chi2: float, dof: int) -> tuple[float, float, Fit]:
     return ratio, p, "fits"
 
 
-def scaled_to_residual(content: Content) -> bool:
+def scaled_to_residual(c: Calibration) -> bool:
     """Return whether the noise was estimated from the residual itself, so that chi^2 does not test the fit."""
-    provenance = content["provenance"]
+    provenance = c.provenance
     noise = provenance.get("noise", {})
     sources = (noise.get("accelerometer_from"), noise.get("gimbal_angle_from"))
     return "residual" in sources or bool(provenance.get("options", {}).get("excess_scatter"))
 
 
-def noise_is_stated(content: Content) -> bool:
+def noise_is_stated(c: Calibration) -> bool:
     """Return whether recording.toml states the noise; otherwise it was estimated from the scatter of the samples."""
-    noise = content["provenance"].get("noise", {})
+    noise = c.provenance.get("noise", {})
     return "samples" not in (noise.get("accelerometer_from"), noise.get("from"))
 
 
-def calibration_verdict(content: Content) -> Fit:
+def calibration_verdict(c: Calibration) -> Fit:
     """Return what the residuals say of the model."""
-    if content["outcome"]:
+    if c.outcome:
         return "reserved"
-    if content["provenance"].get("pattern"):
+    if c.provenance.get("pattern"):
         return "misfit"  # systematic residuals are no noise, whatever their size
-    return goodness_of_fit(content["residual"]["chi2"], content["residual"]["dof"])[2]
+    return goodness_of_fit(c.residual.chi2, c.residual.dof)[2]
 
 
-def calibration_in_words(content: Content) -> str:
+def calibration_in_words(c: Calibration) -> str:
     """Return a few sentences on a calibration: the fit, the parameters that are not determined, and what to do next."""
-    limits = "".join(f" {sentence(text)}" for text in content["provenance"].get("limits", []))
-    if content["outcome"]:
-        return typeset(sentence(content["outcome"]) + limits)
-    residual = f"{capitalised(_residual(content))}.{_outliers(content)}"
-    return typeset(f"{residual}{limits} {_determined(content)}{_next_of_calibration(content)}")
+    limits = "".join(f" {sentence(text)}" for text in c.provenance.get("limits", []))
+    if c.outcome:
+        return typeset(sentence(c.outcome) + limits)
+    residual = f"{capitalised(_residual(c))}.{_outliers(c)}"
+    return typeset(f"{residual}{limits} {_determined(c)}{_next_of_calibration(c)}")
 
 
-def _next_of_calibration(content: Content) -> str:
+def _next_of_calibration(c: Calibration) -> str:
     """Return what to do with a calibration that fits; one that does not fit names the step with the reason."""
-    if calibration_verdict(content) != "fits" or content["residual"]["dof"] <= 0:
+    if calibration_verdict(c) != "fits" or c.residual.dof <= 0:
         return ""
-    total, confounded = len(content["parameters"]), len(_confounded(content))
+    total, confounded = len(c.parameters), len(_confounded(c))
     if 0 < total < 2 * confounded:
         both = " and calibrate them jointly with this recording" if confounded < total else ""
         return f" Next: record more attitudes{both}; `gimbalcal observe` predicts what each determines."
     return " Next: `gimbalcal apply` corrects recordings with it."
 
 
-def _confounded(content: Content) -> list[str]:
+def _confounded(c: Calibration) -> list[str]:
     """Return the labels of the parameters that the data do not determine one by one."""
-    return list(dict.fromkeys(label for u in unobservable_of(content) for label in leading(u["direction"])))
+    return list(dict.fromkeys(label for u in c.null_directions for label in leading(u["direction"])))
 
 
-def _determined(content: Content) -> str:
-    parameters, confounded = content["parameters"], _confounded(content)
-    if not unobservable_of(content):
+def _determined(c: Calibration) -> str:
+    parameters, confounded = c.parameters, _confounded(c)
+    if not c.null_directions:
         return f"All {counted(len(parameters), 'parameter')} are determined."
     more = [f"{len(confounded) - 4} more"] if len(confounded) > 4 else []
     names = listed([*map(label_in_words, confounded[:4]), *more])
@@ -100,14 +91,14 @@ def _determined(content: Content) -> str:
             f"determine {names}{separately} (the report gives the reason).")  # fmt: skip
 
 
-def _residual(content: Content) -> str:
+def _residual(c: Calibration) -> str:
     """Return how large the residual is, and what that says of the model and of the noise."""
-    ratio, _, judgement = goodness_of_fit(content["residual"]["chi2"], content["residual"]["dof"])
+    ratio, _, judgement = goodness_of_fit(c.residual.chi2, c.residual.dof)
     if isnan(ratio):
         return "there are as many unknowns as data, so the fit cannot be tested: record more positions"
-    if scaled_to_residual(content) and judgement == "fits":
-        return _scaled(content)
-    stated = noise_is_stated(content)
+    if scaled_to_residual(c) and judgement == "fits":
+        return _scaled(c)
+    stated = noise_is_stated(c)
     size = f"{ratio:.2f} times the {'stated noise' if stated else 'noise of the samples'}"
     if judgement == "fits":
         return f"the calibration explains these data: the residuals are {size}"
@@ -120,32 +111,33 @@ def _residual(content: Content) -> str:
             "`gimbalcal diagnose` decides which")  # fmt: skip
 
 
-def _scaled(content: Content) -> str:
+def _scaled(c: Calibration) -> str:
     """Return how large the residual is where its scatter is the only estimate of the noise."""
-    rms = content["residual"].get("rms", {})
+    rms = c.residual.rms
     star, force = (
-        sqrt(sum(x**2 for c, x in rms.items() if c.startswith(key))) for key in ("pointing", "specific_force")
+        sqrt(sum(x**2 for channel, x in rms.items() if channel.startswith(key)))
+        for key in ("pointing", "specific_force")
     )
     if star:
         size = float(f"{from_si(star, 'arcsec'):.3g}")
         text = f"the residuals of the stars are {size:g} arcsec rms on the sky, and every sigma is scaled to them"
-        if pattern := content["provenance"].get("pattern"):
+        if pattern := c.provenance.get("pattern"):
             text += (f"; but they are not noise: the residual {pattern['channel']} follows the "
-                     f"{pattern['axis'].replace('_', ' ')}, and `gimbalcal diagnose` looks for the cause")  # fmt: skip
+                     f"{spaced(pattern['axis'])}, and `gimbalcal diagnose` looks for the cause")  # fmt: skip
         return text
     size_of_force = ""
     if force:
-        ug = float(from_si(force / sqrt(sum(c.startswith("specific_force") for c in rms)), "ug"))
+        ug = float(from_si(force / sqrt(sum(channel.startswith("specific_force") for channel in rms)), "ug"))
         size_of_force = f" by {ug / 1e3:.3g} mg" if ug >= 1e3 else f" by {ug:.3g} ug"
-    excess = content["provenance"].get("options", {}).get("excess_over_noise") or 0.0
+    excess = c.provenance.get("options", {}).get("excess_over_noise") or 0.0
     wandering = (f", {excess:.2g} times what the noise of the samples explains: the outputs change from position to "
                  "position") if excess >= MIN_EXCESS_SCATTER else ""  # fmt: skip
     return f"the readings scatter{size_of_force} about the calibration, and every sigma is scaled to that{wandering}"
 
 
-def _outliers(content: Content) -> str:
+def _outliers(c: Calibration) -> str:
     """Return a sentence on stars far from all others; empty for none."""
-    stars = content["provenance"].get("far_off", [])
+    stars = c.provenance.get("far_off", [])
     if not stars:
         return ""
     worst = ", ".join(f"number {s['star']} of “{s['title']}” by {s['arcsec']:.3g} arcsec" for s in stars[:3])

@@ -85,15 +85,6 @@ def listed(items: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
 
 
-def unobservable_of(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the unobservable directions among the estimated parameters.
-
-    The other entries of `unobservable` concern parameters that were held, by convention or for want of data.
-    """
-    labels = {label_of(p) for p in content["parameters"]}
-    return [u for u in content["unobservable"] if labels.issuperset(u["direction"])]
-
-
 def unobservable_leading(unobservable: Sequence[Mapping[str, Any]]) -> set[str]:
     """Return the labels that dominate the unobservable directions."""
     return {label for u in unobservable for label in leading(u["direction"])}

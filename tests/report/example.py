@@ -59,8 +59,8 @@ def _recording(kind: str, title: str, platform: Any, angles: np.ndarray, time: n
 
 
 @cache
-def example() -> tuple[dict[str, Any], tuple[Recording, Recording], dict[str, float]]:
-    """Content of calibration.json, the recordings behind it, and the truth by label in SI."""
+def example() -> tuple[Calibration, tuple[Recording, Recording], dict[str, float]]:
+    """A calibration, the recordings behind it, and the truth by label in SI."""
     rng = np.random.default_rng(20181)
     wanted = unknowns()
     truth = rng.normal(0, [p.sigma / 3 for p in wanted])
@@ -100,4 +100,4 @@ def example() -> tuple[dict[str, Any], tuple[Recording, Recording], dict[str, fl
         stages=tuple(stages),
         readout=Readout(gimbals=names),
     )  # fmt: skip
-    return calibration.to_dict(), both, dict(zip((p.label for p in wanted), truth.tolist(), strict=True))
+    return calibration, both, dict(zip((p.label for p in wanted), truth.tolist(), strict=True))

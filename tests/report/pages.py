@@ -117,9 +117,9 @@ def pointing_page() -> str:
     elevation = night.channels["true_angle", "elevation"].copy()
     elevation[16] += np.radians(0.025)
     night = replace(night, channels={**night.channels, ("true_angle", "elevation"): elevation})
-    content = pointing_calibration([night]).to_dict()
-    content["provenance"] |= {"created": "", "recordings": []}
-    return calibration_report(content, [night])
+    calibration = pointing_calibration([night])
+    origin = dict(calibration.provenance) | {"created": "", "recordings": []}
+    return calibration_report(replace(calibration, provenance=origin), [night])
 
 
 LAW = LawResult(

@@ -1,4 +1,3 @@
-import copy
 import dataclasses
 import re
 from base64 import b64encode
@@ -7,20 +6,18 @@ from hashlib import sha256
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Counts, Readout, from_dict
-from gimbalcal.effects import Effect
+from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
+from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.report import calibration_report
 from gimbalcal.report.evidence import by_position, over_time, setting_spread
 from gimbalcal.report.parameters import rows, stages
-from gimbalcal.units import from_si
 from tests.report.example import ARCSEC, NOISE, example
 
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    content, recordings, truth = example()
-    return calibration_report(content, recordings, truth)
+    return calibration_report(*example())
 
 
 def test_nothing_is_loaded_from_elsewhere(page: str) -> None:
@@ -46,11 +43,12 @@ def test_the_page_stays_small(page: str) -> None:
 
 
 def test_what_a_user_wrote_is_escaped() -> None:
-    content, _, _ = example()
-    hostile = copy.deepcopy(content)
-    hostile["outcome"] = "<script>alert(1)</script> & so on"
-    hostile["provenance"]["options"] = {"note": '"><img src=x onerror=alert(1)>'}
-    hostile["unobservable"][0]["why"] = "<b>bold</b>"
+    calibration, _, _ = example()
+    hostile = dataclasses.replace(
+        calibration, outcome="<script>alert(1)</script> & so on",
+        provenance=dict(calibration.provenance) | {"options": {"note": '"><img src=x onerror=alert(1)>'}},
+        unobservable=(dict(calibration.unobservable[0]) | {"why": "<b>bold</b>"},),
+    )  # fmt: skip
     text = calibration_report(hostile)
     assert "<script>alert" not in text
     assert "<img src=x" not in text
@@ -59,17 +57,15 @@ def test_what_a_user_wrote_is_escaped() -> None:
 
 
 def test_a_page_needs_neither_recordings_nor_stages() -> None:
-    content, _, _ = example()
-    bare = {k: v for k, v in content.items() if k != "stages"}
-    text = calibration_report(bare)
+    calibration, _, _ = example()
+    text = calibration_report(dataclasses.replace(calibration, stages=()))
     assert "bias x" in text
     assert "Stage by stage" not in text
 
 
 def test_residuals_of_the_fit_are_as_large_as_their_sigma() -> None:
-    content, (still, _), _ = example()
-    made = from_dict(content)
-    e = by_position(still, made.effects, content["provenance"], made.readout)
+    calibration, (still, _), _ = example()
+    e = by_position(still, calibration.effects, calibration.provenance, calibration.readout)
     assert e.sigma is not None
     # 54 residuals less 17 directions: the mean square of the scaled ones is about 37/54, sigma sqrt(2 x 37)/54 = 0.16,
     # and larger because the example's fit weighs all axes alike
@@ -87,8 +83,8 @@ def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle() -> None:
 
 
 def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
-    content, (_, run), _ = example()
-    hours, curves = over_time(run, from_dict(content).effects)
+    calibration, (_, run), _ = example()
+    hours, curves = over_time(run, calibration.effects)
     assert hours.size <= 288
     assert [c.name for c in curves] == ["roll", "pitch", "force along g"]
     five_minutes = NOISE["accelerometer"] / np.sqrt(5 * 60) / 9.80665e-6
@@ -96,7 +92,6 @@ def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
 
 
 def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
-    from gimbalcal.effects import CATALOGUE, parameters, with_values
     from gimbalcal.forward import accelerometers
     from gimbalcal.kinematics import stimulus_from_readings
     from gimbalcal.platform import BENCH
@@ -119,12 +114,9 @@ def against_the_run(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
 
 
 def test_the_truth_leaves_of_a_day_what_the_noise_is() -> None:
-    content, (_, run), truth = example()
-    fitted = {f"{p['name']}:{p['axis']}": p for p in content["parameters"]}
-    right = content | {
-        "parameters": [p | {"value": float(from_si(truth[k], p["unit"]))} for k, p in fitted.items()],
-    }
-    effects = from_dict(right).effects
+    calibration, (_, run), truth = example()
+    x = np.array([truth[p.label] for p in calibration.parameters])
+    effects = with_values((), calibration.parameters, x, calibration.readout.gimbals)
     _, curves = over_time(run, effects)
     _, wrong = over_time(run, against_the_run(effects))
     for curve in (curves[1], curves[2]):  # roll also holds what the phase of the run cannot be told from
@@ -138,8 +130,8 @@ def test_the_truth_leaves_of_a_day_what_the_noise_is() -> None:
 
 
 def test_readings_in_counts_are_judged_in_si() -> None:
-    content, (still, _), _ = example()
-    effects = from_dict(content).effects
+    calibration, (still, _), _ = example()
+    effects = calibration.effects
     scale, offset = np.array([0.002, 0.003, 0.004]), np.array([100.0, -50.0, 7.0])
     counts = still.triad("specific_force") / scale + offset
     channels = dict(still.channels) | {("specific_force", a): counts[:, i] for i, a in enumerate("xyz")}
@@ -150,14 +142,12 @@ def test_readings_in_counts_are_judged_in_si() -> None:
     e, expected = by_position(raw, effects, {}, readout), by_position(still, effects, {}, Readout())
     assert e.after == pytest.approx(expected.after, abs=1e-6)  # ug: rounding of 9.8 m/s^2 in counts
     assert e.sigma == pytest.approx(expected.sigma, rel=1e-12)
-    text = calibration_report(content | {"readout": readout.to_dict()})
+    text = calibration_report(dataclasses.replace(calibration, readout=readout))
     assert "a nominal 0.002, 0.003, 0.004 m/s² per count from 100, -50, 7 counts" in text
 
 
 def test_what_counts_mean_is_what_the_calibration_makes_of_them() -> None:
     """The printed scale and offset of an axis against `Calibration.apply` on readings in counts."""
-    from gimbalcal.calibration import Calibration, Residual
-    from gimbalcal.effects import CATALOGUE, parameters, with_values
     from gimbalcal.platform import BENCH
 
     wanted = [p for i in ("scale_factor", "bias") for p in parameters(CATALOGUE[i])]
@@ -172,18 +162,17 @@ def test_what_counts_mean_is_what_the_calibration_makes_of_them() -> None:
         units=dict.fromkeys(channels, "count"),
     )  # fmt: skip
     force = made.apply(raw).triad("specific_force")
-    shown = [float(row["value"].replace("−", "-")) for row in rows(made.to_dict(), None)]
+    shown = [float(row["value"].replace("−", "-")) for row in rows(made, None)]
     scale, zero = np.array(shown[:3]) * 1e-6, np.array(shown[3:])
     # the sigma of 1e-4 leaves six digits of the scale (2e-7 m/s^2 a count) and two decimals of an offset of hundreds
     np.testing.assert_allclose(scale, (force[1] - force[0]) / 1000, rtol=5e-5)
     np.testing.assert_allclose(zero, -force[0] / scale, atol=0.02)
-    assert {row["unit"] for row in rows(made.to_dict(), None)} == {"µm/s²/count", "counts"}
-    assert [row["sigma"] for row in rows(made.to_dict(), None)] == ["0.20", "0.30", "0.4", "0.05", "0.033", "0.025"]
+    assert {row["unit"] for row in rows(made, None)} == {"µm/s²/count", "counts"}
+    assert [row["sigma"] for row in rows(made, None)] == ["0.20", "0.30", "0.4", "0.05", "0.033", "0.025"]
 
 
 def test_parameters_that_are_not_determined_one_by_one_are_below_the_others(page: str) -> None:
-    content, _, _ = example()
-    table = rows(content, None)
+    table = rows(example()[0], None)
     below = [row["unobservable"] for row in table]
     assert below == sorted(below)
     assert [row["words"] for row in table if row["unobservable"]] == [
@@ -196,23 +185,24 @@ def test_parameters_that_are_not_determined_one_by_one_are_below_the_others(page
 
 
 def test_a_parameter_that_no_stage_lists_is_named_instead_of_dashes() -> None:
-    content, _, _ = example()
-    short = copy.deepcopy(content)
-    for stage in short["stages"]:
-        for label in [k for k in stage["values"] if k.startswith("bias")]:
-            del stage["values"][label], stage["sigmas"][label]
-    told = stages(short, None)
+    calibration, _, _ = example()
+
+    def without_biases(s: StageResult) -> StageResult:
+        keep = [i for i, label in enumerate(s.labels) if not label.startswith("bias")]
+        return dataclasses.replace(
+            s, labels=tuple(s.labels[i] for i in keep), values=s.values[keep], sigmas=s.sigmas[keep]
+        )
+
+    told = stages(dataclasses.replace(calibration, stages=tuple(map(without_biases, calibration.stages))), None)
     assert not any(row["words"].startswith("bias") for row in told["stage_rows"])
     assert all(set(row["cells"]) != {"–"} for row in told["stage_rows"])
     assert told["stage_rest"].endswith(": bias.")
-    assert stages(content, None)["stage_rest"] == ""
+    assert stages(calibration, None)["stage_rest"] == ""
 
 
 def test_a_stage_that_leaves_angles_says_so() -> None:
-    parameter = {"effect": "gyro_scale_factor", "name": "gyro_scale_factor", "axis": "x", "value": 1.0, "sigma": 1.0,
-                 "unit": "ppm", "prior_sigma": 1000.0}  # fmt: skip
-    one = {"gyro_scale_factor:x": 1e-6}
-    turned = {"name": "gyro_scale_factor", "values": one, "sigmas": one, "rms": ARCSEC, "in_words": "turns"}
-    content = {"method": "turns", "parameters": [parameter], "stages": [turned], "provenance": {}}
-    assert stages(content, None)["stages"][0]["rms"] == "1.00 arcsec"
-    assert stages({**content, "method": "two-position"}, None)["stages"][0]["rms"] == "1.00 °/h"
+    (scale, *_) = parameters(CATALOGUE["gyro_scale_factor"])
+    stage = StageResult("gyro_scale_factor", (scale.label,), np.array([1e-6]), np.array([1e-6]), ARCSEC, "turns")
+    c = Calibration("turns", (), (scale,), np.eye(1) * 1e-12, (), Residual(0.0, 0, {}), stages=(stage,))
+    assert stages(c, None)["stages"][0]["rms"] == "1.00 arcsec"
+    assert stages(dataclasses.replace(c, method="two-position"), None)["stages"][0]["rms"] == "1.00 °/h"

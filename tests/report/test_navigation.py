@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import json
+import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,20 +22,17 @@ from tests.golden import Golden, page_text
 
 def test_the_page_of_a_systematic_calibration(golden: Golden) -> None:
     recording = turning_unit(stop=10.0)
-    content = json.loads(json.dumps(systematic(recording, "30").to_dict()))
-    content["provenance"] |= {"recordings": [], "created": "2026-11-22T10:00:00+00:00"}
-    golden("pages/systematic", page_text(calibration_report(content, (recording,))))
-    n = content["residual"]["navigation"]
+    c = systematic(recording, "30")
+    origin = dict(c.provenance) | {"recordings": [], "created": "2026-11-22T10:00:00+00:00"}
+    golden("pages/systematic", page_text(calibration_report(replace(c, provenance=origin), (recording,))))
+    n = copy.deepcopy(dict(c.residual.navigation))
+    changed = replace(c, residual=replace(c.residual, navigation=n))
     n["nis"]["ratio"], n["nees"]["position"], n["rejected"], n["whiteness"]["lag_one"] = 4.0, 40.0, 2, 0.5
-    worse = navigation_checks(content)
+    worse = navigation_checks(changed)
     n["nis"]["ratio"], n["rejected"], n["whiteness"]["lag_one"] = 0.2, 400, -0.5
-    golden("sentences/navigator", "\n".join(c["sentence"] for c in worse + navigation_checks(content)))
-
-
-def test_what_was_not_navigated_has_none() -> None:
-    assert navigation_pictures({"residual": {"chi2": 1.0}}) == []
-    assert navigation_facts({"residual": {"chi2": 1.0}}) == []
-    assert navigation_checks({"residual": {"chi2": 1.0}}) == []
+    golden("sentences/navigator", "\n".join(c["sentence"] for c in worse + navigation_checks(changed)))
+    without = replace(c, residual=replace(c.residual, navigation={}))
+    assert navigation_pictures(without) == navigation_facts(without) == navigation_checks(without) == []
 
 
 def test_each_effect_has_a_panel() -> None:

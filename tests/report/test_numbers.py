@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import from_dict
+from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.design.budget import Budget
-from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.report import figures
 from gimbalcal.report.chart import Bars, Chart, Line, Points, limits
 from gimbalcal.report.evidence import by_position, over_time
@@ -27,8 +27,10 @@ from gimbalcal.units import to_si
 from tests.estimate.pointing.mounts import ALT_AZ, run
 from tests.report.example import ARCSEC, example
 
-BIAS = {"effect": "bias", "name": "bias", "axis": "x", "value": 12.0, "sigma": 2.0, "unit": "ug",
-        "prior_sigma": 100.0, "in_words": ""}  # fmt: skip
+(BIAS, *_) = parameters(CATALOGUE["bias"])
+CALIBRATED = Calibration("three-stage", with_values((), [BIAS], to_si(np.array([12.0]), "ug")),
+                         (replace(BIAS, sigma=float(to_si(100.0, "ug"))),), np.eye(1) * to_si(2.0, "ug") ** 2, (),
+                         Residual(0.0, 0, {}))  # fmt: skip
 
 
 def points(chart: Chart, colour: str = "", shape: str = "") -> list[Points]:
@@ -40,25 +42,23 @@ def points(chart: Chart, colour: str = "", shape: str = "") -> list[Points]:
 
 def test_an_error_is_value_less_truth_in_sigmas_and_what_moved_in_what_is_usual() -> None:
     truth = {"bias:x": float(to_si(9.0, "ug"))}
-    (row,) = rows({"parameters": [BIAS], "unobservable": [], "provenance": {}}, truth)
+    (row,) = rows(CALIBRATED, truth)
     assert (row["value"], row["sigma"], row["unit"]) == ("12.0", "2.0", "µg")
     assert (row["error"], row["moved_text"]) == ("+1.5 σ", "+0.12 σ")
 
 
 def test_a_stage_leaves_a_share_of_what_is_usual() -> None:
-    each = [{"name": name, "values": {"bias:x": 0.0}, "sigmas": {"bias:x": float(to_si(ug, "ug"))}, "rms": 1e-5,
-             "in_words": ""} for name, ug in (("coarse", 20.0), ("fine", 2.0))]  # fmt: skip
-    content = {"method": "three-stage", "parameters": [BIAS], "stages": each, "provenance": {}}
-    figure = stages(content, None)["stage_figure"]
+    each = tuple(StageResult(name, ("bias:x",), np.zeros(1), np.array([to_si(ug, "ug")]), 1e-5)
+                 for name, ug in (("coarse", 20.0), ("fine", 2.0)))  # fmt: skip
+    figure = stages(replace(CALIBRATED, stages=each), None)["stage_figure"]
     assert re.findall(r"bias x: ([\d.]+) of its prior", str(figure.charts[0])) == ["0.2", "0.02"]
 
 
 def test_what_is_left_of_a_position_is_measured_less_modelled_where_gravity_lay() -> None:
-    content, (still, run), _ = example()
-    made = from_dict(content)
+    made, (still, run), _ = example()
     force = still.channels["specific_force", "x"] + to_si(100.0, "ug")
     more = replace(still, channels={**still.channels, ("specific_force", "x"): force})
-    one, other = (by_position(r, made.effects, content["provenance"], made.readout) for r in (still, more))
+    one, other = (by_position(r, made.effects, made.provenance, made.readout) for r in (still, more))
     np.testing.assert_allclose(other.after - one.after, np.tile([100.0, 0, 0], (len(one.labels), 1)), atol=1e-6)
     np.testing.assert_allclose(one.gravity[0], [0, 0, 1], atol=1e-6)  # position 1: z down
     _, curves = over_time(run, ())
@@ -167,7 +167,7 @@ def test_a_night_tells_its_terms_and_how_they_changed() -> None:
     second = {"value": 4.0, "sigma": 1.0, "change": -6.0, "change_sigma": 2.0, "unit": "arcsec"}
     nights = [{"title": t, "stars": 9, "rms_arcsec": 2.0, "terms": {"base_tilt:north": term}}
               for t, term in (("a", first), ("b", second))]  # fmt: skip
-    told = night_by_night({"provenance": {"nights": nights, "same_terms_every_night": 0.01}})
+    told = night_by_night(replace(CALIBRATED, provenance={"nights": nights, "same_terms_every_night": 0.01}))
     (row,) = told["night_rows"]
     assert (row["cells"], row["changes"]) == (["10.0 ± 1.0", "4.0 ± 1.0"], ["−6.0 ± 2.0"])
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.design.position_observability import observe
 from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, Shape
@@ -30,7 +31,6 @@ from gimbalcal.words.naming import (
     precision,
     typeset,
     unit_in_print,
-    unobservable_of,
     why_in_words,
 )
 from tests.golden import Golden
@@ -49,16 +49,19 @@ def lines(cases: Mapping[str, Any], in_words: Callable[[Any], str]) -> str:
 # --- calibrations -----------------------------------------------------------------------------------------------------
 
 
-def calibration(chi2: float = 38.0, dof: int = 37, unobservable: int = 0, **changes: Any) -> dict[str, Any]:
-    """The content of a calibration.json of 18 parameters."""
-    return {
-        "outcome": "",
-        "parameters": [{"name": "misalignment", "axis": "xz"}, {"name": "gimbal_zero", "axis": "platform"}] * 9,
-        "unobservable": [{"direction": DIRECTION, "why": "a common turn"}] * unobservable,
-        "residual": {"chi2": chi2, "dof": dof},
-        "provenance": {},
-        **changes,
-    }
+PAIR = [p for p in (*parameters(CATALOGUE["misalignment"]), *parameters(CATALOGUE["gimbal_zero"], ("platform",)))
+        if p.label in DIRECTION]  # fmt: skip
+BIASES = tuple(parameters(CATALOGUE["bias"]))
+COMMON_TURN = {"direction": DIRECTION, "why": "a common turn"}
+
+
+def calibration(
+    chi2: float = 38.0, dof: int = 37, *unobservable: dict[str, Any], rms: float | None = None, **changes: Any
+) -> Calibration:
+    """A calibration of 18 parameters."""
+    residual = Residual(chi2, dof, {} if rms is None else {"pointing:across": rms})
+    made = Calibration("three-stage", (), tuple(PAIR) * 9, np.eye(18), unobservable, residual)
+    return replace(made, **changes)
 
 
 def of(**provenance: Any) -> dict[str, Any]:
@@ -68,14 +71,14 @@ def of(**provenance: Any) -> dict[str, Any]:
 SAMPLES = of(noise={"accelerometer_from": "samples"})
 CALIBRATIONS = {
     "adequate fit": calibration(),
-    "common unobservable direction": calibration(unobservable=1),
-    "one unobservable parameter": calibration()
-    | {"unobservable": [{"direction": {"misalignment:xz": 1.0}, "why": ""}]},
+    "common unobservable direction": calibration(38.0, 37, COMMON_TURN),
+    "one unobservable parameter": calibration(38.0, 37, {"direction": {"misalignment:xz": 1.0}, "why": ""}),
     "fewer than half observable": calibration(
-        parameters=[{"name": "bias", "axis": a} for a in "xyz"],
-    ) | {"unobservable": [{"direction": {"bias:x": 1.0, "bias:y": -1.0}, "why": ""}]},
-    "held, not unobservable": calibration()
-    | {"unobservable": [{"direction": {"misalignment:xz": 1.0, "K3:x": 1.0}, "why": "declined"}]},
+        38.0, 37, {"direction": {"bias:x": 1.0, "bias:y": -1.0}, "why": ""}, parameters=BIASES
+    ),
+    "held, not unobservable": calibration(
+        38.0, 37, {"direction": {"misalignment:xz": 1.0, "K3:x": 1.0}, "why": "declined"}
+    ),
     "lack of fit": calibration(9 * 37),
     "overstated noise": calibration(0.25 * 37),
     "noise of the samples": calibration(**SAMPLES),
@@ -87,10 +90,10 @@ CALIBRATIONS = {
     "outcome": calibration(outcome="only five positions remain"),
     "no degrees of freedom": calibration(0.0, 0),
     "pattern of stars": calibration(
+        rms=1e-5,
         **of(pattern={"channel": "across", "axis": "hour_angle"}, noise={"accelerometer_from": "residual"}),
-        residual={"chi2": 38.0, "dof": 37, "rms": {"pointing:across": 1e-5}},
     ),
-}  # fmt: skip
+}
 
 
 def test_answers_of_calibrations(golden: Golden) -> None:
@@ -100,7 +103,7 @@ def test_answers_of_calibrations(golden: Golden) -> None:
 
 
 def test_held_parameters_are_not_counted_as_unobservable() -> None:
-    assert unobservable_of(CALIBRATIONS["held, not unobservable"]) == []
+    assert CALIBRATIONS["held, not unobservable"].null_directions == ()
 
 
 @pytest.mark.parametrize(
@@ -240,17 +243,17 @@ def test_an_effect_of_a_user_needs_no_sentence(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_tables_of_the_console(golden: Golden) -> None:
-    content, _, _ = example()
+    calibration, _, _ = example()
     held = {"direction": {"misalignment:up": 1.0, "cubic_nonlinearity:x": 1.0}, "why": "declined"}
     two = tuple(Estimate("b_T", a, 14.83, 0.34, "ug/degC") for a in "xy")
     tables = [
-        parameters_table(content),
-        parameters_table({**content, "unobservable": [held]}),
+        parameters_table(calibration),
+        parameters_table(replace(calibration, unobservable=(held,))),
         findings_table([replace(WARM, parameters=two), sized("bias", ("x", 0.0123, 0.0004, "1"))]),
         bounds_table(observe("wu2018-18").to_dict()),
     ]
     golden("console/tables", "\n\n".join(tables))
-    assert tables[0].count(" ± ") == len(content["parameters"])
+    assert tables[0].count(" ± ") == len(calibration.parameters)
 
 
 # --- plans, noise, campaigns ------------------------------------------------------------------------------------------

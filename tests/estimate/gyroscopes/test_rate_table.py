@@ -268,6 +268,6 @@ def test_gyroscopes_alone_on_a_table_need_no_method_named() -> None:
 def test_the_page_draws_what_is_left_over_the_rate() -> None:
     recordings = [run(a, seed=k) for k, a in enumerate("xyz")]
     made = gyroscopes_on_a_table(recordings)
-    page = calibration_report(made.to_dict(), recordings)
+    page = calibration_report(made, recordings)
     assert "rate of the table" in page
     assert page.count("rms</text>") >= 6

@@ -89,7 +89,7 @@ def test_a_pattern_of_what_is_left_is_told_where_no_noise_is_stated() -> None:
     assert clean.provenance["pattern"] == {}
     assert bent.provenance["pattern"]["axis"] == "azimuth"
     assert bent.outcome == ""  # whose noise nobody states
-    words = calibration_in_words({**bent.to_dict(), "provenance": dict(bent.provenance)})
+    words = calibration_in_words(bent)
     assert "the residual along follows the azimuth, and `gimbalcal diagnose` looks for the cause" in words
 
 
@@ -101,7 +101,7 @@ def test_a_mistaken_star_is_named() -> None:
     (star,) = made.provenance["far_off"]
     assert star["star"] == 17
     assert star["arcsec"] == pytest.approx(90, rel=0.2)
-    words = calibration_in_words({**made.to_dict(), "provenance": dict(made.provenance)})
+    words = calibration_in_words(made)
     assert "One star is an outlier, number 17 of “made” by" in words
     assert "mistaken or not centred; leave it out" in words
     assert pointing_calibration([night]).provenance["far_off"] == []

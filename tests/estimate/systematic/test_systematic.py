@@ -278,7 +278,7 @@ def test_a_hand_that_carries_the_unit_along_is_no_velocity_of_its_place() -> Non
     assert found.outcome == ""
     assert np.abs(_errors(found, THIRTY, truth)).max() < 4
     assert found.provenance["limits"][0].startswith("a hand turned the unit and carried it along")
-    assert "A hand turned the unit" in calibration_in_words(found.to_dict())
+    assert "A hand turned the unit" in calibration_in_words(found)
     little = systematic(
         turning_unit((), THIRTY, truth, moves=moves, stop=10.0, speed=30.0, noise=noise,
                      carried=lambda t: 0.1 * _by_hand(t)), "30",
