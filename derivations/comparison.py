@@ -63,12 +63,12 @@ def forget() -> None:
 
 
 def compare(source: str, item: str) -> Comparison | None:
-    """The comparison that is worst; None where the package has no formula for the item."""
-    found = [_run(where, check) for where, check in CHECKS.get((source, item), ())]
-    if not found:
+    """Return the comparison that is worst; None where the package has no formula for the item."""
+    results = [_run(where, check) for where, check in CHECKS.get((source, item), ())]
+    if not results:
         return None
-    worst = max(found, key=lambda c: (not c.same, c.difference))
-    return Comparison(worst.where, worst.difference, worst.problem, len(found))
+    worst = max(results, key=lambda c: (not c.same, c.difference))
+    return Comparison(worst.where, worst.difference, worst.problem, len(results))
 
 
 def _run(where: str, check: Check) -> Comparison:

@@ -9,12 +9,12 @@ import sympy as sp
 
 
 def cross(v: Any) -> Any:
-    """[v x] (3, 3) of symbols."""
+    """Return [v x] (3, 3) of symbols."""
     x, y, z = v
     return sp.Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
 def cross_of_numbers(v: Any) -> Any:
-    """[v x] (3, 3) of numbers, complex ones too."""
+    """Return [v x] (3, 3) of numbers, complex ones too."""
     x, y, z = v
     return np.array([[0 * x, -z, y], [z, 0 * x, -x], [-y, x, 0 * x]])

@@ -25,22 +25,24 @@ FIELDS = tuple(f.name for f in fields(Verdict) if f.name != "package")  # of err
 
 
 def table(verdicts: Sequence[Verdict], width: int | None = None) -> str:
-    """Item, verdict, size and why, the why wrapped into the last column; a line opens each paper."""
+    """Return the item, verdict, size and why, the why wrapped into the last column; a line opens each paper."""
     width = width or max(100, min(shutil.get_terminal_size((140, 24)).columns, 180))
-    left = ITEM + VERDICT + SIZE
+    indent = ITEM + VERDICT + SIZE
     lines = [f"{'item':{ITEM}}{'verdict':{VERDICT}}{'size':{SIZE}}why", "-" * width]
     for i, v in enumerate(verdicts):
         if not i or v.source != verdicts[i - 1].source:
             lines.append(f"{PAPERS.get(v.source, v.source)} (source {v.source} in errata.json)")
         text = v.why if v.verdict != AGREES else v.why.split(". ")[0].rstrip(".") + "."  # a few words suffice
-        why = textwrap.wrap(text, width - left) or [""]
+        why = textwrap.wrap(text, width - indent) or [""]
         lines.append(f"{v.item:{ITEM}}{v.verdict:{VERDICT}}{v.size:{SIZE}}{why[0]}")
-        lines += [" " * left + part for part in why[1:]]
+        lines += [" " * indent + part for part in why[1:]]
     return "\n".join(lines)
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:
-    """Counts, the items of each paper that are not right as printed, and those that nothing printed determines."""
+    """Return counts, the items of each paper that are not right as printed, and those that nothing printed
+    determines.
+    """
     counts = Counter(v.verdict for v in verdicts)
     total = ", ".join(f"{counts[name]} {name}" for name in VERDICTS if counts[name])
     lines = [f"{len(verdicts)} items: {total}."]
@@ -54,7 +56,7 @@ def summary(verdicts: Sequence[Verdict]) -> str:
 
 
 def _together(items: Sequence[str]) -> list[str]:
-    """Items by name; of a table with many of them only how many."""
+    """Return items by name; of a table with many of them only how many."""
     counts = Counter(item.partition(",")[0] for item in items)
     named = (f"{head} ({counts[head]} entries)" if counts[head] > MANY else item
              for item in items for head in (item.partition(",")[0],))  # fmt: skip
@@ -62,7 +64,7 @@ def _together(items: Sequence[str]) -> list[str]:
 
 
 def differing(verdicts: Sequence[Verdict]) -> list[Verdict]:
-    """The items whose derivation the package does not follow."""
+    """Return the items whose derivation the package does not follow."""
     return [v for v in verdicts if v.package is not None and not v.package.same]
 
 
@@ -70,11 +72,11 @@ def _of_the_package(verdicts: Sequence[Verdict]) -> list[str]:
     compared = [v for v in verdicts if v.package is not None]
     if not compared:
         return []
-    apart = differing(verdicts)
-    if not apart:
+    different = differing(verdicts)
+    if not different:
         return [f"The package follows the derivation in all {len(compared)} items that it computes."]
-    lines = [f"THE PACKAGE DIFFERS from the derivation in {len(apart)} of {len(compared)} items that it computes:"]
-    return lines + [f"  {PAPERS.get(v.source, v.source)}, {v.item}: {v.package}" for v in apart]
+    lines = [f"THE PACKAGE DIFFERS from the derivation in {len(different)} of {len(compared)} items that it computes:"]
+    return lines + [f"  {PAPERS.get(v.source, v.source)}, {v.item}: {v.package}" for v in different]
 
 
 def write(verdicts: Sequence[Verdict], folder: Path) -> Path:

@@ -31,7 +31,7 @@ class Noise:
 
 
 def transition(latitude: float, dt: float) -> tuple[Any, Any]:
-    """Phi (9, 9) over dt and its integral (9, 9), by series; F dt is 1e-2 at most."""
+    """Return the phi (9, 9) over dt and its integral (9, 9), by series; F dt is 1e-2 at most."""
     F = nav.linearised([0, 0, 0, latitude, 0, 0], [0, 0, float(nav.gravity(latitude, 0.0))], held=False)[:, :9]
     Phi, integral, term = np.eye(9), dt * np.eye(9), np.eye(9)
     for n in range(1, 8):
@@ -42,7 +42,7 @@ def transition(latitude: float, dt: float) -> tuple[Any, Any]:
 
 
 def sigmas(path: Path, latitude: float, columns: Callable[[Any, Any], Any], prior: Any, noise: Noise) -> Any:
-    """(p,) one standard deviation of each constant after the path, in units of its prior sigma.
+    """Return (p,) one standard deviation of each constant after the path, in units of its prior sigma.
 
     columns: rate (n, 3) and force (n, 3) in b to (n, 6, p) derivatives of what gyroscopes and accelerometers read too
     much. prior (p,) in their units.
@@ -59,7 +59,7 @@ def sigmas(path: Path, latitude: float, columns: Callable[[Any, Any], Any], prio
 
 
 def _filter(Phi: Any, driven: Any, dt: float, noise: Noise) -> Any:
-    """Covariance recursion in blocks; constants have no dynamics."""
+    """Return the covariance recursion in blocks; constants have no dynamics."""
     p = driven.shape[-1]
     Q = np.diag([noise.rate**2 * dt] * 3 + [noise.force**2 * dt] * 3 + [0.0] * 3)
     xx, xp, pp = np.diag([0.0175**2] * 3 + [VELOCITY**2] * 3 + [1e-16] * 2 + [1e-6]), np.zeros((9, p)), np.eye(p)
@@ -72,8 +72,8 @@ def _filter(Phi: Any, driven: Any, dt: float, noise: Noise) -> Any:
         xx = (xx + xx.T) / 2  # rounding would grow
         xp = side + spread
         if k % every == 0:
-            seen = np.concatenate([xx[3:6], xp[3:6]], axis=1)
-            half = np.linalg.inv(np.linalg.cholesky(seen[:, 3:6] + VELOCITY**2 * np.eye(3))) @ seen
+            velocity_rows = np.concatenate([xx[3:6], xp[3:6]], axis=1)
+            half = np.linalg.inv(np.linalg.cholesky(velocity_rows[:, 3:6] + VELOCITY**2 * np.eye(3))) @ velocity_rows
             nav_, constant = half[:, :9], half[:, 9:]
             xx, xp, pp = xx - nav_.T @ nav_, xp - nav_.T @ constant, pp - constant.T @ constant
     return np.sqrt(np.diagonal(pp))
@@ -81,5 +81,5 @@ def _filter(Phi: Any, driven: Any, dt: float, noise: Noise) -> Any:
 
 @cache
 def of_density(value: float, hertz: float) -> float:
-    """White density of a noise per sample."""
+    """Return the white density of a noise per sample."""
     return float(value / np.sqrt(hertz))

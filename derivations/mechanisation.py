@@ -42,20 +42,20 @@ E2 = FLATTENING * (2 - FLATTENING)
 
 
 def _computed(expr: Any) -> Any:
-    """The same quantity at the computed velocity and position."""
+    """Return the same quantity at the computed velocity and position."""
     moved = dict(zip((*V, *POSITION), (x + step * d for x, d in zip((*V, *POSITION), (*DV, *DP), strict=True)),
                      strict=True))  # fmt: skip
     return expr.subs(moved, simultaneous=True)
 
 
 def _linear(expr: Any) -> Any:
-    """First order in the errors, which stand with `step`."""
+    """Return the first order in the errors, which stand with `step`."""
     return expr.applyfunc(lambda x: sp.diff(x, step).subs(step, 0))
 
 
 @cache
 def attitude_rate() -> Any:
-    """phi_dot, linear in the errors."""
+    """Return phi_dot, linear in the errors."""
     w_in = earth_rate() + transport_rate(h)
     D = sp.eye(3) - step * cross(PHI)
     D_dot = D * step * cross(DW) - cross(_computed(w_in)) * D + D * cross(w_in)
@@ -65,7 +65,7 @@ def attitude_rate() -> Any:
 
 @cache
 def velocity_rate() -> Any:
-    """dV_dot, linear in the errors."""
+    """Return dV_dot, linear in the errors."""
     V_true, f = sp.Matrix(V), sp.Matrix(F_N)
     turning = 2 * earth_rate() + transport_rate(h)
     force = (sp.eye(3) - step * cross(PHI)) * f + step * sp.Matrix(DF)
@@ -74,34 +74,34 @@ def velocity_rate() -> Any:
 
 @cache
 def position_rate() -> Any:
-    """dP_dot, linear in the errors."""
+    """Return dP_dot, linear in the errors."""
     rate = sp.Matrix([V[1] / (R_M + h), V[0] / ((R_N + h) * sp.cos(L)), V[2]])
     return _linear(_computed(rate))
 
 
 @cache
 def blocks() -> dict[str, Any]:
-    """F11 ... F33 in symbols: rows attitude, velocity, position; columns the same."""
+    """Return F11 ... F33 in symbols: rows attitude, velocity, position; columns the same."""
     rates = (attitude_rate(), velocity_rate(), position_rate())
     return {f"F{i}{j}": rate.jacobian(errors).applyfunc(sp.factor_terms)
             for i, rate in enumerate(rates, start=1) for j, errors in enumerate(ERRORS.values(), start=1)}  # fmt: skip
 
 
 def radii(latitude: Any) -> tuple[Any, Any]:
-    """R_M, R_N [m]."""
+    """Return R_M, R_N [m]."""
     w = 1 - E2 * np.sin(latitude) ** 2
     return A * (1 - E2) / w**1.5, A / w**0.5
 
 
 def gravity(latitude: Any, height: Any) -> Any:
-    """Normal gravity [m/s^2], to second order in height."""
+    """Return the normal gravity [m/s^2], to second order in height."""
     s2 = np.sin(latitude) ** 2
     g = GAMMA_E * (1 + K_SOMIGLIANA * s2) / np.sqrt(1 - E2 * s2)
     return g * (1 - 2 * (1 + FLATTENING + M_RATIO - 2 * FLATTENING * s2) * height / A + 3 * height**2 / A**2)
 
 
 def earth_in_n(latitude: Any) -> Any:
-    """Rate of the Earth [rad/s] in east, north, up."""
+    """Return the rate of the Earth [rad/s] in east, north, up."""
     return OMEGA * np.array([0 * latitude, np.cos(latitude), np.sin(latitude)])
 
 
@@ -111,7 +111,7 @@ def _transport(velocity: Any, latitude: Any, height: Any, R: tuple[Any, Any]) ->
 
 
 def _rates(x: Any, at: Any, force: Any, held: bool) -> Any:
-    """Rates (9,) of attitude error, velocity, position in the state at + x, x (15,) with dw, df last."""
+    """Return rates (9,) of attitude error, velocity, position in the state at + x, x (15,) with dw, df last."""
     phi, (v, p) = x[:3], np.split(at + x[3:9], 2)
     R = radii(at[3] if held else p[0])
     w_in = earth_in_n(p[0]) + _transport(v, p[0], p[2], R)
@@ -125,7 +125,7 @@ def _rates(x: Any, at: Any, force: Any, held: bool) -> Any:
 
 
 def linearised(at: Any, force: Any, held: bool = True) -> Any:
-    """(9, 15) derivatives of the rates by phi, velocity, position, C dw_ib, C df; exact to rounding.
+    """Return (9, 15) derivatives of the rates by phi, velocity, position, C dw_ib, C df; exact to rounding.
 
     at (6,): velocity ENU [m/s], latitude, longitude [rad], height [m]; force (3,) in n [m/s^2]. held: radii and gravity
     as they are at the true position, the errors of both left out.
@@ -135,7 +135,7 @@ def linearised(at: Any, force: Any, held: bool = True) -> Any:
 
 
 def true_rates(at: Any, C: Any, rate: Any, force: Any) -> tuple[Any, Any, Any]:
-    """C_dot (3, 3), V_dot (3,), rates (3,) of latitude, longitude, height: the equations themselves.
+    """Return C_dot (3, 3), V_dot (3,), rates (3,) of latitude, longitude, height: the equations themselves.
 
     at (6,) as in `linearised`; C: C_b^n; rate, force (3,) in b.
     """

@@ -33,7 +33,7 @@ GROWTH = "navigate.error_growth.transitions"
 
 
 def mechanised() -> float:
-    """Attitude, velocity and position of a moving unit that does not turn in n: rates."""
+    """Return the attitude, velocity and position of a moving unit that does not turn in n: rates."""
     from gimbalcal.navigate.strapdown import strapdown
 
     at = np.array([*VELOCITY, LATITUDE, 1.1, HEIGHT])
@@ -41,16 +41,17 @@ def mechanised() -> float:
     ends = []
     for h in (STEP, -STEP):
         start = np.array([LATITUDE, 1.1, HEIGHT])
-        made = strapdown(np.array([h]), np.zeros((1, 3)), FORCE[None], TURN @ attitude(), TURN @ VELOCITY, start)
-        ends.append((TURN @ made.C_bn[1], TURN @ made.velocity[1], made.position[1]))
+        end = strapdown(np.array([h]), np.zeros((1, 3)), FORCE[None], TURN @ attitude(), TURN @ VELOCITY, start)
+        ends.append((TURN @ end.C_bn[1], TURN @ end.velocity[1], end.position[1]))
     rates = [(a - b) / (2 * STEP) for a, b in zip(*ends, strict=True)]
     R = SCALE[-1]
-    apart = (rates[0] - C_dot, (rates[1] - v_dot) / SCALE[3], (rates[2] - p_dot) * [1, 1, 1 / R])
-    return float(max(np.abs(a).max() for a in apart))
+    difference = (rates[0] - C_dot, (rates[1] - v_dot) / SCALE[3], (rates[2] - p_dot) * [1, 1, 1 / R])
+    return float(max(np.abs(a).max() for a in difference))
 
 
 def mechanised_among_the_stars() -> float:
-    """The same of the space-stable navigator: rates of the velocity over ground and of the place, without its aids.
+    """Return the same of the space-stable navigator: rates of the velocity over ground and of the place, without its
+    aids.
 
     It tells velocity and place in the middle of a step, half of what the step adds; radii are those of the derivation.
     """
@@ -79,7 +80,7 @@ def mechanised_among_the_stars() -> float:
 
 
 def _to_package() -> Any:
-    """(9, 9) errors of the derivation to those of the package."""
+    """Return (9, 9) errors of the derivation to those of the package."""
     R_M, R_N = nav.radii(LATITUDE)
     metres = np.diag([R_M + HEIGHT, (R_N + HEIGHT) * np.cos(LATITUDE), 1.0])
     S = np.zeros((9, 9))
@@ -89,7 +90,9 @@ def _to_package() -> Any:
 
 @cache
 def derived_growth() -> Any:
-    """(9, 15) F in the package's states, and what rate and force errors true minus reference in n (NED) drive."""
+    """Return (9, 15) F in the package's states, and what rate and force errors true minus reference in n (NED)
+    drive.
+    """
     at, force = [0, 0, 0, LATITUDE, 0, HEIGHT], TURN @ np.array([0, 0, -float(nav.gravity(LATITUDE, HEIGHT))])
     F, S = nav.linearised(at, force, held=False), _to_package()
     driven = -S @ F[:, 9:] @ np.kron(np.eye(2), TURN)
@@ -97,7 +100,7 @@ def derived_growth() -> Any:
 
 
 def _over(h: float) -> Any:
-    """The package's transitions over one interval."""
+    """Return the package's transitions over one interval."""
     from gimbalcal.navigate.error_growth import transitions
 
     g = float(nav.gravity(LATITUDE, HEIGHT))
@@ -111,32 +114,34 @@ def _over(h: float) -> Any:
 
 @once
 def _grown() -> tuple[Any, Any, Any]:
-    """F (9, 9) of the package, its response (9, 6) to rate and force errors, noise (9, 9) over the square of a step."""
+    """Return F (9, 9) of the package, its response (9, 6) to rate and force errors, noise (9, 9) over the square of a
+    step.
+    """
     F = (_over(STEP).Phi[0] - _over(-STEP).Phi[0]) / (2 * STEP)
     one, other = _over(SHORT), _over(-SHORT)
     return F, (one.Psi[0] - other.Psi[0]) / (2 * SHORT), (one.Q[0] + other.Q[0]) / 2 / SHORT**2
 
 
 def growth(row: int, column: int) -> float:
-    """A block (3, 3) of F at rest, states in sizes that are alike; row, column 1 to 3."""
+    """Return a block (3, 3) of F at rest, states in sizes that are alike; row, column 1 to 3."""
     i, j = slice(3 * row - 3, 3 * row), slice(3 * column - 3, 3 * column)
-    apart: Any = (_grown()[0] - derived_growth()[:, :9])[i, j]
-    return float(np.abs(apart * SCALE[j] / SCALE[i, None]).max())
+    difference: Any = (_grown()[0] - derived_growth()[:, :9])[i, j]
+    return float(np.abs(difference * SCALE[j] / SCALE[i, None]).max())
 
 
 def all_growth() -> float:
-    """All of F."""
+    """Return all of F."""
     return max(growth(i, j) for i in (1, 2, 3) for j in (1, 2, 3))
 
 
 def driven() -> float:
-    """What errors of rate and force in the body make of attitude and velocity: plus and minus C."""
+    """Return what errors of rate and force in the body make of attitude and velocity: plus and minus C."""
     wanted = derived_growth()[:6, 9:] @ np.kron(np.eye(2), TURN @ attitude())
     return float(np.abs(_grown()[1][:6] - wanted).max())
 
 
 def noise() -> float:
-    """Noise of a step: variances 9 of the three rates and 4 of the three forces, through the same columns."""
+    """Return noise of a step: variances 9 of the three rates and 4 of the three forces, through the same columns."""
     B = derived_growth()[:6, 9:] @ np.kron(np.eye(2), TURN @ attitude())
     wanted = B @ np.diag([9.0] * 3 + [4.0] * 3) @ B.T
     return float(np.abs(_grown()[2][:6, :6] - wanted).max() / 9)
@@ -147,7 +152,7 @@ def noise() -> float:
 
 @cache
 def _example() -> dict[str, Any]:
-    """Three epochs, two moving states and one constant, generic."""
+    """Return three epochs, two moving states and one constant, generic."""
     rng = np.random.default_rng(5)
     K, m, p = 3, 2, 1
     Phi = np.eye(m) + 0.3 * rng.standard_normal((K, m, m))
@@ -161,7 +166,7 @@ def _example() -> dict[str, Any]:
 
 @cache
 def joint_solution() -> tuple[Any, Any]:
-    """Means (K + 1, 3) and covariances (K + 1, 3, 3) of moving states and constant from all data at once."""
+    """Return means (K + 1, 3) and covariances (K + 1, 3, 3) of moving states and constant from all data at once."""
     e = _example()
     K = len(e["Phi"])
     size = 2 * (K + 1) + 1
@@ -185,7 +190,7 @@ def joint_solution() -> tuple[Any, Any]:
 
 
 def square_root_filter() -> float:
-    """Last epoch of the filter of a few states beside constants: mean and covariance."""
+    """Return the last epoch of the filter of a few states beside constants: mean and covariance."""
     from gimbalcal.inference import square_root_filter
 
     e = _example()
@@ -198,7 +203,7 @@ def square_root_filter() -> float:
 
 
 def adjoint_smoother() -> float:
-    """Moving states at every epoch."""
+    """Return the moving states at every epoch."""
     from gimbalcal.inference import adjoint, square_root_filter
 
     e = _example()
@@ -209,15 +214,15 @@ def adjoint_smoother() -> float:
 
 
 def adjoint_covariance() -> float:
-    """Covariances of the moving states at every epoch, the constants taken apart."""
+    """Return covariances of the moving states at every epoch, the constants taken apart."""
     from gimbalcal.inference import adjoint, square_root_filter
 
-    e, seen = _example(), np.array([0])
+    e, observed = _example(), np.array([0])
     d, none = np.zeros((3, 2)), np.zeros((3, 2, 0))
-    f = square_root_filter.filter(e["Phi"], e["Psi"], e["Q"], d, e["z"], seen, e["R"], e["x"], e["theta"], e["S"])
+    f = square_root_filter.filter(e["Phi"], e["Psi"], e["Q"], d, e["z"], observed, e["R"], e["x"], e["theta"], e["S"])
     known = square_root_filter.filter(
-        e["Phi"], none, e["Q"], d, e["z"], seen, e["R"], e["x"], np.zeros(0), e["S"][:2, :2]
+        e["Phi"], none, e["Q"], d, e["z"], observed, e["R"], e["x"], np.zeros(0), e["S"][:2, :2]
     )
     before = e["S"][:2, 2:] @ np.linalg.inv(e["S"][2:, 2:])
-    found = adjoint.covariance(e["Phi"], e["Psi"], seen, known, before, f.factor[2:, 2:])
-    return float(np.abs(found - joint_solution()[1][:, :2, :2]).max())
+    covariance = adjoint.covariance(e["Phi"], e["Psi"], observed, known, before, f.factor[2:, 2:])
+    return float(np.abs(covariance - joint_solution()[1][:, :2, :2]).max())

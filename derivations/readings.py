@@ -30,12 +30,12 @@ def _readings(effect: str, field: str, value: Any) -> Any:
 
 @once
 def _asked() -> dict[tuple[str, str], Any]:
-    """Kept derivatives of the package's readings, by effect and field."""
+    """Return the kept derivatives of the package's readings, by effect and field."""
     return {}
 
 
 def package_slopes(effect: str, field: str, n: int) -> Any:
-    """(3, n) derivatives of what the package reads, complex steps about nominal."""
+    """Return (3, n) derivatives of what the package reads, complex steps about nominal."""
     kept = _asked()
     if (effect, field) not in kept:
         columns = [_readings(effect, field, 1e-30j * np.eye(n)[i]).imag / 1e-30 for i in range(n)]

@@ -8,7 +8,7 @@ import numpy as np
 
 
 def stimulus(force: Any, site: tuple[float, float], readout: Any = None, axis_names: tuple[str, ...] = ()) -> Any:
-    """n instants with these forces (n, 3) [m/s^2] and readouts (n, k) [rad], nothing else happening.
+    """Return n instants with these forces (n, 3) [m/s^2] and readouts (n, k) [rad], nothing else happening.
 
     site: gravity [m/s^2] and latitude [rad]. Without readouts the axes are those of the space-stable platform, at zero.
     """
@@ -37,6 +37,6 @@ def stimulus(force: Any, site: tuple[float, float], readout: Any = None, axis_na
 
 
 def attitude() -> Any:
-    """C_b^n, a generic rotation (3, 3)."""
+    """Return C_b^n, a generic rotation (3, 3)."""
     q, _ = np.linalg.qr(np.array([[1.0, 0.2, -0.3], [-0.4, 1.0, 0.5], [0.3, -0.6, 1.0]]))
     return q * np.linalg.det(q)

@@ -29,12 +29,12 @@ class Turn:
 
 
 def attitude(x: str, y: str, z: str) -> Any:
-    """C_b^n from where the axes point."""
+    """Return C_b^n from where the axes point."""
     return np.array([DIRECTIONS[d] for d in (x, y, z)]).T
 
 
 def in_words(C: Any) -> tuple[str, str, str]:
-    """Where the axes point; "?" for one between the six directions."""
+    """Return where the axes point; "?" for one between the six directions."""
     x, y, z = (
         next((name for name, d in DIRECTIONS.items() if np.allclose(C[:, i], d, atol=1e-9)), "?") for i in range(3)
     )
@@ -42,14 +42,14 @@ def in_words(C: Any) -> tuple[str, str, str]:
 
 
 def rotation(axis: Sequence[float], angle: float) -> Any:
-    """Active rotation (3, 3), Rodrigues."""
+    """Return the active rotation (3, 3), Rodrigues."""
     a = np.asarray(axis, float)
     K = np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
     return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
 
 
 def quarter(axis: Sequence[int], degrees: float) -> Any:
-    """The same in whole numbers for multiples of 90 deg."""
+    """Return the same in whole numbers for multiples of 90 deg."""
     return np.rint(rotation(axis, radians(degrees))).astype(int)
 
 
@@ -72,7 +72,7 @@ class Path:
 
 
 def path(start: Any, turns: Sequence[Turn], speed: float, stop: float, ramp: float = 1.0, dt: float = 0.5) -> Path:
-    """A stop, then turn and stop in turn; trapezoids of rate; speed [deg/s], times [s], multiples of dt."""
+    """Return a stop, then turn and stop in turn; trapezoids of rate; speed [deg/s], times [s], multiples of dt."""
     C, out_C, out_w = np.asarray(start, float), [], []
 
     def rest() -> None:
@@ -98,10 +98,10 @@ def path(start: Any, turns: Sequence[Turn], speed: float, stop: float, ramp: flo
 
 
 def _trapezoid(t: float, total: float, ramp: float, top: float) -> tuple[float, float]:
-    """Rate and angle so far."""
+    """Return the rate and angle so far."""
     if t < ramp:
         return top * t / ramp, top * t**2 / ramp / 2
     if t > total - ramp:
-        left = total - t
-        return top * left / ramp, top * (total - ramp) - top * left**2 / ramp / 2
+        remaining = total - t
+        return top * remaining / ramp, top * (total - ramp) - top * remaining**2 / ramp / 2
     return top, top * (t - ramp / 2)

@@ -98,7 +98,7 @@ class Case:
 
 
 def is_zero(expr: Expr) -> bool:
-    """Whether an expression vanishes identically; a number at a generic point rejects, algebra confirms."""
+    """Return whether an expression vanishes identically; a number at a generic point rejects, algebra confirms."""
     expr = sp.sympify(expr)
     at = {s: sp.Rational(prime, 97) for s, prime in zip(_ordered(expr), _primes(), strict=False)}
     if abs(expr.subs(at).evalf(40)) > 1e-25:
@@ -118,7 +118,7 @@ def _primes() -> Iterator[int]:
 
 
 def order(expr: Expr, small: Sequence[Expr]) -> float:
-    """Lowest total degree in the small symbols that is really there; infinite for zero."""
+    """Return the lowest total degree in the small symbols that is really there; infinite for zero."""
     if not small:
         return math.inf if is_zero(expr) else 0
     poly = sp.Poly(sp.expand(expr), *small)
@@ -130,7 +130,7 @@ def order(expr: Expr, small: Sequence[Expr]) -> float:
 
 
 def truncate(expr: Expr, small: Sequence[Expr], n: int) -> Expr:
-    """Taylor expansion in the small symbols through total degree n."""
+    """Return Taylor expansion in the small symbols through total degree n."""
     e = sp.Dummy()
     scaled = expr.subs({s: e * s for s in small}, simultaneous=True)
     terms = []
@@ -142,7 +142,7 @@ def truncate(expr: Expr, small: Sequence[Expr], n: int) -> Expr:
 
 
 def entries(formula: Expr) -> list[Expr]:
-    """The scalar expressions of a formula, row by row."""
+    """Return the scalar expressions of a formula, row by row."""
     return list(formula) if isinstance(formula, sp.MatrixBase) else [sp.sympify(formula)]
 
 
@@ -151,28 +151,28 @@ def _shape(formula: Expr) -> tuple[int, int]:
 
 
 def same(a: Expr, b: Expr) -> bool:
-    """Whether two formulas are identically equal."""
+    """Return whether two formulas are identically equal."""
     return _shape(a) == _shape(b) and all(is_zero(x - y) for x, y in zip(entries(a), entries(b), strict=True))
 
 
 def slips(expr: Expr, symbols: Sequence[Sequence[Expr]], factors: Sequence[Expr]) -> Iterator[tuple[str, Expr]]:
-    """Every expression one slip away, with the slip in words: a sign, a lost or added factor, a symbol."""
+    """Yield every expression one slip away, with the slip in words: a sign, a lost or added factor, a symbol."""
     yield "the overall sign", -expr
     terms = sp.Add.make_args(sp.expand(expr))
     for term in terms if len(terms) <= PRINTABLE else ():
-        rest = sum((t for t in terms if t is not term), start=sp.Integer(0))
-        yield f"the sign of {term}", rest - term
+        others = sum((t for t in terms if t is not term), start=sp.Integer(0))
+        yield f"the sign of {term}", others - term
         for f in factors:
-            yield f"{term} should be multiplied by {f}", rest + term * f
-            yield f"{term} should be divided by {f}", rest + term / f
+            yield f"{term} should be multiplied by {f}", others + term * f
+            yield f"{term} should be divided by {f}", others + term / f
         for group in symbols:
             for here in [s for s in group if s in term.free_symbols]:
                 for there in [s for s in group if s is not here]:
-                    yield f"{there} instead of {here} in {term}", rest + term.subs(here, there)
+                    yield f"{there} instead of {here} in {term}", others + term.subs(here, there)
 
 
 def find_slip(printed: Expr, case: Case) -> str:
-    """The one slip that turns printed into derived, in words; empty if there is none."""
+    """Return the one slip that turns printed into derived, in words; empty if there is none."""
     for words, repair in case.repairs:
         if same(repair(printed), case.derived):
             return words
@@ -188,7 +188,7 @@ def find_slip(printed: Expr, case: Case) -> str:
 
 
 def judge(printed: Printed, case: Case) -> tuple[str, str]:
-    """The verdict, and the slip in words where one explains the difference."""
+    """Return the verdict, and the slip in words where one explains the difference."""
     if case.derived is None:
         return AGREES, ""
     if (case.rank is not None and case.rank[0] < case.rank[1]) or unreadable(printed, case):
@@ -208,7 +208,7 @@ def _judge(formula: Expr, printed: Printed, case: Case) -> tuple[str, str]:
 
 
 def unreadable(printed: Printed, case: Case) -> bool:
-    """Whether the scan shows no formula, or one whose verdict is another than that of the reading."""
+    """Return whether the scan shows no formula, or one whose verdict is another than that of the reading."""
     if printed.formula is None:
         return True
     if printed.literal is None:
@@ -217,7 +217,7 @@ def unreadable(printed: Printed, case: Case) -> bool:
 
 
 def magnitude(difference: Expr, at: Mapping[Expr, float], sweep: Sequence[Mapping[Expr, float]] = ({},)) -> float:
-    """Largest absolute value of a difference over the points of `sweep`."""
+    """Return the largest absolute value of a difference over the points of `sweep`."""
     formula = entries(difference)
     symbols = sorted(set().union(*(entry.free_symbols for entry in formula)), key=str)
     numeric = sp.lambdify(symbols, formula, "math")
@@ -226,7 +226,7 @@ def magnitude(difference: Expr, at: Mapping[Expr, float], sweep: Sequence[Mappin
 
 
 def in_unit(value: float, unit: str) -> str:
-    """A force over g or an angle in rad, with its everyday unit."""
+    """Return a force over g or an angle in rad, with its everyday unit."""
     if unit == "g":
         return f"{value:.3g} g"
     scaled = {"ug": value * 1e6, "arcsec": value / ARCSEC, "ppm": value * 1e6}.get(unit)
@@ -234,7 +234,7 @@ def in_unit(value: float, unit: str) -> str:
 
 
 def size_in_words(verdict: str, printed: Printed, case: Case) -> str:
-    """How much it matters: "0" where printed and derived agree."""
+    """Return how much it matters: "0" where printed and derived agree."""
     if verdict == AGREES:
         return "0"
     if verdict == NOT_DETERMINED and case.rank is not None:
@@ -266,18 +266,18 @@ def decide(source: str, printed: Printed, case: Case) -> Verdict:
 
 
 def last_digit(text: str) -> float:
-    """One unit of the last printed digit."""
+    """Return one unit of the last printed digit."""
     mantissa, exponent = text.split("e")
     return float(10.0 ** (int(exponent) - len(mantissa.partition(".")[2])))
 
 
 def decide_group(source: str, group: ModuleType, printed: Mapping[str, Printed] | None = None) -> tuple[Verdict, ...]:
-    """Verdicts of one file of a paper; `printed` replaces what the paper prints, item by item."""
+    """Return verdicts of one file of a paper; `printed` replaces what the paper prints, item by item."""
     formulas = {**group.PRINTED, **(printed or {})}
     return tuple(decide(source, formulas[item], case) for item, case in group.cases().items())
 
 
 def with_package(found: Verdict) -> Verdict:
-    """The verdict with how the package compares, where it holds the item."""
+    """Return the verdict with how the package compares, where it holds the item."""
     package = compare(found.source, found.item)
     return found if package is None else replace(found, why=f"{found.why} {package}", package=package)

@@ -26,5 +26,5 @@ judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 
 def verdicts() -> tuple[Verdict, ...]:
-    """Everything, in the order of the paper."""
+    """Return every verdict, in the order of the paper."""
     return (*(v for group in GROUPS for v in judge_group(group)), *(v for table in TABLES for v in table.verdicts()))

@@ -35,7 +35,7 @@ STATED = Noise(of_density(0.00005 * DEG_H, 100.0), of_density(UG, 100.0))
 
 
 def columns(rate: Any, force: Any) -> Any:
-    """(n, 6, 42) readings too much by each constant, first order of (1), (4), (9) to (11)."""
+    """Return (n, 6, 42) readings too much by each constant, first order of (1), (4), (9) to (11)."""
     n, zero = len(rate), np.zeros(len(rate))
     out = np.zeros((n, 6, 42))
     at = 0
@@ -59,6 +59,6 @@ def columns(rate: Any, force: Any) -> Any:
 
 @cache
 def found(rate: float = STATED.rate, force: float = STATED.force) -> dict[str, float]:
-    """Sigma of each constant over its error before the filter."""
+    """Return the sigma of each constant over its error before the filter."""
     s = sigmas(table_1.motion(), LATITUDE, columns, PRIOR, Noise(rate, force))
     return dict(zip(NAMES, map(float, s), strict=True))

@@ -41,7 +41,7 @@ SIZES = {**AT, **_SMALL}
 
 @cache
 def rate_error() -> Any:
-    """dw^m: (3) with what the computer has, on the counts that (1) makes, less the true rate."""
+    """Return dw^m: (3) with what the computer has, on the counts that (1) makes, less the true rate."""
     true_f, f_error = column(f), column(e_f)
     counts = (sp.eye(3) - M_g) * (column(omega) + column(b_g) + G_matrix * true_f)  # 1 - M inverts 1 + M to first order
     computed = (sp.eye(3) + M_g + dK_G) * counts - column(b_g) - column(db_g)
@@ -52,7 +52,7 @@ def rate_error() -> Any:
 
 @cache
 def force_error() -> Any:
-    """df^m through first order: (12) as derived, with what the computer has, less the true force."""
+    """Return df^m through first order: (12) as derived, with what the computer has, less the true force."""
     of = step * column(db_a) + step * squared(f) * column(dK_a2) + step * crossed(f) * column(dK_cross)
     computed = (sp.eye(3) + step * dK_A) * column(f) - of - size_effect(omega) * step * column(dr)
     return computed.diff(step).subs(step, 0)
@@ -60,14 +60,14 @@ def force_error() -> Any:
 
 @cache
 def block_of_scale() -> Any:
-    """First order of T K about the identity: scale factors on the diagonal, angles beside it."""
+    """Return the first order of T K about the identity: scale factors on the diagonal, angles beside it."""
     K = sp.eye(3) + step * sp.diag(*(da_scale[i, i] for i in range(3)))
     T = sp.Matrix(3, 3, lambda i, j: 1 if i == j else step * dalpha[i, j])
     return (T * K).diff(step).subs(step, 0)
 
 
 def _navigation(gravity_sign: int) -> Any:
-    """(17) as printed, three equations under one another."""
+    """Return (17) as printed, three equations under one another."""
     phi, dV, f_n = sp.Matrix(nav.PHI), sp.Matrix(nav.DV), sp.Matrix(nav.F_N)
     w_ie, w_en, V_ = earth_rate(), transport_rate(h), sp.Matrix(V)
     moved = dict(zip((*V, *nav.POSITION), (*nav.DV, *nav.DP), strict=True))
@@ -88,7 +88,7 @@ def _navigation(gravity_sign: int) -> Any:
 
 
 def _derived_navigation() -> Any:
-    """The same from the mechanisation; gravity's error counted as the paper's -dg: true minus computed."""
+    """Return the same from the mechanisation; gravity's error counted as the paper's -dg: true minus computed."""
     minus = dict(zip(nav.DG, (-g for g in nav.DG), strict=True))
     return (
         nav.attitude_rate().col_join(nav.velocity_rate().subs(minus, simultaneous=True)).col_join(nav.position_rate())
@@ -130,13 +130,13 @@ PRINTED = {
 
 
 def number_of_states() -> int:
-    """Nine of navigation and every coefficient of (3) and (12), six of the gyroscopes' nine T K being free."""
+    """Return nine of navigation and every coefficient of (3) and (12), six of the gyroscopes' nine T K being free."""
     return 9 + len(set(ERRORS))
 
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     return {
         "Eq. (17)": Case(
             _derived_navigation(),

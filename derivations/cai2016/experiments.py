@@ -38,9 +38,9 @@ QUARTZ = 5 * bound.UG  # m/s^2/sqrt(Hz)
 
 
 def sigma(name: str, rate: float, force: float) -> float:
-    """Bound of a constant in SI after one path, from the errors before the filter."""
-    found = bound.found(rate, force)
-    return found[name] * float(dict(zip(bound.NAMES, bound.PRIOR, strict=True))[name])
+    """Return the bound of a constant in SI after one path, from the errors before the filter."""
+    ratios = bound.found(rate, force)
+    return ratios[name] * float(dict(zip(bound.NAMES, bound.PRIOR, strict=True))[name])
 
 
 def judge_before(row: tuple[object, ...]) -> Verdict:
@@ -69,29 +69,30 @@ def judge_after(row: tuple[object, ...]) -> Verdict:
 
 
 def judge_all_seen() -> Verdict:
-    """Section 3.4 and 4.1: all parameters are estimated on the path."""
-    found = bound.found()
-    seen = [n for n, ratio in found.items() if ratio < 0.5]
-    worst = max(found, key=lambda n: found[n])
-    right = len(seen) == len(found)
+    """Judge Sections 3.4 and 4.1: all parameters are estimated on the path."""
+    ratios = bound.found()
+    determined = [n for n, ratio in ratios.items() if ratio < 0.5]
+    worst = max(ratios, key=lambda n: ratios[n])
+    right = len(determined) == len(ratios)
     return Verdict(
         SOURCE, "Section 4.1, all parameters", AGREES if right else WRONG,
         "all of the parameters got completely convergent in one group of calibration rotation",
-        f"{len(seen)} of {len(found)} below half of their error before", "0" if right else f"{len(found) - len(seen)}",
-        f"At the stated noise; the weakest is {worst}, to {100 * found[worst]:.0f} % of its error before: an own-axis "
+        f"{len(determined)} of {len(ratios)} below half of their error before",
+        "0" if right else f"{len(ratios) - len(determined)}",
+        f"At the stated noise; the weakest is {worst}, to {100 * ratios[worst]:.0f} % of its error before: an own-axis "
         "g-sensitivity turns only the heading, while that axis is vertical, and is ten times worse seen than others.",
     )  # fmt: skip
 
 
 def judge_result(name: str, value: float) -> Verdict:
-    """An estimate of the laboratory."""
+    """Judge an estimate of the laboratory."""
     unit = UNITS[name[0]]
     return Verdict(SOURCE, f"Table 3, {name}", NOT_DETERMINED, f"{value:g} {unit}", "nothing printed determines it",
                    "not quantified", "It needs the recordings, which are not printed.")  # fmt: skip
 
 
 def judge_unit_of_g() -> Verdict:
-    """Nine g-sensitivities of ring lasers of 1e-5 deg/h/g and less."""
+    """Judge nine g-sensitivities of ring lasers of 1e-5 deg/h/g and less."""
     to_unit = bound.G0 / bound.DEG_H
     cross, own = _unprimed("G_xy") * to_unit, _unprimed("G_xx") * to_unit
     largest = max(abs(v) for n, v in TABLE_3.items() if n.startswith("G"))
@@ -106,13 +107,13 @@ def judge_unit_of_g() -> Verdict:
 
 
 def _unprimed(name: str) -> float:
-    """Sigma of a g-sensitivity in SI from the data alone: what the prior adds is taken off."""
+    """Return the sigma of a g-sensitivity in SI from the data alone: what the prior adds is taken off."""
     posterior, prior = sigma(name, RING_LASER, QUARTZ), dict(zip(bound.NAMES, bound.PRIOR, strict=True))[name]
     return float((posterior**-2 - prior**-2) ** -0.5)
 
 
 def share(before: float, after: float) -> float:
-    """Decrease in per cent of before."""
+    """Return the decrease in per cent of before."""
     return 100 * (before - after) / before
 
 
@@ -128,7 +129,7 @@ def judge_position(name: str) -> Verdict:
 
 
 def sentences() -> tuple[Verdict, ...]:
-    """About 8 % and at least 20 %, and how long five days are."""
+    """Return the verdicts on about 8 % and at least 20 %, and on how long five days are."""
     least = min(POSITION, key=lambda n: share(*POSITION[n]))
     before, after = POSITION[least]
     shares = sorted(share(*p) for p in POSITION.values())
@@ -165,7 +166,7 @@ def sentences() -> tuple[Verdict, ...]:
 
 
 def verdicts() -> tuple[Verdict, ...]:
-    """Tables 2 and 3, then the sentences."""
+    """Return the verdicts on Tables 2 and 3, then on the sentences."""
     two = (v for row in TABLE_2 for v in (judge_before(row), judge_after(row)))
     three = (judge_result(name, value) for name, value in TABLE_3.items())
     where = (judge_position(name) for name in POSITION)

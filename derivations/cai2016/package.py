@@ -51,7 +51,7 @@ ACC_FIELDS = (
 
 
 def derived_counts(gyroscopes: bool) -> Any:
-    """What a unit reads, exactly as (1) and (4) with (9) to (11): counts N at the true rate and force."""
+    """Return what a unit reads, exactly as (1) and (4) with (9) to (11): counts N at the true rate and force."""
     if gyroscopes:
         along = gyro_axes() * sp.Matrix(omega) + sp.Matrix(b_g) + G_matrix * sp.Matrix(f)
         return sp.Matrix([a / k for a, k in zip(along, K_g, strict=True)])
@@ -61,7 +61,7 @@ def derived_counts(gyroscopes: bool) -> Any:
 
 
 def derived_slopes(symbols: Sequence[Any], gyroscopes: bool) -> Any:
-    """(3, p) derivatives of the derived reading at nominal."""
+    """Return (3, p) derivatives of the derived reading at nominal."""
     return _all_slopes(gyroscopes)[:, [_order(gyroscopes).index(s) for s in symbols]]
 
 
@@ -79,13 +79,13 @@ def _all_slopes(gyroscopes: bool) -> Any:
 
 
 def coefficient(effect: str, field: str, symbols: Sequence[Any], gyroscopes: bool) -> float:
-    """One field against the derivative of the derived model, relative."""
+    """Return one field against the derivative of the derived model, relative."""
     ours, derived = package_slopes(effect, field, len(symbols)), derived_slopes(symbols, gyroscopes)
     return float(np.abs(ours - derived).max() / np.abs(derived).max())
 
 
 def angles(gyroscopes: bool) -> float:
-    """Misalignment, letter by letter, with the other sign."""
+    """Return the misalignment, letter by letter, with the other sign."""
     effect = "gyro_misalignment" if gyroscopes else "misalignment"
     ours = package_slopes(effect, "beta", 6)
     symbols = GAMMA if gyroscopes else ALPHA
@@ -95,7 +95,7 @@ def angles(gyroscopes: bool) -> float:
 
 
 def arms() -> float:
-    """Each accelerometer's arm along its own axis, in steady rotation."""
+    """Return each accelerometer's arm along its own axis, in steady rotation."""
     ours = package_slopes("accelerometer_lever_arm", "r", 9)[:, [0, 4, 8]]
     derived = derived_slopes(r, False)
     return float(np.abs(ours - derived).max() / np.abs(derived).max())
@@ -136,7 +136,7 @@ def inversion() -> float:
 
 @once
 def _schedule() -> tuple[Any, Any]:
-    """The package's attitudes (19, 3, 3) body to east, north, up, and speed [deg/s], stop [s]."""
+    """Return the package's attitudes (19, 3, 3) body to east, north, up, and speed [deg/s], stop [s]."""
     from gimbalcal.schedule.rotations import ROTATIONS
 
     schedule = ROTATIONS["cai2016-18"]
@@ -144,7 +144,7 @@ def _schedule() -> tuple[Any, Any]:
 
 
 def attitude(row: int) -> float:
-    """A row of the published schedule against the attitude that the turns make."""
+    """Return a row of the published schedule against the attitude that the turns make."""
     return float(np.abs(_schedule()[0][row] - table_1.attitudes()[row]).max())
 
 

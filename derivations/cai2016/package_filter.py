@@ -39,7 +39,7 @@ checks(SOURCE, "Eq. (15)", where="inference.adjoint.covariance")(navigator.adjoi
 
 
 def _recording() -> Any:
-    """Four intervals of a unit that turns evenly under an even force."""
+    """Return the four intervals of a unit that turns evenly under an even force."""
     from gimbalcal.platform import BENCH
     from gimbalcal.recording import Recording, Site
 
@@ -50,7 +50,9 @@ def _recording() -> Any:
 
 @once
 def _columns() -> dict[tuple[str, str], Any]:
-    """(6,) what the filter takes force and rate to be wrong by, true less computed, by effect and axis of the 51."""
+    """Return (6,) what the filter takes force and rate to be wrong by, true less computed, by effect and axis of the
+    51.
+    """
     from gimbalcal.estimate.systematic import sensor_inversion
     from gimbalcal.estimate.systematic.state_lists import states
 
@@ -62,7 +64,7 @@ def _columns() -> dict[tuple[str, str], Any]:
 
 
 def _derived() -> dict[tuple[str, str], Any]:
-    """The same of the derived model: less what is read too much."""
+    """Return the same of the derived model: less what is read too much."""
     matrix = [f"{i}{j}" for i in "xyz" for j in "xyz"]
     pairs = [i + j for i in "xyz" for j in "xyz" if i != j]
     of: dict[tuple[str, str], tuple[Any, bool, int]] = {}
@@ -82,7 +84,7 @@ def _derived() -> dict[tuple[str, str], Any]:
 
 
 def sensitivity(effect: str) -> float:
-    """The columns of an effect, relative."""
+    """Return the columns of an effect, relative."""
     ours, derived = _columns(), {k: v for k, v in _derived().items() if k[0] == effect}
     size = max(np.abs(v).max() for v in derived.values())
     return float(max(np.abs(ours[k] - v).max() for k, v in derived.items()) / size)

@@ -68,25 +68,27 @@ def _diag(scale: Any, counts: Any) -> Any:
 
 
 def rate(T: Any, of: Any) -> Any:
-    """w^m - K_g N_g with the axes T and a force in the g-sensitivity."""
+    """Return w^m - K_g N_g with the axes T and a force in the g-sensitivity."""
     return (T - sp.eye(3)) * _diag(K_g, N_g) - column(b_g) - column(v_g) - G_matrix * column(of)
 
 
 def force(T: Any, of: Any) -> Any:
-    """f^m - K_a N_a with the axes T and a force in the products."""
+    """Return f^m - K_a N_a with the axes T and a force in the products."""
     linear = (T - sp.eye(3)) * _diag(K_a, N_a) - column(b_a) - column(v_a)
     return linear - squared(of) * column(K_a2) - crossed(of) * column(K_cross)
 
 
 @cache
 def exact_rate() -> Any:
-    """w^m - K_g N_g from (1): the axes inverted; bias, noise and G counted in m, as (3) does. Through second order."""
+    """Return w^m - K_g N_g from (1): the axes inverted; bias, noise and G counted in m, as (3) does. Through second
+    order.
+    """
     return rate(truncate(gyro_axes(), GAMMA, 2).inv().applyfunc(lambda x: truncate(x, GAMMA, 2)), f)
 
 
 @cache
 def exact_force() -> Any:
-    """f^m - K_a N_a from (4) likewise, the products taken of the true force."""
+    """Return f^m - K_a N_a from (4) likewise, the products taken of the true force."""
     C = truncate(accelerometer_axes(), ALPHA, 2) - sp.eye(3)
     T = truncate(sp.eye(3) - C + C * C, ALPHA, 2)  # the inverse through second order
     return force(T, f)
@@ -94,13 +96,13 @@ def exact_force() -> Any:
 
 @cache
 def printed_size() -> Any:
-    """(3, 3) below (12)."""
+    """Return (3, 3) below (12)."""
     x, y, z = omega_t
     return sp.Matrix([[0, y**2, z**2], [x**2, 0, z**2], [x**2, y**2, 0]])
 
 
 def _one(*terms: Any) -> Any:
-    """The correction of one sensor."""
+    """Return the correction of one sensor."""
     return sp.Matrix([-sum(terms)])
 
 
@@ -147,7 +149,7 @@ PRINTED = {
 
 
 def iterations(printed: bool, n: int, read: float = 1.0, K: float = 3e-4) -> float:
-    """Force after n rounds of (8) for a single accelerometer that reads f + K f^2 = `read`, in g."""
+    """Return the force after n rounds of (8) for a single accelerometer that reads f + K f^2 = `read`, in g."""
     first = now = read
     for _ in range(n):
         now = (now if printed else first) - K * now**2
@@ -155,14 +157,14 @@ def iterations(printed: bool, n: int, read: float = 1.0, K: float = 3e-4) -> flo
 
 
 def left_over(printed: bool, n: int) -> float:
-    """What f + K f^2 still misses after n rounds, in g: 300 ug/g^2 at one g."""
+    """Return what f + K f^2 still misses after n rounds, in g: 300 ug/g^2 at one g."""
     now = iterations(printed, n)
     return abs(now + 3e-4 * now**2 - 1.0)
 
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     second = (
         "Solved for the true {of}. The measured force stands for the true one in small terms{axes}: {{size}}.{more}"
     )
@@ -218,5 +220,5 @@ def cases() -> dict[str, Case]:
 
 
 def _from_the_first(printed: Any) -> Any:
-    """(8) with f_(0) in place of the force that is corrected."""
+    """Return (8) with f_(0) in place of the force that is corrected."""
     return printed - column(f_before) + column(f_first)

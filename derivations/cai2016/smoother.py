@@ -45,24 +45,24 @@ PRINTED = {
 
 @cache
 def gain() -> Any:
-    """A from Cov(x_{j-1} - A x_j, x_j) = 0."""
+    """Return A from Cov(x_{j-1} - A x_j, x_j) = 0."""
     unknown = list(A)
     solved = sp.solve(list(P * Phi.T - A * P_j), unknown, dict=True)[0]
     return A.subs(solved)
 
 
 def mean() -> Any:
-    """Of the independent part, which later data leave alone, and A times that of the state at j."""
+    """Return the mean of the independent part, which later data leave alone, and A times that of the state at j."""
     return (x - A * x_j) + A * x_M
 
 
 def covariance() -> Any:
-    """Of both parts: that of the independent one is P - A P_pred A^T, by what makes A."""
+    """Return the covariance of both parts: that of the independent one is P - A P_pred A^T, by what makes A."""
     return (P - A * P_j * A.T) + A * P_M * A.T
 
 
 def _filtered(z: Any, Phi_: Any, Q: Any, R: Any, P0: Any) -> tuple[list[Any], list[Any], list[Any], list[Any]]:
-    """Kalman filter, the first component measured at every epoch."""
+    """Return Kalman filter, the first component measured at every epoch."""
     H = sp.Matrix([[1, 0]])
     means, covariances, before, P_before = [], [], [], []
     m, C = sp.zeros(2, 1), P0
@@ -79,7 +79,7 @@ def _filtered(z: Any, Phi_: Any, Q: Any, R: Any, P0: Any) -> tuple[list[Any], li
 
 
 def against_all_data() -> Any:
-    """Largest difference between (13) to (16) and the joint solution of three epochs; exact, so zero."""
+    """Return the largest difference between (13) to (16) and the joint solution of three epochs; exact, so zero."""
     R_ = sp.Rational
     Phi_, Q, R = sp.Matrix([[1, R_(1, 2)], [R_(-1, 5), 1]]), sp.Matrix([[R_(1, 3), R_(1, 7)], [R_(1, 7), 1]]), R_(1, 4)
     P0, z = sp.Matrix([[2, R_(1, 2)], [R_(1, 2), 3]]), [R_(3, 10), R_(-1, 2), R_(9, 10)]
@@ -106,7 +106,7 @@ def against_all_data() -> Any:
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     if against_all_data() != 0:
         raise ArithmeticError("the recursion and the joint solution of all data differ")
     return {

@@ -41,7 +41,7 @@ AT_SEA: dict[Any, float] = {  # what sizes are quoted for: 10 m/s north-east, 30
 
 
 def _cross_rows(force: Any) -> Any:
-    """(3, 9) a force once in each row: what multiplies G_xx, G_xy ... G_zz."""
+    """Return (3, 9) a force once in each row: what multiplies G_xx, G_xy ... G_zz."""
     return sp.Matrix(3, 9, lambda i, j: force[j - 3 * i] if 0 <= j - 3 * i < 3 else 0)
 
 
@@ -51,7 +51,7 @@ def _squares() -> Any:
 
 
 def _scale_columns(size: int) -> list[Any]:
-    """Columns of C (omega_j) e_i for the free elements of T K, as F14 prints them."""
+    """Return columns of C (omega_j) e_i for the free elements of T K, as F14 prints them."""
     return [C[:, i] * omega[j] for j in range(3) for i in range(j, size)]
 
 
@@ -90,7 +90,7 @@ WITH_27 = "(27) feeds it back with the same sign"
 
 @cache
 def derived_sensors() -> dict[str, Any]:
-    """Sensor blocks from (18), (19) as derived; first order, the counts standing for rate and force."""
+    """Return the sensor blocks from (18), (19) as derived; first order, the counts standing for rate and force."""
     at_truth = dict.fromkeys((*model.M_g, *b_g, *G_matrix, *e_f), 0)
     rate, force = -C * model.rate_error().subs(at_truth), C * model.force_error()
 
@@ -108,7 +108,7 @@ def derived_sensors() -> dict[str, Any]:
 
 
 def feedback(blocks: dict[str, Any]) -> Any:
-    """(7,) sign with which each state of `GROUPS` must be added to what the computer uses, given F's own signs.
+    """Return (7,) sign with which each state of `GROUPS` must be added to what the computer uses, given F's own signs.
 
     (18), (19) count computed minus true, so where F's column has their sign the truth is the computed value minus the
     state, and plus it where F's column has the other.
@@ -125,7 +125,9 @@ def feedback(blocks: dict[str, Any]) -> Any:
 
 
 def left_out() -> dict[str, float]:
-    """Entries of the full linearisation on WGS-84 that F does not have, at rest at 30 deg: value in SI by place."""
+    """Return entries of the full linearisation on WGS-84 that F does not have, at rest at 30 deg: value in SI by
+    place.
+    """
     at, force = [0, 0, 0, pi / 6, 0, 0], [0, 0, float(nav.gravity(pi / 6, 0.0))]
     extra = (nav.linearised(at, force, held=False) - nav.linearised(at, force))[:, :9]
     names = ("phi_E", "phi_N", "phi_U", "V_E", "V_N", "V_U", "L", "lambda", "h")
@@ -135,7 +137,9 @@ def left_out() -> dict[str, float]:
 
 
 def numerically(at: Any, force: Any) -> float:
-    """Largest relative difference between the derived blocks and complex steps of the mechanisation, radii held."""
+    """Return the largest relative difference between the derived blocks and complex steps of the mechanisation, radii
+    held.
+    """
     R = nav.radii(at[3])
     values = dict(zip((*V, *nav.POSITION, *nav.F_N, R_M, R_N, omega_ie), (*at, *force, *R, nav.OMEGA), strict=True))
     F = nav.linearised(at, force)
@@ -189,7 +193,9 @@ PRINTED = {
 
 
 def fed_back_navigation() -> Any:
-    """(5,) signs: D = 1 - [phi x] is undone by 1 + [phi x] to first order; the others are computed minus true."""
+    """Return (5,) signs: D = 1 - [phi x] is undone by 1 + [phi x] to first order; the others are computed minus
+    true.
+    """
     D = sp.eye(3) - e * cross(nav.PHI)
     for sign in (1, -1):
         if ((sp.eye(3) + sign * e * cross(nav.PHI)) * D).diff(e).subs(e, 0) == sp.zeros(3):
@@ -206,7 +212,7 @@ def _bias_column(name: str) -> str:
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     if numerically([70.0, -40.0, 5.0, 0.6, 1.1, 300.0], [0.4, -0.7, 9.7]) > 1e-12:
         raise ArithmeticError("the derived blocks and complex steps of the mechanisation differ")
     derived, extra = nav.blocks() | derived_sensors(), left_out()

@@ -17,7 +17,7 @@ AXES = ("x", "y", "z")
 
 
 def triad(name: str, **assumptions: Any) -> Any:
-    """Three symbols, one for each axis."""
+    """Return three symbols, one for each axis."""
     return sp.symbols([f"{name}{a}" for a in AXES], **{"real": True, **assumptions})
 
 
@@ -32,7 +32,7 @@ ALPHA = sp.symbols("alpha_xz alpha_xy alpha_yz alpha_yx alpha_zy alpha_zx", real
 
 
 def about(axis: int, angle: Any) -> Any:
-    """A vector turned about an axis by an angle, right-handed."""
+    """Return a vector turned about an axis by an angle, right-handed."""
     c, s = sp.cos(angle), sp.sin(angle)
     j, k = (axis + 1) % 3, (axis + 2) % 3
     out = sp.eye(3)
@@ -41,14 +41,16 @@ def about(axis: int, angle: Any) -> Any:
 
 
 def gyro_axes() -> Any:
-    """C_m^g: the input axes in m as rows. An axis of m is its input axis turned by the angle, so back by minus it."""
+    """Return C_m^g: the input axes in m as rows. An axis of m is its input axis turned by the angle, so back by minus
+    it.
+    """
     yz, zx, zy = GAMMA
     x, y, z = (sp.eye(3)[:, i] for i in range(3))
     return sp.Matrix.hstack(x, about(2, -yz) * y, about(0, -zx) * about(1, -zy) * z).T
 
 
 def accelerometer_axes() -> Any:
-    """C_m^a, two angles each."""
+    """Return C_m^a, two angles each."""
     xz, xy, yz, yx, zy, zx = ALPHA
     pairs = (((2, xz), (1, xy)), ((2, yz), (0, yx)), ((1, zy), (0, zx)))
     columns = [about(i, -a) * about(j, -b) * sp.eye(3)[:, n] for n, ((i, a), (j, b)) in enumerate(pairs)]
@@ -56,19 +58,21 @@ def accelerometer_axes() -> Any:
 
 
 def T_g() -> Any:
-    """As (3) prints it."""
+    """Return T_g as (3) prints it."""
     yz, zx, zy = GAMMA
     return sp.Matrix([[1, 0, 0], [-yz, 1, 0], [zy, -zx, 1]])
 
 
 def T_a() -> Any:
-    """As (6) prints it."""
+    """Return T_a as (6) prints it."""
     xz, xy, yz, yx, zy, zx = ALPHA
     return sp.Matrix([[1, xz, -xy], [-yz, 1, yx], [zy, -zx, 1]])
 
 
 def crossed(force: Any) -> Any:
-    """(3, 6) what multiplies K_axy ... K_azy: each accelerometer has the products of its own force with the others."""
+    """Return (3, 6) what multiplies K_axy ... K_azy: each accelerometer has the products of its own force with the
+    others.
+    """
     x, y, z = force
     return sp.Matrix([[x * y, x * z, 0, 0, 0, 0], [0, 0, x * y, y * z, 0, 0], [0, 0, 0, 0, x * z, y * z]])
 
@@ -78,13 +82,15 @@ def squared(force: Any) -> Any:
 
 
 def centripetal(rate: Any, arm: Any) -> Any:
-    """w x (w x r)."""
+    """Return w x (w x r)."""
     w = sp.Matrix(rate)
     return w.cross(w.cross(sp.Matrix(arm)))
 
 
 def size_effect(rate: Any) -> Any:
-    """(3, 3) by which r_x, r_y, r_z enter the readings: each accelerometer on its own axis, in steady rotation."""
+    """Return (3, 3) by which r_x, r_y, r_z enter the readings: each accelerometer on its own axis, in steady
+    rotation.
+    """
     columns = []
     for i in range(3):
         on_axis = centripetal(rate, sp.eye(3)[:, i])

@@ -42,17 +42,17 @@ SPEED, STOP = 5.0, 180.0  # deg/s, s
 
 
 def after(C: Any, axis: str, degrees: float) -> Any:
-    """C_b^n after a turn of the table."""
+    """Return C_b^n after a turn of the table."""
     return quarter(OUTER_IN_N, degrees) @ C if axis == "outer" else C @ quarter(INNER_IN_B, degrees)
 
 
 def above(row: int) -> Any:
-    """C_b^n before a row, as printed; row counts from 1."""
+    """Return C_b^n before a row, as printed; row counts from 1."""
     return attitude(*START) if row == 1 else attitude(*ROWS[row - 2][2:])
 
 
 def turns() -> tuple[Turn, ...]:
-    """The eighteen turns about axes of the unit."""
+    """Return the eighteen turns about axes of the unit."""
     out, C = [], attitude(*START)
     for axis, degrees, *_ in ROWS:
         own = INNER_IN_B if axis == "inner" else tuple(int(c) for c in C.T @ OUTER_IN_N)
@@ -62,17 +62,19 @@ def turns() -> tuple[Turn, ...]:
 
 
 def motion() -> Any:
-    """The path in time: trapezoids of 5 deg/s with ramps of 1 s, which the paper does not print, and 180 s stops."""
+    """Return the path in time: trapezoids of 5 deg/s with ramps of 1 s, which the paper does not print, and 180 s
+    stops.
+    """
     return path(attitude(*START), turns(), SPEED, STOP)
 
 
 def item(row: int) -> str:
-    """As `errata.json` names it."""
+    """Return the name of a row in `errata.json`."""
     return f"Table 1, row {row}"
 
 
 def judge_row(row: int, printed: tuple[str, int, str, str, str]) -> Verdict:
-    """Whether the attitude follows from the row above."""
+    """Judge whether the attitude follows from the row above."""
     axis, degrees, *words = printed
     derived = in_words(after(above(row), axis, degrees))
     wrong = [f"{a} {d}, not {w}" for a, d, w in zip(AXES, derived, words, strict=True) if d != w]
@@ -97,7 +99,7 @@ def judge_start() -> Verdict:
 
 
 def judge_duration() -> Verdict:
-    """One hour with 180 s at each position."""
+    """Judge one hour with 180 s at each position."""
     turning = sum(d for _, d, *_ in ROWS) / SPEED
     low, high = len(ROWS) * STOP + turning, (len(ROWS) + 1) * STOP + turning
     return Verdict(
@@ -109,7 +111,7 @@ def judge_duration() -> Verdict:
 
 
 def judge_halves() -> tuple[Verdict, Verdict]:
-    """What the former and the latter nine turns are said to contain."""
+    """Judge what the former and the latter nine turns are said to contain."""
     halves = [(t.axis, t.degrees) for t in turns()]
     twice = {tuple(abs(c) for c in axis) for axis, d in halves[:9] if d == 180
              and halves[:9].count((axis, d)) == 2}  # fmt: skip
@@ -120,9 +122,9 @@ def judge_halves() -> tuple[Verdict, Verdict]:
         "0" if each else f"{3 - len(twice)} axes",
         "Two half turns the same way about x (rows 2, 3), z (5, 6), -y (8, 9).",
     )  # fmt: skip
-    seen = {(a, d) for row in ROWS[9:] for a, d in zip(AXES, row[2:], strict=True)}
-    missing = [f"{a} {d}" for a in AXES for d in ("upwards", "downwards") if (a, d) not in seen]
-    missing += [f"{a} level" for a in AXES if not any((a, d) in seen for d in ("east", "west", "north", "south"))]
+    covered = {(a, d) for row in ROWS[9:] for a, d in zip(AXES, row[2:], strict=True)}
+    missing = [f"{a} {d}" for a in AXES for d in ("upwards", "downwards") if (a, d) not in covered]
+    missing += [f"{a} level" for a in AXES if not any((a, d) in covered for d in ("east", "west", "north", "south"))]
     latter = Verdict(
         SOURCE, "Section 3.4, latter nine", WRONG if missing else AGREES,
         "including the positions with each axis pointing to up, ground and horizon",
@@ -133,7 +135,7 @@ def judge_halves() -> tuple[Verdict, Verdict]:
 
 
 def attitudes() -> Any:
-    """(19, 3, 3) C_b^n at the stops, by composing the turns from the start."""
+    """Return (19, 3, 3) C_b^n at the stops, by composing the turns from the start."""
     out = [attitude(*START)]
     for axis, degrees, *_ in ROWS:
         out.append(after(out[-1], axis, degrees))
@@ -141,6 +143,6 @@ def attitudes() -> Any:
 
 
 def verdicts() -> tuple[Verdict, ...]:
-    """Start, eighteen rows, and what the text says of the path."""
+    """Return the verdicts on the start, eighteen rows, and what the text says of the path."""
     rows = (judge_row(i, row) for i, row in enumerate(ROWS, start=1))
     return (judge_start(), *rows, judge_duration(), *judge_halves())

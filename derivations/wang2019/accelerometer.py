@@ -44,13 +44,13 @@ UNKNOWNS = (*K1, *K2, *K3, *BIAS, *E)
 
 
 def F() -> Any:
-    """Eq. (19) as a norm."""
+    """Return Eq. (19) as a norm."""
     return square(triangle() * polynomial(3)) - g**2
 
 
 @cache
 def derivatives() -> Any:
-    """All fifteen by the chain rule, in f^p and f^a; each is checked against the derivative of F itself."""
+    """Return all fifteen by the chain rule, in f^p and f^a; each is checked against the derivative of F itself."""
     back = triangle().T * sp.Matrix(fp)
     by = {}
     for i in range(3):
@@ -68,12 +68,12 @@ def derivatives() -> Any:
 
 
 def exact(*wanted: Any) -> Any:
-    """Column of derivatives by the wanted parameters."""
+    """Return the column of derivatives by the wanted parameters."""
     return sp.Matrix([derivatives()[UNKNOWNS.index(s)] for s in wanted])
 
 
 def printed_expansion() -> Any:
-    """Eq. (19) term by term, as the second line prints it."""
+    """Return Eq. (19) term by term, as the second line prints it."""
     (Nx, Ny, Nz), (bx, by, bz) = N, BIAS
     x = K1[0] * Nx + K2[0] * Nx**2 + K3[0] * Nx**3 + bx
     y = (
@@ -92,7 +92,7 @@ def _plain(n: int) -> Any:
 
 
 def faces_and_edges() -> Any:
-    """Unit vectors of six faces, and of the twelve edges between them."""
+    """Return the unit vectors of six faces, and of the twelve edges between them."""
     faces = [sign * np.eye(3)[i] for i in range(3) for sign in (1, -1)]
     edges = [(s * np.eye(3)[i] + t * np.eye(3)[j]) / np.sqrt(2) for i, j in ((0, 1), (0, 2), (1, 2)) for s in (1, -1)
              for t in (1, -1)]  # fmt: skip
@@ -100,31 +100,31 @@ def faces_and_edges() -> Any:
 
 
 def cost() -> Any:
-    """One term of the sum of squares: half the square of |f^p|^2 - |G|^2, |G| = g from (17)."""
+    """Return one term of the sum of squares: half the square of |f^p|^2 - |G|^2, |G| = g from (17)."""
     return (square(triangle() * polynomial(3)) - norm_after_rotation(sp.Matrix([0, 0, -g]))) ** 2 / 2
 
 
 def _largest(sensitivity: Any) -> list[Any]:
-    """The angles in [0, pi) at which the size of a sensitivity is largest: zeros of the slope, compared."""
+    """Return the angles in [0, pi) at which the size of a sensitivity is largest: zeros of the slope, compared."""
     slope = sp.trigsimp(sp.diff(sensitivity, theta))
-    found = sorted(sp.solveset(slope, theta, sp.Interval.Ropen(0, sp.pi)), key=float)
-    size = [abs(sensitivity.subs(theta, a)) for a in found]
-    return [a for a, s in zip(found, size, strict=True) if s == max(size)]
+    stationary = sorted(sp.solveset(slope, theta, sp.Interval.Ropen(0, sp.pi)), key=float)
+    size = [abs(sensitivity.subs(theta, a)) for a in stationary]
+    return [a for a, s in zip(stationary, size, strict=True) if s == max(size)]
 
 
 def steepest(n: int) -> list[Any]:
-    """Where dF/dp of the own axis, 2 f_x N^n with N along f_x, is largest in size."""
+    """Return where dF/dp of the own axis, 2 f_x N^n with N along f_x, is largest in size."""
     return _largest(2 * sp.cos(theta) ** (n + 1))
 
 
 def steepest_pair() -> list[Any]:
-    """Where dF/dE_yx = 2 f_y f_x is largest in size."""
+    """Return where dF/dE_yx = 2 f_y f_x is largest in size."""
     return _largest(2 * sp.sin(theta) * sp.cos(theta))
 
 
 @cache
 def ranks() -> dict[int, int]:
-    """How many of the 220 choices of six faces and nine edges have which rank in the fifteen parameters."""
+    """Return how many of the 220 choices of six faces and nine edges have which rank in the fifteen parameters."""
     faces, edges = faces_and_edges()
     out: dict[int, int] = {}
     for chosen in combinations(range(12), 9):
@@ -178,14 +178,14 @@ PRINTED = {
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     at = {**dict.fromkeys(fp, 1.0), **dict.fromkeys(fa, 1.0), **dict.fromkeys(N, 1.0), **dict.fromkeys(E, 5e-4)}
     dropped = (
         "First order in E: 2 f_j E_ji of the other axes is dropped, {size} of the sensitivity at E = 5e-4. The "
         "package keeps it."
     )
-    found = ranks()
-    singular = sum(n for rank, n in found.items() if rank < 15)
+    stationary = ranks()
+    singular = sum(n for rank, n in stationary.items() if rank < 15)
     return {
         "Eq. (17)": Case(
             norm_after_rotation(-sp.Matrix(G)), "At rest f = -G, and any rotation matrix keeps the norm."

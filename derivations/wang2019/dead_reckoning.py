@@ -29,7 +29,7 @@ def _earth(L: float) -> Any:
 
 
 def _rates(x: Any, rate: Any, force: Any) -> Any:
-    """Of attitude (9 elements), velocity east and north, latitude and longitude."""
+    """Return the rates of attitude (9 elements), velocity east and north, latitude and longitude."""
     C, (E, N), L = x[:9].reshape(3, 3), x[9:11], x[11]
     w_en = np.array([-N, E, E * tan(L)]) / RADIUS
     w_ie = _earth(L)
@@ -40,7 +40,7 @@ def _rates(x: Any, rate: Any, force: Any) -> Any:
 
 @cache
 def largest(gyroscope: tuple[float, float, float], accelerometer: tuple[float, float, float], hours: float) -> float:
-    """Largest horizontal position error [m] of constant errors [rad/s], [m/s^2]."""
+    """Return the largest horizontal position error [m] of constant errors [rad/s], [m/s^2]."""
     rate, force = _earth(LATITUDE) + gyroscope, np.array([0, 0, GRAVITY]) + accelerometer
     x = np.concatenate([np.eye(3).ravel(), [0.0, 0.0, LATITUDE, 0.0]])
     worst = 0.0

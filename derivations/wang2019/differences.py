@@ -31,7 +31,7 @@ RANGE_K2 = radians(5e-17)  # rad/s per pulse^2, Table 3
 
 
 def draws(n: int, seed: int = 0) -> tuple[Any, ...]:
-    """K1, K2, bias, E (n, 3) each from the ranges of Table 3, rad."""
+    """Return K1, K2, bias, E (n, 3) each from the ranges of Table 3, rad."""
     rng = np.random.default_rng(seed)
     low = (radians(1e-7), -RANGE_K2, radians(-5e-6), -5e-4)
     high = (radians(5e-7), RANGE_K2, radians(5e-6), 5e-4)
@@ -39,7 +39,9 @@ def draws(n: int, seed: int = 0) -> tuple[Any, ...]:
 
 
 def columns(K1: Any, K2: Any, bias: Any, E: Any, earth: float = EARTH) -> Any:
-    """Derivatives (n, 9 axes, 9) of P / (2 theta)^2 by ln K1, K2 over its range, and E: Eqs. (32) to (34), exact."""
+    """Return derivatives (n, 9 axes, 9) of P / (2 theta)^2 by ln K1, K2 over its range, and E: Eqs. (32) to (34),
+    exact.
+    """
     C = np.zeros((len(K1), 3, 3))
     C[:, [0, 1, 2], [0, 1, 2]] = 1
     C[:, 1, 0], C[:, 2, 0], C[:, 2, 1] = E.T
@@ -61,21 +63,23 @@ def columns(K1: Any, K2: Any, bias: Any, E: Any, earth: float = EARTH) -> Any:
 
 
 def rank(J: Any) -> int:
-    """Rank of one run's columns, each scaled to length one where it is not zero."""
+    """Return the rank of one run's columns, each scaled to length one where it is not zero."""
     size = np.sqrt((J**2).sum(0))
     return int(np.linalg.matrix_rank(J / np.where(size > 0, size, 1), tol=1e-9))
 
 
 @cache
 def ranks() -> tuple[int, int]:
-    """Lowest rank over 200 draws with Earth and bias; rank without Earth, bias and K2."""
+    """Return the lowest rank over 200 draws with Earth and bias; rank without Earth, bias and K2."""
     K1, K2, bias, E = draws(200)
     return min(map(rank, columns(K1, K2, bias, E))), rank(columns(K1, 0 * K2, 0 * bias, E, 0.0)[0])
 
 
 @cache
 def conditions() -> tuple[float, float]:
-    """Median over the draws of sigma(K2) over its range by sigma(ln K1), and the ratio of 99 % to median sigma(K2)."""
+    """Return the median over the draws of sigma(K2) over its range by sigma(ln K1), and the ratio of 99 % to median
+    sigma(K2).
+    """
     sigma = _sigmas(2000, 1)
     return float(np.median(sigma[:, 3:6] / sigma[:, :3])), float(
         np.quantile(sigma[:, 3:6], 0.99) / np.median(sigma[:, 3:6])
@@ -83,14 +87,14 @@ def conditions() -> tuple[float, float]:
 
 
 def _sigmas(n: int, seed: int) -> Any:
-    """One standard deviation (n, 9) of each draw for equal noise of the nine rows: the Cramer-Rao bound."""
+    """Return one standard deviation (n, 9) of each draw for equal noise of the nine rows: the Cramer-Rao bound."""
     J = columns(*draws(n, seed))
     return np.sqrt(np.diagonal(np.linalg.inv(np.swapaxes(J, 1, 2) @ J), axis1=1, axis2=2))
 
 
 @cache
 def chance() -> Any:
-    """(9,) factor by which the largest of three RMS of 500 draws exceeds the smallest, one time in twenty."""
+    """Return (9,) factor by which the largest of three RMS of 500 draws exceeds the smallest, one time in twenty."""
     triples = 40
     sigma = _sigmas(triples * TURNTABLES * RUNS, 2)
     error = sigma * np.random.default_rng(3).standard_normal(sigma.shape)

@@ -23,7 +23,7 @@ LAST = 0.0005  # n mile, half of the last digit
 
 
 def judge_swing(axis: str, frequency: float, amplitude: float) -> Verdict:
-    """A condition, and what it means."""
+    """Judge a condition, and what it means."""
     w = 2 * pi * frequency
     rate, acceleration = w * amplitude, w**2 * amplitude
     return Verdict(
@@ -34,14 +34,18 @@ def judge_swing(axis: str, frequency: float, amplitude: float) -> Verdict:
 
 
 def drift(gyroscope: float, accelerometer: float) -> tuple[float, float]:
-    """Position errors [n mile] after `HOURS` from a constant gyroscope error [deg/h] and accelerometer error [g]."""
+    """Return the position errors [n mile] after `HOURS` from a constant gyroscope error [deg/h] and accelerometer error
+    [g].
+    """
     t, w = 3600 * HOURS, sqrt(GRAVITY / RADIUS)
     eps = radians(gyroscope) / 3600
     return eps * RADIUS * (t - sin(w * t) / w) / MILE, 2 * accelerometer * GRAVITY / w**2 / MILE
 
 
 def in_full(gyroscope: float, accelerometer: float) -> tuple[float, float]:
-    """The same [n mile] with nothing linearised, the worst of three axes each (level ones of the accelerometers)."""
+    """Return the same [n mile] with nothing linearised, the worst of three axes each (level ones of the
+    accelerometers).
+    """
     eps, a = radians(gyroscope) / 3600, accelerometer * GRAVITY
     none = (0.0, 0.0, 0.0)
     of_rate = max(largest(_along(i, eps), none, HOURS) for i in range(3))
@@ -54,7 +58,7 @@ def _along(axis: int, size: float) -> tuple[float, float, float]:
 
 
 def judge_error(number: int, method: int, printed: float) -> Verdict:
-    """A largest position error: of the order that the stated precision makes, and no more can be said."""
+    """Judge a largest position error: of the order that the stated precision makes, and no more can be said."""
     gyroscope, accelerometer = in_full(0.01, 1e-5)
     one_axis = drift(0.01, 1e-5)
     return Verdict(
@@ -67,7 +71,8 @@ def judge_error(number: int, method: int, printed: float) -> Verdict:
 
 
 def judge_bends() -> Verdict:
-    """Table 4's second order of the heading gyroscope in the bends of a drive, against what Table 6 says it is worth.
+    """Judge Table 4's second order of the heading gyroscope in the bends of a drive, against what Table 6 says it is
+    worth.
 
     A bend through a right angle in T s at a rate that rises and falls as 1 - cos has the square 3/2 (pi/2)^2 / T. An
     error of heading phi lets the Earth's rate in, phi Omega cos L for a gyroscope error east.
@@ -93,7 +98,7 @@ def judge_bends() -> Verdict:
 
 
 def decrease(one: float, three: float) -> float:
-    """In per cent of method 1."""
+    """Return the decrease in per cent of method 1."""
     return 100 * (one - three) / one
 
 
@@ -110,7 +115,7 @@ def judge_experiment(number: int, one: float, three: float, printed: float) -> V
 
 
 def sentences() -> tuple[Verdict, ...]:
-    """Section 5.2.3, and the abstract against Section 5.2.2."""
+    """Return the verdicts on Section 5.2.3, and on the abstract against Section 5.2.2."""
     shares = [decrease(a, c) for a, _, c, _ in TABLE_6]
     average = sum(shares) / len(shares)
     inside = round(average) == 11
@@ -127,7 +132,7 @@ def sentences() -> tuple[Verdict, ...]:
 
 
 def verdicts() -> tuple[Verdict, ...]:
-    """Table 5, Table 6 and the sentences."""
+    """Return the verdicts on Table 5, Table 6 and the sentences."""
     errors = (judge_error(i, method, row[method - 1]) for i, row in enumerate(TABLE_6, start=1) for method in (1, 2, 3))
     shares = (judge_experiment(i, a, c, d) for i, (a, _, c, d) in enumerate(TABLE_6, start=1))
     return (*(judge_swing(*row) for row in SWING), *errors, *shares, judge_bends(), *sentences())

@@ -23,7 +23,7 @@ ARCMIN = 2.908882086657216e-4
 
 
 def product() -> Any:
-    """Ry(gamma) Rx(beta) Rz(alpha), frame rotations."""
+    """Return the ry(gamma) Rx(beta) Rz(alpha), frame rotations."""
     Ry = sp.Matrix([[sp.cos(c), 0, -sp.sin(c)], [0, 1, 0], [sp.sin(c), 0, sp.cos(c)]])
     Rx = sp.Matrix([[1, 0, 0], [0, sp.cos(b), sp.sin(b)], [0, -sp.sin(b), sp.cos(b)]])
     Rz = sp.Matrix([[sp.cos(a), sp.sin(a), 0], [-sp.sin(a), sp.cos(a), 0], [0, 0, 1]])
@@ -43,12 +43,12 @@ def printed() -> Any:
 
 @cache
 def with_triangle() -> Any:
-    """C_a^r, exact."""
+    """Return C_a^r, exact."""
     return product() * triangle()
 
 
 def out_of_reach(angles: Any, leaning: Any) -> float:
-    """Largest element of C_a^r less the nearest rotation [rad]: what three angles leave, whatever they are."""
+    """Return largest element of C_a^r less the nearest rotation [rad]: what three angles leave, whatever they are."""
     at = dict(zip((*ANGLES, *E), (*angles, *leaning), strict=True))
     C = np.array(with_triangle().subs(at).evalf(20).tolist(), dtype=float)
     U, _, Vt = np.linalg.svd(C)
@@ -67,7 +67,7 @@ PRINTED = {
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     why = (
         "A rotation with three angles cannot turn axes that are not orthogonal: the triangle of Eq. ({eq}) is "
         "missing on the "
@@ -84,6 +84,6 @@ def cases() -> dict[str, Case]:
     for item, eq in (("Eq. (44)", 5), ("Eq. (45)", 8)):
         values = table_4[item]
         at = dict(zip(ANGLES, (v * ARCMIN for v in values[:3]), strict=True)) | dict(zip(E, values[3:], strict=True))
-        left = out_of_reach([v * ARCMIN for v in values[:3]], values[3:]) / ARCMIN
-        out[item] = Case(with_triangle(), why.format(eq=eq), at=at, facts={"left": left})
+        remaining = out_of_reach([v * ARCMIN for v in values[:3]], values[3:]) / ARCMIN
+        out[item] = Case(with_triangle(), why.format(eq=eq), at=at, facts={"left": remaining})
     return out

@@ -50,12 +50,12 @@ UNKNOWNS = (*K1, *K2, *E)
 
 
 def integrated(first: Any, second: Any) -> Any:
-    """C (K1 S + K2 S2 + bias t)."""
+    """Return C (K1 S + K2 S2 + bias t)."""
     return triangle() * sp.Matrix([K1[i] * first[i] + K2[i] * second[i] + BIAS[i] * t for i in range(3)])
 
 
 def turned() -> Any:
-    """psi^q = C (K1 S + K2 S2)."""
+    """Return psi^q = C (K1 S + K2 S2)."""
     return triangle() * sp.Matrix([K1[i] * S[i] + K2[i] * S2[i] for i in range(3)])
 
 
@@ -65,7 +65,7 @@ def P() -> Any:
 
 @cache
 def derivatives() -> Any:
-    """All nine by the chain rule; each is checked against the derivative of P itself."""
+    """Return all nine by the chain rule; each is checked against the derivative of P itself."""
     back = triangle().T * sp.Matrix(psi_q)
     by = {K1[i]: 2 * back[i] * S[i] for i in range(3)} | {K2[i]: 2 * back[i] * S2[i] for i in range(3)}
     by |= {E_yx: 2 * psi_q[1] * psi_g[0], E_zx: 2 * psi_q[2] * psi_g[0], E_zy: 2 * psi_q[2] * psi_g[1]}
@@ -82,7 +82,7 @@ def exact(*wanted: Any) -> Any:
 
 
 def printed_expansion() -> Any:
-    """Eq. (31) as its second line prints it."""
+    """Return Eq. (31) as its second line prints it."""
     (Sx, Sy, Sz), (Qx, Qy, Qz) = S, S2
     x = K1[0] * Sx + K2[0] * Qx
     y = E_yx * K1[0] * Sx + K1[1] * Sy + E_yx * K2[0] * Qx + K2[1] * Qy
@@ -95,7 +95,7 @@ def _vee(skew: Any) -> Any:
 
 
 def rates_of_a_product() -> Any:
-    """w_iq^q of C_i^q = C_e^q C_i^e, from C_dot = -[w x] C of each factor: the rates, not assumed to add.
+    """Return w_iq^q of C_i^q = C_e^q C_i^e, from C_dot = -[w x] C of each factor: the rates, not assumed to add.
 
     C_i^e is taken at an instant at which i and e coincide; w_ie is given in q.
     """
@@ -106,7 +106,7 @@ def rates_of_a_product() -> Any:
 
 
 def earth_over_a_turn(sense: int) -> Any:
-    """Integral of the Earth's rate in q over a whole revolution about z, per radian turned."""
+    """Return the integral of the Earth's rate in q over a whole revolution about z, per radian turned."""
     a = sp.Symbol("a", real=True)
     c, s = sp.cos(a), sense * sp.sin(a)
     inward = sp.Matrix([[c, s, 0], [-s, c, 0], [0, 0, 1]])
@@ -115,14 +115,14 @@ def earth_over_a_turn(sense: int) -> Any:
 
 @cache
 def over_a_turn() -> tuple[Any, Any]:
-    """Eq. (6) integrated over the turn and over its reverse, less what it must equal by (26)."""
+    """Return Eq. (6) integrated over the turn and over its reverse, less what it must equal by (26)."""
     rate = triangle() * polynomial(2)
     return integral(rate, S_cw, S2_cw, t) - (W + theta), integral(rate, S_ccw, S2_ccw, t) - (W - theta)
 
 
 @cache
 def difference() -> Any:
-    """(27) less (28); the Earth's two integrals are one symbol because a whole turn makes them equal."""
+    """Return (27) less (28); the Earth's two integrals are one symbol because a whole turn makes them equal."""
     if earth_over_a_turn(1) != earth_over_a_turn(-1):
         raise ArithmeticError("the Earth's rate over a turn and over its reverse differ")
     one, other = over_a_turn()
@@ -131,15 +131,15 @@ def difference() -> Any:
 
 @cache
 def norm_of_difference() -> Any:
-    """P of (31): the squared norm of what (29) turns, less that of 2 theta about any axis."""
+    """Return P of (31): the squared norm of what (29) turns, less that of 2 theta about any axis."""
     sums = dict(zip((*S_cw, *S2_cw), (*S, *S2), strict=True)) | dict.fromkeys((*S_ccw, *S2_ccw), sp.Integer(0))
-    left = (difference() + 2 * theta).subs(sums)
-    return square(left) - norm_after_rotation(sp.Matrix([0, 0, 2 * angle]))
+    remaining = (difference() + 2 * theta).subs(sums)
+    return square(remaining) - norm_after_rotation(sp.Matrix([0, 0, 2 * angle]))
 
 
 @cache
 def earth_squared() -> Any:
-    """Squared norm of the Earth's rate in any frame."""
+    """Return the squared norm of the Earth's rate in any frame."""
     return sp.simplify(norm_after_rotation(omega_ie * sp.Matrix([0, sp.cos(L), sp.sin(L)])))
 
 
@@ -180,7 +180,7 @@ PRINTED = {
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     at = {**dict.fromkeys((*psi_q, *psi_g, *S, *S2), 1.0), **dict.fromkeys(E, 5e-4)}
     dropped = (
         "First order in E: the other axes' share is dropped, {size} of the sensitivity at E = 5e-4. The package keeps "

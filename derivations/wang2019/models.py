@@ -24,7 +24,7 @@ v = sp.Matrix(sp.symbols("v_x v_y v_z", real=True))
 
 
 def input_axes() -> Any:
-    """C_p^a from unit input axes whose leaning is -E to first order."""
+    """Return C_p^a from unit input axes whose leaning is -E to first order."""
     return sp.Matrix(
         [
             [1, 0, 0],
@@ -36,12 +36,12 @@ def input_axes() -> Any:
 
 @cache
 def orthogonalised() -> Any:
-    """C_a^p, the inverse, through second order in the leaning."""
+    """Return C_a^p, the inverse, through second order in the leaning."""
     return truncate(input_axes().inv(), E, 2)
 
 
 def elementwise(n: int) -> Any:
-    """What the words under (2) and (6) say: each element of N times itself, n factors."""
+    """Return what the words under (2) and (6) say: each element of N times itself, n factors."""
     return sp.diag(*N) ** (n - 1) * sp.Matrix(N)
 
 
@@ -70,7 +70,7 @@ PRINTED = {
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     leaning = dict.fromkeys(E, 5e-4)  # section 5.1
     triangular = Case(
         orthogonalised(),

@@ -74,7 +74,7 @@ OF_30 = tuple(row.name for row in ROWS if row.table == 3 and not row.name.starts
 
 
 def judge_row(row: Row) -> Verdict:
-    """Means against zero, RMS against one another."""
+    """Judge means against zero, RMS against one another."""
     pulls = [mean / (rms / sqrt(RUNS)) for mean, rms in row.entries]
     worst = max(pulls, key=abs)
     spread = [rms for _, rms in row.entries]
@@ -82,7 +82,7 @@ def judge_row(row: Row) -> Verdict:
     heavy = row.name in OF_30
     allowed = float(differences.chance()[OF_30.index(row.name)]) if heavy else GAUSSIAN
     largest = f"{abs(max((m for m, _ in row.entries), key=abs)):.2g} {row.unit}"
-    biased, apart = abs(worst) > 4, ratio > allowed
+    biased, excessive = abs(worst) > 4, ratio > allowed
     words = [
         f"The mean lies {abs(worst):.0f} standard errors (RMS / sqrt(500)) from zero at "
         f"{sum(abs(p) > 4 for p in pulls)} of the three turntables: this estimate is biased by {largest}, half of its "
@@ -90,7 +90,7 @@ def judge_row(row: Row) -> Verdict:
         if biased
         else f"The means lie within {abs(worst):.1f} standard errors of zero"
     ]
-    if apart:
+    if excessive:
         words.append(f"The three RMS differ by a factor of {ratio:.2g}, where chance leaves {allowed:.2g}")
     elif heavy:
         words.append(
@@ -104,14 +104,14 @@ def judge_row(row: Row) -> Verdict:
             "the RMS cannot be derived; the benchmark shows the bound"
         )
     printed = ", ".join(f"{m:g} / {r:g}" for m, r in row.entries)
-    size = ", ".join([largest] * biased + [f"factor {ratio:.2g}"] * apart) or "0"
-    return Verdict(SOURCE, f"Table {row.table}, {row.name}", WRONG if biased or apart else AGREES,
+    size = ", ".join([largest] * biased + [f"factor {ratio:.2g}"] * excessive) or "0"
+    return Verdict(SOURCE, f"Table {row.table}, {row.name}", WRONG if biased or excessive else AGREES,
                    f"{printed} {row.unit}", "mean 0 within RMS / sqrt(500); one RMS for all turntables", size,
                    ". ".join(words) + ".")  # fmt: skip
 
 
 def sentences() -> tuple[Verdict, ...]:
-    """What the text of section 5.1 sums up."""
+    """Return what the text of section 5.1 sums up."""
     means = [m for row in ROWS if row.table == 2 and row.name.startswith("E_") for m, _ in row.entries]
     largest = max(means, key=abs)
     misprint = Verdict(
@@ -133,5 +133,5 @@ def sentences() -> tuple[Verdict, ...]:
 
 
 def verdicts() -> tuple[Verdict, ...]:
-    """All 27 rows and the two sentences."""
+    """Return the verdicts on all 27 rows and the two sentences."""
     return (*(judge_row(row) for row in ROWS), *sentences())

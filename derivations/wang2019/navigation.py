@@ -41,13 +41,13 @@ ERRORS = (*phi, *dV, *K2, *K3, dL)
 
 
 def first_order(expr: Any) -> Any:
-    """Coefficient of e."""
+    """Return the coefficient of e."""
     return expr.applyfunc(lambda x: sp.expand(sp.diff(sp.expand(x), e).subs(e, 0)))
 
 
 @cache
 def velocity_error() -> Any:
-    """dV_dot of the computed equation less the true one."""
+    """Return dV_dot of the computed equation less the true one."""
 
     def acceleration(s: Any) -> Any:
         force = (sp.eye(3) - s * cross(phi)) * (f + s * df)
@@ -59,7 +59,7 @@ def velocity_error() -> Any:
 
 @cache
 def attitude_error() -> Any:
-    """phi_dot from C' = (1 - e [phi x]) C at an instant at which b and n coincide."""
+    """Return phi_dot from C' = (1 - e [phi x]) C at an instant at which b and n coincide."""
     w_ib, w_in = sp.Matrix(sp.symbols("w_x w_y w_z", real=True)), w_ie + w_en
     C_dot = cross(w_ib) - cross(w_in)
     C_of = sp.eye(3) - e * cross(phi)
@@ -71,7 +71,7 @@ def attitude_error() -> Any:
 
 @cache
 def pole() -> Any:
-    """The Earth's axis in east, north, up: from the position on a sphere and its derivatives."""
+    """Return the Earth's axis in east, north, up: from the position on a sphere and its derivatives."""
     longitude = sp.Symbol("lambda", real=True)
     up = sp.Matrix([sp.cos(L) * sp.cos(longitude), sp.cos(L) * sp.sin(longitude), sp.sin(L)])
     north, east = up.diff(L), up.diff(longitude) / sp.cos(L)
@@ -83,13 +83,13 @@ def earth_rate() -> Any:
 
 
 def transport_rate(height: Any) -> Any:
-    """Longitude turns n about the pole, latitude about west."""
+    """Return the longitude turns n about the pole, latitude about west."""
     longitude = V[0] / ((R_N + height) * sp.cos(L))
     return longitude * pole() - V[1] / (R_M + height) * sp.Matrix([1, 0, 0])
 
 
 def omitted_force() -> Any:
-    """K2 N^2 + K3 N^3 along the axes."""
+    """Return K2 N^2 + K3 N^3 along the axes."""
     return sp.Matrix([K2[i] * N[i] ** 2 + K3[i] * N[i] ** 3 for i in range(3)])
 
 
@@ -98,7 +98,7 @@ def omitted_rate() -> Any:
 
 
 def at_rest(expr: Any) -> Any:
-    """V = 0, so w_en = 0; w_ie and the errors of the two rates as functions of position and velocity errors."""
+    """Return V = 0, so w_en = 0; w_ie and the errors of the two rates as functions of position and velocity errors."""
     dw = sp.diff(earth_rate(), L) * dL
     dw_transport = transport_rate(0).subs(dict(zip(V, dV, strict=True)))
     known = {**dict(zip(V, (0, 0, 0), strict=True)), **dict(zip(w_en, (0, 0, 0), strict=True)),
@@ -154,7 +154,8 @@ NUMBERS: dict[Any, float] = {
 
 
 def growth(hours: float) -> float:
-    """Position error of a constant gyro error without Schuler's feedback over that with it (one axis, from rest).
+    """Return the position error of a constant gyro error without Schuler's feedback over that with it (one axis, from
+    rest).
 
     Without: g eps t^3 / 6. With: eps R (t - sin(w t) / w), w^2 = g / R.
     """
@@ -166,7 +167,7 @@ def growth(hours: float) -> float:
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     force = C_bn * triangle() * omitted_force()
     rate = C_bn * triangle() * omitted_rate()
     sign = (

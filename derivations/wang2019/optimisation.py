@@ -23,7 +23,7 @@ ORDER = (*K1, *K2, *K3, *E, *BIAS)  # of (37) to (39)
 
 
 def damped_step() -> Any:
-    """Minimum of the quadratic model with the damping added to its diagonal."""
+    """Return the minimum of the quadratic model with the damping added to its diagonal."""
     s = sp.Matrix(sp.symbols("s_1:3", real=True))
     model = (gradient.T * s)[0] + (s.T * (H + beta * sp.diag(H[0, 0], H[1, 1])) * s)[0] / 2
     solution = sp.solve([sp.diff(model, v) for v in s], list(s), dict=True)[0]
@@ -35,22 +35,22 @@ def printed_step() -> Any:
 
 
 def unknowns(of: Any, given: Sequence[Any]) -> Any:
-    """The parameters that occur in a cost, but for those given, in the order of (37) to (39)."""
+    """Return the parameters that occur in a cost, but for those given, in the order of (37) to (39)."""
     return sp.Matrix([p for p in ORDER if p in of.free_symbols and p not in given])
 
 
 def linear_part(of: Any) -> Any:
-    """Half the square of a misfit in which only the linear scale factors are left."""
+    """Return the half the square of a misfit in which only the linear scale factors are left."""
     return of.subs(dict.fromkeys((*K2, *K3, *E, *BIAS), 0)) ** 2 / 2
 
 
 def rough(counts: Any, magnitude: Any) -> Any:
-    """One term of Eqs. (41) and (42)."""
+    """Return one term of Eqs. (41) and (42)."""
     return (square([K1[i] * counts[i] for i in range(3)]) - magnitude**2) ** 2 / 2
 
 
 def gradient_of_rough(K: Any, counts: Any, magnitude: float) -> Any:
-    """Gradient of Eq. (41) by the scale factors, as numbers."""
+    """Return the gradient of Eq. (41) by the scale factors, as numbers."""
     miss = ((counts * K) ** 2).sum(1) - magnitude**2
     return np.array(2 * (miss[:, None] * counts**2).sum(0) * K)
 
@@ -80,7 +80,7 @@ PRINTED = {
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     bias_cost = gyroscope.PRINTED["Eq. (35)"].formula  # K1, K2 and E "are estimated in (30)"
     return {
         "Eq. (36)": Case(None, "It is the sum of squares of (18), (30) and (35) as one vector."),

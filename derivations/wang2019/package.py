@@ -29,18 +29,18 @@ PULSES = "estimate.pulses.polynomial.Pulses.physical"
 
 
 def numbers(expr: Any, values: dict[Any, float]) -> Any:
-    """Sympy to floats."""
+    """Return the sympy to floats."""
     matrix = sp.Matrix([expr]) if not isinstance(expr, sp.MatrixBase) else expr
     return np.array(matrix.subs(values).evalf(20).tolist(), dtype=float)
 
 
 def vector(*dropped: Any) -> Any:
-    """The generic parameters (15,) with some at zero."""
+    """Return the generic parameters (15,) with some at zero."""
     return np.array([0.0 if s in dropped else GENERIC[s] for s in PARAMETERS])
 
 
 def counts() -> Any:
-    """One generic row of counts (1, 3)."""
+    """Return one generic row of counts (1, 3)."""
     return np.array([[GENERIC[s] for s in N]])
 
 
@@ -118,9 +118,9 @@ def half_square() -> float:
     from gimbalcal.inference import levenberg
 
     r = np.array([0.3, -0.2, 0.5])
-    found = levenberg.minimise(lambda x, _: (r[None] + 0 * x, np.zeros((1, 3, 1))), np.zeros((1, 1)), limit=1)
+    minimum = levenberg.minimise(lambda x, _: (r[None] + 0 * x, np.zeros((1, 3, 1))), np.zeros((1, 1)), limit=1)
     cost = optimisation.PRINTED["Eq. (36)"].formula
-    return float(abs(found.cost[0] - numbers(cost, dict(zip(optimisation.r, r, strict=True)))[0, 0]))
+    return float(abs(minimum.cost[0] - numbers(cost, dict(zip(optimisation.r, r, strict=True)))[0, 0]))
 
 
 @checks(SOURCE, "Eq. (41)", "Eq. (42)", where="estimate.pulses.gravity_norm.initial_scale")

@@ -49,7 +49,7 @@ SUMS = {"+": (np.array([0.7, -0.4, 0.6]), np.array([0.5, 0.2, 0.35])),
 
 @once
 def _norm_fit() -> tuple[float, Any]:
-    """F of (19) with g = 1 and its 15 derivatives from the fit, whose misfit is F / (2 sigma)."""
+    """Return F of (19) with g = 1 and its 15 derivatives from the fit, whose misfit is F / (2 sigma)."""
     from gimbalcal.estimate.pulses import gravity_norm as fit
 
     sigma = 0.3
@@ -64,7 +64,7 @@ def _derived_norm() -> float:
 
 @cache
 def _derived_norm_derivatives() -> Any:
-    """(15,) derivatives of F in the order of `PARAMETERS`."""
+    """Return (15,) derivatives of F in the order of `PARAMETERS`."""
     along = numbers(polynomial(3), GENERIC)[:, 0]
     force = numbers(triangle() * polynomial(3), GENERIC)[:, 0]
     at = {**GENERIC, **dict(zip(fa, along, strict=True)), **dict(zip(fp, force, strict=True))}
@@ -85,7 +85,7 @@ def norm_cost() -> float:
 
 
 def norm_derivatives(wanted: tuple[Any, ...]) -> float:
-    """Derivatives of F by some parameters."""
+    """Return derivatives of F by some parameters."""
     wanted_at = [PARAMETERS.index(s) for s in wanted]
     return float(np.abs((_norm_fit()[1] - _derived_norm_derivatives())[wanted_at]).max())
 
@@ -99,7 +99,7 @@ for _item, _wanted in (("(20)", K1[:1]), ("(21)", K1[1:]), ("(22)", K2), ("(23)"
 
 @once
 def _turn_fit() -> tuple[Any, Any]:
-    """Whitened misfits (5,) and derivatives (5, 12): Eq. (30), three across the axis, Eq. (35)."""
+    """Return the whitened misfits (5,) and derivatives (5, 12): Eq. (30), three across the axis, Eq. (35)."""
     from gimbalcal.estimate.pulses import whole_turns as revolutions
 
     one, other = (np.stack(SUMS[s])[None, None] for s in "+-")
@@ -111,7 +111,7 @@ def _turn_fit() -> tuple[Any, Any]:
 
 
 def _units() -> Any:
-    """(12,) what one of each parameter of the fit is: scale factors over rough ones, rates over the speed."""
+    """Return (12,) what one of each parameter of the fit is: scale factors over rough ones, rates over the speed."""
     speed = ANGLE / DURATION
     return np.r_[ROUGH, ROUGH**2 / speed, np.full(3, speed), np.ones(3)]
 
@@ -128,7 +128,7 @@ def _at_turn() -> dict[Any, float]:
 
 @cache
 def _derived_turn() -> tuple[float, dict[Any, float]]:
-    """P, and its derivatives by the nine parameters of Eq. (30)."""
+    """Return P, and its derivatives by the nine parameters of Eq. (30)."""
     at = _at_turn()
     along = [at[k1] * at[s] + at[k2] * at[q] for k1, k2, s, q in zip(K1, K2, gyroscope.S, gyroscope.S2, strict=True)]
     turned = numbers(triangle(), GENERIC) @ np.array(along)
@@ -146,7 +146,7 @@ def turn_misfit() -> float:
 
 
 def turn_derivatives(wanted: tuple[Any, ...]) -> float:
-    """Derivatives of P by some parameters, over (2 theta)^2."""
+    """Return derivatives of P by some parameters, over (2 theta)^2."""
     ours = _turn_fit()[1][0, [FREE.index(s) for s in wanted]] * np.sqrt(2) * SIGMA / ANGLE
     derived = np.array([_derived_turn()[1][s] for s in wanted])
     return float(np.abs(ours - derived / (2 * ANGLE) ** 2).max())
@@ -158,7 +158,7 @@ for _item, _wanted in (("(32)", K1), ("(33)", K2), ("(34)", E), ("(30), K_g2", K
 
 @cache
 def _sum_and_difference() -> Any:
-    """(27) + (28) and (27) - (28), sensor side, as functions of the twelve parameters at the generic turns."""
+    """Return (27) + (28) and (27) - (28), sensor side, as functions of the twelve parameters at the generic turns."""
     away = dict.fromkeys((*gyroscope.W, *gyroscope.theta), sp.Integer(0))
     data = {k: v for k, v in _at_turn().items() if k not in FREE}
     one, other = (side.subs(away).subs(data) for side in gyroscope.over_a_turn())
@@ -166,7 +166,7 @@ def _sum_and_difference() -> Any:
 
 
 def _across(x: Any) -> Any:
-    """The part of (27) + (28) across the axis of (29), over theta, at parameters (12,), complex ones too."""
+    """Return the part of (27) + (28) across the axis of (29), over theta, at parameters (12,), complex ones too."""
     both = np.array(_sum_and_difference()(*x))
     total, axis = both[:3], both[3:]
     return (total - axis * (total @ axis) / (axis @ axis)) / ANGLE
@@ -183,7 +183,7 @@ def sum_across() -> float:
 
 @cache
 def _derived_rest() -> tuple[float, Any]:
-    """Squared norm less the Earth's of (35), and its derivatives (12,)."""
+    """Return the squared norm less the Earth's of (35), and its derivatives (12,)."""
     from gimbalcal.earth import EARTH_RATE
 
     norm = square(triangle() * polynomial(2)) - gyroscope.earth_squared()
@@ -207,12 +207,14 @@ def rest_row() -> float:
 
 @cache
 def _rate() -> Any:
-    """Eq. (6) at the generic counts as a function of the twelve parameters."""
+    """Return Eq. (6) at the generic counts as a function of the twelve parameters."""
     return sp.lambdify(FREE, list((triangle() * polynomial(2)).subs({n: GENERIC[n] for n in N})))
 
 
 def _reading(x: Any) -> Any:
-    """(3,) what the package's gyroscopes read at the derived rate, with the effects it makes of parameters x (12,)."""
+    """Return (3,) what the package's gyroscopes read at the derived rate, with the effects it makes of parameters x
+    (12,).
+    """
     from gimbalcal.effects import with_values
     from gimbalcal.estimate.gyroscopes import revolutions
     from gimbalcal.forward import gyroscopes
@@ -244,7 +246,7 @@ class _Silent:
 
 
 def _triad() -> Any:
-    """A triad (1, 3) each of the size of Table 3, SI."""
+    """Return a triad (1, 3) each of the size of Table 3, SI."""
     from gimbalcal.estimate.pulses.polynomial import Pulses
 
     x = vector(*K3)

@@ -34,36 +34,38 @@ NOMINAL: dict[Any, float] = {
 
 
 def triangle(entries: Any = E) -> Any:
-    """Unit lower-triangular matrix, as Eqs. (5) and (8) print it."""
+    """Return the unit lower-triangular matrix, as Eqs. (5) and (8) print it."""
     yx, zx, zy = entries
     return sp.Matrix([[1, 0, 0], [yx, 1, 0], [zx, zy, 1]])
 
 
 def polynomial(order: int) -> Any:
-    """K1 N + K2 N^2 + K3 N^3 + bias through `order`, axis by axis."""
+    """Return K1 N + K2 N^2 + K3 N^3 + bias through `order`, axis by axis."""
     terms = (K1, K2, K3)[:order]
     return sp.Matrix([sum(k[i] * N[i] ** (n + 1) for n, k in enumerate(terms)) + BIAS[i] for i in range(3)])
 
 
 def square(v: Any) -> Any:
-    """Sum of squares of a column."""
+    """Return the sum of squares of a column."""
     return sum(x**2 for x in v)
 
 
 def integral(of: Any, first: Any, second: Any, duration: Any) -> Any:
-    """A polynomial in N integrated over `duration`: N becomes `first`, N^2 `second`, 1 the duration; entry by entry."""
+    """Return a polynomial in N integrated over `duration`: N becomes `first`, N^2 `second`, 1 the duration; entry by
+    entry.
+    """
     by = {tuple(int(i == j) for j in range(3)): first[i] for i in range(3)}
     by |= {tuple(2 * int(i == j) for j in range(3)): second[i] for i in range(3)} | {(0, 0, 0): duration}
     return of.applyfunc(lambda e: sum(c * by[powers] for powers, c in sp.Poly(e, *N).terms()))
 
 
 def rotation() -> Any:
-    """Any rotation matrix but half a turn, rational in three parameters (Cayley)."""
+    """Return any rotation matrix but half a turn, rational in three parameters (Cayley)."""
     p = sp.symbols("p_1:4", real=True)
     v = sp.Matrix(p)
     return ((1 - square(v)) * sp.eye(3) + 2 * v * v.T - 2 * cross(p)) / (1 + square(v))
 
 
 def norm_after_rotation(v: Any) -> Any:
-    """|C v|^2 for any rotation C: what is left of the parameters after algebra is told, not assumed."""
+    """Return |C v|^2 for any rotation C: what is left of the parameters after algebra is told, not assumed."""
     return sp.cancel(sp.together(square(rotation() * v)))

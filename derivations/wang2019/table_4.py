@@ -80,7 +80,7 @@ def unit(name: str) -> str:
 
 
 def _step(edges: Any) -> Any:
-    """(9,) step method 2 less method 3 of the linear accelerometer parameters over the faces and some edges.
+    """Return (9,) step method 2 less method 3 of the linear accelerometer parameters over the faces and some edges.
 
     Along an axis the terms left out are q2 u^2 + q3 u^3 in g, u the share of gravity there; the fit of the norm makes
     of sum u_i (q2 u_i^2 + q3 u_i^3) what relative scale (u_i^2), bias (u_i) and leaning (u_i u_j) can.
@@ -95,19 +95,21 @@ def _step(edges: Any) -> Any:
 
 @cache
 def steps() -> dict[str, float]:
-    """Step of each parameter over six faces and twelve edges."""
+    """Return the step of each parameter over six faces and twelve edges."""
     return dict(zip(LINEAR, _step(faces_and_edges()[1]), strict=True))
 
 
 @cache
 def least_leaning() -> float:
-    """The least, over all choices of nine edges, of the largest step of a misalignment."""
+    """Return the least, over all choices of nine edges, of the largest step of a misalignment."""
     edges = faces_and_edges()[1]
     return min(float(np.abs(_step(edges[list(nine)])[6:]).max()) for nine in combinations(range(12), 9))
 
 
 def gyroscope_step(name: str) -> float:
-    """Bound of the step that leaving K_g2 out makes: K2 N^2 of the Earth's rate at rest, 2 K2 w_e / K1^2 in (30)."""
+    """Return the bound of the step that leaving K_g2 out makes: K2 N^2 of the Earth's rate at rest, 2 K2 w_e / K1^2 in
+    (30).
+    """
     K1, K2 = value("K_g1x"), max(abs(value(f"K_g2{a}")) for a in "xyz")
     if name.startswith("eps"):
         return K2 * (EARTH / K1) ** 2
@@ -116,19 +118,19 @@ def gyroscope_step(name: str) -> float:
 
 
 def judge_step(name: str) -> Verdict:
-    """Whether the step from method 2 to method 3 is what the terms left out make."""
+    """Judge whether the step from method 2 to method 3 is what the terms left out make."""
     printed, rounding = value(name, 2) - value(name, 3), last_digit(ENTRIES[name][2])  # half a unit of each of the two
     of = f" {unit(name)}".rstrip()
     derived, bound = (steps()[name], 0.0) if name in LINEAR else (0.0, gyroscope_step(name))
     gap = max(abs(printed - derived) - bound - 1.001 * rounding, 0.0)
     if name in LINEAR:
         step = f"step {derived if abs(derived) > 1e-12 else 0:.2g}{of}"
-        made = f"Over six faces and twelve edges leaving K_a2 and K_a3 out makes a {step}"
+        effect = f"Over six faces and twelve edges leaving K_a2 and K_a3 out makes a {step}"
     else:
         step = f"step within {bound:.1g}{of}"
-        made = f"Leaving K_g2 out makes a {step}"
+        effect = f"Leaving K_g2 out makes a {step}"
     why = (
-        f"{made}, rounding adds up to {rounding:.0e}, and the printed step is {printed:.2g}"
+        f"{effect}, rounding adds up to {rounding:.0e}, and the printed step is {printed:.2g}"
         f"{'' if gap == 0 else ', which does not follow'}. The value itself rests on recordings that are not printed."
     )
     return Verdict(SOURCE, f"Table 4, {name}", AGREES if gap == 0 else WRONG, _printed(name), step,
@@ -136,7 +138,7 @@ def judge_step(name: str) -> Verdict:
 
 
 def _more(name: str) -> str:
-    """What the digits of an entry say beyond its step."""
+    """Return what the digits of an entry say beyond its step."""
     if name.startswith("E_a"):
         return (
             f" Over any nine of the edges some misalignment would move by {least_leaning():.0e} or more: method 2 was "
@@ -156,7 +158,7 @@ def _printed(name: str) -> str:
 
 
 def judge_alone(name: str) -> Verdict:
-    """A parameter that one method has: its size, and that only the recordings could say more."""
+    """Judge a parameter that one method has: its size, and that only the recordings could say more."""
     derived, size, words = _size(name)
     why = f"It needs the recordings, which are not printed. {words}"
     return Verdict(SOURCE, f"Table 4, {name}", NOT_DETERMINED, _printed(name), derived, size, why)
@@ -183,24 +185,25 @@ def _size(name: str) -> tuple[str, str, str]:
 
 
 def judge_angle(name: str) -> Verdict:
-    """Inter-triad angle of method 3 against that which method 1's two rotations give."""
+    """Judge the inter-triad angle of method 3 against that which method 1's two rotations give."""
     letter = name.removesuffix("_1")
     a, g, three = value(f"{letter}_2", 1), value(f"{letter}_3", 1), value(name)
     lean = [value(e) for e in ("E_ayx", "E_azx", "E_azy", "E_gyx", "E_gzx", "E_gzy")]
-    room = sum(map(abs, lean)) / ARCMIN  # what triangles left out of Eqs. (44) and (45) can move
-    apart = three - (a - g)
+    bound_arcmin = sum(map(abs, lean)) / ARCMIN  # what triangles left out of Eqs. (44) and (45) can move
+    difference = three - (a - g)
     why = (
         "It needs the recordings, which are not printed. Methods 2 and 3 agree, as they must: nothing nonlinear turns "
         f"a triad. C_p^q of Eq. (43) should be the product of Eq. (45), inverted, and Eq. (44): {a - g:.2f} arcmin, "
-        f"{abs(apart):.2f} from the printed one. The triangles that (44) and (45) leave out can move it by up to "
-        f"{room:.1f} arcmin, so the table neither confirms nor contradicts itself here."
+        f"{abs(difference):.2f} from the printed one. The triangles that (44) and (45) leave out can move it by up to "
+        f"{bound_arcmin:.1f} arcmin, so the table neither confirms nor contradicts itself here."
     )
-    return Verdict(SOURCE, f"Table 4, {name}", NOT_DETERMINED, _printed(name), f"{a - g:.2f} arcmin within {room:.1f}",
-                   f"{abs(apart):.2g} arcmin", why)  # fmt: skip
+    range_ = f"{a - g:.2f} arcmin within {bound_arcmin:.1f}"
+    return Verdict(SOURCE, f"Table 4, {name}", NOT_DETERMINED, _printed(name), range_,
+                   f"{abs(difference):.2g} arcmin", why)  # fmt: skip
 
 
 def judge_swing() -> Verdict:
-    """Table 4's second order of the gyroscopes under Table 5's swing."""
+    """Judge Table 4's second order of the gyroscopes under Table 5's swing."""
     K1, K2 = value("K_g1x"), abs(value("K_g2x"))  # the smallest of the three K_g2
     frequency, amplitude = 8.0, 5.0  # Hz, deg: roll
     peak = 2 * pi * frequency * amplitude
@@ -217,7 +220,7 @@ def judge_swing() -> Verdict:
 
 
 def judge_ranges() -> Verdict:
-    """The sentence that the ranges of Table 2 are set based on the unit of Table 4."""
+    """Judge the sentence that the ranges of Table 2 are set based on the unit of Table 4."""
     limits: dict[str, float] = {"nabla": 1e-2, "K_a2": 5e-15, "K_a3": 5e-21, "E_a": 5e-4}
     outside = [n for n in ENTRIES for start, most in limits.items() if n.startswith(start) and abs(value_of(n)) > most]
     worst = max(abs(value_of(n)) / most for n in outside for start, most in limits.items() if n.startswith(start))
@@ -231,12 +234,12 @@ def judge_ranges() -> Verdict:
 
 
 def value_of(name: str) -> float:
-    """What the last method that has a parameter prints."""
+    """Return what the last method that has a parameter prints."""
     return float(next(v for v in reversed(ENTRIES[name]) if v != NONE))
 
 
 def verdicts() -> tuple[Verdict, ...]:
-    """All 36 entries, and what follows from them elsewhere."""
+    """Return the verdicts on all 36 entries, and what follows from them elsewhere."""
     out = []
     for name, (_, two, three) in ENTRIES.items():
         angle = name in ("alpha_1", "beta_1", "gamma_1")

@@ -21,7 +21,7 @@ PRIOR = np.array([1.0 * DEG_H] * 3 + [1e3 * UG] * 3 + [1e-3] * 6 + [1e3 * ARCSEC
 
 
 def columns(rate: Any, force: Any) -> Any:
-    """(n, 6, 21) readings too much by each constant: (7), (8)."""
+    """Return (n, 6, 21) readings too much by each constant: (7), (8)."""
     out = np.zeros((len(rate), 6, 21))
     for i in range(3):
         out[:, i, i] = out[:, 3 + i, 3 + i] = 1
@@ -35,19 +35,20 @@ def columns(rate: Any, force: Any) -> Any:
 
 @cache
 def found() -> dict[str, float]:
-    """Sigma of each constant over its prior."""
+    """Return the sigma of each constant over its prior."""
     s = sigmas(table_1.motion(), LATITUDE, columns, PRIOR, NOISE)
     return dict(zip(NAMES, map(float, s), strict=True))
 
 
 def judge_all_seen() -> Verdict:
-    """Section 3.2: the scheme can calibrate 21 errors."""
+    """Judge Section 3.2: the scheme can calibrate 21 errors."""
     ratios = found()
-    seen = [n for n, r in ratios.items() if r < 0.1]
+    determined = [n for n, r in ratios.items() if r < 0.1]
     worst = max(ratios, key=lambda n: ratios[n])
     return Verdict(
-        SOURCE, "Section 3.2, 21 errors", AGREES if len(seen) == 21 else WRONG,
-        "this scheme can calibrate 21 related sensor errors", f"{len(seen)} of 21", "0" if len(seen) == 21 else "-",
+        SOURCE, "Section 3.2, 21 errors", AGREES if len(determined) == 21 else WRONG,
+        "this scheme can calibrate 21 related sensor errors", f"{len(determined)} of 21",
+        "0" if len(determined) == 21 else "-",
         f"Measured velocities alone leave less than a tenth of each prior (the most of {worst}, "
         f"{100 * ratios[worst]:.1g} %), at 10 deg/s, 100 s stops, 0.002 deg/sqrt(h) and 5 ug/sqrt(Hz), which are ours.",
     )  # fmt: skip

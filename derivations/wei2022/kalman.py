@@ -32,7 +32,7 @@ MINUS = "minus signs are lost; terms with nothing between them are read as a dif
 
 
 def _moved(rate: Any) -> Any:
-    """First-order change of a rate by the errors of velocity and position."""
+    """Return the first-order change of a rate by the errors of velocity and position."""
     pairs = zip((*V, *nav.POSITION), (*nav.DV, *nav.DP), strict=True)
     return sum((rate.diff(s) * d for s, d in pairs), sp.zeros(3, 1))
 
@@ -89,26 +89,26 @@ PRINTED = {
 
 
 def _minus_g(rate: Any) -> Any:
-    """Gravity's error counted true minus computed."""
+    """Return gravity's error counted true minus computed."""
     return rate.subs(dict(zip(nav.DG, (-g for g in nav.DG), strict=True)), simultaneous=True)
 
 
 @cache
 def gain() -> Any:
-    """The K that makes the trace of the covariance after the update least."""
+    """Return the K that makes the trace of the covariance after the update least."""
     after = _after(K)
     slope = [sp.diff(after[0, 0] + after[1, 1], k) for k in K]
     return K.subs(sp.solve(slope, list(K), dict=True)[0])
 
 
 def _after(K_: Any) -> Any:
-    """Covariance after an update with any gain: of (1 - K H) (error before) - K (noise)."""
-    left = sp.eye(2) - K_ * H
-    return left * P * left.T + K_ * R * K_.T
+    """Return the covariance after an update with any gain: of (1 - K H) (error before) - K (noise)."""
+    remaining = sp.eye(2) - K_ * H
+    return remaining * P * remaining.T + K_ * R * K_.T
 
 
 def unbiased() -> Any:
-    """A x + K z with the A that makes the error free of the true state, z = H x + noise."""
+    """Return a x + K z with the A that makes the error free of the true state, z = H x + noise."""
     A = sp.Matrix(2, 2, sp.symbols("A_:2:2", real=True))
     true = sp.Matrix(sp.symbols("t_1:3", real=True))
     bias = (A * true + K * (H * true)[0] - true).applyfunc(sp.expand)
@@ -117,7 +117,7 @@ def unbiased() -> Any:
 
 
 def predicted() -> tuple[Any, Any]:
-    """Mean and covariance of F x + Gamma w, w white with zero mean."""
+    """Return the mean and covariance of F x + Gamma w, w white with zero mean."""
     w = sp.Symbol("w", real=True)
     d = sp.Matrix(sp.symbols("d_1:3", real=True))
     state = Phi * (x + d) + Gamma * w
@@ -135,7 +135,7 @@ def predicted() -> tuple[Any, Any]:
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     mean, covariance = predicted()
     best = gain()
     after = _after(best).applyfunc(sp.cancel)

@@ -25,24 +25,24 @@ ELEMENT = {"xz": ("xy", 1), "xy": ("xz", -1), "yz": ("yx", -1), "yx": ("yz", 1),
 
 
 def _beta(element: str) -> str:
-    """The package's letters of an element of dA."""
+    """Return the package's letters of an element of dA."""
     return next(beta for beta, (of, _) in ELEMENT.items() if of == element)
 
 
 def _slopes(symbols: Sequence[Any], error: Any) -> Any:
-    """(3, p) derivatives of the derived reading."""
+    """Return (3, p) derivatives of the derived reading."""
     J = error.jacobian(sp.Matrix(symbols)).subs(dict(zip((*omega, *f), (*RATE[0], *FORCE[0]), strict=True)))
     return np.array(J.evalf(20).tolist(), dtype=float)
 
 
 def coefficient(effect: str, field: str, symbols: Sequence[Any], sign: int, error: Any) -> float:
-    """One field, relative."""
+    """Return one field, relative."""
     ours, derived = package_slopes(effect, field, len(symbols)), sign * _slopes(symbols, error())
     return float(np.abs(ours - derived).max() / np.abs(derived).max())
 
 
 def angles(effect: str, symbols: Sequence[Any], error: Any) -> float:
-    """Each beta against the element of dA that it is."""
+    """Return each beta against the element of dA that it is."""
     ours, derived = package_slopes(effect, "beta", 6), _slopes(symbols, error())
     names = [str(s)[-2:] for s in symbols]
     worst = 0.0
@@ -68,14 +68,14 @@ checks(SOURCE, "Eq. (6)", "Eq. (8)", where=_A)(partial(angles, "misalignment", d
 
 @once
 def _attitudes() -> Any:
-    """The package's (31, 3, 3) body to east, north, up."""
+    """Return the package's (31, 3, 3) body to east, north, up."""
     from gimbalcal.schedule.rotations import ROTATIONS
 
     return TURN @ ROTATIONS["wei2022-30"].attitudes()
 
 
 def attitude(row: int) -> float:
-    """A row of the published schedule against the attitude that the turns make."""
+    """Return a row of the published schedule against the attitude that the turns make."""
     return float(np.abs(_attitudes()[row] - table_1.attitudes()[row]).max())
 
 
@@ -106,7 +106,7 @@ STATES = (
 
 
 def printed_degree(row: int) -> float:
-    """A row of Table 2 as the package tells it."""
+    """Return a row of Table 2 as the package tells it."""
     from gimbalcal.design.turning_observability import TABLE_2
 
     return float(np.abs(np.array(TABLE_2[STATES[row]]) - [float(d) for d in tables.TABLE_2[row]]).max())

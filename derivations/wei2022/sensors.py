@@ -21,7 +21,9 @@ column = sp.Matrix
 
 
 def _printed(constant: Any, diagonal: Any, beside: Any, true: Any) -> Any:
-    """Constant and the one matrix of (7) or (8), `beside` its elements off the diagonal, times the true input."""
+    """Return the constant and the one matrix of (7) or (8), `beside` its elements off the diagonal, times the true
+    input.
+    """
     rows = [[diagonal[i] if i == j else beside.get((i, j), 0) for j in range(3)] for i in range(3)]
     return column(constant) + sp.Matrix(rows) * column(true)
 
@@ -52,23 +54,23 @@ PRINTED = {
 
 
 def too_much(constant: Any, scale: Any, installation: Any, true: Any) -> Any:
-    """Reading less true input."""
+    """Return the reading less true input."""
     return (sp.eye(3) + sp.diag(*scale) + installation) * column(true) + column(constant) - column(true)
 
 
 def rate_error() -> Any:
-    """dw_ib^b."""
+    """Return dw_ib^b."""
     return too_much(epsilon, dK_g, installation_g(), omega)
 
 
 def force_error() -> Any:
-    """df_ib^b."""
+    """Return df_ib^b."""
     return too_much(nabla, dK_a, installation_a(), f)
 
 
 @cache
 def free_angles() -> Any:
-    """Eq. (5) from the frame: x_p along the x gyroscope, y_p in the plane of x and y gyroscope. First order.
+    """Return Eq. (5) from the frame: x_p along the x gyroscope, y_p in the plane of x and y gyroscope. First order.
 
     The input axes are the rows of 1 + dA; x_p = x_g makes row one zero, and y_g has no part across the plane of x_p
     and y_p.
@@ -77,13 +79,13 @@ def free_angles() -> Any:
     x_g, y_g = (sp.eye(3) + any_)[0, :].T, (sp.eye(3) + any_)[1, :].T
     across = sp.Matrix([0, 0, 1])
     conditions = [*(x_g - sp.Matrix([1, 0, 0])), y_g.dot(across)]
-    gone = sp.solve([c for c in conditions if c != 0], dict=True)[0]
-    return any_.subs(gone)
+    solution = sp.solve([c for c in conditions if c != 0], dict=True)[0]
+    return any_.subs(solution)
 
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     signs = "added to the reading. The package's scale factors have the other sign, SF - 1 with true = SF x reading"
     return {
         "Eq. (1)": Case(None, "A reading at no input."),

@@ -25,14 +25,14 @@ KEPT = [0, 1, 2, 3, 4, 6, 7]  # without vertical velocity and height
 
 
 def constants(scheme: int) -> Any:
-    """(21,) residuals in SI, order of the states."""
+    """Return (21,) residuals in SI, order of the states."""
     units = dict(zip(GROUPS, (DEG_H, UG, 1e-6, 1e-6, ARCSEC, ARCSEC), strict=True))
     r = np.array(residuals(scheme))
     return np.concatenate([r[part] * units[name] for name, part in GROUPS.items()])
 
 
 def driven(scheme: int) -> Any:
-    """(7,) what the residuals drive."""
+    """Return (7,) what the residuals drive."""
     w = nav.earth_in_n(np.float64(LATITUDE))[None]
     f = np.array([[0, 0, float(nav.gravity(LATITUDE, 0.0))]])
     dw, df = np.split((columns(w, f) @ constants(scheme))[0], 2)
@@ -41,7 +41,7 @@ def driven(scheme: int) -> Any:
 
 @cache
 def largest(scheme: int) -> float:
-    """Largest horizontal position error [m]."""
+    """Return the largest horizontal position error [m]."""
     f = [0, 0, float(nav.gravity(LATITUDE, 0.0))]
     F = nav.linearised([0, 0, 0, LATITUDE, 0, 0], f)[:, :9][np.ix_(KEPT, KEPT)]
     A = np.zeros((8, 8))
@@ -59,7 +59,7 @@ def largest(scheme: int) -> float:
 
 
 def verdicts() -> tuple[Verdict, ...]:
-    """Both differences of Section 4.1."""
+    """Return both differences of Section 4.1."""
     eighteen, thirty = largest(0), largest(1)
     first = Verdict(
         SOURCE, "Section 4.1, 3639 m", NOT_DETERMINED, "the maximum position error was reduced by 3639 m",

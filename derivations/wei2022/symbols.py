@@ -12,7 +12,7 @@ AXES = ("x", "y", "z")
 
 
 def triad(name: str) -> Any:
-    """Three symbols, one for each axis."""
+    """Return three symbols, one for each axis."""
     return sp.symbols([f"{name}_{a}" for a in AXES], real=True)
 
 
@@ -28,12 +28,12 @@ NAMES = (
 
 
 def installation_g() -> Any:
-    """(3, 3) of Eq. (5)."""
+    """Return (3, 3) of Eq. (5)."""
     yx, zx, zy = dA_g
     return sp.Matrix([[0, 0, 0], [yx, 0, 0], [zx, zy, 0]])
 
 
 def installation_a() -> Any:
-    """(3, 3) of Eq. (6)."""
+    """Return (3, 3) of Eq. (6)."""
     yx, zx, xy, zy, xz, yz = dA_a
     return sp.Matrix([[0, xy, xz], [yx, 0, yz], [zx, zy, 0]])

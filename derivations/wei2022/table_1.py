@@ -30,7 +30,7 @@ SPEED, STOP = 10.0, 100.0  # deg/s, s: not printed
 
 
 def start() -> Any:
-    """C_b^n from rows 1 and 6."""
+    """Return C_b^n from rows 1 and 6."""
     turned = sum(d for _, axis, d in ROWS[:5] if axis == "y")
     if turned % 360:
         raise ArithmeticError("the turns about y before row 6 do not close")
@@ -48,12 +48,12 @@ def reversed_rows() -> tuple[tuple[str, str, int], ...]:
 
 
 def turns() -> tuple[Turn, ...]:
-    """All thirty about the unit's axes."""
+    """Return all thirty about the unit's axes."""
     return tuple(Turn(unit_axis(b), d) for _, b, d in (*ROWS, *reversed_rows()))
 
 
 def attitudes() -> Any:
-    """(31, 3, 3) C_b^n at the stops, by the column of the unit."""
+    """Return (31, 3, 3) C_b^n at the stops, by the column of the unit."""
     out = [start()]
     for turn in turns():
         out.append(out[-1] @ quarter(turn.axis, turn.degrees))
@@ -61,17 +61,17 @@ def attitudes() -> Any:
 
 
 def motion() -> Any:
-    """The path in time; rate, ramps and stops are not printed."""
+    """Return the path in time; rate, ramps and stops are not printed."""
     return path(start(), turns(), SPEED, STOP)
 
 
 def item(row: int) -> str:
-    """As `errata.json` names it."""
+    """Return the name of a row in `errata.json`."""
     return f"Table 1, row {row}"
 
 
 def judge_row(row: int, n_axis: str, b_axis: str, degrees: int) -> Verdict:
-    """Whether the unit's axis points along the axis of n when the turn begins."""
+    """Judge whether the unit's axis points along the axis of n when the turn begins."""
     C = attitudes()[row - 1]
     points = in_words(C)[AXES.index(b_axis)]
     wanted = N_AXES[n_axis]
@@ -94,14 +94,14 @@ def judge_row(row: int, n_axis: str, b_axis: str, degrees: int) -> Verdict:
 
 
 def contradicted() -> list[int]:
-    """Rows of the second half in which both columns cannot be reversed."""
+    """Return rows of the second half in which both columns cannot be reversed."""
     C = attitudes()
     return [i for i, (n, b, _) in enumerate(reversed_rows(), start=len(ROWS) + 1)
             if in_words(C[i - 1])[AXES.index(b)] != N_AXES[n]]  # fmt: skip
 
 
 def judge_second_half() -> Verdict:
-    """The one line that stands for fifteen rows."""
+    """Judge the one line that stands for fifteen rows."""
     rows = contradicted()
     other = [i + len(ROWS) for i, (a, b) in enumerate(zip(attitudes()[len(ROWS):], by_the_other_column(), strict=True))
              if not np.array_equal(a, b)]  # fmt: skip
@@ -116,7 +116,7 @@ def judge_second_half() -> Verdict:
 
 
 def by_euler(pitch: float, roll: float, yaw: float) -> Any:
-    """C_b^n of pitch, roll, yaw in deg."""
+    """Return C_b^n of pitch, roll, yaw in deg."""
     turned = (
         rotation(axis, radians(angle)) for axis, angle in (((0, 0, 1), yaw), ((1, 0, 0), pitch), ((0, 1, 0), roll))
     )
@@ -138,7 +138,7 @@ def judge_start() -> Verdict:
 
 
 def by_the_other_column() -> Any:
-    """(16, 3, 3) stops of rows 15 to 30 when n's column is the one that is reversed."""
+    """Return (16, 3, 3) stops of rows 15 to 30 when n's column is the one that is reversed."""
     out = [attitudes()[len(ROWS)]]
     for n_axis, _, degrees in reversed_rows():
         out.append(quarter(DIRECTIONS[N_AXES[n_axis]], degrees) @ out[-1])
@@ -154,6 +154,6 @@ def judge_times() -> Verdict:
 
 
 def verdicts() -> tuple[Verdict, ...]:
-    """Thirty rows, the start, and what is missing."""
+    """Return the verdicts on thirty rows, the start, and what is missing."""
     rows = enumerate((*ROWS, *reversed_rows()), start=1)
     return (*(judge_row(i, *row) for i, row in rows), judge_second_half(), judge_start(), judge_times())

@@ -63,12 +63,12 @@ SCHEMES = (18, 30)
 
 
 def unit(row: int) -> str:
-    """Of a row of Tables 3 and 4."""
+    """Return the unit of a row of Tables 3 and 4."""
     return next(u for u, part in zip(UNITS, GROUPS.values(), strict=True) if part.start <= row < part.stop)
 
 
 def judge_degree(row: int) -> Verdict:
-    """A row of Table 2."""
+    """Judge a row of Table 2."""
     degrees = TABLE_2[row]
     twin = [NAMES[i] for i, d in enumerate(TABLE_2) if d == degrees and i < row]
     why = "It needs the initial covariance, the noise, the rate and the stops, which are not printed."
@@ -84,14 +84,14 @@ def judge_degree(row: int) -> Verdict:
 
 
 def residual_gap(row: int, scheme: int) -> Decimal:
-    """Printed residual less (estimate - ideal), beyond the rounding of both."""
+    """Return the printed residual less (estimate - ideal), beyond the rounding of both."""
     ideal, estimate, residual = (Decimal(TABLE_3[row][i]) for i in (0, 1 + scheme, 3 + scheme))
     last = Decimal(1).scaleb(int(estimate.as_tuple().exponent)) + Decimal(1).scaleb(int(residual.as_tuple().exponent))
     return max(abs(residual - (estimate - ideal)) - last / 2, Decimal(0))
 
 
 def judge_residual(row: int, scheme: int) -> Verdict:
-    """A residual of Table 3."""
+    """Judge a residual of Table 3."""
     gap = residual_gap(row, scheme)
     ideal, estimate, residual = (TABLE_3[row][i] for i in (0, 1 + scheme, 3 + scheme))
     return Verdict(
@@ -103,7 +103,7 @@ def judge_residual(row: int, scheme: int) -> Verdict:
 
 
 def judge_estimate(row: int, scheme: int) -> Verdict:
-    """An estimate of Table 3."""
+    """Judge an estimate of Table 3."""
     return Verdict(
         SOURCE, f"Table 3, {NAMES[row]}, {SCHEMES[scheme]}-estimate", NOT_DETERMINED,
         f"{TABLE_3[row][1 + scheme]} {unit(row)}", "nothing printed determines it", "not quantified",
@@ -112,7 +112,7 @@ def judge_estimate(row: int, scheme: int) -> Verdict:
 
 
 def judge_result(row: int) -> Verdict:
-    """An estimate of Table 4."""
+    """Judge an estimate of Table 4."""
     return Verdict(
         SOURCE, f"Table 4, {NAMES[row]}", NOT_DETERMINED, f"{TABLE_4[row]} {unit(row)}",
         "nothing printed determines it",
@@ -125,18 +125,18 @@ def residuals(scheme: int) -> list[float]:
 
 
 def rms(group: str, scheme: int) -> float:
-    """Of the residuals of a group."""
+    """Return the rms of the residuals of a group."""
     part = residuals(scheme)[GROUPS[group]]
     return sqrt(sum(r**2 for r in part) / len(part))
 
 
 def larger_with_thirty() -> list[str]:
-    """Parameters whose residual is larger with thirty positions than with eighteen."""
+    """Return parameters whose residual is larger with thirty positions than with eighteen."""
     return [n for n, a, b in zip(NAMES, residuals(0), residuals(1), strict=True) if abs(b) > abs(a)]
 
 
 def sentences() -> tuple[Verdict, ...]:
-    """What Section 4.1 sums up."""
+    """Return what Section 4.1 sums up."""
     degrees = [(float(a), float(b)) for a, b in TABLE_2]
     strong = min(min(pair) for pair in degrees)
     weaker = [n for n, (a, b) in zip(NAMES, degrees, strict=True) if b < a]
@@ -172,7 +172,7 @@ def sentences() -> tuple[Verdict, ...]:
 
 
 def verdicts() -> tuple[Verdict, ...]:
-    """Tables 2, 3, 4, then the sentences."""
+    """Return the verdicts on Tables 2, 3 and 4, then on the sentences."""
     rows = range(len(NAMES))
     three = (judge(i, s) for i in rows for s in (0, 1) for judge in (judge_estimate, judge_residual))
     return (*(judge_degree(i) for i in rows), *three, *(judge_result(i) for i in rows), *sentences())

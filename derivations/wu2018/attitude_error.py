@@ -108,7 +108,7 @@ HARMONIC_OF = {
 
 
 def navigation_axes(f_hat: Any) -> Any:
-    """North, east, down as columns, in the axes of f_hat, whose z is taken for the pole."""
+    """Return the north, east, down as columns, in the axes of f_hat, whose z is taken for the pole."""
     down = -f_hat / sp.sqrt((f_hat.T * f_hat)[0])
     east = down.cross(sp.Matrix([0, 0, 1]))
     east = east / sp.sqrt((east.T * east)[0])
@@ -116,7 +116,7 @@ def navigation_axes(f_hat: Any) -> Any:
 
 
 def axes_to_first_order(change: Any) -> tuple[Any, Any]:
-    """`navigation_axes` at the level site, z along the pole, and its derivative along a change of the force."""
+    """Return `navigation_axes` at the level site, z along the pole, and its derivative along a change of the force."""
     d = sp.symbols("d_1:4", real=True)
     axes = navigation_axes(sp.Matrix([C, 0, S]) + e * sp.Matrix(d))
 
@@ -128,7 +128,8 @@ def axes_to_first_order(change: Any) -> tuple[Any, Any]:
 
 
 def base_and_change() -> tuple[Any, Any]:
-    """C_b^e times the drift that the navigator takes the base to have, all disturbances scaled by e: at 0, and slope.
+    """Return C_b^e times the drift that the navigator takes the base to have, all disturbances scaled by e: at 0, and
+    slope.
 
     Earth-fixed axes, so S_t itself drops out.
     """
@@ -146,7 +147,7 @@ def base_and_change() -> tuple[Any, Any]:
 
 @cache
 def attitude_error() -> Any:
-    """(roll, pitch, yaw) error to first order: level base minus output C_b^n, about north, east, down."""
+    """Return (roll, pitch, yaw) error to first order: level base minus output C_b^n, about north, east, down."""
     measured = sp.Matrix(df) - dS_1 * cross((1, 0, 0)) * sp.Matrix([C, 0, S])
     axes, turned = axes_to_first_order(measured)
     base, moved = base_and_change()
@@ -157,7 +158,9 @@ def attitude_error() -> Any:
 
 @cache
 def force_part() -> dict[str, dict[str, Any]]:
-    """Fourier coefficients of roll and pitch from the twelve residuals: Delta f^e = Rz(S_t) Delta f^p in (28)."""
+    """Return the Fourier coefficients of roll and pitch from the twelve residuals: Delta f^e = Rz(S_t) Delta f^p in
+    (28).
+    """
     in_earth = Rz(S_t) * force_error()
     only_force = dict.fromkeys(DISTURBANCES[3:], 0)
     values = dict(zip(df, in_earth, strict=True))
@@ -167,21 +170,21 @@ def force_part() -> dict[str, dict[str, Any]]:
 
 @cache
 def constant_part() -> dict[str, Any]:
-    """Roll and pitch from readout errors and base tilts: they only enter the means."""
+    """Return the roll and pitch from readout errors and base tilts: they only enter the means."""
     no_force = dict.fromkeys(df, 0)
     roll, pitch, _ = (v.subs(no_force) for v in attitude_error())
     return {"roll": roll, "pitch": pitch}
 
 
 def coefficient(channel: str, harmonic: str) -> Any:
-    """One Fourier coefficient, first order, Delta = estimate minus truth."""
+    """Return one Fourier coefficient, first order, Delta = estimate minus truth."""
     value = force_part()[channel][harmonic]
     return sp.expand(value + constant_part()[channel]) if harmonic == "mean" else value
 
 
 @cache
 def second_order() -> float:
-    """Largest difference between the exact navigator and first order over a day, Tables 2 and 3 [rad]."""
+    """Return the largest difference between the exact navigator and first order over a day, Tables 2 and 3 [rad]."""
     import numpy as np
 
     corrected = (sp.eye(3) + sp.diag(*SCALE)) * (force() - sp.Matrix(BIAS) / g)
@@ -226,7 +229,7 @@ def _coefficient_case(item: str) -> Case:
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     return {
         "Eq. (28)": Case(
             attitude_error(),

@@ -52,7 +52,7 @@ DX = sp.Matrix(
 
 
 def printed_10(M: Any) -> Any:
-    """Right-hand side of Eq. (10) with the matrix that stands for Delta C."""
+    """Return the right-hand side of Eq. (10) with the matrix that stands for Delta C."""
     scale = sum(x**2 * a / S for x, a, S in zip(u, dSF, SF_hat, strict=True))
     skew = (U.T * (M.T + M) * U)[0] / 2
     bias = sum(x * S * a for x, S, a in zip(u, SF_hat, db, strict=True))
@@ -97,13 +97,13 @@ PRINTED = {
 
 @cache
 def _matrix(first: tuple[Any, ...], second: tuple[Any, ...]) -> Any:
-    """C_p^a - 1 at beta = first + second."""
+    """Return C_p^a - 1 at beta = first + second."""
     values = {x: a + b for x, a, b in zip(BETA, first, second, strict=True)}
     return platform_to_accelerometers().subs(values) - sp.eye(3)
 
 
 def _inverse_norm(vector: Any, B: Any) -> Any:
-    """|(1 + B)^-1 vector|^2 through second order in B."""
+    """Return |(1 + B)^-1 vector|^2 through second order in B."""
     inverse = sp.eye(3) - B + B * B
     w = inverse * vector
     return (w.T * w)[0]
@@ -111,7 +111,7 @@ def _inverse_norm(vector: Any, B: Any) -> Any:
 
 @cache
 def observation() -> Any:
-    """Left-hand side of Eq. (10) through second order in everything small."""
+    """Return the left-hand side of Eq. (10) through second order in everything small."""
     scaled = [(1 + a / S) * (x - k * x**2 / S) for x, a, k, S in zip(u, dSF, K, SF_hat, strict=True)]
     shifted = [x + S * a for x, S, a in zip(u, SF_hat, db, strict=True)]
     zero = (sp.Integer(0),) * 6
@@ -122,7 +122,7 @@ def observation() -> Any:
 
 @cache
 def unknowns() -> Any:
-    """The twelve combinations: coefficients of the monomials of u in the first-order observation."""
+    """Return the twelve combinations: coefficients of the monomials of u in the first-order observation."""
     poly = sp.Poly(truncate(observation(), SMALL, 1), *u)
     signed = [poly.coeff_monomial(abs_) * sign for abs_, sign in _monomials()]
     return sp.Matrix([sp.expand(x) for x in signed])
@@ -133,13 +133,13 @@ def _monomials() -> list[tuple[Any, int]]:
 
 
 def directions() -> Any:
-    """Unit specific force (18, 3) of the eighteen positions, from the angles of Table 1."""
+    """Return the unit specific force (18, 3) of the eighteen positions, from the angles of Table 1."""
     zeros = dict.fromkeys(table1.ZEROS, 0)
     return np.array([[-float(x) for x in table1.gravity(*angles).subs(zeros)] for angles in table1.resolved_angles()])
 
 
 def coarse_numbers() -> dict[Any, float]:
-    """Deviations of the size of Tables 2 and 3, K_nl = 10 ug/g^2, coarse misalignments of 60 arcsec; unit g."""
+    """Return deviations of the size of Tables 2 and 3, K_nl = 10 ug/g^2, coarse misalignments of 60 arcsec; unit g."""
     scale, bias = list(TABLE_2.values())[:3], list(TABLE_2.values())[3:]
     return {
         **dict.fromkeys(SF_hat, 1.0),
@@ -152,7 +152,9 @@ def coarse_numbers() -> dict[Any, float]:
 
 
 def ranks() -> tuple[int, int, float]:
-    """Rank of the 18 positions in the twelve unknowns and in the 15 deviations, and the condition of the former."""
+    """Return the rank of the 18 positions in the twelve unknowns and in the 15 deviations, and the condition of the
+    former.
+    """
     numeric_row = sp.lambdify(u, ROW)
     first = truncate(observation(), SMALL, 1).subs(dict.fromkeys(SF_hat, 1))
     gradient = sp.lambdify(u, sp.Matrix([[first.diff(x) for x in DEVIATIONS]]))
@@ -163,7 +165,7 @@ def ranks() -> tuple[int, int, float]:
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     numbers = coarse_numbers()
     positions = tuple(dict(zip(u, map(float, x), strict=True)) for x in directions())
     first = truncate(observation(), SMALL, 1)

@@ -91,12 +91,12 @@ PRINTED = {
 
 
 def base_to_platform() -> Any:
-    """C_b^p from the gimbal chain, exact."""
+    """Return C_b^p from the gimbal chain, exact."""
     return Rz(-S_t) * Rx(0) * Ry(h + sp.pi / 2) * Rz(-q)
 
 
 def exact_input_axes() -> Any:
-    """Rows: the input axes in platform components, each a platform axis turned by its two angles in turn."""
+    """Return rows: the input axes in platform components, each a platform axis turned by its two angles in turn."""
     x = Rz(-beta_xz) * Ry(-beta_xy) * sp.Matrix([1, 0, 0])
     y = Rx(-beta_yx) * Rz(-beta_yz) * sp.Matrix([0, 1, 0])
     z = Ry(-beta_zy) * Rx(-beta_zx) * sp.Matrix([0, 0, 1])
@@ -104,23 +104,23 @@ def exact_input_axes() -> Any:
 
 
 def platform_to_accelerometers() -> Any:
-    """C_p^a to first order in the angles."""
+    """Return C_p^a to first order in the angles."""
     return truncate(exact_input_axes(), BETA, 1)
 
 
 def second_order() -> float:
-    """Largest entry that Eq. (5) drops, for the angles of Table 3."""
+    """Return the largest entry that Eq. (5) drops, for the angles of Table 3."""
     dropped = exact_input_axes() - platform_to_accelerometers()
     return max(abs(float(x.subs(NUMBERS).evalf())) for x in dropped)
 
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
-    rest = sp.Matrix([0, 0, 0]) - sp.Matrix([0, 0, g])  # a - g
+    """Return the derived forms of the items."""
+    at_rest = sp.Matrix([0, 0, 0]) - sp.Matrix([0, 0, g])  # a - g
     f_b = C_nb * f_n
     return {
-        "Eq. (1)": Case(rest, "Specific force is a - g and a = 0."),
+        "Eq. (1)": Case(at_rest, "Specific force is a - g and a = 0."),
         "Eq. (2)": Case(C_bp * f_b, "Indices chain: n to b, then b to p."),
         "Eq. (3)": Case(Rx(phi) * Ry(theta) * Rz(psi), "Rx(roll) Ry(pitch) Rz(yaw), frame rotations."),
         "Eq. (4)": Case(

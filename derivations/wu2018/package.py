@@ -26,7 +26,7 @@ RNG_SEED = 1
 
 
 def numbers(matrix: Any, values: dict[Any, float]) -> Any:
-    """A sympy matrix as floats."""
+    """Return a sympy matrix as floats."""
     return np.array(matrix.subs(values).evalf(20).tolist(), dtype=float)
 
 
@@ -50,7 +50,7 @@ def navigation_to_platform() -> float:
 
 
 def _sensor_effects() -> tuple[Any, dict[str, Any]]:
-    """Effects with generic values of all fifteen sensor coefficients, and the values."""
+    """Return effects with generic values of all fifteen sensor coefficients, and the values."""
     from gimbalcal.effects import CATALOGUE
 
     rng = np.random.default_rng(RNG_SEED)
@@ -66,7 +66,9 @@ def _sensor_effects() -> tuple[Any, dict[str, Any]]:
 
 @once
 def _sensor_sample() -> tuple[Any, Any, dict[Any, float]]:
-    """Force (3,), the package's output for it (3,), both m/s^2, and the coefficients under the paper's symbols."""
+    """Return the force (3,), the package's output for it (3,), both m/s^2, and the coefficients under the paper's
+    symbols.
+    """
     from gimbalcal.forward import accelerometers
 
     effects, v = _sensor_effects()
@@ -105,7 +107,7 @@ def misalignment() -> float:
 
 @once
 def _table_1() -> tuple[Any, Any]:
-    """The package's g^p / g (18, 3) and its derivative by the zeros of platform, inner, middle (18, 3, 3)."""
+    """Return the package's g^p / g (18, 3) and its derivative by the zeros of platform, inner, middle (18, 3, 3)."""
     from gimbalcal.number import complex_step
     from gimbalcal.platform import SPACE_STABLE
     from gimbalcal.schedule import EIGHTEEN_POSITIONS
@@ -120,7 +122,7 @@ def _table_1() -> tuple[Any, Any]:
 
 
 def table_1_gravity(row: int, component: str) -> float:
-    """An entry of Table 1 and its derivatives by the gimbal zeros."""
+    """Return an entry of Table 1 and its derivatives by the gimbal zeros."""
     value, slope = _table_1()
     i = table1.COMPONENTS.index(component)
     entry = table1.gravity(*table1.resolved_angles()[row - 1])[i]
@@ -129,7 +131,7 @@ def table_1_gravity(row: int, component: str) -> float:
 
 
 def table_1_angle(row: int, axis: int) -> float:
-    """An angle of the published schedule against a multiple of pi/4."""
+    """Return an angle of the published schedule against a multiple of pi/4."""
     from gimbalcal.schedule import EIGHTEEN_POSITIONS
 
     eighths = table1.resolved_angles()[row - 1][axis]
@@ -182,9 +184,9 @@ def outputs_at_rest() -> float:
 
     platform, angles = EIGHTEEN_POSITIONS.platform, EIGHTEEN_POSITIONS.angles
     effects, v = _sensor_effects()
-    kept = tuple(e for e in effects if e.id != "scale_nonlinearity")
+    linear = tuple(e for e in effects if e.id != "scale_nonlinearity")
     s = stimulus(np.zeros((len(angles), 3)), SITE, angles, platform.axis_names)
-    ours = predict(platform, s, kept)["specific_force"]
+    ours = predict(platform, s, linear)["specific_force"]
     values = dict(zip((*BETA, *sensor.SF, *sensor.b), np.r_[v["beta"], 1 + v["s"], v["b"]], strict=True))
     zeros = dict.fromkeys(table1.ZEROS, 0)
     derived = [

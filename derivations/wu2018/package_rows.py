@@ -27,7 +27,7 @@ OUTPUTS = np.array([[3.1, -5.2, 7.3], [-6.9, 1.1, 6.4], [0.3, 9.7, -1.2], [-2.2,
 
 @cache
 def _derived_force() -> Any:
-    """Eq. (8) at the estimates of `AT` for each of the outputs (m, 3)."""
+    """Return Eq. (8) at the estimates of `AT` for each of the outputs (m, 3)."""
     values = dict(zip((*sensor.SF, *sensor.b, *sensor.K, *BETA), np.r_[1 + AT[:3], AT[3:]], strict=True))
     force = sensor.solved_for_force()
     return np.array([numbers(force, values | dict(zip(sensor.f_a, y, strict=True)))[:, 0] for y in OUTPUTS])
@@ -36,7 +36,7 @@ def _derived_force() -> Any:
 @cache
 @cache
 def _derived_rows() -> Any:
-    """(m, 15) the first-order observation by the deviations, at u = SF_hat (f^a - b_hat): (16) times d(17)."""
+    """Return (m, 15) the first-order observation by the deviations, at u = SF_hat (f^a - b_hat): (16) times d(17)."""
     at = dict(zip(fine_norm.SF_hat, 1 + AT[:3], strict=True))
     first = sp.expand((fine_norm.ROW * fine_norm.unknowns())[0])
     gradient = sp.lambdify(fine_norm.u, [first.diff(x).subs(at) for x in fine_norm.DEVIATIONS])
@@ -44,12 +44,12 @@ def _derived_rows() -> Any:
 
 
 def _package_row(y: Any) -> Any:
-    """(16,) what the fine stage makes of one output: derivatives [per SI unit] and observation, not whitened."""
+    """Return (16,) what the fine stage makes of one output: derivatives [per SI unit] and observation, not whitened."""
     from gimbalcal.estimate.accelerometers import fine
 
-    asked = wanted(("scale_factor", "bias", "scale_nonlinearity", "misalignment"))
-    info = fine.norm_rows(y[None], np.array([SAMPLES]), AT, asked, G_NORMAL, SIGMA)
-    row = info.rows[0] / np.r_[[p.sigma for p in asked], 1.0] * G_NORMAL * SIGMA / np.sqrt(SAMPLES)
+    parameters = wanted(("scale_factor", "bias", "scale_nonlinearity", "misalignment"))
+    info = fine.norm_rows(y[None], np.array([SAMPLES]), AT, parameters, G_NORMAL, SIGMA)
+    row = info.rows[0] / np.r_[[p.sigma for p in parameters], 1.0] * G_NORMAL * SIGMA / np.sqrt(SAMPLES)
     return row * np.sign(row[0])  # the triangle of one row leaves its sign open; u_x^2 / SF_x is positive
 
 
@@ -74,7 +74,9 @@ def norm_misfit() -> float:
 
 @cache
 def _day() -> tuple[Any, Any, Any, Any]:
-    """Ideal force over g (n, 3), Delta f over g (n, 3), z of (20) at each, for Tables 2 and 3; and x_1 to x_5."""
+    """Return the ideal force over g (n, 3), Delta f over g (n, 3), z of (20) at each, for Tables 2 and 3; and x_1 to
+    x_5.
+    """
     at = {**NUMBERS}
     force = np.stack([numbers(static_force.force(), {L: LATITUDE, S_t: t})[:, 0] for t in PHASES])
     error = static_force.force_error().subs({r: at[r] for r in RESIDUALS}).subs(at)
@@ -102,5 +104,5 @@ def filtered() -> float:
 
     force, _, z, states = _day()
     rows = force_filter.accumulate(z, force_filter.observation_matrix(force), 1e-24)
-    found = force_filter.estimate(rows)  # the prior of 1e-2 weighs 1e-20 of the rows
-    return float(np.abs(found.x - states).max() / np.abs(states).max())
+    estimate = force_filter.estimate(rows)  # the prior of 1e-2 weighs 1e-20 of the rows
+    return float(np.abs(estimate.x - states).max() / np.abs(states).max())

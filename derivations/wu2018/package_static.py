@@ -112,7 +112,8 @@ def attitude_angles() -> float:
 
 @once
 def _static_jacobian() -> dict[str, Any]:
-    """Fourier coefficients of the package's static run by the twelve residual parameters, by channel and harmonic.
+    """Return the Fourier coefficients of the package's static run by the twelve residual parameters, by channel and
+    harmonic.
 
     Order of the parameters: scale factors, biases [m/s^2], misalignments as in `symbols.RESIDUALS`.
     """
@@ -133,7 +134,7 @@ def _static_jacobian() -> dict[str, Any]:
 
 
 def _fourier(y: Any) -> dict[str, Any]:
-    """Coefficients of (n, p) over one turn of `PHASES`."""
+    """Return coefficients of (n, p) over one turn of `PHASES`."""
     weights = {
         "mean": 0.5 + 0 * PHASES,
         "1c": np.cos(PHASES),
@@ -145,13 +146,13 @@ def _fourier(y: Any) -> dict[str, Any]:
 
 
 def _derived_row(expr: Any) -> Any:
-    """Derivatives of a coefficient by the *true* residual parameters: the paper counts estimate minus truth."""
+    """Return derivatives of a coefficient by the *true* residual parameters: the paper counts estimate minus truth."""
     at = {**dict.fromkeys(RESIDUALS, 0.0)}
     return np.array([-float(expr.diff(r).subs({**at, g: G_NORMAL, L: LATITUDE}).evalf()) for r in RESIDUALS])
 
 
 def static_coefficient(channel: str, harmonic: str) -> float:
-    """One Fourier coefficient of norm, roll or pitch by the twelve parameters; biases scaled to g."""
+    """Return one Fourier coefficient of norm, roll or pitch by the twelve parameters; biases scaled to g."""
     derived = static_force.norm_harmonics()[harmonic] if channel == "force" else force_part()[channel][harmonic]
     difference = _static_jacobian()[channel][harmonic] - _derived_row(derived)
     return float(np.abs(difference * _scale()).max())
@@ -162,7 +163,7 @@ def _scale() -> Any:
 
 
 def _package_coefficient(name: str) -> Any:
-    """One of the fifteen combined coefficients by the twelve true parameters, from the package."""
+    """Return one of the fifteen combined coefficients by the twelve true parameters, from the package."""
     c, J = np.cos(LATITUDE), _static_jacobian()
     if name.startswith("x_"):
         factor = (1, -1 / c, -1 / c, 1 / c**2, 1 / c**2)[int(name[2]) - 1]
@@ -172,7 +173,7 @@ def _package_coefficient(name: str) -> Any:
 
 
 def static_value(name: str) -> float:
-    """A coefficient of Table 4 at Tables 2 and 3 from the package's first-order static run."""
+    """Return a coefficient of Table 4 at Tables 2 and 3 from the package's first-order static run."""
     values = {**TABLE_2, **TABLE_3}
     ours = -_package_coefficient(name) @ np.array([values[r] for r in RESIDUALS])
     return float(abs(ours - table4.evaluate(name)))
@@ -206,7 +207,9 @@ def observation_row() -> float:
 
 @cache
 def _derived_matrix() -> Any:
-    """The fifteen coefficients by twelve sensor parameters, K_nl, zeros of platform and middle gimbal, base tilts."""
+    """Return the fifteen coefficients by twelve sensor parameters, K_nl, zeros of platform and middle gimbal, base
+    tilts.
+    """
     import sympy as sp
 
     from gimbalcal.estimate.static_run.combined import NAMES
@@ -223,7 +226,7 @@ def _derived_matrix() -> Any:
 
 
 def _separation_difference() -> Any:
-    """(15, 19) the package's separation less the derived one, biases and K_nl scaled by g."""
+    """Return (15, 19) the package's separation less the derived one, biases and K_nl scaled by g."""
     from gimbalcal.effects import CATALOGUE, parameters
     from gimbalcal.estimate.static_run import combined
 
@@ -241,7 +244,7 @@ def coefficient_matrix() -> float:
 
 
 def separation_row(equation: int) -> float:
-    """One of Eqs. (21) to (25), (29) to (38) in the separation's matrix."""
+    """Return one of Eqs. (21) to (25), (29) to (38) in the separation's matrix."""
     return float(np.abs(_separation_difference()[EQUATIONS.index(equation)]).max())
 
 
@@ -250,7 +253,7 @@ for _equation in (*range(21, 26), *range(29, 39)):
 
 
 def _derived_name(name: str) -> str:
-    """The package's "x1", "phi_0", "theta_1s" as keys of `separation.coefficients`."""
+    """Return the package's "x1", "phi_0", "theta_1s" as keys of `separation.coefficients`."""
     if name.startswith("x"):
         return f"x_{name[1]}"
     return "d" + name.replace("_0", "_mean")
@@ -268,7 +271,7 @@ class _Step:
     channel: ClassVar[str] = "specific_force"
 
     def contribution(self, _: Any) -> Any:
-        """The step."""
+        """Return the step."""
         return self.vector
 
 

@@ -42,7 +42,7 @@ C_pa_hat = C_pa.subs(dict(zip(BETA, BETA_HAT, strict=True)))
 
 
 def balance(output: Any, force: Any) -> Any:
-    """Output minus model, Eq. (6): zero for the output a force produces."""
+    """Return the output minus model, Eq. (6): zero for the output a force produces."""
     out, bias = sp.Matrix(output), sp.Matrix(b)
     linear = sp.diag(*SF).inv() * C_pa * sp.Matrix(force)
     square = sp.Matrix([k * x**2 for k, x in zip(K, out - bias, strict=True)])
@@ -50,13 +50,15 @@ def balance(output: Any, force: Any) -> Any:
 
 
 def linear_output(force: Any) -> Any:
-    """Output without the quadratic term."""
+    """Return the output without the quadratic term."""
     return sp.diag(*SF).inv() * C_pa * sp.Matrix(force) + sp.Matrix(b)
 
 
 @cache
 def coarse_rank() -> int:
-    """Rank of the 54 outputs of Eq. (7) at Table 1's positions in the 15 coefficients, without errors elsewhere."""
+    """Return the rank of the 54 outputs of Eq. (7) at Table 1's positions in the 15 coefficients, without errors
+    elsewhere.
+    """
     d = sp.symbols("d_x d_y d_z", real=True)  # scale-factor errors
     unknowns = (*d, *b, *BETA, *table1.ZEROS)
     scale = dict(zip(SF, (1 + v for v in d), strict=True))
@@ -66,13 +68,13 @@ def coarse_rank() -> int:
 
 
 def solved_for_force() -> Any:
-    """f^p from f^a: the linear system of Eq. (6) solved for the three components."""
+    """Return f^p from f^a: the linear system of Eq. (6) solved for the three components."""
     solution = sp.solve(list(balance(f_a, f_p)), f_p, dict=True)[0]
     return sp.Matrix([solution[x] for x in f_p])
 
 
 def printed_inverse(C: Any, scale: Any, bias: Any, nonlinearity: Any) -> Any:
-    """C_a^p SF (f^a - b - K (f^a - b)^2) as Eqs. (8) and (9) write it."""
+    """Return C_a^p SF (f^a - b - K (f^a - b)^2) as Eqs. (8) and (9) write it."""
     y = sp.Matrix(f_a) - sp.Matrix(bias)
     square = sp.Matrix([k * x**2 for k, x in zip(nonlinearity, y, strict=True)])
     return C.inv() * sp.diag(*scale) * (y - square)
@@ -123,7 +125,7 @@ DOWN_UP = tuple(
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     estimated = dict(zip((*SF, *b, *K, *BETA), (*SF_hat, *b_hat, 0, 0, 0, *BETA_HAT), strict=True))
     force = solved_for_force()
     held_up = [-x for x in g_p]

@@ -74,7 +74,7 @@ PRINTED = {
 
 @cache
 def coefficients() -> dict[str, Any]:
-    """The fifteen coefficients in the twelve residuals, means without readout errors and base tilts."""
+    """Return the fifteen coefficients in the twelve residuals, means without readout errors and base tilts."""
     out = {f"x_{i}": v for i, v in enumerate(states(), 1)}
     names = {"pitch": "dtheta", "roll": "dphi"}
     for channel, name in names.items():
@@ -83,7 +83,9 @@ def coefficients() -> dict[str, Any]:
 
 
 def average(difference: Any, readings: tuple[tuple[Any, Any], ...]) -> Any:
-    """Mean of measured coefficients, each divided by its derivative with respect to the difference it carries."""
+    """Return the mean of measured coefficients, each divided by its derivative with respect to the difference it
+    carries.
+    """
     terms = []
     for symbol, derived in readings:
         factor = sp.simplify(derived / difference)
@@ -94,7 +96,7 @@ def average(difference: Any, readings: tuple[tuple[Any, Any], ...]) -> Any:
 
 
 def matrix_41() -> Any:
-    """The six first-harmonic coefficients by the six unknowns, biases over g."""
+    """Return the six first-harmonic coefficients by the six unknowns, biases over g."""
     rows = sp.Matrix([coefficients()[name] for name in ROWS])
     matrix = rows.jacobian(UNKNOWNS)
     matrix[:, :2] = matrix[:, :2] * g
@@ -102,7 +104,9 @@ def matrix_41() -> Any:
 
 
 def rank_at_a_latitude(matrix: Any) -> int:
-    """Exact rank where sin L = 3/5, cos L = 4/5; no larger anywhere if the null space is exhibited symbolically."""
+    """Return the exact rank where sin L = 3/5, cos L = 4/5; no larger anywhere if the null space is exhibited
+    symbolically.
+    """
     at = {S: sp.Rational(3, 5), C: sp.Rational(4, 5), g: 1}
     return int(matrix.applyfunc(lambda v: sp.expand_trig(v).subs(at)).rank())
 
@@ -121,7 +125,7 @@ MEANS = ("dtheta_mean", "dphi_mean")
 
 
 def unobservable(directions: dict[str, dict[Any, Any]], names: list[str]) -> bool:
-    """Whether every direction leaves all the named coefficients unchanged, symbolically."""
+    """Return whether every direction leaves all the named coefficients unchanged, symbolically."""
     jacobian = sp.Matrix([coefficients()[n] for n in names]).jacobian(RESIDUALS)
     vectors = [sp.Matrix([d.get(r, 0) for r in RESIDUALS]) for d in directions.values()]
     return all(is_zero(v) for vector in vectors for v in entries(jacobian * vector))
@@ -129,7 +133,7 @@ def unobservable(directions: dict[str, dict[Any, Any]], names: list[str]) -> boo
 
 @cache
 def nonlinearity() -> dict[str, Any]:
-    """What a true K_nl left uncorrected adds, f_hat = f + K f^2; the paper's system level leaves it out.
+    """Return what a true K_nl left uncorrected adds, f_hat = f + K f^2; the paper's system level leaves it out.
 
     First harmonics get part of it too (the rest is a third harmonic): to the static run K_nl looks partly like bias.
     """
@@ -144,7 +148,7 @@ def nonlinearity() -> dict[str, Any]:
 
 @cache
 def ranks() -> dict[str, int]:
-    """Ranks in the twelve residuals: all 15 coefficients, without the attitude means, the norm's five alone."""
+    """Return ranks in the twelve residuals: all 15 coefficients, without the attitude means, the norm's five alone."""
     names = list(coefficients())
     sets = {
         "all": names,
@@ -159,7 +163,7 @@ def ranks() -> dict[str, int]:
 
 
 def damage() -> tuple[float, float]:
-    """Errors that inverting the printed (41) makes on error-free coefficients of Tables 2 and 3: ug, arcsec."""
+    """Return errors that inverting the printed (41) makes on error-free coefficients of Tables 2 and 3: ug, arcsec."""
     true = sp.Matrix([r / g if r in (nabla_x, nabla_y) else r for r in UNKNOWNS]).subs(NUMBERS)
     measured = (matrix_41().subs(NUMBERS) * true).evalf()
     wrong = PRINTED["Eq. (41)"].formula.subs(NUMBERS).evalf().LUsolve(measured) - true
@@ -189,7 +193,7 @@ def _why_41(printed: Printed, _: Case) -> str:
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     c = coefficients()
     noise = {"roll": f"{1 / float(C.subs(NUMBERS)):.2f}", "pitch": f"{1 / float((S * C).subs(NUMBERS)):.2f}"}
     words = (

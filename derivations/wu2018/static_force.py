@@ -92,19 +92,19 @@ PRINTED = {
 
 
 def navigation_to_platform() -> Any:
-    """C_n^p from the geometry of the Earth."""
+    """Return C_n^p from the geometry of the Earth."""
     north, east, down = sp.Matrix([-S, 0, C]), sp.Matrix([0, 1, 0]), sp.Matrix([-C, 0, -S])
     return Rz(-S_t) * sp.Matrix.hstack(north, east, down)
 
 
 def force() -> Any:
-    """f^p / g at rest."""
+    """Return f^p / g at rest."""
     return navigation_to_platform() * sp.Matrix([0, 0, -1])
 
 
 @cache
 def force_error() -> Any:
-    """Delta f^p / g, estimate minus truth, first order in the twelve residuals."""
+    """Return the delta f^p / g, estimate minus truth, first order in the twelve residuals."""
     B = platform_to_accelerometers() - sp.eye(3)
     corrected = (sp.eye(3) + sp.diag(*SCALE)) * (force() - sp.Matrix(BIAS) / g)
     return truncate((sp.eye(3) - B) * corrected - force(), RESIDUALS, 1)
@@ -112,40 +112,40 @@ def force_error() -> Any:
 
 @cache
 def norm_harmonics() -> dict[str, Any]:
-    """Fourier coefficients of z = f . Delta f / g^2."""
+    """Return the Fourier coefficients of z = f . Delta f / g^2."""
     return harmonics((force().T * force_error())[0])
 
 
 @cache
 def states() -> tuple[Any, ...]:
-    """x_1 to x_5: the Fourier coefficients through H = (1, -cC, -sC, C^2 cos 2S_t, C^2 sin 2S_t)."""
+    """Return x_1 to x_5: the Fourier coefficients through H = (1, -cC, -sC, C^2 cos 2S_t, C^2 sin 2S_t)."""
     return as_states(norm_harmonics())
 
 
 def as_states(z: dict[str, Any]) -> tuple[Any, ...]:
-    """Fourier coefficients of z as x_1 to x_5."""
+    """Return the Fourier coefficients of z as x_1 to x_5."""
     raw = (z["mean"], -z["1c"] / C, -z["1s"] / C, z["2c"] / C**2, z["2s"] / C**2)
     return tuple(sp.expand(sp.simplify(v)) for v in raw)
 
 
 def observation_row() -> Any:
-    """H over the force: the row whose product with the states is z for every residual, in powers of f."""
+    """Return H over the force: the row whose product with the states is z for every residual, in powers of f."""
     basis = [1, -c * C, -s * C, C**2 * sp.cos(2 * S_t), C**2 * sp.sin(2 * S_t)]
     return sp.Matrix([[sp.expand_trig(v) for v in basis]])
 
 
 def second_order() -> float:
-    """Largest deterministic part that Eq. (20) drops, residuals of Tables 2 and 3."""
+    """Return the largest deterministic part that Eq. (20) drops, residuals of Tables 2 and 3."""
     return magnitude((force_error().T * force_error())[0] / 2, NUMBERS, TURN)
 
 
 def noise_mean() -> float:
-    """Mean of |noise / g|^2 / 2 for three white components: what the noise adds to x_1."""
+    """Return the mean of |noise / g|^2 / 2 for three white components: what the noise adds to x_1."""
     return 1.5 * (SIGMA_NOISE / G_NORMAL) ** 2
 
 
 def _state_case(i: int) -> Case:
-    """x_i, with the note on what Delta means."""
+    """Return x_i, with the note on what Delta means."""
     also = (X_1, X_2, X_3, X_4, X_5)
     truth_minus_estimate = {r: -r for r in RESIDUALS}
     reverses = same(states()[i].subs(truth_minus_estimate, simultaneous=True), -also[i])
@@ -164,7 +164,7 @@ def _state_case(i: int) -> Case:
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     level = {psi: 0, theta: 0, phi: 0, h: L, q: 0}
     chain = (FRAMES["Eq. (4)"].formula * FRAMES["Eq. (3)"].formula).subs(level)
     closed = same(chain, navigation_to_platform())

@@ -45,22 +45,22 @@ TURN = tuple({S_t: 2 * math.pi * k / 24} for k in range(24))  # one sidereal day
 
 
 def Rx(a: Any) -> Any:
-    """Components in a frame turned by a about x."""
+    """Return components in a frame turned by a about x."""
     return sp.Matrix([[1, 0, 0], [0, sp.cos(a), sp.sin(a)], [0, -sp.sin(a), sp.cos(a)]])
 
 
 def Ry(a: Any) -> Any:
-    """Components in a frame turned by a about y."""
+    """Return components in a frame turned by a about y."""
     return sp.Matrix([[sp.cos(a), 0, -sp.sin(a)], [0, 1, 0], [sp.sin(a), 0, sp.cos(a)]])
 
 
 def Rz(a: Any) -> Any:
-    """Components in a frame turned by a about z."""
+    """Return components in a frame turned by a about z."""
     return sp.Matrix([[sp.cos(a), sp.sin(a), 0], [-sp.sin(a), sp.cos(a), 0], [0, 0, 1]])
 
 
 def harmonics(expr: Any) -> dict[str, Any]:
-    """Fourier coefficients over one turn of S_t: "mean", "1c", "1s", "2c", "2s".
+    """Return the Fourier coefficients over one turn of S_t: "mean", "1c", "1s", "2c", "2s".
 
     Exact for polynomials in cos S_t and sin S_t up to degree five: there the sum over eight angles is the integral.
     """

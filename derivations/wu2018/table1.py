@@ -99,7 +99,7 @@ COMPONENTS = ("x", "y", "z")
 
 
 def resolved_angles() -> tuple[tuple[int, int, int], ...]:
-    """The printed angles with every arrow replaced by the row above."""
+    """Return the printed angles with every arrow replaced by the row above."""
     rows: list[tuple[int, int, int]] = []
     for row in ANGLES:
         above = rows[-1] if rows else (0, 0, 0)
@@ -110,7 +110,7 @@ def resolved_angles() -> tuple[tuple[int, int, int], ...]:
 
 @cache
 def _turn(axis: int, k: int, derivative: int) -> Any:
-    """A gimbal's rotation at k pi/4, or its derivative by the angle there."""
+    """Return a gimbal's rotation at k pi/4, or its derivative by the angle there."""
     angle = sp.Symbol("angle")
     matrix = (Rz, Rx, Ry)[axis](angle)
     return (matrix.diff(angle) if derivative else matrix).subs(angle, k * sp.pi / 4)
@@ -118,7 +118,7 @@ def _turn(axis: int, k: int, derivative: int) -> Any:
 
 @cache
 def gravity(k1: int, k2: int, k3: int) -> Any:
-    """g^p / g at three multiples of pi/4, to first order in the zeros."""
+    """Return g^p / g at three multiples of pi/4, to first order in the zeros."""
 
     def chain(*derivatives: int) -> Any:
         a, b, c = (_turn(i, k, n) for i, (k, n) in enumerate(zip((k1, k2, k3), derivatives, strict=True)))
@@ -193,7 +193,7 @@ def _explain(printed: Printed, case: Case) -> str:
 
 
 def sound_components(row: int, printed: Mapping[str, Printed]) -> dict[str, Any]:
-    """Printed gravity of a row where it is consistent with the row's angles."""
+    """Return the printed gravity of a row where it is consistent with the row's angles."""
     out = {}
     for component in COMPONENTS:
         p = printed.get(gravity_item(row, component), PRINTED[gravity_item(row, component)])
@@ -203,7 +203,9 @@ def sound_components(row: int, printed: Mapping[str, Printed]) -> dict[str, Any]
 
 
 def consistent_angles(row: int, axis: int, printed: Mapping[str, Printed]) -> list[int]:
-    """Multiples of pi/4 for one angle that reproduce every sound entry of the row, the other angles as printed."""
+    """Return multiples of pi/4 for one angle that reproduce every sound entry of the row, the other angles as
+    printed.
+    """
     angles, sound = list(resolved_angles()[row - 1]), sound_components(row, printed)
     fits = []
     for k in range(8):
@@ -216,21 +218,21 @@ def consistent_angles(row: int, axis: int, printed: Mapping[str, Printed]) -> li
 
 
 def _angle_case(row: int, axis: int) -> Case:
-    """The angle that the printed gravity of the row demands."""
+    """Return the angle that the printed gravity of the row demands."""
     fits = consistent_angles(row, axis, PRINTED)
     printed = resolved_angles()[row - 1][axis]
     k = printed if printed % 8 in fits else (fits[0] if fits else printed + 4)
-    told = "The only multiple" if len(fits) == 1 else f"One of {len(fits)} multiples"
+    count_in_words = "The only multiple" if len(fits) == 1 else f"One of {len(fits)} multiples"
     return Case(
         ZEROS[axis] + k * sp.pi / 4,
-        f"{told} of pi/4 that reproduces the row's sound gravity entries.",
+        f"{count_in_words} of pi/4 that reproduces the row's sound gravity entries.",
         at={},
     )
 
 
 @cache
 def cases() -> dict[str, Case]:
-    """The derived forms."""
+    """Return the derived forms of the items."""
     out = {}
     for row in range(1, 19):
         for component in COMPONENTS:

@@ -60,13 +60,13 @@ ROWS = (
 
 
 def fits(value: float, printed: str) -> bool:
-    """Whether a computed value is the printed one to its digits."""
+    """Return whether a computed value is the printed one to its digits."""
     return abs(value - float(printed)) <= LAST_DIGITS * last_digit(printed)
 
 
 @cache
 def evaluate(coefficient: str, flipped: tuple[Any, ...] = (), lost: bool = False, gravity: float = G_NORMAL) -> float:
-    """A coefficient from Tables 2 and 3, with some parameters sign-reversed and sin L lost from the biases."""
+    """Return a coefficient from Tables 2 and 3, with some parameters sign-reversed and sin L lost from the biases."""
     expr = sp.expand(coefficients()[coefficient])
     if lost:
         expr = _without_sine(expr)
@@ -75,13 +75,13 @@ def evaluate(coefficient: str, flipped: tuple[Any, ...] = (), lost: bool = False
 
 
 def _without_sine(expr: Any) -> Any:
-    """The coefficient with sin L lost from its bias terms."""
+    """Return the coefficient with sin L lost from its bias terms."""
     terms = sp.Add.make_args(sp.expand(expr))
     return sum((t / sp.sin(L) if t.has(*BIAS) and t.has(sp.sin(L)) else t for t in terms), start=sp.Integer(0))
 
 
 def explanations(row: Row) -> Iterator[tuple[tuple[Any, ...], bool]]:
-    """Combinations of slips that reproduce the reference value, fewest first.
+    """Yield combinations of slips that reproduce the reference value, fewest first.
 
     The parameters of one kind (biases, scale factors, betas) that occur in the coefficient are reversed together.
     """
@@ -100,14 +100,14 @@ def explanations(row: Row) -> Iterator[tuple[tuple[Any, ...], bool]]:
 
 
 def in_words(flipped: tuple[Any, ...], lost: bool) -> str:
-    """A combination of slips."""
+    """Return a combination of slips."""
     parts = [f"the sign of {', '.join(map(str, flipped))} reversed"] if flipped else []
     return " and ".join(parts + ["sin L lost from the bias"] * lost)
 
 
 @cache
 def best_gravity() -> float:
-    """The g [m/s^2] that minimises the misfit of the explained reference column in units of last digits."""
+    """Return the g [m/s^2] that minimises the misfit of the explained reference column in units of last digits."""
 
     def misfit(gravity: float) -> float:
         total = 0.0
@@ -129,7 +129,7 @@ def best_gravity() -> float:
 
 
 def closures(column: dict[str, float]) -> dict[str, float]:
-    """The six relations that hold for any parameters; how far a column of the table breaks each."""
+    """Return the six relations that hold for any parameters; how far a column of the table breaks each."""
     S, C = float(sp.sin(NUMBERS[L])), float(sp.cos(NUMBERS[L]))
     v = column
     return {
@@ -147,13 +147,13 @@ def closures(column: dict[str, float]) -> dict[str, float]:
 
 
 def broken_closures() -> dict[str, float]:
-    """Relations that the printed reference column breaks by more than its rounding."""
+    """Return relations that the printed reference column breaks by more than its rounding."""
     column = {row.coefficient: float(row.reference) for row in ROWS}
     return {name: v for name, v in closures(column).items() if abs(v) > 5e-8}  # five last digits, factors up to 1.6
 
 
 def _verdict(row: Row) -> tuple[str, str]:
-    """Verdict and explanation of one reference value."""
+    """Return the verdict and explanation of one reference value."""
     explained = next(explanations(row), None)
     confirmed = abs(float(row.estimated) - float(row.reference)) < 1e-6  # the accuracy the paper claims
     if explained == ((), False):
@@ -170,7 +170,7 @@ def _verdict(row: Row) -> tuple[str, str]:
 
 
 def other_side(flipped: tuple[Any, ...]) -> str:
-    """What the same reversal, made in Tables 2 or 3 instead, would do to the rest of the column."""
+    """Return what the same reversal, made in Tables 2 or 3 instead, would do to the rest of the column."""
     sound = [r for r in ROWS if fits(evaluate(r.coefficient), r.reference)]
     spoiled = [r.name for r in sound if not fits(evaluate(r.coefficient, flipped), r.reference)]
     if spoiled:
@@ -181,26 +181,26 @@ def other_side(flipped: tuple[Any, ...]) -> str:
 def _error_column(row: Row) -> str:
     difference = float(row.estimated) - float(row.reference)
     right = abs(difference - float(row.error)) < 0.51 * last_digit(row.error)
-    said = "is" if right else f"should be {difference:.1e}, not"
-    return f"Its error column {said} {row.error}{', estimate minus reference' if right else ''}."
+    words = "is" if right else f"should be {difference:.1e}, not"
+    return f"Its error column {words} {row.error}{', estimate minus reference' if right else ''}."
 
 
 def item(row: Row) -> str:
-    """A row as `errata.json` names it."""
+    """Return a row as `errata.json` names it."""
     return f"Table 4, {row.name}"
 
 
 def judge_row(row: Row) -> Verdict:
-    """The verdict on one row of Table 4."""
+    """Return the verdict on one row of Table 4."""
     verdict, words = _verdict(row)
     value = evaluate(row.coefficient)
     explained = next(explanations(row), None)
     difference = float(row.reference) - value
     why = [words]
     if explained is not None:
-        rest = (evaluate(row.coefficient, *explained) - float(row.reference)) / last_digit(row.reference)
+        remaining = (evaluate(row.coefficient, *explained) - float(row.reference)) / last_digit(row.reference)
         g_fit = f"g = {G_NORMAL} m/s^2 (best fit {best_gravity():.4f})"
-        why.append(f"{abs(rest):.1f} units of the last digit remain with {g_fit}.")
+        why.append(f"{abs(remaining):.1f} units of the last digit remain with {g_fit}.")
     if verdict != AGREES:
         why.append(f"Derived and printed differ by {in_unit(abs(difference), 'ug')}.")
         broken = [f"{name} = {v:.1e}" for name, v in broken_closures().items() if _mentions(name, row.name)]
@@ -217,5 +217,5 @@ def _mentions(relation: str, name: str) -> bool:
 
 
 def verdicts(rows: tuple[Row, ...] = ROWS) -> tuple[Verdict, ...]:
-    """All thirteen."""
+    """Return the verdicts on all thirteen rows."""
     return tuple(judge_row(row) for row in rows)

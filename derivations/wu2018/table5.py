@@ -35,18 +35,18 @@ CLAIMS = (
 
 
 def improvement(before: float, after: float) -> float:
-    """In per cent of before."""
+    """Return the improvement in per cent of before."""
     return 100 * (before - after) / before
 
 
 def _after(name: str, stage: str) -> tuple[float, float]:
-    """Maximum and printed improvement after a stage."""
+    """Return the maximum and printed improvement after a stage."""
     i = 2 * STAGES.index(stage) - 1
     return ROWS[name][i], ROWS[name][i + 1]
 
 
 def judge_improvement(name: str, stage: str) -> Verdict:
-    """Arithmetic."""
+    """Judge the arithmetic."""
     before = ROWS[name][0]
     after, printed = _after(name, stage)
     derived = improvement(before, after)
@@ -61,7 +61,7 @@ def judge_improvement(name: str, stage: str) -> Verdict:
 
 
 def judge_maximum(name: str, stage: str) -> Verdict:
-    """A maximum of a run that is not printed, over a number that is not printed."""
+    """Judge a maximum of a run that is not printed, over a number that is not printed."""
     printed = ROWS[name][0] if stage == "before" else _after(name, stage)[0]
     return Verdict(
         SOURCE, f"Table 5, {name}, {stage}", NOT_DETERMINED, f"{printed:.2f}", "nothing printed determines it",
@@ -72,7 +72,7 @@ def judge_maximum(name: str, stage: str) -> Verdict:
 
 
 def judge_claim(stage: str, names: tuple[str, ...], bound: float) -> Verdict:
-    """A sentence of Section 6.2: every one of the improvements is over so many per cent."""
+    """Judge a sentence of Section 6.2: every one of the improvements is over so many per cent."""
     least = min(names, key=lambda n: _after(n, stage)[1])
     before, (after, printed) = ROWS[least][0], _after(least, stage)
     over = improvement(before, after) > bound + 1e-9
@@ -88,7 +88,7 @@ def judge_claim(stage: str, names: tuple[str, ...], bound: float) -> Verdict:
 
 
 def verdicts() -> Iterator[Verdict]:
-    """Row by row as the table, then the sentences."""
+    """Yield the verdicts row by row, then those on the sentences."""
     for name in ROWS:
         for stage in STAGES:
             yield judge_maximum(name, stage)

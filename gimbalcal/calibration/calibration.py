@@ -151,13 +151,13 @@ class Calibration:
         table = [f"{n:{wide}s} {_rounded(e.value, e.sigma)} {e.parameter.unit}"
                  for n, e in zip(names, self.estimates, strict=True)]  # fmt: skip
         labels = {p.label for p in self.parameters}
-        held: dict[str, list[str]] = {}
+        fixed: dict[str, list[str]] = {}
         for label in (label for u in self.unobservable for label in u["direction"] if label not in labels):
-            held.setdefault(label.partition(":")[0], []).append(label.partition(":")[2])
-        some = {p.label.partition(":")[0] for p in self.parameters}
-        named = [f"{name} {', '.join(axes)}" if name in some else name for name, axes in held.items()]
+            fixed.setdefault(label.partition(":")[0], []).append(label.partition(":")[2])
+        estimated = {p.label.partition(":")[0] for p in self.parameters}
+        named = [f"{name} {', '.join(axes)}" if name in estimated else name for name, axes in fixed.items()]
         remarks = [f"not determined separately: {', '.join(d)}" for d in (u["direction"] for u in self.null_directions)]
-        remarks += [f"not estimated: {'; '.join(named)}"] if held else []
+        remarks += [f"not estimated: {'; '.join(named)}"] if fixed else []
         return "\n".join([f"{self.method} calibration", *table, *remarks, *filter(None, [self.outcome])])
 
     __repr__ = __str__
@@ -240,8 +240,8 @@ class Calibration:
 def _rounded(value: float, sigma: float) -> str:
     """Return a number and its sigma to two digits of the sigma, in columns."""
     digits = 1 - math.floor(math.log10(sigma)) if 0 < sigma < math.inf else 6
-    shown = [f"{round(x, digits):.{max(digits, 0)}f}" for x in (value, sigma)]
-    return f"{shown[0]:>14s} +- {shown[1]:<10s}"
+    rounded = [f"{round(x, digits):.{max(digits, 0)}f}" for x in (value, sigma)]
+    return f"{rounded[0]:>14s} +- {rounded[1]:<10s}"
 
 
 def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibration:

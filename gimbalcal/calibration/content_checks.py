@@ -31,11 +31,11 @@ def refuse_unsound(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter]
 
     known: the parameter that each row names.
     """
-    seen: dict[str, int] = {}
+    row_of: dict[str, int] = {}
     for i, (row, p) in enumerate(zip(rows, known, strict=True), start=1):
-        if p.label in seen:
-            raise InputError(f"parameters {seen[p.label]} and {i} are both {p.label}; keep one of them")
-        seen[p.label] = i
+        if p.label in row_of:
+            raise InputError(f"parameters {row_of[p.label]} and {i} are both {p.label}; keep one of them")
+        row_of[p.label] = i
         unit = row["unit"]
         if parse(str(unit)).dimension != parse(p.unit).dimension:
             raise InputError(

@@ -24,21 +24,19 @@ GRAVITY, SHARE = "gravity", "gravity_sigma_ppm"  # options of a calibration: m/s
 MAX_DIFFERENCE = 1e-9  # of gravity and its sigma at one site
 
 
-def with_gravity(made: Calibration, recordings: Sequence[Recording]) -> Calibration:
+def with_gravity(c: Calibration, recordings: Sequence[Recording]) -> Calibration:
     """Return the calibration with the uncertainty of gravity at the site of these recordings in its covariance."""
     e, g = max(((r.site.gravity_sigma / r.site.gravity, r.site.gravity) for r in recordings), default=(0.0, 0.0))
-    u = scaled(made)
+    u = scaled(c)
     if e == 0.0 or not u.any():
-        return made
-    options = {**made.provenance.get("options", {}), GRAVITY: g, SHARE: 1e6 * e}
-    return replace(
-        made, covariance=made.covariance + e**2 * np.outer(u, u), provenance={**made.provenance, "options": options}
-    )
+        return c
+    options = {**c.provenance.get("options", {}), GRAVITY: g, SHARE: 1e6 * e}
+    return replace(c, covariance=c.covariance + e**2 * np.outer(u, u), provenance={**c.provenance, "options": options})
 
 
-def scaled(made: Calibration) -> Array:
+def scaled(c: Calibration) -> Array:
     """Return u (p,): the scale factors SF, which are proportional to gravity, and zero elsewhere."""
-    return np.array([1 + x if p.effect == SCALED else 0.0 for p, x in zip(made.parameters, made.values, strict=True)])
+    return np.array([1 + x if p.effect == SCALED else 0.0 for p, x in zip(c.parameters, c.values, strict=True)])
 
 
 def common_gravity(a: Calibration, b: Calibration) -> float:
@@ -56,8 +54,8 @@ def common_gravity(a: Calibration, b: Calibration) -> float:
     return 1e-6 * float(pairs[0][1]) if same and pairs[0][1] > 0 else 0.0
 
 
-def without_gravity(made: Calibration, e: float) -> Array:
+def without_gravity(c: Calibration, e: float) -> Array:
     """Return the covariance (p, p) without the common error e of gravity; unchanged where it contains none."""
-    u = scaled(made)
-    remaining = np.diag(made.covariance)[u != 0] - (e * u[u != 0]) ** 2
-    return made.covariance if np.any(remaining <= 0) else np.asarray(made.covariance - e**2 * np.outer(u, u))
+    u = scaled(c)
+    remaining = np.diag(c.covariance)[u != 0] - (e * u[u != 0]) ** 2
+    return c.covariance if np.any(remaining <= 0) else np.asarray(c.covariance - e**2 * np.outer(u, u))

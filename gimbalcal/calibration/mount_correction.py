@@ -94,7 +94,7 @@ class _Unread(Effect):
     mine: Array
 
     def contribution(self, s: Stimulus) -> Array:
-        """True angle minus readout [rad], (n, k)."""
+        """Return the true angle minus readout [rad], (n, k)."""
         return np.asarray(sum((e.contribution(s) for e in self.effects), start=0 * s.readout) * self.mine)
 
 

@@ -291,14 +291,14 @@ def compare(
     files = ("compare.json", "history.csv", "history.parquet", "report.html")
     named = [unit] if unit else [store] if store is not None else [c.absolute().parent.name for c in calibrations]
     target = output_folder(out, named, "history", files, overwrite, as_json)
-    kept, diagnoses = of_store(store, unit) if store is not None else ((), ())
-    made = run([*kept, *(dated_file(c) for c in calibrations)], unit, dict(_allowed(a) for a in allow))
-    content = made.to_dict()
+    stored, diagnoses = of_store(store, unit) if store is not None else ((), ())
+    comparison = run([*stored, *(dated_file(c) for c in calibrations)], unit, dict(_allowed(a) for a in allow))
+    content = comparison.to_dict()
     if target is not None:
         write_comparison(content, diagnoses, target.folder, target.question)
         wrote(target.folder, "compare.json", quiet)
-    show(content, answered(made.in_words), as_json, quiet, target.page if target else None)
-    sys.exit(0 if made.agree else 1)
+    show(content, answered(comparison.in_words), as_json, quiet, target.page if target else None)
+    sys.exit(0 if comparison.agree else 1)
 
 
 def _allowed(text: str) -> tuple[str, str]:

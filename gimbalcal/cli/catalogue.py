@@ -73,12 +73,12 @@ def matching_effects(words: str) -> list[str]:
 
     from gimbalcal.effects import CATALOGUE
 
-    asked = words.lower().replace("_", " ").split()
-    names = [n for n in sorted(CATALOGUE) if all(w in n.replace("_", " ") for w in asked)]
+    wanted = words.lower().replace("_", " ").split()
+    names = [n for n in sorted(CATALOGUE) if all(w in n.replace("_", " ") for w in wanted)]
     cards = {n: (inspect.getdoc(CATALOGUE[n]) or "").lower() for n in sorted(CATALOGUE)}
-    matches = names or [n for n, card in cards.items() if asked and all(w in card for w in asked)]
+    matches = names or [n for n, card in cards.items() if wanted and all(w in card for w in wanted)]
     if not matches:
-        near = get_close_matches("_".join(asked), CATALOGUE, 1)
-        hint = f"did you mean {near[0]}?" if near else "`gimbalcal catalogue` lists them"
+        similar = get_close_matches("_".join(wanted), CATALOGUE, 1)
+        hint = f"did you mean {similar[0]}?" if similar else "`gimbalcal catalogue` lists them"
         raise InputError(f"no effect is called {words!r}, and no card speaks of it; {hint}")
     return matches

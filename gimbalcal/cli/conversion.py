@@ -212,18 +212,18 @@ def new(
     for remark in r.remarks:
         tell(f"note: {remark}")
     stars, turned = r.kind.sighting, r.kind.rotating
-    rests = 0 if stars or turned else len(dwells(r))
-    size = amount(len(r.time), "star") if stars else f"{amount(rests, 'rest')} and {amount(len(r.time), 'row')}"
+    intervals = 0 if stars or turned else len(dwells(r))
+    size = amount(len(r.time), "star") if stars else f"{amount(intervals, 'rest')} and {amount(len(r.time), 'row')}"
     size = amount(len(r.time), "row") if turned or r.kind.stabilised else size
-    if len(r.time) > max(rests, 1) and not stars:  # a clock in another unit is seen at once
+    if len(r.time) > max(intervals, 1) and not stars:  # a clock in another unit is seen at once
         size += f" over {clocked(r)}"
     description = f"a {r.kind} recording of {size}"
     correct = f"look at {folder / page} and correct {folder / 'recording.toml'} where a guess is wrong"
     columns = {n: {"quantity": g.quantity, "axis": g.axis, "unit": g.unit, "why": g.why}
                for n, g in proposal.guesses.items()}  # fmt: skip
-    result = {"folder": str(folder), "kind": r.kind, "rests": rests, "rows": len(r.time), "columns": columns,
+    result = {"folder": str(folder), "kind": r.kind, "rests": intervals, "rows": len(r.time), "columns": columns,
               "left_out": list(proposal.left_out), "notes": dict(proposal.notes)}  # fmt: skip
-    after = "calibrate" if stars or turned or rests > 1 or r.kind.stabilised else "noise"
+    after = "calibrate" if stars or turned or intervals > 1 or r.kind.stabilised else "noise"
     how = " --method rate-table" if turned and r.has("specific_force") else ""
     words = f"wrote {folder}, {description}; {correct}, then: gimbalcal {after} {folder}{how}"
     show(result, words, as_json, quiet)

@@ -99,10 +99,10 @@ def sensor_folders(each: Sequence[Sequence[Recording]]) -> list[str]:
 def _question() -> str:
     """Return an identifier of the question: the command and a digest of all options with an effect on the result."""
     context = click.get_current_context()
-    asked = {k: _plain(v) for k, v in sorted(context.params.items()) if k not in WITHOUT_EFFECT}
+    parameters = {k: _plain(v) for k, v in sorted(context.params.items()) if k not in WITHOUT_EFFECT}
     if effects := _effects_files():
-        asked["effects"] = sorted(map(str, effects))
-    digest = hashlib.sha256(json.dumps([context.info_name, asked], sort_keys=True).encode()).hexdigest()
+        parameters["effects"] = sorted(map(str, effects))
+    digest = hashlib.sha256(json.dumps([context.info_name, parameters], sort_keys=True).encode()).hexdigest()
     return f"{context.info_name} {digest[:16]}"
 
 

@@ -230,9 +230,9 @@ def budget(
     from gimbalcal.words.naming import answered
 
     target = output_folder(out, scenarios, "budget", ("budget.json", "report.html"), overwrite, as_json)
-    made = run(scenarios, hours, more, damping, states)
-    page, sentence = partial(budget_report, made), answered(made.in_words)
-    deliver(target, "budget.json", made.to_list(), page, sentence, as_json, quiet)
+    result = run(scenarios, hours, more, damping, states)
+    page, sentence = partial(budget_report, result), answered(result.in_words)
+    deliver(target, "budget.json", result.to_list(), page, sentence, as_json, quiet)
 
 
 @click.command(epilog=example("gimbalcal simulate wu2018-18 --seed 7 --out my-rig"))
@@ -278,7 +278,7 @@ def campaign(
     try:
         summary = run_campaign(
             scenario, runs, target.folder, workers, scheduler, tell, method, seed,
-            lambda made: marked(campaign_report(made), target.question), overwrite,
+            lambda result: marked(campaign_report(result), target.question), overwrite,
         )  # fmt: skip
     except KeyboardInterrupt:
         tell(f"the runs that are done stay in {target.folder}; the same command goes on from there")

@@ -78,7 +78,7 @@ class Budget:
         )
 
     def to_list(self) -> list[dict[str, Any]]:
-        """The content of budget.json, the largest part first."""
+        """Return the content of budget.json, the largest part first."""
         return [
             {
                 "parameter": self.parameters[i].label,

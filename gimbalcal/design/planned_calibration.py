@@ -62,16 +62,16 @@ class PlannedCalibration:
     base: Recording
 
 
-def planned_calibration(plans: Plans, asked: str, more: Sequence[str], hours: float) -> PlannedCalibration:
+def planned_calibration(plans: Plans, state_list: str, more: Sequence[str], hours: float) -> PlannedCalibration:
     """Return the information of scenarios of one kind; the base is at rest for `hours` after its alignment.
 
     asked: the states of turns; more: effects that the calibration estimates too. Raises InputError for scenarios of
     another kind or platform, or without noise or latitude, and for effects that they do not show.
     """
     if any(s.recording_kind.rotating for _, s in plans):
-        return _by_turns(plans, asked or "51", more, hours)
-    if asked:
-        raise InputError(f"--states {asked}: of turns only; what a platform's calibration holds besides is --with")
+        return _by_turns(plans, state_list or "51", more, hours)
+    if state_list:
+        raise InputError(f"--states {state_list}: of turns only; what a platform's calibration holds besides is --with")
     return _by_positions(plans, more, hours)
 
 
@@ -89,9 +89,9 @@ def _by_positions(plans: Plans, more: Sequence[str], hours: float) -> PlannedCal
     # effects that no scenario shows stay at their prior
     total = _sum(extra, [_of_scenario(s, site, extra) for s in scenarios])
     runs = [s for s in scenarios if s.recording_kind.stabilised]
-    rest = _at_rest((*runs, *scenarios)[0], EXTRA_RUN_S, site, extra)
+    at_rest = _at_rest((*runs, *scenarios)[0], EXTRA_RUN_S, site, extra)
     what = f"{'another' if runs else 'a run of'} 24 h at rest"
-    manoeuvres = [PlannedManoeuvre(what, EXTRA_RUN_S / 3600, total + rest)]
+    manoeuvres = [PlannedManoeuvre(what, EXTRA_RUN_S / 3600, total + at_rest)]
     for s in scenarios:
         if s.recording_kind.stabilised:
             continue
@@ -182,7 +182,7 @@ class _Session:
         return self.experiment.information(self.turns)
 
 
-def _by_turns(plans: Plans, asked: str, more: Sequence[str], hours: float) -> PlannedCalibration:
+def _by_turns(plans: Plans, state_list: str, more: Sequence[str], hours: float) -> PlannedCalibration:
     """Return the information of sessions of turns.
 
     Manoeuvres are the same turns once more, twice as long stops, or a session of another schedule. Raises InputError
@@ -200,7 +200,7 @@ def _by_turns(plans: Plans, asked: str, more: Sequence[str], hours: float) -> Pl
         )
     if len(at_rest) > 1:
         raise InputError(f"{plans[-1][0]}: a budget navigates one unit at rest, got {len(at_rest)}; keep one of them")
-    wanted = _states(asked, more, _unrecorded(turning[0][1]))
+    wanted = _states(state_list, more, _unrecorded(turning[0][1]))
     sessions = [
         _Session(turning_schedule(s.schedule), TurningExperiment(_unrecorded(s), wanted, _noise(name, s)))
         for name, s in turning
@@ -223,11 +223,11 @@ def _by_turns(plans: Plans, asked: str, more: Sequence[str], hours: float) -> Pl
     return PlannedCalibration(total, tuple(manoeuvres), unit)
 
 
-def _states(asked: str, more: Sequence[str], recording: Recording) -> tuple[Parameter, ...]:
+def _states(state_list: str, more: Sequence[str], recording: Recording) -> tuple[Parameter, ...]:
     """Return the parameters of `--states`, and those of effects that are named by `--with`."""
     for name in more:
         states(name, recording, option="--with")
-    return states(",".join((*LISTS.get(asked.strip(), (asked,)), *more)), recording)
+    return states(",".join((*LISTS.get(state_list.strip(), (state_list,)), *more)), recording)
 
 
 def _with_longer_stops(turns: RotationSchedule) -> RotationSchedule:

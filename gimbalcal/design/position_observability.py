@@ -87,7 +87,7 @@ class Observability:
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of observability.json, in printed units."""
+        """Return the content of observability.json, in printed units."""
         rows = [
             {
                 "name": q.name, "axis": q.axis, "unit": q.unit, "effect": q.effect,
@@ -236,8 +236,8 @@ def _basis(rows: Array) -> Array:
 
 
 def _candidate(effect: str, residual: Array, signal: Array) -> NotCalibrated:
-    whole, rest = float(np.linalg.norm(signal)), float(np.linalg.norm(residual))
-    return NotCalibrated(effect, rest, 1 - rest / whole if whole > 0 else 0.0)
+    whole, independent = float(np.linalg.norm(signal)), float(np.linalg.norm(residual))
+    return NotCalibrated(effect, independent, 1 - independent / whole if whole > 0 else 0.0)
 
 
 def _confounded_parameters(rows: Array, solution: Solution) -> list[Confounded]:

@@ -102,7 +102,7 @@ class TurningObservability:
         return "\n".join([*lines, *filter(None, [self.published.get("in_words")])])
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of observability.json, in printed units."""
+        """Return the content of observability.json, in printed units."""
         out = self.bounds.to_dict()
         time = [float(t) for t in self.time]
         out["states"] = [

@@ -179,10 +179,10 @@ def _card(cls: type[Effect]) -> str:
 
 def _law(cls: type[Effect]) -> str:
     """Return a sentence on the law that a contribution breaks: zero when absent, shape, exact derivative, linearity."""
-    s, made = example(cls), absent(cls, GIMBALS)
+    s, effect = example(cls), absent(cls, GIMBALS)
     n, k = s.readout.shape
     shape = {Stage.ENCODER: (n, k), Stage.AXIS_TILT: (n, k, 3)}.get(cls.stage, (n, 3))
-    none = np.asarray(made.contribution(s))
+    none = np.asarray(effect.contribution(s))
     if np.broadcast_shapes(none.shape, shape) != none.shape:
         return f"adds an array of shape {none.shape}, and at the stage {cls.stage.name} it is {shape}"
     if np.any(none):
@@ -192,7 +192,7 @@ def _law(cls: type[Effect]) -> str:
     x, way = rng.uniform(0.5, 1.5, len(wanted)) * sigma, rng.uniform(0.5, 1.5, len(wanted)) * sigma
 
     def added(step: complex) -> Array:
-        return np.asarray(with_values([made], wanted, x + step * way, GIMBALS)[0].contribution(s))
+        return np.asarray(with_values([effect], wanted, x + step * way, GIMBALS)[0].contribution(s))
 
     at = added(0.0)
     if not np.all(np.isfinite(at)):
@@ -203,7 +203,7 @@ def _law(cls: type[Effect]) -> str:
         return "loses its derivative; take absolute, sin, exp, ... from gimbalcal.number instead of numpy or math"
     if cls.linear and np.abs(added(1.0) - at - exact).max() > 1e-9 * np.abs(at).max():
         return "is not linear in its parameters; make what enters otherwise a constant, or write linear = False"
-    return _smooth_constants(with_values([made], wanted, x, GIMBALS)[0], s)
+    return _smooth_constants(with_values([effect], wanted, x, GIMBALS)[0], s)
 
 
 def _smooth_constants(sized: Effect, s: Stimulus) -> str:

@@ -103,8 +103,8 @@ def _forms(lengths: tuple[int, ...], step: float, size: int) -> Array:
     for i in range(size):
         for j in range(i, min(size, i + INDEPENDENT_OCTAVES)):
             d = (j - i) / INDEPENDENT_OCTAVES
-            kept = 1 - 6 * d**2 * (1 - d) if d <= 0.5 else 2 * (1 - d) ** 3
-            out[i, j] = out[j, i] = kept * _form(2**i, 2**j, known, many, step)
+            overlap = 1 - 6 * d**2 * (1 - d) if d <= 0.5 else 2 * (1 - d) ** 3
+            out[i, j] = out[j, i] = overlap * _form(2**i, 2**j, known, many, step)
     return out
 
 
@@ -160,8 +160,8 @@ def _fit(c: AllanCurve, first: int) -> AllanFit:
     A, y = _rows(c, first, C, active)
     V = np.zeros((TERMS, TERMS))
     V[np.ix_(active, active)] = np.linalg.inv(A.T @ A)
-    rest = y - A @ square[active]
-    return AllanFit(square, V, most, np.sqrt(np.diag(C)), first, float(rest @ rest), len(y) - len(active))
+    residual = y - A @ square[active]
+    return AllanFit(square, V, most, np.sqrt(np.diag(C)), first, float(residual @ residual), len(y) - len(active))
 
 
 def _weighted(c: AllanCurve, first: int, active: Sequence[int]) -> tuple[Array, Array, float]:

@@ -92,9 +92,9 @@ def estimate_noise(time: Array, A: Array, y: Array, weight: Array, kind: str = "
         return _best(time, A, y, weight, kind)[0]
     best, least = _best(time, A, y, weight, "white")
     for k in ("gauss-markov", "random-walk"):
-        found, criterion = _best(time, A, y, weight, k, least + MAX_REFINEMENT_GAIN)
+        candidate, criterion = _best(time, A, y, weight, k, least + MAX_REFINEMENT_GAIN)
         if criterion < least:
-            best, least = found, criterion
+            best, least = candidate, criterion
     return best
 
 

@@ -98,8 +98,8 @@ def fourier(
         raise InputError(f"{len(y)} rows cannot determine {q} harmonics and {drift} drift terms: record a longer run")
     A = design_matrix(time, angle, orders, drift)
     try:
-        found = estimate_noise(time, A, y, weight, noise) if isinstance(noise, str) else noise
-        fit = least_squares(time, A, y[:, None], weight, found)
+        processes = estimate_noise(time, A, y, weight, noise) if isinstance(noise, str) else noise
+        fit = least_squares(time, A, y[:, None], weight, processes)
     except np.linalg.LinAlgError:
         turned = np.rad2deg(np.ptp(angle))
         raise InputError(
@@ -108,6 +108,6 @@ def fourier(
         ) from None
     r = y - A @ fit.beta[:, 0]
     return Harmonics(
-        names, fit.beta[:q, 0], fit.covariance[:q, :q], fit.beta[q:, 0], found,
+        names, fit.beta[:q, 0], fit.covariance[:q, :q], fit.beta[q:, 0], processes,
         float(fit.chi2[0]), len(y) - A.shape[1], float(np.sqrt(np.mean(r**2))),
     )  # fmt: skip

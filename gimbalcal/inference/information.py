@@ -34,7 +34,7 @@ class Unobservable:
     why: str
 
     def to_dict(self) -> dict[str, Any]:
-        """As it stands in a calibration."""
+        """Return the entry as it stands in a calibration."""
         return {"direction": self.direction, "why": self.why}
 
 
@@ -55,11 +55,11 @@ class Information:
     def at(self, values: Mapping[Parameter, float]) -> Information:
         """Return the information about the other parameters, with these at known values in SI."""
         out = [self.parameters.index(p) for p in values]
-        rest = [i for i in range(len(self.parameters)) if i not in out]
+        others = [i for i in range(len(self.parameters)) if i not in out]
         mean, scale = prior([self.parameters[i] for i in out])
         known = self.rows[:, out] @ ((np.array(list(values.values())) - mean) / scale)
-        rows = np.concatenate([self.rows[:, rest], (self.rows[:, -1] - known)[:, None]], axis=1)
-        return Information(tuple(self.parameters[i] for i in rest), rows, self.count)
+        rows = np.concatenate([self.rows[:, others], (self.rows[:, -1] - known)[:, None]], axis=1)
+        return Information(tuple(self.parameters[i] for i in others), rows, self.count)
 
     def without(self, nuisance: Sequence[Parameter]) -> Information:
         """Return the information about the other parameters, with the nuisance parameters eliminated.
@@ -68,11 +68,11 @@ class Information:
         no direction among them is free.
         """
         out = [i for i, p in enumerate(self.parameters) if p in nuisance]
-        rest = [i for i in range(len(self.parameters)) if i not in out]
+        others = [i for i in range(len(self.parameters)) if i not in out]
         prior = np.eye(len(out), self.rows.shape[1])
-        triangle = np.asarray(np.linalg.qr(np.concatenate([prior, self.rows[:, [*out, *rest, -1]]]), mode="r"))
-        kept = tuple(self.parameters[i] for i in rest)
-        return Information(kept, triangle[len(out) :, len(out) :], self.count - len(out))
+        triangle = np.asarray(np.linalg.qr(np.concatenate([prior, self.rows[:, [*out, *others, -1]]]), mode="r"))
+        remaining = tuple(self.parameters[i] for i in others)
+        return Information(remaining, triangle[len(out) :, len(out) :], self.count - len(out))
 
 
 @dataclass(frozen=True)

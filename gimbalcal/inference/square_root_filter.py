@@ -111,7 +111,7 @@ def _filter(
 ) -> None:
     K, m, n, C = Phi.shape[0], Phi.shape[1], len(state), len(index)
     top, W, old, S_old = np.zeros((m, n)), np.zeros((2 * m, m)), np.zeros(n), np.zeros((n, n))
-    one, none, apart, nothing = np.eye(m), np.zeros((m, n - m)), np.zeros((m, m)), np.zeros(m)
+    one, none, zeros, nothing = np.eye(m), np.zeros((m, n - m)), np.zeros((m, m)), np.zeros(m)
     _keep(0, m, state, S, x, sigma, theta, theta_sigma, cross)
     for k in range(K):
         _step(Phi[k], Psi[k], root[k], d[k], m, state, S, top, W)
@@ -134,9 +134,9 @@ def _filter(
             S[:, :] = S_old
             for c in range(C):
                 innovation[k, c] = variance[k, c] = np.nan
-                apart[index[c], index[c]] = jump
+                zeros[index[c], index[c]] = jump
             if jump > 0:
-                _step(one, none, apart, nothing, m, state, S, top, W)
+                _step(one, none, zeros, nothing, m, state, S, top, W)
         _keep(k + 1, m, state, S, x, sigma, theta, theta_sigma, cross)
 
 

@@ -83,8 +83,8 @@ def whitening(Phi: Array, Q: Array, H: Array) -> Whitening:
 
     The states are zero before the first row: the first Q is their initial variance.
     """
-    (made,) = whitenings(Phi[None], Q[None], H)
-    return made
+    (whitened,) = whitenings(Phi[None], Q[None], H)
+    return whitened
 
 
 def whitenings(Phi: Array, Q: Array, H: Array) -> list[Whitening]:

@@ -44,7 +44,8 @@ def transitions(
     first: Array, joined: Array, dt: Array, rate: Array, force: Array, D: Array, q: Array, C_bn: Array,
     latitude: float, height: float, gravity: float, group: Array | None = None,
 ) -> Transitions:  # fmt: skip
-    """Error transitions over K stretches of intervals, each from rest at one place with attitude C_bn[k] (K, 3, 3).
+    """Return the error transitions over K stretches of intervals, each from rest at one place with attitude C_bn[k] (K,
+    3, 3).
 
     first (K + 1,) index of the first interval of each stretch, and of the end; joined (n,): the interval continues the
     one before; dt, rate, force as in `strapdown`; D (g, 6, p): force and rate, true minus reference, per unit of each
@@ -146,7 +147,9 @@ def _transitions(
 
 @compiled
 def _felt(turn: Array, D: Array, j: int, c: int) -> tuple[float, ...]:
-    """What a unit of a parameter adds to attitude and velocity over an interval, in n; turn: C_bn times the step."""
+    """Return what a unit of a parameter adds to attitude and velocity over an interval, in n; turn: C_bn times the
+    step.
+    """
     f, w = (D[j, 0, c], D[j, 1, c], D[j, 2, c]), (D[j, 3, c], D[j, 4, c], D[j, 5, c])
     return (
         turn[0, 0] * w[0] + turn[0, 1] * w[1] + turn[0, 2] * w[2],
@@ -160,7 +163,8 @@ def _felt(turn: Array, D: Array, j: int, c: int) -> tuple[float, ...]:
 
 @compiled
 def _grow(x: Array, e: tuple[float, ...], f: tuple[float, ...], h: float, earth: tuple[float, ...]) -> None:
-    """Errors x (9,) over an interval at rest, in place, to second order: e from the sensors, f (3,) velocity by force.
+    """Advance errors x (9,) over an interval at rest, in place, to second order: e from the sensors, f (3,) velocity by
+    force.
 
     F11 ... F33 of Cai et al. (2016), Eqs. (23), in north, east, down.
     """

@@ -83,7 +83,7 @@ class NavigatorOutput:
 
 
 def schuler_rate(site: InertialSite) -> float:
-    r"""Angular frequency :math:`\omega_s = \sqrt{g / \sqrt{(M + h)(N + h)}}` of the swing [rad/s]."""
+    r"""Return the angular frequency :math:`\omega_s = \sqrt{g / \sqrt{(M + h)(N + h)}}` of the swing [rad/s]."""
     M, N = radii(site.latitude)
     return float(np.sqrt(site.gravity / np.sqrt((M + site.height) * (N + site.height))))
 
@@ -118,7 +118,8 @@ def navigate(
 
 
 def deviation(time: Array, force: Array, phase: Array, site: InertialSite, aids: Aids = USUAL) -> NavigatorOutput:
-    r"""How the course of a still base moves with small errors of force (n, 3, p) [m/s^2] and of S at first (p,) [rad].
+    r"""Return how the course of a still base moves with small errors of force (n, 3, p) [m/s^2] and of S at first (p,)
+    [rad].
 
     In axes that turn with the Earth, each row does to all that is off from the base what rows of this length do,
 
@@ -143,18 +144,19 @@ def deviation(time: Array, force: Array, phase: Array, site: InertialSite, aids:
 
 
 def _slope(step: float, site: InertialSite, aids: Aids) -> Array:
-    """Derivative (11, 9) of place and velocity after a row, and of what it says, by place, velocity before and force.
+    """Return the derivative (11, 9) of place and velocity after a row, and of what it says, by place, velocity before
+    and force.
 
     The base is at S = 0 in the axes before the row, and in those after it.
     """
     turn, towards = EARTH_RATE * step, np.array([np.cos(site.latitude), 0.0, np.sin(site.latitude)])
     force = site.gravity * frame_rotation("z", -turn / 2) @ towards
-    still, held = np.concatenate([*_at_rest(site, 0.0), force]), _held(site, aids)
+    still, loops = np.concatenate([*_at_rest(site, 0.0), force]), _held(site, aids)
 
     def row(given: Array) -> Array:
         r, v, f = given.reshape(3, 3)
         out = np.empty((1, 5))
-        after = _march(np.array([step]), f[None], r, v, *held, np.zeros((1, 2)), np.array([site.height]), out)
+        after = _march(np.array([step]), f[None], r, v, *loops, np.zeros((1, 2)), np.array([site.height]), out)
         return np.concatenate([after, out[0]])
 
     slope = np.stack([(row(still + e) - row(still - e)) / (2 * e.sum()) for e in np.diag(SMALL)], axis=-1)
@@ -163,7 +165,7 @@ def _slope(step: float, site: InertialSite, aids: Aids) -> Array:
 
 
 def _held(site: InertialSite, aids: Aids) -> tuple[Array, float, float, float]:
-    """Gravity and its slopes, the rate of damping and both of the height's loop, as `_march` takes them."""
+    """Return the gravity and its slopes, the rate of damping and both of the height's loop, as `_march` takes them."""
     towards_pole, upwards = _gravity_slopes(site)
     gravity = np.array([site.gravity, site.latitude, towards_pole, site.height, upwards])
     # critically damped, gravity's own slope made up for
@@ -171,14 +173,16 @@ def _held(site: InertialSite, aids: Aids) -> tuple[Array, float, float, float]:
 
 
 def _lengths(time: Array) -> Array:
-    """Time (n,) [s] that each row stands for: up to halfway to its neighbours, the ends as long as next to them."""
+    """Return the time (n,) [s] that each row stands for: up to halfway to its neighbours, the ends as long as next to
+    them.
+    """
     edges = (time[1:] + time[:-1]) / 2
     ends = 2 * time[0] - edges[0], 2 * time[-1] - edges[-1]
     return np.diff(np.concatenate([[ends[0]], edges, [ends[1]]]))
 
 
 def _gravity_slopes(site: InertialSite) -> tuple[float, float]:
-    """Slope of gravity with latitude [m/s^2/rad] and with height [1/s^2], of the ellipsoid's."""
+    """Return the slope of gravity with latitude [m/s^2/rad] and with height [1/s^2], of the ellipsoid's."""
     L, h, scale = site.latitude, site.height, site.gravity / float(normal_gravity(site.latitude, site.height))
     by_latitude = normal_gravity(L + 1e-4, h) - normal_gravity(L - 1e-4, h)
     by_height = normal_gravity(L, h + 100.0) - normal_gravity(L, h - 100.0)
@@ -186,7 +190,7 @@ def _gravity_slopes(site: InertialSite) -> tuple[float, float]:
 
 
 def _at_rest(site: InertialSite, phase: float) -> tuple[Array, Array]:
-    """Position (3,) [m] and velocity (3,) [m/s] of the still base in platform axes."""
+    """Return the position (3,) [m] and velocity (3,) [m/s] of the still base in platform axes."""
     s, c, N = np.sin(site.latitude), np.cos(site.latitude), radii(site.latitude)[1]
     across = (N + site.height) * c
     r = np.array([across * np.cos(phase), across * np.sin(phase), (N * (1 - E2) + site.height) * s])
@@ -194,7 +198,7 @@ def _at_rest(site: InertialSite, phase: float) -> tuple[Array, Array]:
 
 
 def _north_east(latitude: float, phase: float) -> Array:
-    """North and east (2, 3) in platform axes."""
+    """Return the north and east (2, 3) in platform axes."""
     s, c = np.sin(latitude), np.cos(latitude)
     return np.array([[-s * np.cos(phase), -s * np.sin(phase), c], [-np.sin(phase), np.cos(phase), 0.0]])
 
@@ -204,7 +208,8 @@ def _march(
     step: Array, force: Array, r: Array, v: Array, gravity: Array, damping: float, c1: float, c2: float, v_ref: Array,
     h_ref: Array, out: Array,
 ) -> tuple[float, ...]:  # fmt: skip
-    """The loop over all rows; out (n, 5): latitude, S, height, velocity north and east in the middle of each row.
+    """Return the loop over all rows; out (n, 5): latitude, S, height, velocity north and east in the middle of each
+    row.
 
     Returns place and velocity (6,) after the last one.
     """

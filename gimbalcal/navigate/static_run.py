@@ -40,8 +40,8 @@ def platform_navigated(recording: Recording, calibration: Calibration | None, ai
     refuse(recording)
     run = with_inner(recording)
     run = run if calibration is None else calibration.apply(run)
-    site, course = course_of(run, aids)
-    error = _errors(run, site, course)
+    site, output = course_of(run, aids)
+    error = _errors(run, site, output)
     return Navigated(label, run.time - run.time[0], error, horizontal(error, site))
 
 
@@ -61,20 +61,20 @@ def half_apart(pairs: Sequence[tuple[Recording, Recording]], aids: Aids) -> Arra
         site = replace(one.site, phase=given[k][0].site.phase - half[k])
         L, S, v = (way * each[one.own, ..., k] for each in (d.latitude, d.phase, d.velocity))
         t = one.time[one.own]
-        course = NavigatorOutput(t, site.latitude + L, site.phase + EARTH_RATE * t + S, site.height + 0 * t, v)
-        return _errors(pairs[k][(1 - way) // 2], replace(site, phase=site.phase + way * half[k]), course)
+        output = NavigatorOutput(t, site.latitude + L, site.phase + EARTH_RATE * t + S, site.height + 0 * t, v)
+        return _errors(pairs[k][(1 - way) // 2], replace(site, phase=site.phase + way * half[k]), output)
 
     return np.stack([(moved(k, 1) - moved(k, -1)) / 2 for k in range(len(pairs))], axis=-1)
 
 
-def _errors(run: Recording, site: InertialSite, course: NavigatorOutput) -> Array:
+def _errors(run: Recording, site: InertialSite, output: NavigatorOutput) -> Array:
     """Return the errors (n, 7) at the rows of a run; without readouts of all gimbals the attitude is nan."""
     error = np.full((len(run.time), len(CHANNELS)), np.nan)
-    error[:, 0] = course.latitude - site.latitude
-    error[:, 1] = course.phase - site.phase - EARTH_RATE * (run.time - run.time[0])
-    error[:, 2:4] = course.velocity
+    error[:, 0] = output.latitude - site.latitude
+    error[:, 1] = output.phase - site.phase - EARTH_RATE * (run.time - run.time[0])
+    error[:, 2:4] = output.velocity
     if set(run.platform.axis_names) <= set(run.axes(ANGLE)):
-        error[:, 4:] = -navigator_attitude_error(run.platform, course.up, run.angles())
+        error[:, 4:] = -navigator_attitude_error(run.platform, output.up, run.angles())
     return error
 
 

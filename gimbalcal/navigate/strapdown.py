@@ -82,19 +82,23 @@ def aided(
 
 
 def carried(dt: Array, rate: Array) -> Array:
-    """Attitudes (n + 1, 3, 3) from body axes to those in which they began, from mean rates (n, 3) [rad/s] alone."""
+    """Return attitudes (n + 1, 3, 3) from body axes to those in which they began, from mean rates (n, 3) [rad/s]
+    alone.
+    """
     out = np.empty((len(dt) + 1, 3, 3))
     _carry(*contiguous(dt, rate), out)
     return out
 
 
 def contiguous(*arrays: Array) -> list[Array]:
-    """Arrays as the kernels want them: of float64, without gaps."""
+    """Return arrays as the kernels want them: of float64, without gaps."""
     return [np.ascontiguousarray(x, dtype=float) for x in arrays]
 
 
 def ground(latitude: float, height: float, gravity: float | None) -> Array:
-    """Normal gravity as polynomials for the kernels: (g, dg/dlatitude, dg/dheight, latitude, height) where one is."""
+    """Return the normal gravity as polynomials for the kernels: (g, dg/dlatitude, dg/dheight, latitude, height) where
+    one is.
+    """
     g = float(normal_gravity(latitude, height)) if gravity is None else gravity
     d = 1e-4, 10.0  # rad, m; differences of a smooth function
     by_latitude = float(normal_gravity(latitude + d[0], height) - normal_gravity(latitude - d[0], height)) / (2 * d[0])
@@ -120,9 +124,9 @@ def _navigate_aided(
     for k in range(len(dt)):
         advance(C1, v1, p1, dt, rate, force, k, k > 0, place)
         h = dt[k]
-        kept = loop[0] * h / (1 + loop[0] * h)  # implicit, as a stiff loop may be faster than a row
-        v1[0] -= kept * (v1[0] - reference[k, 0])
-        v1[1] -= kept * (v1[1] - reference[k, 1])
+        gain = loop[0] * h / (1 + loop[0] * h)  # implicit, as a stiff loop may be faster than a row
+        v1[0] -= gain * (v1[0] - reference[k, 0])
+        v1[1] -= gain * (v1[1] - reference[k, 1])
         off = (p1[2] - reference[k, 2]) / (1 + loop[1] * h)
         p1[2] = reference[k, 2] + off
         v1[2] += loop[2] * off * h
@@ -151,7 +155,9 @@ def _carry(dt: Array, rate: Array, C: Array) -> None:
 def advance(
     C: Array, v: Array, p: Array, dt: Array, rate: Array, force: Array, k: int, joined: bool, place: Array
 ) -> tuple[float, float, float]:
-    """One interval: C, v, p (latitude, longitude, height) in place; returns the velocity that force made, in n."""
+    """Return one interval: C, v, p (latitude, longitude, height) in place; returns the velocity that force made, in
+    n.
+    """
     h = dt[k]
     ax, ay, az = rate[k, 0] * h, rate[k, 1] * h, rate[k, 2] * h
     bx, by, bz = force[k, 0] * h, force[k, 1] * h, force[k, 2] * h
@@ -226,7 +232,7 @@ def _series(t: float) -> tuple[float, float, float]:
 
 @compiled
 def _turn_right(C: Array, x: float, y: float, z: float, s1: float, s2: float) -> None:
-    """C exp([(x, y, z) x]): rows of C are vectors turned by minus the angle."""
+    """Replace C by C exp([(x, y, z) x]): rows of C are vectors turned by minus the angle."""
     for i in range(3):
         a, b, c = C[i, 0], C[i, 1], C[i, 2]
         ux, uy, uz = b * z - c * y, c * x - a * z, a * y - b * x  # row x phi
@@ -236,7 +242,7 @@ def _turn_right(C: Array, x: float, y: float, z: float, s1: float, s2: float) ->
 
 @compiled
 def _turn_left(C: Array, x: float, y: float, z: float, s1: float, s2: float) -> None:
-    """exp([(x, y, z) x]) C: columns of C turned by the angle."""
+    """Replace C by exp([(x, y, z) x]) C: columns of C turned by the angle."""
     for j in range(3):
         a, b, c = C[0, j], C[1, j], C[2, j]
         ux, uy, uz = y * c - z * b, z * a - x * c, x * b - y * a
@@ -246,7 +252,9 @@ def _turn_left(C: Array, x: float, y: float, z: float, s1: float, s2: float) -> 
 
 @compiled
 def radii(sL: float, height: float) -> tuple[float, float]:
-    """`earth.radii` plus the height [m], for kernels, which keep their helpers with them; sL: sine of the latitude."""
+    """Return `earth.radii` plus the height [m], for kernels, which keep their helpers with them; sL: sine of the
+    latitude.
+    """
     w2 = 1 - E2 * sL * sL
     RN = SEMI_MAJOR_AXIS / np.sqrt(w2)
     return RN * (1 - E2) / w2 + height, RN + height

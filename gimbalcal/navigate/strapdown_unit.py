@@ -116,8 +116,8 @@ def _in_carried_axes(dt: Array, rate: Array, force: Array, site: InertialSite) -
     C = carried(dt, rate)
     velocity = np.cumsum(apply_matrix((C[1:] + C[:-1]) / 2, force) * dt[:, None], axis=0)
     t = np.cumsum(dt)
-    gone = (t - dt / 2)[:, None] * rate_at(site.latitude)
-    up = exponential(-gone) @ np.array([0.0, 0.0, -site.gravity])  # turned with the Earth
+    earth_turn = (t - dt / 2)[:, None] * rate_at(site.latitude)
+    up = exponential(-earth_turn) @ np.array([0.0, 0.0, -site.gravity])  # turned with the Earth
     wanted = np.cumsum(up * dt[:, None], axis=0)
     U, _, Vt = np.linalg.svd(wanted.T @ velocity)
     return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)

@@ -146,11 +146,12 @@ def _sensitivity(
 def _propagated(thin: _ThinnedRun, calibration: Calibration, aids: Aids) -> Array:
     """Return one sigma (m, 7) by the derivative."""
     sigma = calibration.sigmas
-    seen = np.flatnonzero(sigma > 0)
+    uncertain = np.flatnonzero(sigma > 0)
     run = calibration.apply(thin.rows)
-    wanted = [calibration.parameters[i] for i in seen]
-    D = _sensitivity(thin, run, calibration.effects, wanted, sigma[seen], aids)
-    correlation = np.asarray(calibration.covariance)[np.ix_(seen, seen)] / np.outer(sigma[seen], sigma[seen])
+    wanted = [calibration.parameters[i] for i in uncertain]
+    D = _sensitivity(thin, run, calibration.effects, wanted, sigma[uncertain], aids)
+    P, s = np.asarray(calibration.covariance)[np.ix_(uncertain, uncertain)], sigma[uncertain]
+    correlation = P / np.outer(s, s)
     return np.asarray(np.sqrt(np.maximum(np.einsum("ncp,pq,ncq->nc", D, correlation, D), 0.0)))
 
 

@@ -133,8 +133,8 @@ def _measured(r: Recording) -> dict[str, Any]:
     where = [f"gravity {site.gravity:.6f} m/s²", f"height {site.height:.0f} m"]
     if site.latitude is not None:
         where.insert(0, f"latitude {np.rad2deg(site.latitude):.4f}°")
-    held = 0 if r.position is None else len(np.unique(r.position[r.position > 0]))
-    visits = f", {naming.counted(held, 'position')}" if held else ""
+    positions = 0 if r.position is None else len(np.unique(r.position[r.position > 0]))
+    visits = f", {naming.counted(positions, 'position')}" if positions else ""
     duration = float(r.time[-1] - r.time[0])
     facts = [
         ("kind", r.kind + visits),

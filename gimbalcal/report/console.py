@@ -82,8 +82,8 @@ def bounds_table(content: Mapping[str, Any]) -> str:
          "*" if naming.label_of(p) in lost else f"usual {significant(p['prior_sigma'], 2)}")
         for p in content["parameters"]
     ]  # fmt: skip
-    rest = [NOT_DETERMINED] if lost else []
-    return "\n".join([*_aligned(table), *rest])
+    footnote = [NOT_DETERMINED] if lost else []
+    return "\n".join([*_aligned(table), *footnote])
 
 
 def _aligned(table: Sequence[tuple[str, str, str, str, str]]) -> list[str]:

@@ -130,7 +130,7 @@ def over_time(time: Array, curves: Sequence[Curve], unit: str = "h") -> list[Cha
     """Draw channels over time (n,): data with the model through them, and the residual of the model, chart by chart."""
     charts = []
     for c in curves:
-        rest = c.measured - c.fitted
+        residual = c.measured - c.fitted
         charts.append(Chart(
             (Points(time, c.measured, "grey", size=1.4, label="measured"), Rule(0.0),
              Line(time, c.fitted, BLUE, "calibrated model")),
@@ -138,8 +138,8 @@ def over_time(time: Array, curves: Sequence[Curve], unit: str = "h") -> list[Cha
         ))  # fmt: skip
         wide = [Band(time, np.full(len(time), -c.sigma), np.full(len(time), c.sigma), BLUE, "one σ")] if c.sigma else []
         charts.append(Chart(
-            (*wide, Points(time, rest, BLUE, size=1.4), Rule(0.0)),
-            f"{c.name}, residual: {rms(rest)} {c.unit} rms", f"time [{unit}]", f"[{c.unit}]", height=170,
+            (*wide, Points(time, residual, BLUE, size=1.4), Rule(0.0)),
+            f"{c.name}, residual: {rms(residual)} {c.unit} rms", f"time [{unit}]", f"[{c.unit}]", height=170,
         ))  # fmt: skip
     return charts
 

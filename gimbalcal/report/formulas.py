@@ -54,17 +54,17 @@ def plain_formula(latex: str) -> str:
     return normalize("NFC", re.sub(r" *\t *", "  ", re.sub(r"[ \n]+", " ", text)).strip())
 
 
-def _rows(found: re.Match[str]) -> str:
+def _rows(match: re.Match[str]) -> str:
     """Return a matrix as rows between brackets."""
-    rows = [", ".join(cell.strip() for cell in row.split("&")) for row in found[1].split(r"\\")]
+    rows = [", ".join(cell.strip() for cell in row.split("&")) for row in match[1].split(r"\\")]
     return f"[{'; '.join(rows)}]"
 
 
-def _index(found: re.Match[str]) -> str:
+def _index(match: re.Match[str]) -> str:
     """Return an index or power, in brackets where it is more than one word."""
-    inside = found[2].strip()
-    held = inside.startswith("(") and inside.endswith(")") and ")" not in inside[:-1]
-    return found[1] + (f"({inside})" if re.search(r"[-+= /]", inside[1:]) and not held else inside)
+    inside = match[2].strip()
+    bracketed = inside.startswith("(") and inside.endswith(")") and ")" not in inside[:-1]
+    return match[1] + (f"({inside})" if re.search(r"[-+= /]", inside[1:]) and not bracketed else inside)
 
 
 def _held(part: str) -> str:

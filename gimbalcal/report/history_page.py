@@ -98,8 +98,8 @@ def _pictures(parameters: Sequence[Mapping[str, Any]], calibrations: Sequence[Ma
     drawn = []
     for p in sorted(parameters, key=lambda p: -_moved(p)):
         words = naming.named(p["name"], p["axis"])
-        course = "with a jump" if p["jumps"] else "with an outlier" if p["outliers"] else "without a jump"
-        drawn.append(picture(_course(p, dates, words), f"{words} over {len(p['values'])} calibrations, {course}."))
+        change = "with a jump" if p["jumps"] else "with an outlier" if p["outliers"] else "without a jump"
+        drawn.append(picture(_course(p, dates, words), f"{words} over {len(p['values'])} calibrations, {change}."))
     return drawn
 
 

@@ -58,8 +58,8 @@ def coded(text: str) -> Markup:
     Markup('see <code>gimbalcal apply</code>, <code><span>--with</span> bias:y</code>, &lt;b&gt;')
     """
 
-    def typed(found: re.Match[str]) -> str:
-        options = re.sub(r"(?<!\S)-+[a-z]+", r"<span>\g<0></span>", found[1])
+    def typed(match: re.Match[str]) -> str:
+        options = re.sub(r"(?<!\S)-+[a-z]+", r"<span>\g<0></span>", match[1])
         return f"<code>{options}</code>"
 
     return Markup(re.sub(r"`([^`]*)`", typed, str(escape(text))))  # noqa: S704  escaped before
@@ -90,5 +90,5 @@ def question_of(page: Path) -> str:
             head = file.read(2000)
     except OSError:
         return ""
-    found = re.search(re.escape(MARK) + r'([^"]*)"', head)
-    return found[1] if found else ""
+    match = re.search(re.escape(MARK) + r'([^"]*)"', head)
+    return match[1] if match else ""

@@ -22,44 +22,45 @@ NEXT = "Next: correct recording.toml where a guess below is wrong, then `gimbalc
 MAX_NUMBERS = 60  # of dwells; more would overlap
 
 
-def commented(header: str, found: Proposal) -> str:
+def commented(header: str, proposal: Proposal) -> str:
     """Return recording.toml with a comment on each column that was guessed, and notes on the whole recording."""
-    by_key = {(g.quantity, g.axis): (name, g) for name, g in found.guesses.items()}
+    by_key = {(g.quantity, g.axis): (name, g) for name, g in proposal.guesses.items()}
     lines = [
         "# Proposed by gimbalcal new. Correct what is wrong: a unit, an axis, sign = -1; then calibrate.",
-        *([] if found.recording.site.latitude is not None or found.recording.kind.sighting else [
+        *([] if proposal.recording.site.latitude is not None or proposal.recording.kind.sighting else [
             "# A log does not state its site: --latitude and --height, or both in [site], give gravity to 100 ppm",
             '# and the rate of the Earth: latitude = { value = 48.1, unit = "deg" }',
         ]),
     ]  # fmt: skip
     for line in header.splitlines():
-        lines += [f"# {found.notes[key]}" for key in HEADED.get(line.partition(" =")[0], ()) if key in found.notes]
-        hit = next((found for (q, a), found in by_key.items() if f'quantity = "{q}"' in line
+        keys = HEADED.get(line.partition(" =")[0], ())
+        lines += [f"# {proposal.notes[key]}" for key in keys if key in proposal.notes]
+        hit = next((named for (q, a), named in by_key.items() if f'quantity = "{q}"' in line
                     and (f'axis = "{a}"' in line if a else "axis" not in line)), None)  # fmt: skip
         lines.append(line if hit is None else f"{line}  # {hit[0].strip()}: by {hit[1].why}")
-    if found.left_out:
-        lines.append(f"# not used: {', '.join(name.strip() for name in found.left_out)}")
+    if proposal.left_out:
+        lines.append(f"# not used: {', '.join(name.strip() for name in proposal.left_out)}")
     return "\n".join(lines) + "\n"
 
 
-def proposal_page(found: Proposal) -> str:
+def proposal_page(proposal: Proposal) -> str:
     """Return the page: the interpretation of each column, and the forces with dwells marked or the offsets of stars."""
-    r = found.recording
-    stars, stays = r.kind.sighting, () if (r.kind.sighting or r.kind.rotating) else dwells(r)
-    enough = r.kind.rotating or (len(r.time) if stars else len(stays)) >= 9
-    notes = [f"{what}: {note}" for what, note in found.notes.items()]
+    r = proposal.recording
+    stars, intervals = r.kind.sighting, () if (r.kind.sighting or r.kind.rotating) else dwells(r)
+    enough = r.kind.rotating or (len(r.time) if stars else len(intervals)) >= 9
+    notes = [f"{what}: {note}" for what, note in proposal.notes.items()]
+    shown = f"Forces over time; {amount(len(intervals), 'rest')} marked." if intervals else "Rates over time."
+    shown = "Offset of the readouts of each axis, before any model." if stars else shown
     context = {
         "title": r.title,
-        "answer": f"{amount(len(r.time), 'star')} found. {NEXT}" if stars else _answer(found, len(stays)),
+        "answer": f"{amount(len(r.time), 'star')} found. {NEXT}" if stars else _answer(proposal, len(intervals)),
         "verdict": "fits" if enough else "reserved",
-        "facts": [(str(len(r.time)), "stars")] if stars else _facts(found, stays),
-        "picture": picture(_offsets(r), "Offset of the readouts of each axis, before any model.")
-        if stars else picture(_rests(found, stays), f"Forces over time; {amount(len(stays), 'rest')} marked."
-                              if stays else "Rates over time."),
+        "facts": [(str(len(r.time)), "stars")] if stars else _facts(proposal, intervals),
+        "picture": picture(_offsets(r) if stars else _force_charts(proposal, intervals), shown),
         "rows": [{"name": n.strip(), "quantity": g.quantity.replace("_", " "), "axis": g.axis.replace("_", " "),
                   "unit": naming.unit_in_print(g.unit), "why": naming.typeset(g.why)}
-                 for n, g in found.guesses.items()],
-        "left_out": ", ".join(name.strip() for name in found.left_out),
+                 for n, g in proposal.guesses.items()],
+        "left_out": ", ".join(name.strip() for name in proposal.left_out),
         "remarks": [naming.as_sentence(text) for text in (*notes, *r.remarks)],
     }  # fmt: skip
     return render("new.html", context)
@@ -72,31 +73,31 @@ def clocked(r: Recording) -> str:
     return f"{lasting(float(np.ptp(r.time)))} {often}"
 
 
-def _answer(found: Proposal, rests: int) -> str:
-    r = found.recording
+def _answer(proposal: Proposal, count: int) -> str:
+    r = proposal.recording
     if r.kind.stabilised:
         return (f"A static run of {clocked(r)}. Next: correct recording.toml where a guess below is wrong, then "
                 "`gimbalcal calibrate` this folder, best together with positions of the same unit.")  # fmt: skip
     if r.kind.rotating:
         return f"Gyroscopes on a table, {clocked(r)}. {NEXT[:-1]} together with those of the other mountings."
-    few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if rests < 9 else ""
-    after = "`gimbalcal noise` this folder" if rests < 2 else "`gimbalcal calibrate` this folder"
-    after += " with `--terms bias,scale_factor`, which six faces tell" if 6 <= rests < 9 else ""
+    few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if count < 9 else ""
+    after = "`gimbalcal noise` this folder" if count < 2 else "`gimbalcal calibrate` this folder"
+    after += " with `--terms bias,scale_factor`, for which six faces suffice" if 6 <= count < 9 else ""
     return (
-        f"{amount(rests, 'rest')} found in {lasting(float(np.ptp(r.time)))}.{few} Next: correct "
+        f"{amount(count, 'rest')} found in {lasting(float(np.ptp(r.time)))}.{few} Next: correct "
         f"recording.toml where a guess below is wrong, then {after}."
     )
 
 
-def _facts(found: Proposal, stays: Sequence[Dwell]) -> list[tuple[str, str]]:
-    r = found.recording
-    if not stays:
+def _facts(proposal: Proposal, intervals: Sequence[Dwell]) -> list[tuple[str, str]]:
+    r = proposal.recording
+    if not intervals:
         return [(lasting(float(np.ptp(r.time))), "logged"), (f"{len(r.time):,}".replace(",", " "), "rows")]
-    facts = [(str(len(stays)), "rests"), (f"{len(r.time):,}".replace(",", " "), "rows")]
-    if len(r.time) > len(stays):  # a row for each rest has no rate
-        held = sum(float(r.time[d.stop - 1] - r.time[d.start]) for d in stays)
+    facts = [(str(len(intervals)), "rests"), (f"{len(r.time):,}".replace(",", " "), "rows")]
+    if len(r.time) > len(intervals):  # a row for each rest has no rate
+        at_rest = sum(float(r.time[d.stop - 1] - r.time[d.start]) for d in intervals)
         rate = 1 / float(np.median(np.diff(r.time)))
-        facts = [(f"{significant(rate, 3)} Hz", "logged"), facts[0], (lasting(held), "at rest"), facts[1]]
+        facts = [(f"{significant(rate, 3)} Hz", "logged"), facts[0], (lasting(at_rest), "at rest"), facts[1]]
     return facts
 
 
@@ -112,11 +113,11 @@ def _offsets(r: Recording) -> list[Chart]:
     return charts
 
 
-def _rests(found: Proposal, stays: Sequence[Dwell]) -> list[Chart]:
+def _force_charts(proposal: Proposal, intervals: Sequence[Dwell]) -> list[Chart]:
     """Draw each triad over time, with dwells shaded and numbered."""
-    r = found.recording
+    r = proposal.recording
     t, unit = sensible_time(r.time - r.time[0])
-    ends = [(float(t[d.start]), float(t[d.stop - 1])) for d in stays]
+    ends = [(float(t[d.start]), float(t[d.stop - 1])) for d in intervals]
     charts = []
     for quantity in [q for q in ("specific_force", "angular_rate") if r.has(q)]:
         axes = r.axes(quantity)
@@ -125,9 +126,9 @@ def _rests(found: Proposal, stays: Sequence[Dwell]) -> list[Chart]:
         every = size * np.concatenate([r.channels[quantity, a] for a in axes])
         low, high = np.full(2, every.min()), np.full(2, every.max())
         marks: list[Mark] = [Band(np.array(e), low, high, "grey", "" if k else "at rest") for k, e in enumerate(ends)]
-        if len(stays) <= MAX_NUMBERS and stays:
+        if len(intervals) <= MAX_NUMBERS and intervals:
             middle = np.array([sum(e) / 2 for e in ends])
-            marks.append(Words(middle, np.full(len(stays), np.inf), [str(d.position) for d in stays], "grey"))
+            marks.append(Words(middle, np.full(len(intervals), np.inf), [str(d.position) for d in intervals], "grey"))
         marks += [Line(*envelope(t, size * r.channels[quantity, a]), COLOURS[i % 6], a) for i, a in enumerate(axes)]
         charts.append(Chart(tuple(marks), f"{quantity.replace('_', ' ')}  [{of}]", f"time [{unit}]"))
     return charts

@@ -90,26 +90,26 @@ def _precision(rows: Sequence[Mapping[str, Any]], unseen: Sequence[Mapping[str, 
     return precision((p["name"], p["sigma"], p["unit"]) for p in rows if label_of(p) not in lost)
 
 
-def design_report(plan: Mapping[str, Any], made: Schedule | RotationSchedule) -> str:
+def design_report(plan: Mapping[str, Any], schedule: Schedule | RotationSchedule) -> str:
     """Return the page of a designed schedule, of positions or of turns."""
     _, *others = plan["in_words"].split("\n")
-    if isinstance(made, RotationSchedule):
+    if isinstance(schedule, RotationSchedule):
         rows = [{"words": naming.named(g["group"]), "sigma": significant(g["sigma"], 3), "first": True, "prior": "",
                  "unit": unit_in_print(g["unit"]), "better": _better(g["ratio"]),
                  "others": [significant(v, 3) for v in g["against"].values()]} for g in plan["groups"]]  # fmt: skip
-        title, names = f"{len(made.moves)} turns", list(plan["groups"][0]["against"]) if plan["groups"] else []
+        title, names = f"{len(schedule.moves)} turns", list(plan["groups"][0]["against"]) if plan["groups"] else []
         facts = [(str(plan["turns"]), "turns"), (lasting(plan["total_s"]), "in total"),
                  (lasting(plan["stop_s"]), "each stop")]  # fmt: skip
-        drawn, unseen, others = _turns(made), [], []
+        drawn, unseen, others = _turns(schedule), [], []
     else:
-        title, names = made.name, list(plan["against"])
+        title, names = schedule.name, list(plan["against"])
         rows, unseen = _rows(plan["parameters"], names), plan["unobservable"]
         facts = [
             (str(plan["positions"]), "positions"),
             (plan["angles"], "uncertainty of the angles"),
             (CRITERIA.get(plan["criterion"], plan["criterion"]), "minimised"),
         ]
-        drawn = _drawn(made)
+        drawn = _drawn(schedule)
         others = [o for o in others if not o.startswith("not seen")]
     return render("plan.html", {
         **_shared("Designed schedule", title, design_headline(plan), bool(unseen)),
@@ -168,10 +168,10 @@ def _sigmas(rows: Sequence[Mapping[str, Any]]) -> Picture:
     )
 
 
-def _drawn(made: Schedule) -> Picture:
-    angles = np.rad2deg(np.array([h.angles for h in made.holds]))
+def _drawn(schedule: Schedule) -> Picture:
+    angles = np.rad2deg(np.array([h.angles for h in schedule.holds]))
     labels = [str(k) for k in range(1, len(angles) + 1)]
-    charts = figures.schedule(labels, angles, made.platform.axis_names, _gravity(made))
+    charts = figures.schedule(labels, angles, schedule.platform.axis_names, _gravity(schedule))
     return picture(
         charts,
         f"Gimbal angles at {counted(len(labels), 'position')}, and the direction of gravity in platform axes.",
@@ -179,26 +179,26 @@ def _drawn(made: Schedule) -> Picture:
     )
 
 
-def _turns(made: RotationSchedule) -> Picture:
+def _turns(schedule: RotationSchedule) -> Picture:
     """Draw the angle about each axis of the table, and the direction of gravity in the unit, at each stop."""
-    axes = list(dict.fromkeys(m.axis for m in made.moves))
-    each = np.array([[m.angle * (m.axis == a) for a in axes] for m in made.moves])
+    axes = list(dict.fromkeys(m.axis for m in schedule.moves))
+    each = np.array([[m.angle * (m.axis == a) for a in axes] for m in schedule.moves])
     angles = np.rad2deg(np.concatenate([np.zeros((1, len(axes))), np.cumsum(each, axis=0)]))
-    down = made.attitudes().transpose(0, 2, 1) @ np.array([0.0, 0.0, 1.0])
+    down = schedule.attitudes().transpose(0, 2, 1) @ np.array([0.0, 0.0, 1.0])
     labels = [str(k) for k in range(len(angles))]
     return picture(
         figures.schedule(labels, angles, axes, down, "unit", "stop"),
-        f"Angles of the axes through {counted(len(made.moves), 'turn')}, and the direction of gravity in the unit.",
+        f"Angles of the axes through {counted(len(schedule.moves), 'turn')}, and the direction of gravity in the unit.",
         "Motion of the table: its angle about each axis at each stop, and the direction of gravity in "
         "the unit, along z.",
     )
 
 
-def _gravity(made: Schedule) -> np.ndarray[Any, Any]:
+def _gravity(schedule: Schedule) -> np.ndarray[Any, Any]:
     from gimbalcal.estimate.accelerometers.expected import planned
     from gimbalcal.kinematics import stimulus_from_angles
 
-    force = stimulus_from_angles(planned(made)).force
+    force = stimulus_from_angles(planned(schedule)).force
     return np.asarray(-force / np.linalg.norm(force, axis=1, keepdims=True))
 
 

@@ -61,12 +61,12 @@ def position_pictures(r: Recording, c: Calibration) -> Pictures:
     )
     if not r.platform.axes:
         return [residuals], []
-    held = picture(
+    motion = picture(
         figures.schedule(e.labels, e.angles, e.axis_names, e.gravity),
         f"Gimbal angles at {count}, and the direction of gravity in platform axes.",
         "Motion of the platform: gimbal angles by position, and the direction of gravity in platform axes, along z.",
     )
-    return [residuals], [held]
+    return [residuals], [motion]
 
 
 def run_pictures(r: Recording, c: Calibration) -> Pictures:

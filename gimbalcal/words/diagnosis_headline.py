@@ -197,8 +197,8 @@ def unit_in_words(unit: str) -> str:
     >>> unit_in_words("ug/degC"), unit_in_words("deg/h/g"), unit_in_words("ppm")
     ('µg per °C', '°/h per g', 'ppm')
     """
-    kept = unit.replace("deg/h", "deg|h", 1)
-    return unit_in_print(kept.replace("/", " per ").replace("|", "/").replace("(", "").replace(")", ""))
+    plain = unit.replace("deg/h", "deg|h", 1)
+    return unit_in_print(plain.replace("/", " per ").replace("|", "/").replace("(", "").replace(")", ""))
 
 
 def _position(f: Finding) -> int:

@@ -62,10 +62,10 @@ def answer(
         return f"The calibrated model explains these data: reduced chi^2 {fit.chi2_reduced_before:.3g}."
     if verdict == "unexplained":
         return f"{no_cause(unexplained)}{largest_mismatch(mismatch)}"
-    rest = ""
+    remainder = ""
     if unexplained and verdict != "not-identifiable":
-        rest = f" Part of the misfit may have no known cause: {shape_in_words(unexplained[0])}."
-    return f"{causes(verdict, findings, unexplained)}. {chi2_reduction(fit)}{rest}{largest_mismatch(mismatch)}"
+        remainder = f" Part of the misfit may have no known cause: {shape_in_words(unexplained[0])}."
+    return f"{causes(verdict, findings, unexplained)}. {chi2_reduction(fit)}{remainder}{largest_mismatch(mismatch)}"
 
 
 def answer_of_views(
@@ -78,10 +78,10 @@ def answer_of_views(
         return " ".join(["The calibrated model explains these data.", *sentences])
     if verdict == "unexplained":
         return f"{no_cause(unexplained)}{largest_mismatch(mismatch)}"
-    found = [f for _, _, findings in views for f in findings]
+    all_findings = [f for _, _, findings in views for f in findings]
     better = " ".join(t for v, fit, own in views if own for t in (misfit_reduction(v, fit), untested(v, fit)) if t)
-    rest = f" The remaining misfit has no known cause: {shape_in_words(unexplained[0])}." if unexplained else ""
-    return f"{causes(verdict, found, by='; ')}. {better}{rest}{largest_mismatch(mismatch)}"
+    remainder = f" The remaining misfit has no known cause: {shape_in_words(unexplained[0])}." if unexplained else ""
+    return f"{causes(verdict, all_findings, by='; ')}. {better}{remainder}{largest_mismatch(mismatch)}"
 
 
 def reservation(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape]) -> str:
@@ -90,8 +90,8 @@ def reservation(verdict: str, findings: Sequence[Finding], unexplained: Sequence
         return f"{no_cause(unexplained)} The calibration contains the model without it"
     if verdict != "not-identifiable":
         return ""
-    held = " and ".join(cause_in_words(f.effect, f.axis) for f in findings if f.effect not in DELAYS)
-    corrects = f" The calibration includes {held}, which fits these data as well as the others" if held else ""
+    effects = " and ".join(cause_in_words(f.effect, f.axis) for f in findings if f.effect not in DELAYS)
+    corrects = f" The calibration includes {effects}, which fits these data as well as the others" if effects else ""
     return f"{causes(verdict, findings)}.{corrects}"
 
 

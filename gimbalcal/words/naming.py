@@ -165,7 +165,7 @@ def why_in_words(unobservable: Mapping[str, Any]) -> str:
     for label in sorted(unobservable["direction"], key=len, reverse=True):
         text = text.replace(label, label_in_words(label))
     known = "|".join(sorted(CATALOGUE, key=len, reverse=True))
-    return as_sentence(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda found: named(found[0]), text))
+    return as_sentence(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda match: named(match[0]), text))
 
 
 def directions(unobservable: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:
@@ -199,9 +199,9 @@ def typeset(text: str) -> str:
     return re.sub(units, lambda m: unit_in_print(m[0]), text)
 
 
-def _without_power(found: re.Match[str]) -> str:
+def _without_power(match: re.Match[str]) -> str:
     """Return a number without its power of ten where it needs none."""
-    return significant(float(found[0]), sum(c.isdigit() for c in found[1]))
+    return significant(float(match[0]), sum(c.isdigit() for c in match[1]))
 
 
 def as_text(value: Any) -> str:

@@ -41,8 +41,8 @@ ENDINGS = {".yaml": "kalibr", ".yml": "kalibr", ".mat": "psins", ".csv": "csv", 
 def export(calibration: Calibration, kind: str, path: Path) -> tuple[str, ...]:
     """Write a calibration as `kind`, whole or not at all; returns what the format could not hold, in sentences."""
     lost = _lost(calibration, _known(kind))
-    made = json.dumps(calibration.to_dict(), indent=1).encode() if kind == "json" else None
-    write(path, FORMATS[kind].content(calibration, lost) if made is None else made)
+    own_format = json.dumps(calibration.to_dict(), indent=1).encode() if kind == "json" else None
+    write(path, FORMATS[kind].content(calibration, lost) if own_format is None else own_format)
     return lost
 
 
@@ -60,15 +60,15 @@ def read_exchange(kind: str, path: Path) -> Calibration:
         raise InputError(f"{path} does not exist or is not a file")
     mount: dict[str, object] = {}
     if kind == "tpoint":
-        found, gimbals, mount = tpoint_model.read(path)
+        estimates, gimbals, mount = tpoint_model.read(path)
     else:
-        found, gimbals = parameter_table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
-    for p, (value, s) in found.items():
+        estimates, gimbals = parameter_table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
+    for p, (value, s) in estimates.items():
         if not (abs(value) < MAX_NUMBER and s < MAX_NUMBER):
             raise InputError(f"{path}: {p.label} is beyond anything that can be measured; correct it")
-    wanted = tuple(found)
-    x = np.array([v for v, _ in found.values()])
-    sigma = np.array([s for _, s in found.values()])
+    wanted = tuple(estimates)
+    x = np.array([v for v, _ in estimates.values()])
+    sigma = np.array([s for _, s in estimates.values()])
     return Calibration(
         method=f"imported from {kind}",
         effects=with_values((), wanted, x, gimbals),
@@ -91,8 +91,8 @@ def _lost(calibration: Calibration, kind: str) -> tuple[str, ...]:
     if kind == "json":
         return ()
     present = {p.effect for p, v in zip(calibration.parameters, calibration.values, strict=True) if v != 0}
-    held = {"kalibr": set(LINEAR), "psins": {*LINEAR, *QUADRATIC}}.get(kind, present)
-    unnamed = tpoint_model.unnamed(calibration) if kind == "tpoint" else sorted(present - held)
+    representable = {"kalibr": set(LINEAR), "psins": {*LINEAR, *QUADRATIC}}.get(kind, present)
+    unnamed = tpoint_model.unnamed(calibration) if kind == "tpoint" else sorted(present - representable)
     lost = [f"{kind} has no term for {e}: it is omitted" for e in unnamed]
     if np.count_nonzero(calibration.covariance - np.diag(np.diag(calibration.covariance))):
         lost.append(f"{kind} has no place for correlations: calibration.json has them")

@@ -54,7 +54,8 @@ def _yaml_matrix(name: str, M: Array) -> list[str]:
 
 
 def read(path: Path) -> Found:
-    """Value and sigma of each parameter in a YAML file; the places of the accelerometers are `rx_i`, `ry_i`, `rz_i`.
+    """Return the value and sigma of each parameter in a YAML file; the places of the accelerometers are `rx_i`, `ry_i`,
+    `rz_i`.
 
     Raises InputError for several units, a matrix of another size, and a key that is none of Kalibr's: the matrix that
     it means would be taken for one that is not there.
@@ -62,10 +63,11 @@ def read(path: Path) -> Found:
     import yaml
 
     try:
-        told = yaml.safe_load(path.read_text(encoding="utf-8"))
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, ValueError, RecursionError) as problem:  # no UTF-8, integers of thousands of digits
         raise InputError(f"{path} is not YAML: {' '.join(str(problem).split())}") from None
-    units = [u for u in (told.values() if isinstance(told, dict) else ()) if isinstance(u, dict) and KEYS.keys() & u]
+    sections = document.values() if isinstance(document, dict) else ()
+    units = [u for u in sections if isinstance(u, dict) and KEYS.keys() & u]
     if not any({"accelerometers", "gyroscopes"} & u.keys() for u in units):
         raise InputError(
             f"{path} has no accelerometers / M and no gyroscopes / M: not a Kalibr scale-misalignment file"
@@ -103,15 +105,15 @@ def read(path: Path) -> Found:
 
 def _refuse_unknown(path: Path, unit: Mapping[str, Any]) -> None:
     """Raise InputError for a key in the sections of numbers that Kalibr does not write, and for a section like them."""
-    for name in (name for name, held in unit.items() if isinstance(held, dict) and name not in KEYS):
-        near = get_close_matches(str(name), KEYS, 1)
-        if near:
-            raise InputError(f"{path} has a section {name!r} that is not known; did you mean {near[0]}?")
+    for name in (name for name, value in unit.items() if isinstance(value, dict) and name not in KEYS):
+        similar = get_close_matches(str(name), KEYS, 1)
+        if similar:
+            raise InputError(f"{path} has a section {name!r} that is not known; did you mean {similar[0]}?")
     for section, known in KEYS.items():
-        held = unit.get(section) or {}
-        if not isinstance(held, dict):
+        value = unit.get(section) or {}
+        if not isinstance(value, dict):
             raise InputError(f"{path}: {section} must hold keys of its own, {', '.join(known)}")
-        for name in held.keys() - set(known):
-            near = get_close_matches(str(name), known, 1, cutoff=0.3)
-            hint = f"did you mean {near[0]}?" if near else f"it may hold {', '.join(known)}"
+        for name in value.keys() - set(known):
+            similar = get_close_matches(str(name), known, 1, cutoff=0.3)
+            hint = f"did you mean {similar[0]}?" if similar else f"it may hold {', '.join(known)}"
             raise InputError(f"{path}: {section} has a key {name!r} that is not known; {hint}")

@@ -19,7 +19,7 @@ Found = dict[Parameter, tuple[float, float]]
 
 
 def _by_effect(effects: Sequence[Effect]) -> dict[str, Array]:
-    """Parameter arrays of the effects, zeros where absent."""
+    """Return the parameter arrays of the effects, zeros where absent."""
     by_id = {e.id: e for e in effects}
     out = {}
     for name in (*LINEAR, *QUADRATIC):
@@ -30,7 +30,7 @@ def _by_effect(effects: Sequence[Effect]) -> dict[str, Array]:
 
 
 def matrices(effects: Sequence[Effect]) -> dict[str, Array]:
-    """Linear model, physics to reading: y = Ma f + ba (+ K (y - ba)^2), w_m = Mg w + A f + bg. SI."""
+    """Return the linear model, physics to reading: y = Ma f + ba (+ K (y - ba)^2), w_m = Mg w + A f + bg. SI."""
     v = _by_effect(effects)
     return {
         "Ma": rate_matrix(v["scale_factor"], v["misalignment"]),  # one law for both triads
@@ -43,7 +43,7 @@ def matrices(effects: Sequence[Effect]) -> dict[str, Array]:
 
 
 def parameters_of(m: Mapping[str, Array]) -> Found:
-    """Parameters of the matrices, the inverse of `matrices`; sigma zero, as these formats state none.
+    """Return parameters of the matrices, the inverse of `matrices`; sigma zero, as these formats state none.
 
     r (3, 3): where each accelerometer sits [m], one a row, where a format tells it.
     """

@@ -37,13 +37,13 @@ def content(calibration: Calibration, _: Sequence[str]) -> bytes:
 
 
 def read(path: Path) -> tuple[Found, tuple[str, ...]]:
-    """Value and sigma of each parameter, and the names of the gimbals that they are counted by."""
+    """Return the value and sigma of each parameter, and the names of the gimbals that they are counted by."""
     out: Found = {}
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as problem:
         raise InputError(f"{path} is not text in UTF-8 (byte {problem.start}): save it as UTF-8") from None
-    told = next((line.removeprefix(GIMBALS) for line in lines if line.startswith(GIMBALS)), "")
+    gimbal_line = next((line.removeprefix(GIMBALS) for line in lines if line.startswith(GIMBALS)), "")
     start = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
     rows = csv.DictReader(lines[start:])
     missing = [c for c in ("name", "axis", "value", "unit") if c not in (rows.fieldnames or ())]
@@ -53,7 +53,8 @@ def read(path: Path) -> tuple[Found, tuple[str, ...]]:
         body = list(rows)
     except csv.Error as problem:
         raise InputError(f"{path} is not CSV: {problem}") from None
-    gimbals = tuple(told.split(", ")) if told else gimbals_of([(row["name"], row["axis"]) for row in body])
+    named = [(row["name"], row["axis"]) for row in body]
+    gimbals = tuple(gimbal_line.split(", ")) if gimbal_line else gimbals_of(named)
     known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
     for n, row in enumerate(body, start=start + 2):
         short = next((c for c in ("name", "axis", "value", "unit") if row[c] is None), "")

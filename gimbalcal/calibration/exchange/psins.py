@@ -46,16 +46,16 @@ def _column(v: Array) -> Array:
 
 
 def read(path: Path) -> Found:
-    """Value and sigma of each parameter in a .mat file."""
+    """Return the value and sigma of each parameter in a .mat file."""
     from gimbalcal.importers.sandboxed_reader import matlab_variables  # with it come all readers of other rigs' files
 
-    found = matlab_variables(path)
-    if not any(name.startswith("clbt.") for name in found):
-        raise InputError(f"{path} has no structure clbt; it has {', '.join(found) or 'nothing'}")
+    variables = matlab_variables(path)
+    if not any(name.startswith("clbt.") for name in variables):
+        raise InputError(f"{path} has no structure clbt; it has {', '.join(variables) or 'nothing'}")
 
     def field(name: str, default: Array) -> Array:
-        told = found.get(f"clbt.{name}", default)
-        v = np.asarray(told if told.dtype.kind in "biuf" else np.zeros(0), dtype=float)
+        value = variables.get(f"clbt.{name}", default)
+        v = np.asarray(value if value.dtype.kind in "biuf" else np.zeros(0), dtype=float)
         if v.shape != default.shape:
             raise InputError(f"{path}: clbt.{name} must have shape {default.shape}, got {v.shape}")
         if not np.isfinite(v).all():

@@ -97,11 +97,11 @@ def tpoint_terms(calibration: Calibration) -> tuple[TpointTerm, ...]:
 
 
 def unnamed(calibration: Calibration) -> list[str]:
-    """Labels of the parameters that TPOINT has no term for."""
+    """Return labels of the parameters that TPOINT has no term for."""
     mount = calibration.provenance.get("mount", {})
     rows = _rows(str(mount.get("kind", "")), tuple(mount.get("axes", ())), mount.get("latitude_deg"))
-    told = {label for weights in rows.values() for label in weights}
-    return [p.label for p in calibration.parameters if p.label not in told]
+    place = {label for weights in rows.values() for label in weights}
+    return [p.label for p in calibration.parameters if p.label not in place]
 
 
 def _rows(kind: str, axes: Sequence[str], latitude: float | None) -> dict[str, dict[str, float]]:
@@ -185,12 +185,12 @@ def _arcsec(x: float) -> float:
 
 
 def read(path: Path) -> tuple[Found, tuple[str, ...], dict[str, object]]:
-    """Value and sigma of each parameter, the axes they are counted by, and what the file says of its mount."""
+    """Return value and sigma of each parameter, the axes they are counted by, and what the file says of its mount."""
     terms, caption = _terms(path)
     upright = set(terms) & (NAMES - set(_equatorial(AXES[EQUATORIAL], 0.0))) or ALT_AZ in caption.lower()
     kind = ALT_AZ if upright else EQUATORIAL
-    axes, told = AXES[kind], _PLACE.search(caption)
-    latitude = float(told[1]) if told else None
+    axes, stated = AXES[kind], _PLACE.search(caption)
+    latitude = float(stated[1]) if stated else None
     if kind == EQUATORIAL and latitude is None and "MA" in terms:
         raise InputError(
             f"{path}: MA turns the mount about the vertical by an angle that depends on the latitude; write it into "
@@ -204,12 +204,14 @@ def read(path: Path) -> tuple[Found, tuple[str, ...], dict[str, object]]:
             f"{', '.join(known)}: fit the model again without the others"
         )
     place = {} if latitude is None else {"latitude_deg": latitude}
-    found = _found(kind, axes, radians(latitude or 0.0), terms)
-    return found, axes, {"kind": kind, "axes": list(axes), **place}
+    estimates = _parameters(kind, axes, radians(latitude or 0.0), terms)
+    return estimates, axes, {"kind": kind, "axes": list(axes), **place}
 
 
-def _found(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, TpointTerm]) -> Found:
-    """Our parameters of the terms: each of one, but for MA, which is a turn of the mount without one about its pole."""
+def _parameters(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, TpointTerm]) -> Found:
+    """Return our parameters of the terms: each of one, but for MA, which is a turn of the mount without one about its
+    pole.
+    """
     rows = _rows(kind, axes, float(np.degrees(L)))
     rows = {n: dict([next(iter(w.items()))]) for n, w in rows.items()}
     if kind == EQUATORIAL:
@@ -223,27 +225,27 @@ def _found(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, TpointT
 
 
 def _terms(path: Path) -> tuple[dict[str, TpointTerm], str]:
-    """Terms by name in the order of the file, and its caption."""
+    """Return terms by name in the order of the file, and its caption."""
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     out: dict[str, TpointTerm] = {}
     for number, line in enumerate(lines, start=1):
         if line.strip() == "END":
             break
-        found = _TERM.match(line.strip())
-        caption = number == 1 and (not found or found[1] not in NAMES)
+        match = _TERM.match(line.strip())
+        caption = number == 1 and (not match or match[1] not in NAMES)
         if line.startswith("!") or caption or not line.strip() or _is_method(line):
             continue
         try:
-            value, sigma = (float(to_si(float(x or 0), UNIT)) for x in found.groups()[1:]) if found else (0.0, -1.0)
+            value, sigma = (float(to_si(float(x or 0), UNIT)) for x in match.groups()[1:]) if match else (0.0, -1.0)
         except ValueError:
             value, sigma = 0.0, -1.0
-        if found is None or not np.isfinite(value) or not 0 <= sigma < np.inf:
+        if match is None or not np.isfinite(value) or not 0 <= sigma < np.inf:
             raise InputError(
                 f"{path}, line {number}: {line.strip()[:60]!r} is no term, value and sigma, as in `IH  -12.3  0.4`"
             )
-        if found[1] in out:
-            raise InputError(f"{path}, line {number}: {found[1]} is there twice; keep one of them")
-        out[found[1]] = TpointTerm(found[1], value, sigma)
+        if match[1] in out:
+            raise InputError(f"{path}, line {number}: {match[1]} is there twice; keep one of them")
+        out[match[1]] = TpointTerm(match[1], value, sigma)
     if not out:
         raise InputError(f"{path} is not a TPOINT model: a line for each term is wanted, as in `IH  -12.3  0.4`")
     if "END" not in (line.strip() for line in lines):
@@ -258,5 +260,5 @@ def _is_method(line: str) -> bool:
 
 
 def as_record(terms: Sequence[TpointTerm]) -> list[dict[str, object]]:
-    """Terms as calibration.json tells them."""
+    """Return terms as calibration.json tells them."""
     return [{"term": t.name, "value": _arcsec(t.value), "sigma": _arcsec(t.sigma), "unit": UNIT} for t in terms]
