@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, values, with_values
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import limits
 from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
@@ -54,12 +54,14 @@ def gauss_newton(
     limit: int = MAX_STEPS,
     arrived: Callable[[Array, Array, Solution], bool] | None = None,
     diverged: Callable[[Array], bool] | None = None,
+    damped: bool = False,
 ) -> Minimum:
     """Iterate the solution of the linearised rows from `start` (p,) until a step no longer matters.
 
     bounds (2, p): least and greatest value of each parameter, see `range_of_constants`; None for a model without
     nonlinear constants, whose steps are not damped. seen: as in `solve`. arrived(x, new x, solution): whether a step
-    was small enough (default: `TOLERANCE` sigmas); diverged(x): whether to give up.
+    was small enough (default: `TOLERANCE` sigmas); diverged(x): whether to give up; damped: halve steps that raise
+    chi^2 without nonlinear constants, too.
     """
     arrived = arrived or _small_step
     x, info = start, linearise(start)
@@ -71,7 +73,7 @@ def gauss_newton(
         if step == limit or (diverged is not None and diverged(target)):
             break
         if bounds is None:
-            x, info = target, linearise(target)
+            x, info = _halved(linearise, info, x, target) if damped else (target, linearise(target))
         else:
             x, info = _damped(linearise, info, x, target, bounds, seen)
     return Minimum(solution, 0)
@@ -133,7 +135,7 @@ def chi2(info: Information, x: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ViewsFit:
-    """Fit of views that share all parameters: effects with the estimates, the solution, and the misfit (n, C) in SI.
+    """Fit of views that share all parameters: effects with the estimates, and the solution.
 
     excess: sigma [SI] beyond the known noise of the rows, in units of `NoiseModel.parts_of_variance`; steps: 0 where
     the fit did not converge; min_signal: as in `solve`.
@@ -143,7 +145,6 @@ class ViewsFit:
     absent: tuple[Effect, ...]  # the effects that the fit began with, before their parameters were estimated
     effects: tuple[Effect, ...]
     solution: Solution
-    residual: tuple[Array, ...]
     excess: float
     steps: int
     min_signal: float = MIN_SIGNAL_TO_NOISE
@@ -152,6 +153,11 @@ class ViewsFit:
     def sigma(self) -> tuple[Array, ...]:
         """One sigma (n, C) of each row, SI."""
         return tuple(_sigma(v, self.excess) for v in self.views)
+
+    @cached_property
+    def residual(self) -> tuple[Array, ...]:
+        """Read minus predicted (n, C), SI."""
+        return tuple(v.evaluate(self.effects).residual for v in self.views)
 
     @cached_property
     def whitened(self) -> tuple[Array, Array]:
@@ -172,36 +178,49 @@ class ViewsFit:
         return cost
 
 
+@dataclass(frozen=True, eq=False)
+class Others:
+    """What other recordings tell of parameters: information linearised at effects, and what their rows experienced."""
+
+    about: Callable[[Sequence[Effect]], Information]
+    stimuli: tuple[Stimulus, ...]
+
+
 def fit(
     views: Sequence[View], wanted: Sequence[Parameter], absent: Sequence[Effect] = (), start: Array | None = None, *,
-    min_signal: float = MIN_SIGNAL_TO_NOISE, min_excess: float = 0.0,
+    min_signal: float = MIN_SIGNAL_TO_NOISE, min_excess: float = 0.0, others: Others | None = None,
 ) -> ViewsFit:  # fmt: skip
     r"""Fit parameters that all views share, and the excess of their noise where it is not stated.
 
     .. math:: \sum_i \frac{r_i^2}{\sigma_i^2 + w_i \sigma_e^2} = \nu
 
     determines the excess sigma_e of rows with a known variance sigma_i^2 (that of their samples, or zero), nu being
-    the degrees of freedom; a known noise is only widened where chi^2 is not due to chance. absent: effects of size zero
-    with constants of their own; start (p,): where the iteration begins (default: the prior means).
+    the degrees of freedom; a known noise is only widened where chi^2 is not due to chance. absent: effects that the
+    fit begins with, their constants among them; start (p,): where the iteration begins (default: at these effects).
+    others: what other recordings tell, as a function of the effects; their parameters come first.
     """
-    bounds = range_of_constants(wanted, *(v.stimulus for v in views))
-    x = prior(wanted)[0] if start is None else start
+    every = tuple(wanted) if others is None else tuple(dict.fromkeys((*others.about(absent).parameters, *wanted)))
+    bounds = range_of_constants(every, *(v.stimulus for v in views), *(others.stimuli if others else ()))
+    x = values(absent, every) if start is None else start
     names = views[0].stimulus.axis_names
     shapes = [(len(v), len(v.channels)) for v in views]
     parts = [v.noise.parts_of_variance(shape) for v, shape in zip(views, shapes, strict=True)]
     known, shape = (np.concatenate([part[k].ravel() for part in parts]) for k in (0, 1))
 
     def about(x: Array, excess: float) -> Information:
-        J, r = whitened(views, with_values(absent, wanted, x, names), wanted, excess)
-        return information(J, r + J @ x, wanted)
+        effects = with_values(absent, every, x, names)
+        info = information_of(views, effects, wanted, excess)
+        return info if others is None else others.about(effects) + info
 
     def widened(x: Array, excess: float) -> float:
         """Return the excess that the rows leave if nothing holds the parameters."""
-        J, r = whitened(views, with_values(absent, wanted, x, names), wanted, excess)
+        if not np.any(shape > 0):
+            return excess
+        J, r = whitened(views, with_values(absent, every, x, names), wanted, excess)
         unit = J / (np.linalg.norm(J, axis=0) + 1e-300)
         best, _, rank, _ = np.linalg.lstsq(unit, r, rcond=MIN_RELATIVE_SIGNAL)
         r, dof, free = r - unit @ best, len(r) - int(rank), shape > 0
-        if not np.any(free) or (excess == 0 and r @ r <= dof + SIGNIFICANT_EXCESS * np.sqrt(2 * dof)):
+        if excess == 0 and r @ r <= dof + SIGNIFICANT_EXCESS * np.sqrt(2 * dof):
             return excess
         w = np.where(free, shape, 1.0)
         own = np.where(free, known / w, np.inf)
@@ -209,14 +228,21 @@ def fit(
 
     excess = 0.0 if known.all() else widened(x, 1.0)
     for _ in range(MAX_SCALE_ROUNDS):
-        found = gauss_newton(lambda x: about(x, excess), x, bounds, seen=min_signal)  # noqa: B023
+        found = gauss_newton(lambda x: about(x, excess), x, bounds, seen=min_signal, damped=True)  # noqa: B023
         x, new = found.solution.x, widened(found.solution.x, excess)
         if not found.steps or abs(new - excess) <= SCALE_TOLERANCE * excess:
             break
         excess = new
-    effects = with_values(absent, wanted, x, names)
-    residual = tuple(v.evaluate(effects).residual for v in views)
-    return ViewsFit(tuple(views), tuple(absent), effects, found.solution, residual, excess, found.steps, min_signal)
+    effects = with_values(absent, every, x, names)
+    return ViewsFit(tuple(views), tuple(absent), effects, found.solution, excess, found.steps, min_signal)
+
+
+def information_of(
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excess: float = 0.0
+) -> Information:
+    """Return the information of views about the wanted parameters, linearised at effects; values are full ones."""
+    J, r = whitened(views, effects, wanted, excess)
+    return information(J, r + J @ values(effects, wanted), wanted)
 
 
 def whitened(
@@ -252,6 +278,17 @@ def excess_sigma(r: Array, own: Array, dof: int) -> float:
 
 def _small_step(x: Array, target: Array, solution: Solution) -> bool:
     return bool(np.all(np.abs(target - x) <= TOLERANCE * solution.sigma))
+
+
+def _halved(linearise: Linearise, info: Information, x: Array, target: Array) -> tuple[Array, Information]:
+    """A step towards the target, halved until chi^2 does not rise, and the rows where it ends."""
+    before, h = chi2(info, x), 1.0
+    while True:
+        new = x + h * (target - x)
+        there = linearise(new)
+        if chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING:
+            return new, there
+        h /= 2
 
 
 def _damped(

@@ -11,21 +11,19 @@ level base the turn of the triad about z would seem to be determined, and it is 
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
 from dataclasses import replace
 
 from gimbalcal.calibration import Calibration, Residual, StageResult
-from gimbalcal.effects import Effect, Parameter, values, with_values
+from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.accelerometers.joint import information_of
+from gimbalcal.estimate.accelerometers.joint import information_of_positions
 from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.estimate.fit import gauss_newton, range_of_constants
+from gimbalcal.estimate.fit import Others, fit, information_of, range_of_constants
 from gimbalcal.estimate.sharing import agreement
-from gimbalcal.estimate.static_run.run import information_of_rows
-from gimbalcal.estimate.static_run.system import linearisation_point, outcome
+from gimbalcal.estimate.static_run.run import static_view
+from gimbalcal.estimate.static_run.system import outcome
 from gimbalcal.inference.information import Information, Solution, solve
-from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.readings import Readings
 
@@ -40,20 +38,11 @@ def both_levels(
     The positions are linearised at `effects`, the run at what it adds to them: products of a bias and a turn that only
     the positions see come out right. With nonlinear constants both are linearised at the joint minimum.
     """
-    device = information_of(positions, effects)
-    stimuli = positions.problem.stimulus, run.stimulus
-    union = tuple(dict.fromkeys((*device.parameters, *wanted)))
-    bounds = range_of_constants(union, *stimuli)
-    if bounds is None:
-        static = information_of_rows(run, linearisation_point(run, effects, wanted, device), wanted)
-        return device, static, solve(device + static)
-
-    def at(x: Array) -> tuple[Information, Information]:
-        there = with_values(effects, union, x, run.recording.platform.axis_names)
-        return information_of(positions, there), information_of_rows(run, there, wanted)
-
-    together = gauss_newton(lambda x: operator.add(*at(x)), values(effects, union), bounds).solution
-    return *at(together.x), together
+    device, stimulus = information_of_positions(positions, effects), positions.problem.stimulus
+    linear = range_of_constants((*device.parameters, *wanted), stimulus, run.stimulus) is None
+    others = Others(lambda e: device if linear else information_of_positions(positions, e), (stimulus,))
+    found = fit([static_view(run, wanted)], wanted, effects, others=others)
+    return others.about(found.effects), information_of(found.views, found.effects, wanted), found.solution
 
 
 def fuse(

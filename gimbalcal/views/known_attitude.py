@@ -6,8 +6,9 @@ sensitivity of every channel to every stage, from which the column of any candid
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -54,7 +55,14 @@ def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), k
         block=_blocks(recording),
         setting=one_sigma(stated(recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),))),
     )
-    s, n = read.stimulus, len(recording.time)
+    return view_of_readings(read, noise, baseline)
+
+
+def view_of_readings(
+    read: Readings, noise: NoiseModel, baseline: Sequence[str] = (), stages: Iterable[Stage] = Stage
+) -> View:
+    """Return the view of readings at known attitude with this noise; stages: those of effects that are asked for."""
+    recording, s, n = read.recording, read.stimulus, len(read.recording.time)
 
     def displaced(effects: Sequence[Effect], shift: Array) -> View:
         there = replace(read, stimulus=s.at(readout=s.readout + shift))
@@ -69,8 +77,8 @@ def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), k
         channels=read.channels,
         time=recording.time - recording.time[0],
         stimulus=s,
-        evaluate=read.rows,
-        stages=frozenset(Stage),
+        evaluate=partial(read.rows, stages=tuple(stages)),
+        stages=frozenset(stages),
         baseline=tuple(baseline) or BASELINE[recording.kind],
         grade=recording.grade,
         groups=np.arange(n) * FOLDS // n if recording.kind.stabilised else s.visit,

@@ -58,7 +58,7 @@ def joint(positions: Positions, start: Calibration | None = None, judged: bool =
     )
 
 
-def information_of(positions: Positions, effects: Sequence[Effect]) -> Information:
+def information_of_positions(positions: Positions, effects: Sequence[Effect]) -> Information:
     """Return the information of the positions, linearised at `effects` with the setting errors of the fit."""
     p = positions.problem
     linear = by_visit(p, starting_values(p, effects), positions.fit.setting)

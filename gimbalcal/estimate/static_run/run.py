@@ -1,4 +1,4 @@
-"""A static run prepared for fits: its readings with their noise, its parameters, and what its rows say of them."""
+"""A static run prepared for fits: its readings with their noise, and its parameters."""
 
 from __future__ import annotations
 
@@ -7,17 +7,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
+from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
-from gimbalcal.inference.information import Information, information
 from gimbalcal.number import Array
 from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording
 from gimbalcal.recording.noise import sample_sigma, stated
+from gimbalcal.views.core import View
+from gimbalcal.views.known_attitude import view_of_readings
+from gimbalcal.views.noise import NoiseModel
 
 PHASE, PHASE_SIGMA_RAD = "phi_0:polar", np.radians(1.0)  # many times what zeros and tilts make of it
+
+
+def static_view(run: Readings, wanted: Sequence[Parameter]) -> View:
+    """Return the view of the readings of a static run, in the noise of each row, for fits of the wanted parameters."""
+    stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
+    return view_of_readings(run, NoiseModel(run.sigma, stated=True), stages=stages)
 
 
 def static_readings(recording: Recording) -> Readings:
@@ -62,15 +70,3 @@ def static_parameters(run: Readings, ids: Sequence[str] = BASELINE["static-run"]
 
 def _free(p: Parameter) -> Parameter:
     return replace(p, sigma=PHASE_SIGMA_RAD) if p.label == PHASE else p
-
-
-def information_of_rows(
-    run: Readings, effects: Sequence[Effect], wanted: Sequence[Parameter], J: Array | None = None
-) -> Information:
-    """Information of every row about the wanted parameters, linearised at the effects; values are full ones.
-
-    J (n, c, p): the Jacobian there, where it is known already.
-    """
-    J = run.jacobian(effects, wanted) if J is None else J
-    r = run.residual(effects) + J @ values(effects, wanted)
-    return information(J / run.sigma[..., None], r / run.sigma, wanted)

@@ -14,82 +14,37 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, values, with_values
+from gimbalcal.effects import Effect, Parameter, Stimulus
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words
-from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, columns_of_sizes, sizes_shown_by
-from gimbalcal.estimate.fit import gauss_newton, range_of_constants, solve_about
+from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
+from gimbalcal.estimate.fit import fit, information_of
 from gimbalcal.estimate.static_run.combined import Combined, combined
-from gimbalcal.estimate.static_run.run import information_of_rows, noise_from, static_parameters, static_readings
-from gimbalcal.inference.information import Information, Solution, information, prior, solve
-from gimbalcal.number import Array
+from gimbalcal.estimate.static_run.run import noise_from, static_parameters, static_readings, static_view
+from gimbalcal.inference.information import Information, Solution
 from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording
 
 MAX_REDUCED_CHI2 = 1.1  # chi^2 per degree of freedom: the header's sigma is not known better than to 5 %
-LINEARISATION_ROWS = 300  # rows for a first solution to linearise at: good to 1e-6, its square is nothing
-MAX_STEPS, TOLERANCE = 6, 1e-3  # prior sigmas: its product with a tilt is 1e-4 arcsec
 
 
 def static_information(
-    recording: Recording,
-    effects: Sequence[Effect] = (),
-    wanted: Sequence[Parameter] | None = None,
-    known: Information | None = None,
+    recording: Recording, effects: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
 ) -> Information:
-    """Information of a static run about the wanted parameters (default: the baseline).
+    """Return the information of a static run about the wanted parameters (default: the baseline).
 
-    Linearised at `effects` and what the run adds to them, together with what is `known` of other recordings, so that
-    products of a bias and a turn that only those see come out right; effects that are not wanted are held.
+    Linearised at `effects` and what the run adds to them; effects that are not wanted are held.
     """
     run = static_readings(recording)
-    wanted = tuple(wanted) if wanted is not None else static_parameters(run)
-    return information_of_rows(run, linearisation_point(run, effects, wanted, known), wanted)
-
-
-def linearisation_point(
-    run: Readings, effects: Sequence[Effect], wanted: Sequence[Parameter], known: Information | None = None
-) -> tuple[Effect, ...]:
-    """Effects with the wanted parameters where part of the rows, and what is known of them, puts them.
-
-    A model without nonlinear constants is linear enough for a part of the rows. Directions that are seen nowhere end at
-    zero, as they do in the solution: a turn of 100 arcsec that is shared out otherwise there would leave its product
-    with a tilt, 0.05 arcsec, of which a day knows a quarter.
-    """
-    bounds = range_of_constants(wanted, run.stimulus)
-    few, names = run.thinned(LINEARISATION_ROWS) if bounds is None else run, run.recording.platform.axis_names
-    union = tuple(wanted) if known is None else tuple(dict.fromkeys((*known.parameters, *wanted)))
-    scale = prior(union)[1]
-
-    def linearise(x: Array) -> Information:
-        info = information_of_rows(few, with_values(effects, union, x, names), wanted)
-        return info if known is None else known + info
-
-    def arrived(x: Array, target: Array, _: Solution) -> bool:
-        return bool(np.max(np.abs(target - x) / scale) < TOLERANCE)
-
-    start = values(effects, union)
-    if bounds is None:
-        x = gauss_newton(linearise, start, limit=MAX_STEPS, arrived=arrived).solution.x
-    else:
-        x = gauss_newton(linearise, start, range_of_constants(union, run.stimulus)).solution.x
-    return with_values(effects, union, x, names)
+    wanted = static_parameters(run) if wanted is None else wanted
+    found = fit([static_view(run, wanted)], wanted, effects)
+    return information_of(found.views, found.effects, wanted)
 
 
 def misfit_of_run(recording: Recording, more: Sequence[ExtraEffect]) -> tuple[Cost, Stimulus]:
-    """Chi^2 of every row with the sizes of extra effects beside the baseline, and what the rows experienced."""
+    """Return chi^2 of every row with the sizes of extra effects beside the baseline, and what the rows experienced."""
     run, sizes = static_readings(recording), sizes_shown_by(more, recording)
-    baseline = static_parameters(run)
-    start = linearisation_point(run, (), baseline)
-    wanted = (*baseline, *sizes)
-    rows = run.rows(start, dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted))
-    J = rows.jacobian(baseline)
-    r = (rows.residual + J @ values(start, baseline)) / run.sigma
-
-    def misfit(effects: Sequence[Effect]) -> float:
-        every = np.concatenate([J, columns_of_sizes(rows, effects, sizes)], axis=-1) / run.sigma[..., None]
-        return solve(information(every, r, wanted)).chi2
-
-    return misfit, run.stimulus
+    wanted = static_parameters(run)
+    return fit([static_view(run, (*wanted, *sizes))], wanted).cost_of_sizes(sizes), run.stimulus
 
 
 def static(
@@ -101,15 +56,14 @@ def static(
     of the paper, of what these effects leave, stand in `stages`.
     """
     run = static_readings(recording)
-    wanted = tuple(wanted) if wanted is not None else static_parameters(run)
-    effects = linearisation_point(run, start, wanted)
-    J, bounds = run.jacobian(effects, wanted), range_of_constants(wanted, run.stimulus)
-    solution = solve_about(information_of_rows(run, effects, wanted, J), values(effects, wanted), bounds)
-    effects = with_values(effects, wanted, solution.x, recording.platform.axis_names)
+    wanted = static_parameters(run) if wanted is None else wanted
+    found = fit([static_view(run, wanted)], wanted, start)
+    solution, effects = found.solution, found.effects
+    J = run.jacobian(effects, solution.parameters)
     return Calibration(
         method="static-run",
         effects=effects,
-        parameters=wanted,
+        parameters=solution.parameters,
         covariance=solution.covariance,
         unobservable=tuple(u.to_dict() for u in solution.unobservable),
         residual=Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),

@@ -10,7 +10,7 @@ from gimbalcal.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, parameters, values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.coarse import coarse
-from gimbalcal.estimate.accelerometers.joint import information_of, joint
+from gimbalcal.estimate.accelerometers.joint import information_of_positions, joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.inference.information import solve
 from gimbalcal.platform import BENCH
@@ -92,7 +92,7 @@ def test_where_it_starts_does_not_matter_and_adds_nothing() -> None:
 def test_information_of_a_recording_solves_to_its_joint_fit() -> None:
     _, recording = recorded(8)
     c = joint(trusted_positions(recording))
-    again = solve(information_of(trusted_positions(recording), c.effects))
+    again = solve(information_of_positions(trusted_positions(recording), c.effects))
     # linearised at the estimate instead of one step before it: 1e-3 sigma is where the iteration stops
     np.testing.assert_allclose(again.x, c.values, atol=2e-3 * c.sigmas.min())
     assert again.dof == c.residual.dof

@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, values, with_values
+from gimbalcal.estimate.fit import information_of
 from gimbalcal.estimate.static_run.combined import (
     MEANS,
     NAMES,
@@ -18,7 +19,7 @@ from gimbalcal.estimate.static_run.combined import (
     separate,
 )
 from gimbalcal.estimate.static_run.force_filter import PRIOR_SIGMA
-from gimbalcal.estimate.static_run.run import information_of_rows, static_parameters, static_readings
+from gimbalcal.estimate.static_run.run import static_parameters, static_readings, static_view
 from gimbalcal.inference.information import solve
 from gimbalcal.number import Array
 from gimbalcal.readings import Readings
@@ -76,7 +77,7 @@ def both_roads(seed: int, drift: int = 1) -> tuple[Combined, Array]:
     r = static_readings(run(truth, np.random.default_rng(seed + 1000), hours=37.0, step=1200.0))
     wanted = static_parameters(r, ids)
     J = r.jacobian(truth, wanted)
-    x = solve(information_of_rows(r, truth, wanted, J))
+    x = solve(information_of([static_view(r, wanted)], truth, wanted))
     fitted = with_values((), wanted, x.x, r.recording.platform.axis_names)
     table = combined(r, (), fitted, x, J, drift, "white")
     exact = r.residual() - r.residual(truth)
