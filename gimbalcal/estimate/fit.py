@@ -28,8 +28,12 @@ MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next v
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
 TOLERANCE = 1e-3  # sigmas by which the last step may move an estimate
 ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
-MAX_SCALE_ROUNDS = 8  # fits, each in the noise that the one before leaves
+MAX_SCALE_ROUNDS = 20  # fits, each in the noise that the one before leaves
 SCALE_TOLERANCE = 1e-6  # relative change of the excess sigma at which the rounds end
+VIEW_TOLERANCE = 1e-6  # `TOLERANCE` of a fit of views
+ROUNDING = 1e-10  # of the prior sigma: a smaller step is rounding, however small sigma is
+MIN_SINGULAR_RATIO = 1e-9  # of columns of length one, below which rows say nothing of a combination
+LEAST_SIGNAL = 1e-12  # `min_signal` of a fit without priors
 SIGNIFICANT_EXCESS = 3.0  # sigmas of chi^2 above its degrees of freedom, below which the known noise explains the rows
 MIN_RELATIVE_SIGNAL = 1e-8  # singular value over the largest, below which rounding speaks
 
@@ -137,8 +141,9 @@ def chi2(info: Information, x: Array) -> float:
 class ViewsFit:
     """Fit of views that share all parameters: effects with the estimates, and the solution.
 
-    excess: sigma [SI] beyond the known noise of the rows, in units of `NoiseModel.parts_of_variance`; steps: 0 where
-    the fit did not converge; min_signal: as in `solve`.
+    The solution is that of the effects' parameters and, behind them, of the nuisances. excess: sigma [SI] beyond the
+    known noise of the rows, in units of `NoiseModel.parts_of_variance`, of_channels (1,) or (C,) that of each channel;
+    steps: 0 where the fit did not converge; min_signal: as in `solve`.
     """
 
     views: tuple[View, ...]
@@ -146,23 +151,110 @@ class ViewsFit:
     effects: tuple[Effect, ...]
     solution: Solution
     excess: float
+    of_channels: Array
     steps: int
     min_signal: float = MIN_SIGNAL_TO_NOISE
 
     @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameters of effects, in the order of x and covariance."""
+        return tuple(p for p in self.solution.parameters if p.effect)
+
+    @property
+    def x(self) -> Array:
+        """Estimate (p,) of the parameters of effects, SI."""
+        return self.solution.x[: len(self.parameters)]
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the estimate, SI, whatever the nuisances are."""
+        return self.solution.covariance[: len(self.parameters), : len(self.parameters)]
+
+    @property
+    def sigmas(self) -> Array:
+        """One standard deviation (p,) of each parameter, SI."""
+        return self.solution.sigma[: len(self.parameters)]
+
+    def nuisance(self, name: str) -> tuple[Array, Array]:
+        """Return estimates and sigmas of the nuisance parameters of a name, SI."""
+        at = [i for i, p in enumerate(self.solution.parameters) if not p.effect and p.name == name]
+        return self.solution.x[at], self.solution.sigma[at]
+
+    @property
     def sigma(self) -> tuple[Array, ...]:
         """One sigma (n, C) of each row, SI."""
-        return tuple(_sigma(v, self.excess) for v in self.views)
+        return tuple(_sigma(v, self.of_channels) for v in self.views)
 
     @cached_property
     def residual(self) -> tuple[Array, ...]:
-        """Read minus predicted (n, C), SI."""
-        return tuple(v.evaluate(self.effects).residual for v in self.views)
+        """Read minus predicted (n, C), SI, with the nuisances at their estimates."""
+        misfit = _about(self.views, self.effects, self.solution.parameters, self.solution.x)[1]
+        parts = np.split(misfit, np.cumsum([len(v) * len(v.channels) for v in self.views])[:-1])
+        return tuple(r.reshape(len(v), -1) for v, r in zip(self.views, parts, strict=True))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of all residuals, SI."""
+        return float(np.sqrt(np.mean(np.concatenate([r.ravel() for r in self.residual]) ** 2)))
 
     @cached_property
     def whitened(self) -> tuple[Array, Array]:
         """Jacobian (q, p) and misfit (q,) of all rows about the estimate, in units of their noise."""
-        return whitened(self.views, self.effects, self.solution.parameters, self.excess)
+        return whitened(self.views, self.effects, self.solution.parameters, self.of_channels, self.solution.x)
+
+    @property
+    def determined(self) -> bool:
+        """Whether the rows determine every parameter, nuisances included, far above rounding."""
+        J, _ = self.whitened
+        size = np.linalg.norm(J, axis=0)
+        if len(J) < len(size) or np.any(size == 0):
+            return False
+        return bool(np.linalg.svd(J / size, compute_uv=False)[-1] > MIN_SINGULAR_RATIO)
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the columns of the effects' parameters, each of length one."""
+        J = self.whitened[0][:, : len(self.parameters)]
+        return float(np.linalg.cond(J / np.linalg.norm(J, axis=0)))
+
+    @property
+    def dof_of_scatter(self) -> float:
+        """Least degrees of freedom of a channel's scatter; infinite where the known noise explains all of it."""
+        if not np.any(self.of_channels > 0):
+            return np.inf
+        J, k = self.whitened[0][:, : len(self.parameters)], len(self.of_channels)
+        return float(min(_free(J[c::k]) for c in range(k)))
+
+    @cached_property
+    def left_out(self) -> tuple[tuple[Array, ...], Array]:
+        r"""Residuals (n, C) [SI] of groups of rows to fits without them, and a jackknife sigma (p,) of the parameters.
+
+        .. math:: r_{left\,out} = (1 - h)^{-1} r, \qquad \delta x = R^{-1} Q^T r_{left\,out}
+
+        with h the leverage of a group, of a model that is linear about the estimate.
+        """
+        J, r = self.whitened
+        priors, scale = _prior_rows(self.solution.parameters)
+        A = np.concatenate([J, priors]) * scale
+        size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        Q, R = np.linalg.qr(A / size)
+        out, moves, start = [], [], 0
+        for v, sigma in zip(self.views, self.sigma, strict=True):
+            rows = np.arange(sigma.size).reshape(sigma.shape)
+            without = np.empty(sigma.size)
+            for at in (rows[v.groups == g].ravel() for g in np.unique(v.groups)):
+                q = Q[start + at]
+                without[at] = np.linalg.lstsq(np.eye(len(at)) - q @ q.T, r[start + at], rcond=1e-9)[0]
+                moves.append(without[at] @ q)
+            out.append(without.reshape(sigma.shape) * sigma)
+            start += sigma.size
+        moved = np.linalg.solve(R, np.array(moves).T).T * scale / size
+        return tuple(out), np.sqrt((moved**2).sum(axis=0))[: len(self.parameters)]
+
+    @property
+    def left_out_rms(self) -> float:
+        """Root mean square of the residuals of rows that took no part, SI."""
+        return float(np.sqrt(np.mean(np.concatenate([r.ravel() for r in self.left_out[0]]) ** 2)))
 
     def cost_of_sizes(self, sizes: Sequence[Parameter]) -> Cost:
         """Return chi^2 as a function of absent effects whose `sizes` are free in addition to what was fitted."""
@@ -188,78 +280,145 @@ class Others:
 
 def fit(
     views: Sequence[View], wanted: Sequence[Parameter], absent: Sequence[Effect] = (), start: Array | None = None, *,
-    min_signal: float = MIN_SIGNAL_TO_NOISE, min_excess: float = 0.0, others: Others | None = None,
+    min_signal: float = MIN_SIGNAL_TO_NOISE, min_excess: float = 0.0, significance: float = SIGNIFICANT_EXCESS,
+    others: Others | None = None,
 ) -> ViewsFit:  # fmt: skip
     r"""Fit parameters that all views share, and the excess of their noise where it is not stated.
 
     .. math:: \sum_i \frac{r_i^2}{\sigma_i^2 + w_i \sigma_e^2} = \nu
 
     determines the excess sigma_e of rows with a known variance sigma_i^2 (that of their samples, or zero), nu being
-    the degrees of freedom; a known noise is only widened where chi^2 is not due to chance. absent: effects that the
-    fit begins with, their constants among them; start (p,): where the iteration begins (default: at these effects).
-    others: what other recordings tell, as a function of the effects; their parameters come first.
+    the degrees of freedom, for all rows together or for each channel; a known noise is only widened where chi^2 is
+    `significance` sigmas above nu. Nuisances of a view are fitted within their priors. absent: effects that the fit
+    begins with, their constants among them; start (p + m,): where the iteration begins (default: at these effects, with
+    nuisances of zero). others: what other recordings tell, as a function of the effects; their parameters come first.
     """
-    every = tuple(wanted) if others is None else tuple(dict.fromkeys((*others.about(absent).parameters, *wanted)))
-    bounds = range_of_constants(every, *(v.stimulus for v in views), *(others.stimuli if others else ()))
-    x = values(absent, every) if start is None else start
-    names = views[0].stimulus.axis_names
-    shapes = [(len(v), len(v.channels)) for v in views]
-    parts = [v.noise.parts_of_variance(shape) for v, shape in zip(views, shapes, strict=True)]
-    known, shape = (np.concatenate([part[k].ravel() for part in parts]) for k in (0, 1))
+    names, scales = views[0].stimulus.axis_names, len(views[0].channels) if views[0].noise.of_each_channel else 1
+    shared = tuple(wanted) if others is None else tuple(dict.fromkeys((*others.about(absent).parameters, *wanted)))
+    nuisances = [replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)]  # each is another
+    every, local = (*shared, *nuisances), (*wanted, *nuisances)
+    priors, scale = _prior_rows(local)
+    scaled = tuple(replace(q, sigma=s) for q, s in zip(local, scale, strict=True))
+    at = [every.index(q) for q in local]
+    bounds = range_of_constants(shared, *(v.stimulus for v in views), *(others.stimuli if others else ()))
+    if bounds is not None:
+        bounds = np.concatenate([bounds, np.tile([[-np.inf], [np.inf]], len(nuisances))], axis=1)
+    known, shape = (np.concatenate(part) for part in zip(*map(_variances, views), strict=True))
+    last: dict[bytes, tuple[Array, Array]] = {}
 
-    def about(x: Array, excess: float) -> Information:
-        effects = with_values(absent, every, x, names)
-        info = information_of(views, effects, wanted, excess)
-        return info if others is None else others.about(effects) + info
+    def effects_at(x: Array) -> tuple[Effect, ...]:
+        return with_values(absent, shared, x[: len(shared)], names)
 
-    def widened(x: Array, excess: float) -> float:
-        """Return the excess that the rows leave if nothing holds the parameters."""
+    def rows(x: Array) -> tuple[Array, Array]:
+        """Return whitened rows and priors about x; what does not depend on the noise is kept."""
+        if x.tobytes() not in last:
+            last.clear()
+            last[x.tobytes()] = _about(views, effects_at(x), local, x[at])
+        (J, r), sigma = last[x.tobytes()], np.sqrt(known + shape * np.resize(excess, len(known)) ** 2)
+        return np.concatenate([J / sigma[:, None], priors]), np.concatenate([r / sigma, -priors @ x[at]])
+
+    def linearise(x: Array) -> Information:
+        J, r = rows(x)
+        info = information(J, r + J @ x[at], scaled)
+        return info if others is None else others.about(effects_at(x)) + info
+
+    def arrived(x: Array, target: Array, solution: Solution) -> bool:
+        enough = np.maximum(VIEW_TOLERANCE * solution.sigma, ROUNDING * prior(solution.parameters)[1])
+        return bool(np.all(np.abs(target - x) <= enough))
+
+    def widened(x: Array) -> Array:
+        """Return the excess that the rows leave if nothing holds the parameters but priors of nuisances."""
         if not np.any(shape > 0):
             return excess
-        J, r = whitened(views, with_values(absent, every, x, names), wanted, excess)
+        J, r = rows(x)
         unit = J / (np.linalg.norm(J, axis=0) + 1e-300)
         best, _, rank, _ = np.linalg.lstsq(unit, r, rcond=MIN_RELATIVE_SIGNAL)
-        r, dof, free = r - unit @ best, len(r) - int(rank), shape > 0
-        if excess == 0 and r @ r <= dof + SIGNIFICANT_EXCESS * np.sqrt(2 * dof):
-            return excess
-        w = np.where(free, shape, 1.0)
-        own = np.where(free, known / w, np.inf)
-        return max(excess_sigma(r * np.sqrt((known + shape * excess**2) / w), own, max(dof, 1)), min_excess)
+        e, J, out = (r - unit @ best)[: len(known)], J[: len(known), : len(wanted)], excess.copy()
+        w = np.where(shape > 0, shape, 1.0)
+        own = np.where(shape > 0, known / w, np.inf)
+        for c in range(scales):
+            of = slice(c, None, scales)
+            free = _free(J[of]) if scales > 1 else len(r) - int(rank)
+            if excess[c] > 0 or e[of] @ e[of] > free + significance * np.sqrt(2 * free):
+                si = e[of] * np.sqrt((known[of] + shape[of] * excess[c] ** 2) / w[of])
+                out[c] = max(excess_sigma(si, own[of], max(free, 1)), min_excess)
+        return out
 
-    excess = 0.0 if known.all() else widened(x, 1.0)
+    x = start if start is not None else np.append(values(absent, shared), np.zeros(len(nuisances)))
+    excess = np.full(scales, float(not known.all()))
+    if excess[0]:
+        excess = widened(x)
     for _ in range(MAX_SCALE_ROUNDS):
-        found = gauss_newton(lambda x: about(x, excess), x, bounds, seen=min_signal, damped=True)  # noqa: B023
-        x, new = found.solution.x, widened(found.solution.x, excess)
-        if not found.steps or abs(new - excess) <= SCALE_TOLERANCE * excess:
+        found = gauss_newton(linearise, x, bounds, seen=min_signal, arrived=arrived, damped=True)
+        x = found.solution.x
+        new = widened(x)
+        if not found.steps or np.all(np.abs(new - excess) <= SCALE_TOLERANCE * excess):
             break
         excess = new
-    effects = with_values(absent, every, x, names)
-    return ViewsFit(tuple(views), tuple(absent), effects, found.solution, excess, found.steps, min_signal)
+    solution = replace(found.solution, parameters=every)
+    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, float(excess.max()), excess, found.steps,
+                    min_signal)  # fmt: skip
 
 
 def information_of(
     views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excess: float = 0.0
 ) -> Information:
     """Return the information of views about the wanted parameters, linearised at effects; values are full ones."""
-    J, r = whitened(views, effects, wanted, excess)
-    return information(J, r + J @ values(effects, wanted), wanted)
+    x = values(effects, wanted)
+    J, r = whitened(views, effects, wanted, np.array([excess]), x)
+    return information(J, r + J @ x, wanted)
 
 
 def whitened(
-    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excess: float = 0.0
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excess: Array, x: Array
 ) -> tuple[Array, Array]:
-    """Return Jacobian (q, p) and misfit (q,) of the rows of views about effects, in units of their noise."""
-    J, r = [], []
+    """Return Jacobian (q, p) and misfit (q,) of the rows of views about x (p,), in units of their noise."""
+    J, r = _about(views, effects, wanted, x)
+    sigma = np.concatenate([_sigma(v, excess).ravel() for v in views])
+    return J / sigma[:, None], r / sigma
+
+
+def _about(
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array
+) -> tuple[Array, Array]:
+    """Jacobian (q, p) and misfit (q,) of the rows of views about parameters and nuisances x (p,), SI."""
+    of_effects = [q for q in wanted if q.effect]
+    J, r, at = [], [], len(of_effects)
     for v in views:
-        rows, sigma = v.evaluate(effects), _sigma(v, excess)
-        J.append((rows.jacobian(wanted) / sigma[..., None]).reshape(-1, len(wanted)))
-        r.append((rows.residual / sigma).ravel())
+        own = slice(at, at := at + len(v.nuisances))
+        rows = (v if v.about is None else v.about(x[own])).evaluate(effects)
+        columns = np.zeros((*rows.residual.shape, len(wanted)))
+        columns[..., : len(of_effects)] = rows.jacobian(of_effects)
+        misfit = rows.residual
+        if rows.nuisance is not None:
+            columns[..., own] = rows.nuisance
+            misfit = misfit if v.about is not None else misfit - rows.nuisance @ x[own]
+        J.append(columns.reshape(-1, len(wanted)))
+        r.append(misfit.ravel())
     return np.concatenate(J), np.concatenate(r)
 
 
-def _sigma(v: View, excess: float) -> Array:
+def _variances(v: View) -> tuple[Array, Array]:
+    known, shape = v.noise.parts_of_variance((len(v), len(v.channels)))
+    return known.ravel(), shape.ravel()
+
+
+def _sigma(v: View, excess: Array) -> Array:
     known, shape = v.noise.parts_of_variance((len(v), len(v.channels)))
     return np.asarray(np.sqrt(known + shape * excess**2))
+
+
+def _prior_rows(every: Sequence[Parameter]) -> tuple[Array, Array]:
+    """Rows (m, p) of what is known of nuisances, whitened, and a scale (p,) of each parameter: one for a flat prior."""
+    sigma = prior(every)[1]
+    scale = np.where(np.isinf(sigma), 1.0, sigma)
+    known = [i for i, q in enumerate(every) if not q.effect and np.isfinite(sigma[i])]
+    return (np.eye(len(every)) / scale)[known], scale
+
+
+def _free(J: Array) -> int:
+    """Degrees of freedom that parameters leave of the rows J (q, p) of a channel."""
+    return len(J) - int(np.any(J != 0, axis=0).sum())
 
 
 def excess_sigma(r: Array, own: Array, dof: int) -> float:

@@ -57,6 +57,7 @@ class Rows:
     sensitivity: Mapping[Stage, Array]
     sigma: Array | float = 1.0  # what residual and sensitivity have been divided by
     reduction: Callable[[Array], Array] | None = None
+    nuisance: Array | None = None  # (n, C, m) by explicit parameters of no effect: a heading, a mounting, a lag
 
     def over(self, sigma: Array) -> Rows:
         """Return the rows in units of sigma (C,) or (n, C)."""
@@ -65,11 +66,18 @@ class Rows:
             residual=self.residual / sigma,
             sensitivity={k: S / sigma[..., None] for k, S in self.sensitivity.items()},
             sigma=self.sigma * sigma,
+            nuisance=None if self.nuisance is None else self.nuisance / sigma[..., None],
         )
 
     def reduced(self, reduction: Callable[[Array], Array]) -> Rows:
         """Return the rows with columns (n, C, p), and the residual as one of them, mapped linearly to fewer rows."""
-        return replace(self, residual=reduction(self.residual[:, :, None])[:, :, 0], reduction=reduction)
+        before = self.reduction
+        return replace(
+            self,
+            residual=reduction(self.residual[:, :, None])[:, :, 0],
+            reduction=reduction if before is None else lambda X: reduction(before(X)),
+            nuisance=None if self.nuisance is None else reduction(self.nuisance),
+        )
 
     def through(self, stage: Stage, added: Array) -> Array:
         """Return the effect of an addition (n, ...) at a stage on the channels (n, C), before any reduction."""

@@ -99,7 +99,7 @@ def run_pictures(r: Recording, c: Calibration) -> Pictures:
 def rate_table_picture(recordings: Sequence[Recording], c: Calibration) -> Picture:
     """Return reading minus the table's rate at each stretch of steady turning, of all mountings, by gyroscope."""
     from gimbalcal.calibration.readout import in_si
-    from gimbalcal.estimate.gyroscopes.steady import stretches_of
+    from gimbalcal.views.rate_table import stretches_of
 
     before = [stretches_of(in_si(r, c.readout)) for r in recordings]
     after = [stretches_of(c.apply(r)) for r in recordings]

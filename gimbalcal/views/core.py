@@ -21,6 +21,7 @@ from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import Key
 from gimbalcal.views.noise import NoiseModel
 
+FLAT = 1e6  # sigmas of all rows together that one sigma of a flat prior stands for
 EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 
 
@@ -31,6 +32,8 @@ class View:
     evaluate: effects to `Rows` about them, of n rows and C channels in SI. reference: the same with columns that hold
     no noise of the readings, see `noise_free`. stimulus: what the hardware experienced in the samples that the rows are
     made of, which may be more than n. groups (n,): ordinal of the group of rows that is held out together.
+    nuisances: explicit parameters of no effect (a heading, a mounting, a lag), of which `Rows.nuisance` are the
+    columns; their prior sigma is in SI, infinite for a flat prior.
     """
 
     name: str
@@ -51,6 +54,8 @@ class View:
     session: Array | None = None  # (n,) power-up of each row, where nobody knows the time between them
     read_gimbals: tuple[str, ...] = ()  # whose angles were read
     gauge: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
+    nuisances: tuple[Parameter, ...] = ()
+    about: Callable[[Array], View] | None = None  # the same rows at values (m,) of nuisances that are not linear
     prior_factor: float = 1.0  # times the sizes of the unit's grade
     reference: Callable[[Sequence[Effect]], Rows] | None = None
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
@@ -99,6 +104,33 @@ class View:
         of the misfit: a cause that explains everything. At rest the force is as long as gravity, whatever was read.
         """
         return (self.reference or self.evaluate)(effects)
+
+    def without_nuisances(self) -> View:
+        r"""Return the view with linear nuisances eliminated: what one sigma of each makes of the rows is noise of them.
+
+        .. math:: r \to \Sigma \, (1 + N N^T)^{-1/2} \, \Sigma^{-1} r ,
+
+        with N in units of one sigma Sigma of a row, by the scatter of its samples.
+        """
+        if not self.nuisances:
+            return self
+        shape = (len(self), len(self.channels))
+        sigma = np.broadcast_to(1.0 if self.noise.sigma is None else self.noise.sigma, shape).reshape(-1, 1)
+        N = np.asarray(self.evaluate(()).nuisance).reshape(len(sigma), -1) / sigma
+        flat = np.isinf(prior := np.array([p.sigma for p in self.nuisances]))
+        U, S, _ = np.linalg.svd(
+            N * np.where(flat, FLAT / np.maximum(np.linalg.norm(N, axis=0), 1e-300), prior), full_matrices=False
+        )
+        less = 1 - 1 / np.sqrt(1 + S**2)
+
+        def clear(X: Array) -> Array:
+            A = X.reshape(len(sigma), -1) / sigma
+            return np.asarray((sigma * (A - (U * less) @ (U.T @ A))).reshape(X.shape))
+
+        def evaluate(effects: Sequence[Effect]) -> Rows:
+            return replace(self.evaluate(effects).reduced(clear), nuisance=None)
+
+        return replace(self, nuisances=(), evaluate=evaluate)
 
     def linearised(self, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
         """Return the misfit (n, C) about the effects and its derivative (n, C, p) by the wanted parameters."""
@@ -156,6 +188,11 @@ class Fit:
     def expanded(self, X: Array) -> Array:
         """Return the columns (n, C, p) of reduced rows (n C, p), where no noise is stated: what `reduced` undoes."""
         return np.asarray(X.reshape(*self.residual.shape, X.shape[-1]) / self.view.weight[..., None])
+
+
+def nuisance(name: str, axis: str, unit: str, sigma: float) -> Parameter:
+    """Return an explicit parameter of no effect, with prior sigma in SI; infinite for a flat prior."""
+    return Parameter("", "", name, axis, 0, unit, sigma)
 
 
 def known_effect(effect_id: str) -> type[Effect]:

@@ -33,6 +33,7 @@ class NoiseModel:
     single_walks: tuple[SingleWalk, ...] = ()
     stated: bool = False
     block: Array = field(default_factory=lambda: np.zeros(0, dtype=int))
+    of_each_channel: bool = False  # whether each channel has a scale of its own where none is stated
     weights: Array | None = None
     kurtosis: float = 0.0
     setting: float = 0.0

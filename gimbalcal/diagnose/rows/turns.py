@@ -59,7 +59,7 @@ def view_of_turns(
     try:
         turns, _, scale = turns_between_rests(recording, made, at_rest)
         still = rests(recording, made, scale, turns)
-        level = level_of(still, recording.site.latitude, recording.site.gravity, True)[0]
+        level = level_of(still, True)[0]
         if not at_rest and len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
             turns = turns_between_rests(recording, made, level.effects)[0]
     except InputError:

@@ -26,6 +26,7 @@ from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension
+from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.reference_error import with_reference_error
 from gimbalcal.estimate.gyroscopes.residual_checks import (
@@ -37,8 +38,6 @@ from gimbalcal.estimate.gyroscopes.residual_checks import (
 from gimbalcal.estimate.gyroscopes.rests import (
     BIAS,
     G_SENSITIVITY,
-    RestFit,
-    Rests,
     by_motion,
     fit_rests,
     level_of,
@@ -50,6 +49,7 @@ from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
+from gimbalcal.views.core import View
 
 LINEAR = GYROSCOPE_INPUT_TERMS
 FURTHER = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
@@ -76,27 +76,26 @@ def gyroscopes_between_rests(
     still = rests(recording, accelerometers, scale, turns)
     extra = _extension(more, still, turns, base)
     at_rest, moving = by_motion(extra, still)
-    level, why = level_of(still, recording.site.latitude, recording.site.gravity, G_SENSITIVITY in wanted, tried,
-                          at_rest)  # fmt: skip
+    level, why = level_of(still, G_SENSITIVITY in wanted, tried, at_rest)
     if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
         turns = turns_between_rests(recording, accelerometers, level.effects)[0]
     further = [t for t in terms_moving if t not in base]
     fits, declined = _taken_up(turns, base, further, tried, moving) if base or moving.parameters else ([], {})
     if why:
         declined[G_SENSITIVITY] = why
-    said = rests_in_words(recording, still, level.misfit)
+    said = rests_in_words(recording, level)
     if fits:
         fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, recording, accelerometers)
         fit = fits[-1][1]
         said += singular_in_words(fit.condition) or (
-            turns_in_words(recording, turns, accelerometers, level.misfit, scale, fit.rms)
+            turns_in_words(recording, turns, accelerometers, level.residual[0], scale, fit.rms)
             + sizes_in_words(turns, with_values(fit.effects, fit.parameters, fit.x))
         )
     made = replace(_calibration(recording, level, fits, declined, scale), outcome=joined(said))
     return extra.complete(made)
 
 
-def _extension(more: Sequence[ExtraEffect], still: Rests, turns: Turns, base: tuple[str, ...]) -> Extension:
+def _extension(more: Sequence[ExtraEffect], still: View, turns: Turns, base: tuple[str, ...]) -> Extension:
     """The extra effects, with constants that start where rests and turns together fit best."""
     if not more:
         return NO_EXTENSION
@@ -105,7 +104,7 @@ def _extension(more: Sequence[ExtraEffect], still: Rests, turns: Turns, base: tu
     def misfit(effects: Sequence[Effect]) -> float:
         at_rest, moving = by_motion(Extension(tuple(effects), sizes), still)
         rest = fit_rests(still, (BIAS,), at_rest)
-        total = float(((rest.misfit / np.maximum(still.sigma, 1e-300)) ** 2).sum())
+        total = float(((rest.residual[0] / np.asarray(still.noise.sigma)) ** 2).sum())
         if moving.parameters:
             turned = fit_turns(turns, base, moving)
             total += float((turned.misfit**2).sum() / turned.rms**2)
@@ -163,7 +162,7 @@ def _attempt(turns: Turns, terms: tuple[str, ...], without: TurnFit, tried: int,
 
 
 def _calibration(
-    recording: Recording, level: RestFit, fits: Fits, declined: dict[str, str], scale: float
+    recording: Recording, level: ViewsFit, fits: Fits, declined: dict[str, str], scale: float
 ) -> Calibration:
     from gimbalcal import __version__
 
@@ -174,7 +173,7 @@ def _calibration(
     covariance = np.zeros((len(x), len(x)))
     covariance[:n, :n] = level.covariance
     options: dict[str, Any] = {"direction": "physics to reading", "declined": declined, "frame": "accelerometers"}
-    rms = {"rate_at_rest": float(np.sqrt(np.mean(level.misfit**2)))}
+    rms = {"rate_at_rest": level.rms}
     if fit:
         covariance[n:, n:] = fit.covariance
         options |= {
@@ -191,7 +190,7 @@ def _calibration(
               "turn left out")
         for terms, f in fits
     )  # fmt: skip
-    dof = fit.dof if fit else level.misfit.size - n
+    dof = fit.dof if fit else level.residual[0].size - n
     return Calibration(
         "turns", with_values((*level.effects, *(fit.effects if fit else ())), wanted, x), wanted, covariance,
         tuple({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why}

@@ -1,16 +1,8 @@
-r"""Gyroscopes on a rate table: what they read while it turns steadily, against what its readouts say.
+"""Gyroscopes calibrated on a rate table: what they read while it turns steadily, against what its readouts say.
 
-In a stretch of steady turning the rig's angles give the rate of the unit, omega, by the chain of its axes, and
-
-.. math:: \bar y = h(\omega + [\omega \times]\, \delta + C\, \Omega_b) + \nu, \qquad
-          h(\omega) = \varepsilon + (1 + S + M)\, \omega + \dots ,
-
-with delta how the unit is turned on the table, unknown within `MOUNTING_SIGMA_RAD` and one for each recording; C
-Omega_b the Earth's rate, its vertical part known by the latitude where accelerometers tell how the table stands, its
-horizontal part unknown in heading; without accelerometers all of it is unknown, and a bias is known where the unit was
-turned across it. Each stretch is one row of weighted least squares, and scatter beyond the samples' is estimated with
-it: a bias that wanders from stretch to stretch, a table that is not as even as it reads. Misalignments hold how the
-unit is mounted, and their sigma says so; that of a scale factor holds the cosine of such a tilt.
+Scatter of the stretches beyond that of their samples is estimated with the effects (a bias that wanders from stretch to
+stretch, a table that is not as even as it reads). Misalignments hold how the unit is mounted, and their sigma says so;
+that of a scale factor holds the cosine of such a tilt. See `views.rate_table` for the rows and their nuisances.
 """
 
 from __future__ import annotations
@@ -22,32 +14,30 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
 from gimbalcal.checks.driven_rates import refuse_unlike_table
-from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.noise import SAMPLES
-from gimbalcal.estimate.extra_effects import Extension
-from gimbalcal.estimate.gyroscopes.heading import horizontal_sigma
+from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
-from gimbalcal.estimate.gyroscopes.rests import RestFit, Rests, fit_rests
-from gimbalcal.estimate.gyroscopes.steady import MAX_RATE_CHANGE, MIN_RATE, Stretches, stretches_of
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
-from gimbalcal.forward import gyroscopes
-from gimbalcal.kinematics import stimulus_from_truth
-from gimbalcal.number import Array, complex_step
-from gimbalcal.platform import BENCH
+from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.kinds import ROTATION
-from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.rotation import normal_to
+from gimbalcal.recording.record import RATE
 from gimbalcal.units import from_si
+from gimbalcal.views.core import View
+from gimbalcal.views.rate_table import (
+    MAX_RATE_CHANGE,
+    MIN_RATE,
+    MOUNTING_SIGMA_RAD,
+    Stretches,
+    rate_table,
+    stretches_of,
+)
+from gimbalcal.views.rest_rates import MIN_RATE_SIGMA
 
 BASE, FURTHER = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment"), (
     "gyro_scale_asymmetry", "gyro_scale_nonlinearity")  # fmt: skip
-ITERATIONS = 3  # each leaves a share of the scale error, squared
-MOUNTING_SIGMA_RAD = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
-MIN_FORCE_SHARE = 0.9  # of the force, in the axes of the base: what a lever arm feels goes round
 MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some cannot be told apart
 
 
@@ -64,14 +54,14 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:
         refuse_unlike_table(r)
     each = [stretches_of(r) for r in recordings]
     scale = _nominal(recordings, each)
-    found = _rows(recordings, each, scale, np.eye(3))
-    wanted, unseen = _seen(found)
-    first = _settled(found, wanted)
+    view = rate_table(recordings, each, scale, np.eye(3))
+    wanted, unseen = _seen(view)
+    first = _fit(view, wanted)
     own = dict(zip(first.parameters, first.x, strict=True))
     M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in BASE[1:]))
-    found = _rows(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
-    fit, declined = _chosen(found, _settled(found, wanted))
-    return _calibration(recordings, found, fit, unseen, declined, scale, [len(s.time) for s in each])
+    view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
+    best, declined = _chosen(view, _fit(view, wanted))
+    return _calibration(recordings, best, unseen, declined, scale, [len(s.time) for s in each])
 
 
 def _refuse(r: Recording) -> None:
@@ -111,72 +101,12 @@ def _nominal(recordings: Sequence[Recording], each: Sequence[Stretches]) -> Arra
     return out
 
 
-def _rows(recordings: Sequence[Recording], each: Sequence[Stretches], scale: Array, M: Array) -> Rests:
-    """All stretches as rows; beside them the Earth's rate and the mounting of each recording, a sigma each.
-
-    M (3, 3): physics to reading, as far as it is known.
-    """
-    rate = np.concatenate([s.rate for s in each])
-    platforms = [r.platform for r in recordings]
-    mountings = list(dict.fromkeys(platforms))  # two recordings of one may be of one day, or the unit bolted on anew
-    alone, shared = np.zeros((len(rate), 3, 5 * len(each))), np.zeros((len(rate), 3, 5 * len(mountings)))
-    reading, at = [], 0
-    for k, (r, s) in enumerate(zip(recordings, each, strict=True)):
-        rows = slice(at, at + len(s.rate))
-        up = _up(r)
-        latitude = r.site.latitude if up is not None else None  # else nothing tells how the table stands
-        along = np.eye(3)["xyz".index(r.platform.axes[-1].direction)] if up is None else up
-        vertical = s.attitude @ along
-        known = 0.0 if latitude is None else EARTH_RATE * np.sin(latitude) * vertical
-        own = alone[rows, :, 5 * k : 5 * k + 5]
-        across = np.stack([side := normal_to(along), np.cross(along, side)], axis=-1)
-        own[..., :2] = horizontal_sigma(latitude) * s.attitude @ across
-        own[..., 2:] = MOUNTING_SIGMA_RAD * M @ np.cross(s.rate[:, None], np.eye(3)).swapaxes(-1, -2)
-        of_all = shared[rows, :, 5 * (m := mountings.index(r.platform)) : 5 * m + 5]
-        of_all[..., 0] = (EARTH_RATE / np.sqrt(3) if latitude is None else 0.0) * vertical
-        of_all[..., 1] = _foreshortened(s.rate, M) * s.rate
-        of_all[..., 2:] = own[..., 2:] * (platforms.count(r.platform) > 1)
-        reading.append(scale * (s.reading + s.rate) - s.rate - known)
-        at = rows.stop
-    beside = np.concatenate([alone, shared], axis=-1)
-    sigma = np.abs(scale) * np.concatenate([s.sigma for s in each])
-    first = recordings[0]
-    still = Recording(ROTATION, first.title, BENCH, first.site, {}, first.time[:1], None,
-                      {(RATE, a): np.zeros(1) for a in "xyz"})  # fmt: skip
-    time = np.concatenate([s.time - r.time[0] for r, s in zip(recordings, each, strict=True)])
-    felt = stimulus_from_truth(still, np.zeros((1, 3)), np.zeros((1, 3))).held(len(rate)).at(rate=rate, time=time)
-    return Rests(np.concatenate(reading), sigma, felt, beside)
-
-
-def _up(r: Recording) -> Array | None:
-    """Return the vertical (3,) in the axes of the base by the accelerometers; None without them, or where it varies."""
-    if set(r.axes(FORCE)) != {"x", "y", "z"} or r.counted(FORCE):
-        return None
-    force = r.triad(FORCE)
-    mean = np.einsum("nji,nj->ni", r.platform.attitude(r.angles()), force).mean(0)
-    size = float(np.linalg.norm(mean))
-    return mean / size if size > MIN_FORCE_SHARE * float(np.linalg.norm(force, axis=1).mean()) else None
-
-
-def _foreshortened(rate: Array, M: Array) -> float:
-    """One sigma of the share by which a tilt of the mounting shortens the rate along a sensor's axis, 1 - cos.
-
-    Of two tilts of `MOUNTING_SIGMA_RAD`, or, where the sensors across the fastest of rate (m, 3) read more, of all that
-    they read.
-    """
-    fastest = rate[np.argmax(np.linalg.norm(rate, axis=1))]
-    n = fastest / np.linalg.norm(fastest)
-    return float(max(np.sqrt(2) * MOUNTING_SIGMA_RAD**2, np.sum(np.cross(n, M @ n) ** 2) / 2))
-
-
-def _seen(found: Rests) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
+def _seen(view: View) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
     """Parameters of the linear model that some stretch depends on, and those that none does."""
     every = tuple(p for t in BASE for p in parameters(CATALOGUE[t]))
-    size = np.abs(_columns(found, every)).max(axis=(0, 1))
-    seen = tuple(p for p, s in zip(every, size, strict=True) if s > MAX_RATE_CHANGE * p.sigma * MIN_RATE)
-    J = _columns(found, seen).reshape(-1, len(seen))
-    unit = J / np.linalg.norm(J, axis=0)
-    if np.linalg.cond(unit) > MAX_CONDITION_NUMBER:
+    size = np.abs(view.evaluate(()).jacobian(every)).max(axis=(0, 1))
+    seen = tuple(p for p, s in zip(every, size, strict=True) if s > MAX_RATE_CHANGE * MIN_RATE)
+    if _condition(view, seen) > MAX_CONDITION_NUMBER:
         raise InputError(
             "these turns do not tell scale factors from misalignments: turn the unit about one of its own axes in each "
             "recording, or about three axes and more"
@@ -184,54 +114,47 @@ def _seen(found: Rests) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
     return seen, tuple(p for p in every if p not in seen)
 
 
-def _columns(found: Rests, wanted: Sequence[Parameter]) -> Array:
-    """Derivative (m, 3, p) of the readings, each parameter times its usual size."""
-    s, prior = found.stimulus, np.array([p.sigma for p in wanted])
-    J = complex_step(lambda x: gyroscopes(s.rate, s, with_values((), wanted, x)), np.zeros(len(wanted)))
-    return np.asarray(J * prior)
+def _fit(view: View, wanted: Sequence[Parameter]) -> ViewsFit:
+    return fit([view], wanted, min_signal=LEAST_SIGNAL, significance=0.0)
 
 
-def _settled(found: Rests, wanted: tuple[Parameter, ...]) -> RestFit:
-    """The fit near its own solution: scale factors and misalignments multiply each other."""
-    x = np.zeros(len(wanted))
-    for _ in range(ITERATIONS):
-        fit = fit_rests(found, (), Extension((), wanted), about=x)
-        x = fit.x
-    return fit
+def _condition(view: View, wanted: Sequence[Parameter]) -> float:
+    """Condition number of the columns of parameters, each of length one."""
+    J = view.evaluate(()).jacobian(wanted).reshape(-1, len(wanted))
+    return float(np.linalg.cond(J / np.linalg.norm(J, axis=0)))
 
 
-def _chosen(found: Rests, fit: RestFit) -> tuple[RestFit, dict[str, str]]:
+def _chosen(view: View, best: ViewsFit) -> tuple[ViewsFit, dict[str, str]]:
     """The linear fit, and with each further term that the stretches support."""
     declined: dict[str, str] = {}
-    turned = {p.axis for p in fit.parameters if p.effect == "gyro_scale_factor"}
+    turned = {p.axis for p in best.parameters if p.effect == "gyro_scale_factor"}
     for term in FURTHER:
-        own = tuple(p for p in parameters(CATALOGUE[term]) if p.axis in turned)
-        more = (*fit.parameters, *own)
-        J = _columns(found, more).reshape(-1, len(more))
-        if J.shape[0] <= len(more) or np.linalg.cond(J / np.linalg.norm(J, axis=0)) > MAX_CONDITION_NUMBER:
+        more = (*best.parameters, *(p for p in parameters(CATALOGUE[term]) if p.axis in turned))
+        if 3 * len(view) <= len(more) or _condition(view, more) > MAX_CONDITION_NUMBER:
             declined[term] = f"{term} is left out: it takes more rates, both ways round"
             continue
-        tried = _settled(found, more)
-        sigma = np.sqrt(np.diag(tried.covariance))
-        why = refusal(term, f"{len(found.rate)} stretches", tried.parameters, tried.x, sigma,
-                      (fit.left_out, tried.left_out), "rad/s", (fit.condition, tried.condition),
-                      needed(coefficients(FURTHER), tried.dof))  # fmt: skip
+        tried = _fit(view, more)
+        why = refusal(term, f"{len(view)} stretches", tried.parameters, tried.x, tried.sigmas,
+                      (best.left_out_rms, tried.left_out_rms), "rad/s", (best.condition, tried.condition),
+                      needed(coefficients(FURTHER), tried.dof_of_scatter))  # fmt: skip
         if why:
             declined[term] = why
         else:
-            fit = tried
-    return fit, declined
+            best = tried
+    return best, declined
 
 
-def _calibration(recordings: Sequence[Recording], found: Rests, fit: RestFit, unseen: Sequence[Parameter],
+def _calibration(recordings: Sequence[Recording], best: ViewsFit, unseen: Sequence[Parameter],
                  declined: dict[str, str], scale: Array, stretches: Sequence[int]) -> Calibration:  # fmt: skip
     from gimbalcal import __version__
 
-    rms, sigma = float(np.sqrt(np.mean(fit.misfit**2))), np.sqrt(np.diag(fit.covariance))
+    sample = best.views[0].noise.sample
+    assert sample is not None
+    dof = best.residual[0].size - len(best.x)
     many = amount(sum(stretches), "stretch", "stretches")
     words = (
         f"{many} of steady turning in {amount(len(recordings), 'recording')}; what is left is "
-        f"{from_si(rms, 'deg/h'):.3g} deg/h rms"
+        f"{from_si(best.rms, 'deg/h'):.3g} deg/h rms"
     )
     mounted = (
         f"misalignments hold how the unit is mounted on the table, which is taken to be good to "
@@ -240,23 +163,22 @@ def _calibration(recordings: Sequence[Recording], found: Rests, fit: RestFit, un
     options: dict[str, Any] = {"direction": "physics to reading", "frame": "the table's axes", "in_words": words,
                                "stretches": list(stretches), "declined": declined}  # fmt: skip
     counts = Counts(tuple(map(float, scale))) if any(r.counted(RATE) for r in recordings) else None
-    rate = found.stimulus.rate
+    rate = best.views[0].stimulus.rate
     still = " and ".join(a for a, w in zip("xyz", rate.T, strict=True) if np.abs(w).max() < MIN_RATE)
     seldom = "no recording turns the unit about every axis" + (f", none about {still}" if still else "")
     dark = [{"direction": {p.label: 1.0}, "why": seldom} for p in unseen]
     for t, why in declined.items():
         dark.append({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why})
-    dof = fit.misfit.size - len(fit.x)
-    chi2 = float(((fit.misfit / found.sigma) ** 2).sum()) if np.all(found.sigma > 0) else float(dof)
-    told = tuple(p.label for p in fit.parameters)
-    usual = tuple(recordings[0].grade.at_power_on(p) for p in fit.parameters)  # no fit here has a prior
+    chi2 = float(((best.residual[0] / sample) ** 2).sum()) if np.all(sample > MIN_RATE_SIGMA) else float(dof)
+    told = tuple(p.label for p in best.parameters)
+    usual = tuple(recordings[0].grade.at_power_on(p) for p in best.parameters)  # no fit here has a prior
     files = [f for r in recordings for f in r.files]
     return Calibration(
-        "rate-table", with_values(fit.effects, fit.parameters, fit.x), usual, fit.covariance, tuple(dark),
-        Residual(chi2, dof, {RATE: rms}), outcome=_unsteady(found.sigma, fit.misfit),
+        "rate-table", best.effects, usual, best.covariance, tuple(dark),
+        Residual(chi2, dof, {RATE: best.rms}), outcome=_unsteady(sample, best.residual[0]),
         provenance={"recordings": files, "version": __version__, "noise": {"from": SAMPLES}, "options": options,
                     "limits": [mounted]},
-        stages=(StageResult("against the table", told, fit.x, sigma, rms, words),),
+        stages=(StageResult("against the table", told, best.x, best.sigmas, best.rms, words),),
         readout=Readout(gyroscopes=counts, gimbals=recordings[0].platform.axis_names),
     )  # fmt: skip
 

@@ -17,14 +17,14 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect
-from gimbalcal.estimate.gyroscopes.heading import horizontal_sigma
-from gimbalcal.estimate.gyroscopes.rests import Rests
+from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.gyroscopes.turns import Turns
 from gimbalcal.forward import gyroscopes
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
+from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, horizontal_sigma
 
 MAX_RATE_SCATTER_RATIO = 8.0  # over the noise: the level of two phones wanders by 5.6 and 6.7, of two MPU-9150 by 4.6
 SIGMA_PER_MEDIAN = 1.4826  # times the median of the sizes is one sigma
@@ -33,12 +33,13 @@ SMALL_RATE = 1e-3  # rad/s; what is linear in the rate shows alone
 MAX_CONDITION_NUMBER = 1e6  # condition number, columns of length one
 
 
-def rests_in_words(recording: Recording, found: Rests, misfit: Array) -> list[str]:
-    """A sentence where what a fit leaves at rest, misfit (m, 3) [rad/s], is far above the noise of the means."""
-    if not np.all(found.sigma > 0):
+def rests_in_words(recording: Recording, level: ViewsFit) -> list[str]:
+    """A sentence where what a fit leaves at rest is far above the noise of the means."""
+    sample = level.views[0].noise.sample
+    if sample is None or np.any(sample <= MIN_RATE_SIGMA):
         return []  # one row a rest says nothing of its scatter
-    explained = np.sqrt((found.sigma**2).mean(0) + horizontal_sigma(recording.site.latitude) ** 2)
-    left = np.sqrt((misfit**2).mean(0))
+    explained = np.sqrt((sample**2).mean(0) + horizontal_sigma(recording.site.latitude) ** 2)
+    left = np.sqrt((level.residual[0] ** 2).mean(0))
     i = int(np.argmax(left / explained))
     if left[i] <= MAX_RATE_SCATTER_RATIO * explained[i]:
         return []

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
@@ -79,6 +80,14 @@ def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSIO
     found = minimise(model, start, gain=MIN_GAIN)
     x = mean + found.x[0] * scale
     return _judged(wanted, x, *_linear(turns, wanted, x, extra.effects), m, with_values(extra.effects, wanted, x))
+
+
+def linear_effects(turns: Turns) -> tuple[Effect, ...]:
+    """Return the linear model of the gyroscopes on the way; empty where the turns do not determine all of it."""
+    try:
+        return fit_turns(turns, GYROSCOPE_INPUT_TERMS).effects
+    except InputError:
+        return ()
 
 
 def _dark(J: Array) -> bool:

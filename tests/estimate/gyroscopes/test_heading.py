@@ -10,7 +10,8 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.gyroscopes.rests import RestFit, fit_rests, rests
+from gimbalcal.estimate.fit import ViewsFit
+from gimbalcal.estimate.gyroscopes.rests import fit_rests, rests
 from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -25,7 +26,7 @@ def heavy(h: Hand) -> dict[str, Array]:
     return {"rate": np.outer(h.f[:, 1], [0.0, 1.0, 0.0])}
 
 
-def fitted(recording: Recording, carried: bool = True) -> RestFit:
+def fitted(recording: Recording, carried: bool = True) -> ViewsFit:
     made = multiposition(recording, ("bias", "scale_factor", "misalignment"))
     turns = turns_between_rests(recording, made)[0]
     return fit_rests(rests(recording, made, 1.0, turns if carried else None))
@@ -33,7 +34,7 @@ def fitted(recording: Recording, carried: bool = True) -> RestFit:
 
 def test_what_is_left_at_rest_is_the_wander_and_not_the_earth() -> None:
     recording = record(1, QUIET)
-    left, before = (float(np.sqrt(np.mean(fitted(recording, c).misfit ** 2))) for c in (True, False))
+    left, before = (float(np.sqrt(np.mean(fitted(recording, c).residual[0] ** 2))) for c in (True, False))
     horizontal = EARTH_RATE * np.cos(LATITUDE) / np.sqrt(3)  # per axis
     assert before > 0.8 * horizontal
     samples = np.count_nonzero(recording.position == 1)
@@ -61,7 +62,9 @@ def test_where_a_turn_was_not_logged_north_is_unknown_anew() -> None:
     time = recording.time + 5.0 * later  # the clock pauses in front of rest 13
     made = multiposition(recording, ("bias", "scale_factor", "misalignment"))
     gap = replace(recording, time=time)
-    n = [rests(r, made, 1.0, turns_between_rests(r, made)[0]).horizontal for r in (recording, gap)]
+    n = [
+        np.asarray(rests(r, made, 1.0, turns_between_rests(r, made)[0]).evaluate(()).nuisance) for r in (recording, gap)
+    ]
     assert [x.shape[-1] for x in n] == [2, 4]
     assert not np.any(n[1][12:, :, :2])
     assert not np.any(n[1][:12, :, 2:])

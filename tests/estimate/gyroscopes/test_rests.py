@@ -11,12 +11,13 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import parameters
 from gimbalcal.effects.gyroscope import GyroBias, GyroGSensitivityRate
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, Rests, fit_rests, level_of, rests
+from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, fit_rests, level_of, rests
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
+from gimbalcal.views.core import View
 
 G0, LATITUDE = 9.8, 0.6
 UNIT = np.deg2rad(1) / 3600
@@ -42,7 +43,7 @@ def attitudes(
     return replace(made, channels=channels | {("angular_rate", a): y[:, i] for i, a in enumerate("xyz")})
 
 
-def seen(recording: Recording) -> Rests:
+def seen(recording: Recording) -> View:
     return rests(recording, multiposition(recording, ("bias",)))
 
 
@@ -69,17 +70,17 @@ def test_the_vertical_rate_of_the_earth_is_no_g_sensitivity() -> None:
 
 
 def test_what_is_there_is_taken_up_and_what_is_not_is_declined() -> None:
-    taken, why = level_of(seen(attitudes(G)), LATITUDE, G0, True)
+    taken, why = level_of(seen(attitudes(G)), True)
     assert why == ""
     assert {p.effect for p in taken.parameters} == {"gyro_bias", G_SENSITIVITY}
-    plain, why = level_of(seen(attitudes(GyroGSensitivityRate(G=np.zeros(9)))), LATITUDE, G0, True)
+    plain, why = level_of(seen(attitudes(GyroGSensitivityRate(G=np.zeros(9)))), True)
     assert plain.parameters == parameters(GyroBias)
     assert why.startswith("gyro_g_sensitivity_rate is left out: from these 40 rests its largest coefficient is")
-    assert level_of(seen(attitudes(G)), LATITUDE, G0, False)[0].parameters == parameters(GyroBias)
+    assert level_of(seen(attitudes(G)), False)[0].parameters == parameters(GyroBias)
 
 
 def test_without_a_latitude_the_common_part_is_uncertain_by_the_earth() -> None:
-    taken, _ = level_of(seen(attitudes(G, latitude=None)), None, G0, True)
+    taken, _ = level_of(seen(attitudes(G, latitude=None)), True)
     sigma = np.sqrt(np.diag(taken.covariance))
     assert np.all(sigma[[3, 7, 11]] > EARTH_RATE / np.sqrt(3) / G0)
     assert np.all(sigma[[4, 5, 6]] < EARTH_RATE / np.sqrt(3) / G0)

@@ -1,0 +1,185 @@
+r"""Gyroscopes on a rate table: their mean output in stretches of steady turning, less the rate of the table.
+
+The rig's angles give the rate of the unit, omega, by the chain of its axes, and
+
+.. math:: \bar y = h(\omega + [\omega \times]\, \delta + C\, \Omega_b) + \nu, \qquad
+          h(\omega) = \varepsilon + (1 + S + M)\, \omega + \dots ,
+
+with delta how the unit is turned on the table, one sigma of `MOUNTING_SIGMA_RAD` and one for each recording; C Omega_b
+the Earth's rate, its vertical part known by the latitude where accelerometers tell how the table stands, its horizontal
+part unknown in heading; without accelerometers all of it is unknown. A tilt of the mounting shortens the rate along a
+sensor's axis by its cosine. These are nuisances of the view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import Effect
+from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
+from gimbalcal.effects.effect import GYROSCOPE_STAGES
+from gimbalcal.effects.history import integral
+from gimbalcal.errors import InputError
+from gimbalcal.forward import Rows, linearise
+from gimbalcal.kinematics import stimulus_from_truth
+from gimbalcal.number import Array
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording
+from gimbalcal.recording.dwell import PAUSED, usual_step
+from gimbalcal.recording.kinds import ROTATION
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.rotation import normal_to, rotation_vector
+from gimbalcal.units import from_si
+from gimbalcal.views.core import View, nuisance, recording_fields
+from gimbalcal.views.noise import NoiseModel
+from gimbalcal.views.rest_rates import CHANNELS, MIN_RATE_SIGMA, horizontal_sigma
+
+BLOCK_S = 0.5  # s of a mean rate: no lag between readout and gyroscopes matters, and readouts hardly scatter
+MAX_RATE_CHANGE = 0.005  # of the fastest rate, from one block to the next
+MIN_RATE = np.radians(0.1)  # rad/s; a table that never turns faster stands
+MOUNTING_SIGMA_RAD = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
+MIN_FORCE_SHARE = 0.9  # of the force, in the axes of the base: what a lever arm feels goes round
+
+
+@dataclass(frozen=True, eq=False)
+class Stretches:
+    """Stretches of one recording: reading less rate (m, 3), its sigma, rate (m, 3), C_bp, and middle time (m,) [s].
+
+    up: the vertical (3,) in the axes of the base, None where no accelerometers tell it.
+    """
+
+    reading: Array
+    sigma: Array
+    rate: Array
+    attitude: Array
+    time: Array
+    up: Array | None
+
+
+def stretches_of(r: Recording) -> Stretches:
+    """Means over blocks in which the table turns as steadily as before and after, joined where they follow.
+
+    Raises InputError for a recording that is too short, or in which nothing turns, or never steadily.
+    """
+    step = usual_step(r)
+    n = max(2, round(BLOCK_S / step))
+    starts = np.arange(0, len(r.time) - n, n)
+    if not len(starts):
+        raise InputError(
+            f"{r.title!r} is shorter than {BLOCK_S:g} s; turn the table at steady rates for ten seconds each"
+        )
+    C = r.platform.attitude(r.angles())
+    y = r.triad(RATE)
+    dt = np.diff(r.time)
+    whole = np.array([dt[s : s + n].max() <= PAUSED * step for s in starts])
+    turn = rotation_vector(C[:-1] @ np.swapaxes(C[1:], -1, -2))
+    span = r.time[starts + n] - r.time[starts]
+    rate = np.array([turn[s : s + n].sum(0) for s in starts]) / span[:, None]
+    total = integral(y, r.time)
+    mean = (total[starts + n] - total[starts]) / span[:, None]
+    fastest = float(np.linalg.norm(rate[whole], axis=1).max(initial=0.0))
+    if fastest < MIN_RATE:
+        raise InputError(
+            f"{r.title!r}: the table stands or turns by {from_si(fastest, 'deg/s'):.2g} deg/s at most; turn it at "
+            "steady rates, or calibrate rests with --method multiposition"
+        )
+    new = np.linalg.norm(np.diff(rate, axis=0), axis=1) > MAX_RATE_CHANGE * fastest
+    edge = np.concatenate([[False], new]) | np.concatenate([new, [False]]) | ~whole
+    groups = np.split(np.flatnonzero(~edge), np.flatnonzero(np.diff(np.flatnonzero(~edge)) > 1) + 1)
+    groups = [part for g in groups for part in _level(g, rate, MAX_RATE_CHANGE * fastest) if len(part) > 1]
+    if not groups:
+        raise InputError(
+            f"{r.title!r}: the table never turns steadily for {4 * BLOCK_S:g} s; hold each rate for ten seconds, or "
+            "use --method attitude for motion that goes on"
+        )
+    off = mean - rate
+    inside = np.concatenate([off[g] - off[g].mean(0) for g in groups])
+    white = np.sqrt((inside**2).sum(0) / max(len(inside) - len(groups), 1))
+    middle = starts + n // 2
+    return Stretches(
+        np.array([off[g].mean(0) for g in groups]),
+        np.array([white / np.sqrt(len(g)) for g in groups]),
+        np.array([rate[g].mean(0) for g in groups]),
+        np.array([C[starts[g[0]] : starts[g[-1]] + n].mean(0) for g in groups]),
+        np.array([r.time[middle[g]].mean() for g in groups]),
+        _up(r),
+    )
+
+
+def _level(group: Array, rate: Array, tolerance: float) -> list[Array]:
+    """Blocks that follow each other, cut where a slow change of the rate adds up to more than `tolerance`."""
+    out, first = [], 0
+    for k in range(1, len(group) + 1):
+        if k == len(group) or np.linalg.norm(rate[group[k]] - rate[group[first]]) > 2 * tolerance:
+            out.append(group[first:k])
+            first = k
+    return out
+
+
+def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], scale: Array, response: Array) -> View:
+    """Return the view of all stretches, with readings in units of `scale` (3,) [rad/s].
+
+    response (3, 3): derivative of the readings by the rate, as far as it is known; it says what a mounting does.
+    """
+    platforms = [r.platform for r in recordings]
+    rigs = list(dict.fromkeys(platforms))  # two recordings of one may be of one day, or the unit bolted on anew
+    rate = np.concatenate([s.rate for s in stretches])
+    N = np.zeros((len(rate), 3, len(recordings) + len(rigs), 5))  # by one sigma of each nuisance
+    reading, start = [], 0
+    for k, (r, s) in enumerate(zip(recordings, stretches, strict=True)):
+        rows, rig = slice(start, start := start + len(s.rate)), len(recordings) + rigs.index(r.platform)
+        latitude = r.site.latitude if s.up is not None else None  # else nothing tells how the table stands
+        along = np.eye(3)["xyz".index(r.platform.axes[-1].direction)] if s.up is None else s.up
+        vertical, side = s.attitude @ along, normal_to(along)
+        N[rows, :, k, :2] = horizontal_sigma(latitude) * s.attitude @ np.stack([side, np.cross(along, side)], axis=-1)
+        N[rows, :, k, 2:] = MOUNTING_SIGMA_RAD * response @ np.cross(s.rate[:, None], np.eye(3)).swapaxes(-1, -2)
+        N[rows, :, rig, 0] = EARTH_RATE / np.sqrt(3) * vertical * (latitude is None)
+        N[rows, :, rig, 1] = _foreshortening(s.rate, response) * s.rate
+        N[rows, :, rig, 2:] = N[rows, :, k, 2:] * (platforms.count(r.platform) > 1)
+        known = 0.0 if latitude is None else EARTH_RATE * np.sin(latitude) * vertical
+        reading.append(scale * (s.reading + s.rate) - known)
+    first = replace(recordings[0], kind=ROTATION)
+    still = replace(first.select(slice(0, 1)), platform=BENCH, position=None)
+    time = np.concatenate([s.time - r.time[0] for r, s in zip(recordings, stretches, strict=True)])
+    felt = stimulus_from_truth(still, np.zeros((1, 3)), np.zeros((1, 3))).held(len(rate)).at(rate=rate, time=time)
+    y, names = np.concatenate(reading), ("horizontal rate",) * 2 + ("mounting",) * 3
+    of_each = [nuisance(name, str(k + 1), "1", 1.0) for k in range(len(recordings)) for name in names]
+    names = ("vertical rate", "foreshortening", *names[2:])
+    of_rigs = [nuisance(name, f"rig {k + 1}", "1", 1.0) for k in range(len(rigs)) for name in names]
+
+    def rows_about(effects: Sequence[Effect]) -> Rows:
+        rows = linearise(BENCH, felt, effects, channels=CHANNELS, read=y, stages=GYROSCOPE_STAGES)
+        return replace(rows, nuisance=N.reshape(len(rate), 3, -1))
+
+    sigma = np.maximum(np.abs(scale) * np.concatenate([s.sigma for s in stretches]), MIN_RATE_SIGMA)
+    return View(
+        "rate table", unit="deg/h", channels=CHANNELS, **{**recording_fields(first), "time": time}, stimulus=felt,
+        evaluate=rows_about, stages=GYROSCOPE_STAGES, baseline=(*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS),
+        groups=np.arange(len(rate)), nuisances=(*of_each, *of_rigs),
+        noise=NoiseModel(sigma, sample=sigma, of_each_channel=True),
+    )  # fmt: skip
+
+
+def _up(r: Recording) -> Array | None:
+    """Return the vertical (3,) in the axes of the base by the accelerometers; None without them, or where it varies."""
+    if set(r.axes(FORCE)) != {"x", "y", "z"} or r.counted(FORCE):
+        return None
+    force = r.triad(FORCE)
+    mean = np.einsum("nji,nj->ni", r.platform.attitude(r.angles()), force).mean(0)
+    size = float(np.linalg.norm(mean))
+    return mean / size if size > MIN_FORCE_SHARE * float(np.linalg.norm(force, axis=1).mean()) else None
+
+
+def _foreshortening(rate: Array, response: Array) -> float:
+    """One sigma of the share by which a tilt of the mounting shortens the rate along a sensor's axis, 1 - cos.
+
+    Of two tilts of `MOUNTING_SIGMA_RAD`, or, where the sensors across the fastest of rate (m, 3) read more, of all that
+    they read.
+    """
+    fastest = rate[np.argmax(np.linalg.norm(rate, axis=1))]
+    n = fastest / np.linalg.norm(fastest)
+    return float(max(np.sqrt(2) * MOUNTING_SIGMA_RAD**2, np.sum(np.cross(n, response @ n) ** 2) / 2))
