@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import amount
-from gimbalcal.report.chart import Band, Chart, Points, Rule
+from gimbalcal.report.chart import Band, Mark, Rule
+from gimbalcal.report.figures import dots_by_name
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.parameters import in_sigmas
 from gimbalcal.units import from_si
@@ -162,23 +163,20 @@ def _units() -> dict[str, str]:
 
 def _picture(rows: Sequence[Row]) -> Picture:
     """Draw the ratio of every parameter, and its interval by chance."""
-    words = [naming.label_in_words(r["parameter"]) for r in rows][::-1]
-    ratio = np.array([float(r["ratio"]) for r in rows])[::-1]
-    y, ends = np.arange(len(words), dtype=float), np.array([-0.5, len(words) - 0.5])
+    ratio = np.array([float(r["ratio"]) for r in rows])
     low, high = chance(min(int(r["runs"]) for r in rows), len(rows))
+    ends = np.array([-0.5, len(rows) - 0.5])
+    marks: list[Mark] = [Band(np.array([low, high]), ends[[0, 0]], ends[[1, 1]], "grey", "chance"),
+             Rule(1.0, "ink", upright=True)]  # fmt: skip
     odd = ratio > high
-    points = [f"{w}: errors {x:.2f} times σ" for w, x in zip(words, ratio, strict=True)]
-    chart = Chart(
-        (Band(np.array([low, high]), ends[[0, 0]], ends[[1, 1]], "grey", "chance"), Rule(1.0, "ink", upright=True),
-         Points(ratio[~odd], y[~odd], size=3.6, names=[t for t, o in zip(points, odd, strict=True) if not o]),
-         *([Points(ratio[odd], y[odd], "c1", "diamond", 4.2, names=[t for t, o in zip(points, odd, strict=True) if o],
-                   label="more than chance")] if odd.any() else [])),
-        x_label="RMS error / σ", y_names=words, height=14.0 * len(words) + 14,
-    )  # fmt: skip
+    series = {"": np.where(odd, np.nan, ratio)} | (
+        {"more than chance": np.where(odd, ratio, np.nan)} if odd.any() else {}
+    )
     return picture(
-        chart,
-        f"Error over sigma of {amount(len(words), 'parameter')}, from {ratio.min():.2f} to {ratio.max():.2f}; chance "
+        dots_by_name([naming.label_in_words(r["parameter"]) for r in rows], series, "RMS error / σ", "times σ", marks,
+                     log=False),
+        f"Error over sigma of {amount(len(rows), 'parameter')}, from {ratio.min():.2f} to {ratio.max():.2f}; chance "
         f"gives {low:.2f} to {high:.2f}.",
         "RMS error in units of the σ that each run stated. Right of the band σ is too small, left of it too large, as "
         "where it is partly the prior’s.",
-    )
+    )  # fmt: skip

@@ -11,13 +11,12 @@ import numpy as np
 from gimbalcal.calibration import Readout
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.earth import G0
-from gimbalcal.effects import Effect, Stage, Stimulus
+from gimbalcal.effects import Effect, Stage
 from gimbalcal.estimate.static_run.run import static_readings
-from gimbalcal.forward import accelerometers, predict
+from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.number import Array, complex_step
-from gimbalcal.platform import Platform
+from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.report.figures import Curve
 from gimbalcal.units import from_si, to_si
@@ -67,22 +66,21 @@ def by_position(
 ) -> ByPosition:
     """Return position means of the accelerometers minus the model; minus g of their norm for a unit without gimbals."""
     means = in_si(dwell_means(recording), readout)
-    s, spread = stimulus_from_readings(means), spread_of(means, provenance)
-    measured = means.triad("specific_force")
-    shape = measured.shape
-    sigma = spread.accelerometer and np.hypot(spread.accelerometer / np.sqrt(means.weight), spread.excess)
-    bars = None if sigma is None else np.broadcast_to(np.asarray(sigma)[:, None], shape)
+    noise = spread_of(means, provenance)
+    s, measured = stimulus_from_readings(means), means.triad("specific_force")
+    sigma = noise.accelerometer and np.hypot(noise.accelerometer / np.sqrt(means.weight), noise.excess)[:, None]
     if means.platform.axes:
-        own = tuple(e for e in effects if e.stage not in STATIC_RUN_STAGES)
-        before = measured - predict(means.platform, s, ())["specific_force"]
-        after = measured - predict(means.platform, s, own)["specific_force"]
         axes: tuple[str, ...] = ("x", "y", "z")
-        bars = None if bars is None else np.hypot(bars, setting_spread(means.platform, s, spread.setting))
+        channels = [("specific_force", a) for a in axes]
+        own = [e for e in effects if e.stage not in STATIC_RUN_STAGES]
+        bare = linearise(means.platform, s, (), channels=channels, read=measured, stages=[Stage.ENCODER])
+        before = bare.residual
+        after = linearise(means.platform, s, own, channels=channels, read=measured, stages=()).residual
+        sigma = None if sigma is None else np.hypot(sigma, setting_spread(bare, noise.setting))
     else:
-        before, after = (
-            _norm(f) - s.gravity for f in (measured, invert(lambda f: accelerometers(f, s, effects), measured)[0])
-        )
-        axes, bars = ("|f| − g",), None if bars is None else bars[:, :1]
+        axes = ("|f| − g",)
+        corrected = invert(lambda f: accelerometers(f, s, effects), measured)[0]
+        before, after = (_norm(f) - s.gravity for f in (measured, corrected))
     unit = "mg" if np.sqrt(np.mean(after**2)) > 1e-3 * G0 else "ug"
     numbers = means.position if means.position is not None else np.arange(1, len(means.time) + 1)
     return ByPosition(
@@ -90,7 +88,7 @@ def by_position(
         axes=axes,
         before=np.asarray(from_si(before, unit)),
         after=np.asarray(from_si(after, unit)),
-        sigma=None if bars is None else np.asarray(from_si(bars, unit)),
+        sigma=None if sigma is None else np.asarray(from_si(np.broadcast_to(sigma, after.shape), unit)),
         unit=unit,
         angles=np.rad2deg(s.readout),
         axis_names=s.axis_names,
@@ -98,10 +96,9 @@ def by_position(
     )
 
 
-def setting_spread(platform: Platform, s: Stimulus, sigma: float) -> Array:
-    """Return sigma (n, 3) [m/s^2] of the force if every gimbal is set with an error of `sigma` [rad]."""
-    slope = complex_step(lambda angle: predict(platform, s.at(readout=angle), ())["specific_force"], s.readout)
-    return np.sqrt(((slope * sigma) ** 2).sum(axis=-1))
+def setting_spread(rows: Rows, sigma: float) -> Array:
+    """Return sigma (n, C) [m/s^2] of the force if every gimbal is set with an error of `sigma` [rad]."""
+    return np.sqrt(((rows.sensitivity[Stage.ENCODER] * sigma) ** 2).sum(axis=-1))
 
 
 def _norm(f: Array) -> Array:

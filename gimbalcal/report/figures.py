@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 
@@ -233,19 +233,25 @@ def sky(
     )  # fmt: skip
 
 
-def by_stage(labels: Sequence[str], stages: Sequence[str], ratio: Array) -> Chart:
-    """Draw sigma over prior sigma after each stage: ratio (stages, p), logarithmic, one row for each parameter.
+def dots_by_name(
+    names: Sequence[str], series: Mapping[str, Array], x_label: str, means: str, marks: Sequence[Mark] = (),
+    log: bool = True,
+) -> Chart:  # fmt: skip
+    """Draw values (p,) of each series by name, one row for each, the first on top; NaN where there is none.
 
-    NaN where a stage does not estimate a parameter.
+    means: what a value is, in the words under the pointer; marks: what else is drawn, such as a rule at one.
     """
-    y = np.arange(len(labels), dtype=float)[::-1]
-    marks = [
-        Points(row, y, COLOURS[k % 6], SHAPES[k % 4], 3.4, label=stage,
-               names=[f"{label}: {r:.2g} of its prior σ" for label, r in zip(labels, row, strict=True)])
-        for k, (stage, row) in enumerate(zip(stages, ratio, strict=True))
+    y = np.arange(len(names), dtype=float)[::-1]
+    dots = [
+        Points(values, y, COLOURS[k % 6], SHAPES[k % 4], 3.6, label=label,
+               names=[f"{name}: {v:.2g} {means}" for name, v in zip(names, values, strict=True)])
+        for k, (label, values) in enumerate(series.items())
     ]  # fmt: skip
-    return Chart((Rule(1.0, "grey", upright=True, dashed=True), *marks), x_label="σ / prior σ (left: better known)",
-                 y_names=list(labels)[::-1], log_x=True, height=14.0 * len(labels) + 14)  # fmt: skip
+    return Chart((*marks, *dots), x_label=x_label, y_names=list(names)[::-1], log_x=log,
+                 height=14.0 * len(names) + 14)  # fmt: skip
+
+
+AS_BEFORE = Rule(1.0, "grey", upright=True, dashed=True)  # where a sigma is as large as that of its prior
 
 
 def correlation(labels: Sequence[str], matrix: Array) -> Markup:

@@ -10,7 +10,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Counts, ParameterEstimate, Readout, StageResult
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
-from gimbalcal.report.figures import by_stage
+from gimbalcal.report.figures import AS_BEFORE, dots_by_name
 from gimbalcal.report.html import Picture, picture
 from gimbalcal.units import from_si, to_si
 from gimbalcal.words import naming
@@ -146,10 +146,10 @@ def _short(name: str) -> str:
 
 
 def _stage_picture(parameters: Sequence[Parameter], stages: Sequence[StageResult]) -> Picture:
-    ratio = [[s.sigma_of(p.label) / p.sigma for p in parameters] for s in stages]
+    ratios = {_short(s.name): np.array([s.sigma_of(p.label) / p.sigma for p in parameters]) for s in stages}
     return picture(
-        by_stage([naming.label_in_words(p.label) for p in parameters], [_short(s.name) for s in stages],
-                 np.array(ratio)),
+        dots_by_name([naming.label_in_words(p.label) for p in parameters], ratios,
+                     "σ / prior σ (left: better known)", "of its prior σ", [AS_BEFORE]),
         f"Sigma of each parameter after each of {naming.counted(len(stages), 'stage')}, relative to its prior.",
         "Uncertainty after each stage, relative to the prior.",
     )  # fmt: skip

@@ -11,7 +11,7 @@ from gimbalcal.errors import amount
 from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report import figures
-from gimbalcal.report.chart import Chart, Points, Rule, lasting, sensible_time
+from gimbalcal.report.chart import Chart, lasting, sensible_time
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.rotation import RotationSchedule
@@ -153,19 +153,13 @@ def _better(ratio: float) -> str:
 
 def _sigmas(rows: Sequence[Mapping[str, Any]]) -> Picture:
     """Draw sigma relative to its prior, of each parameter."""
-    words = [naming.named(p["name"], p["axis"]) for p in rows][::-1]
-    ratio = np.array([p["sigma"] / p["prior_sigma"] for p in rows])[::-1]
-    points = [f"{w}: {r:.2g} of its usual size" for w, r in zip(words, ratio, strict=True)]
-    chart = Chart(
-        (Rule(1.0, "grey", upright=True, dashed=True),
-         Points(ratio, np.arange(len(words), dtype=float), size=3.6, names=points)),
-        x_label="σ / usual size (left: better known)", y_names=words, log_x=True, height=14.0 * len(words) + 14,
-    )  # fmt: skip
+    ratio = np.array([p["sigma"] / p["prior_sigma"] for p in rows])
     return picture(
-        chart,
+        figures.dots_by_name([naming.named(p["name"], p["axis"]) for p in rows], {"": ratio},
+                             "σ / usual size (left: better known)", "of its usual size", [figures.AS_BEFORE]),
         f"Uncertainty of {counted(len(rows), 'parameter')} after the schedule, relative to the usual size.",
         "Uncertainty of each parameter after the schedule; at the dashed line it is as large as before.",
-    )
+    )  # fmt: skip
 
 
 def _drawn(schedule: Schedule) -> Picture:

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
-from gimbalcal.platform import SPACE_STABLE_INERTIAL
+from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters, with_values
+from gimbalcal.forward import accelerometers, linearise
+from gimbalcal.kinematics import stimulus_from_readings
+from gimbalcal.platform import BENCH, SPACE_STABLE_INERTIAL
 from gimbalcal.report import calibration_report
 from gimbalcal.report.evidence import by_position, over_time, setting_spread
 from gimbalcal.report.parameters import rows, stages
@@ -75,9 +77,8 @@ def test_residuals_of_the_fit_are_as_large_as_their_sigma() -> None:
 
 def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle() -> None:
     _, (still, _), _ = example()
-    from gimbalcal.kinematics import stimulus_from_readings
-
-    spread = setting_spread(still.platform, stimulus_from_readings(still), ARCSEC)
+    s, channels = stimulus_from_readings(still), [("specific_force", a) for a in "xyz"]
+    spread = setting_spread(linearise(still.platform, s, (), channels=channels, stages=[Stage.ENCODER]), ARCSEC)
     # position 1: z down; the inner gimbal (x) moves f_y, the middle one (y) moves f_x, nothing moves f_z
     assert spread[0] == pytest.approx([9.80146 * ARCSEC, 9.80146 * ARCSEC, 0.0], rel=1e-12, abs=1e-15)
 
@@ -92,9 +93,6 @@ def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
 
 
 def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
-    from gimbalcal.forward import accelerometers
-    from gimbalcal.kinematics import stimulus_from_readings
-    from gimbalcal.platform import BENCH
 
     wanted = [p for i in ("scale_factor", "bias", "misalignment") for p in parameters(CATALOGUE[i])]
     effects = with_values((), wanted, np.random.default_rng(3).normal(0, [10 * p.sigma for p in wanted]))
@@ -148,8 +146,6 @@ def test_readings_in_counts_are_judged_in_si() -> None:
 
 def test_what_counts_mean_is_what_the_calibration_makes_of_them() -> None:
     """The printed scale and offset of an axis against `Calibration.apply` on readings in counts."""
-    from gimbalcal.platform import BENCH
-
     wanted = [p for i in ("scale_factor", "bias") for p in parameters(CATALOGUE[i])]
     x = np.array([0.02, -0.03, 0.01, 0.5, -0.4, 0.3])
     readout = Readout(Counts((0.002, 0.003, 0.004), (100.0, -50.0, 7.0)))

@@ -117,7 +117,9 @@ def test_letters_of_many_correlations_fit_their_rows() -> None:
 
 
 def test_stages_may_leave_a_parameter_out() -> None:
-    chart = figures.by_stage(["bias x", "K x"], ["coarse", "joint"], np.array([[0.1, np.nan], [0.01, 0.5]]))
+    chart = figures.dots_by_name(
+        ["bias x", "K x"], {"coarse": np.array([0.1, np.nan]), "joint": np.array([0.01, 0.5])}, "σ", "of its prior σ"
+    )
     assert chart.log_x
     assert [m.label for m in points(chart)] == ["coarse", "joint"]
     assert svg(chart).count("<circle") == 2  # one in the legend, one known

@@ -98,10 +98,10 @@ def test_the_first_bar_is_on_top_under_its_own_name() -> None:
     planned = next(m for m in chart.marks if isinstance(m, Bars))
     assert dict(zip(planned.x.tolist(), planned.high, strict=True)) == {1.0: 5.0, 0.0: 1.0}
     assert list(chart.y_names) == ["short", "longest"]
-    by_stage = figures.by_stage(["first", "second"], ["one"], np.array([[0.1, 0.2]]))
-    (dots,) = points(by_stage)
+    by_name = figures.dots_by_name(["first", "second"], {"one": np.array([0.1, 0.2])}, "σ", "of its prior")
+    (dots,) = points(by_name)
     assert dict(zip(dots.y.tolist(), dots.x, strict=True)) == {1.0: 0.1, 0.0: 0.2}
-    assert list(by_stage.y_names) == ["second", "first"]
+    assert list(by_name.y_names) == ["second", "first"]
 
 
 @pytest.mark.parametrize(("residual", "longest"), [(10.0, 30.0), (0.1, 3.0)])
