@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -28,8 +27,8 @@ from gimbalcal.cli.output_folders import OVERWRITE, deliver, output_folder, stag
 from gimbalcal.errors import InputError, amount
 
 if TYPE_CHECKING:
-    from gimbalcal.schedule import Schedule
-    from gimbalcal.schedule.rotation import RotationSchedule
+    from gimbalcal.design.optimal import PositionsDesign
+    from gimbalcal.design.turning_design import TurnsDesign
 
 OBSERVABILITY = "observability.json"
 TURNING_STATES = click.option(
@@ -76,6 +75,7 @@ def observe(
 ) -> None:  # fmt: skip
     """Say what SCHEDULE can and cannot see, before anything is recorded: a name, a schedule.toml, or static-48h."""
     from gimbalcal.report import plan_page
+    from gimbalcal.report.console import bounds_table
     from gimbalcal.schedule.file import is_rotation
 
     target = output_folder(out, [schedule], "observability", (OBSERVABILITY, "report.html"), overwrite, as_json)
@@ -84,15 +84,18 @@ def observe(
 
         if candidates:
             raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
-        result = observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma).to_dict()
-        page, sentence = plan_page.observability_report, plan_page.turning_headline(result)
+        turning = observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
+        result, bounds = turning.to_dict(), turning.bounds
+        page, sentence = partial(plan_page.observability_report, turning), plan_page.turning_headline(turning)
     else:
         from gimbalcal.design.position_observability import observe_any
 
-        result = observe_any(schedule, angle_sigma, force_sigma, latitude, candidates).to_dict()
-        page, sentence = plan_page.plan_report, plan_page.headline(result)
-    _table(result, as_json or quiet)
-    deliver(target, OBSERVABILITY, result, lambda: page(result), sentence, as_json, quiet)
+        bounds = observe_any(schedule, angle_sigma, force_sigma, latitude, candidates)
+        result = bounds.to_dict()
+        page, sentence = partial(plan_page.plan_report, bounds), plan_page.headline(bounds)
+    if not (as_json or quiet):
+        print(bounds_table(bounds), end="\n\n")
+    deliver(target, OBSERVABILITY, result, page, sentence, as_json, quiet)
 
 
 @click.command(
@@ -151,11 +154,12 @@ def design(
 ) -> None:  # fmt: skip
     """Choose what sees most under a rig's limits: positions that separate effects, or a sequence of turns."""
     from gimbalcal.atomic import write
+    from gimbalcal.report.console import bounds_table, groups_table
     from gimbalcal.report.html import marked
     from gimbalcal.report.plan_page import design_headline, design_report
 
     named = [platform if kind == "positions" else "turns"]
-    drawn: Schedule | RotationSchedule
+    plan: PositionsDesign | TurnsDesign
     target = output_folder(out, named, "schedule", ("schedule.toml", "report.html"), overwrite, as_json)
     if kind == "rotation":
         from gimbalcal.design.turning_design import design_turning, table_of
@@ -164,11 +168,11 @@ def design(
         _only(criterion, ("max", "sum"), kind)
         tell = progress(quiet)
         tell(f"looking at {amount(tries, 'sequence')} of turns")
-        turns, result = design_turning(
+        turns = design_turning(
             table_of(step, limit, rate, ramp, total), latitude, states, against, criterion or "max",
             (rate_noise, force_noise, velocity_sigma), tries, seed, tell,
         )  # fmt: skip
-        text, drawn = rotation_toml(turns), turns
+        plan, text, table = turns, rotation_toml(turns.schedule), groups_table(turns)
     else:
         from gimbalcal.design.optimal import design as run
         from gimbalcal.design.rig_positions import rig_of
@@ -176,23 +180,16 @@ def design(
 
         _only(criterion, ("D", "A", "position"), kind)
         rig = rig_of(platform, step, angle_sigma, force_sigma)
-        schedule, result = run(rig, positions, terms, criterion or "D", separate, latitude=latitude)
-        text, drawn = schedule_toml(schedule), schedule
+        chosen = run(rig, positions, terms, criterion or "D", separate, latitude=latitude)
+        plan, text, table = chosen, schedule_toml(chosen.schedule), bounds_table(chosen)
     if target is not None:
         with staged_folder(target.folder, overwrite) as new:
             write(new / "schedule.toml", text)
-            write(new / "report.html", marked(design_report(result, drawn), target.question))
+            write(new / "report.html", marked(design_report(plan), target.question))
         wrote(target.folder, "schedule.toml", quiet)
-    _table(result, as_json or quiet)
-    show(result, design_headline(result), as_json, quiet, target.page if target else None)
-
-
-def _table(result: Mapping[str, Any], silent: bool) -> None:
-    """Print the table of predicted sigmas above the answer."""
-    from gimbalcal.report.console import bounds_table
-
-    if not silent:
-        print(bounds_table(result), end="\n\n")
+    if not (as_json or quiet):
+        print(table, end="\n\n")
+    show(plan.to_dict(), design_headline(plan), as_json, quiet, target.page if target else None)
 
 
 def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:

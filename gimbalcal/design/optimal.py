@@ -9,20 +9,21 @@ candidates until none helps (Fedorov 1972).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gimbalcal.design.budget import PRIOR_SHARE, position_sensitivity
+from gimbalcal.design.position_observability import PredictedSigma, predicted_sigmas
 from gimbalcal.design.rig_positions import PositioningRig, design_parameters, distinct, whitened_rows
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import Parameter
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import TERMS
-from gimbalcal.inference.information import information, solve
+from gimbalcal.inference.information import Unobservable, information, solve
 from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
@@ -46,7 +47,7 @@ def design(
     duration: float = 200.0,
     seed: int = 0,
     latitude: float = 40.0,
-) -> tuple[Schedule, dict[str, Any]]:
+) -> PositionsDesign:
     """Return the `count` positions of a rig with most information on `terms` (ids of effects), and a report.
 
     separate: effects whose parameters alone count, separated from each other and everything else in `terms`.
@@ -71,7 +72,8 @@ def design(
     holds = tuple(Hold(tuple(float(a) for a in settings[chosen[i]]), duration) for i in order)
     schedule = Schedule(f"{criterion}-optimal-{count}", rig.platform, holds)
     everything = interest if criterion == "position" else np.ones(len(wanted), dtype=bool)
-    return schedule, report(schedule, rig, wanted, criterion, compare or _published(rig), len(settings), everything)
+    others = compare or _published(rig)
+    return assessed_design(schedule, rig, wanted, criterion, others, len(settings), everything)
 
 
 def position_response(
@@ -113,7 +115,7 @@ def _published(rig: PositioningRig) -> tuple[Schedule, ...]:
 
 def assess(
     schedule: Schedule, rig: PositioningRig, wanted: Sequence[Parameter]
-) -> tuple[Array, tuple[Any, ...], Array]:
+) -> tuple[Array, tuple[Unobservable, ...], Array]:
     """Return sigma (p,) in SI, unobservable directions and whitened rows of a schedule with this rig's noise."""
     same = replace(rig, platform=schedule.platform)
     rows = whitened_rows(schedule.angles, same, wanted)
@@ -122,40 +124,133 @@ def assess(
     return solution.sigma, solution.unobservable, rows
 
 
-def report(
+@dataclass(frozen=True)
+class ScheduleComparison:
+    """A schedule compared with another one of `positions` for equal total time: by the criterion, and by each sigma.
+
+    criterion_ratio: the criterion as one length in units of the priors, mean radius of the ellipsoid (D), rms of its
+    axes (A) or of the position error; sigma_ratio: geometric mean over parameters, between `smallest` and `largest`.
+    """
+
+    criterion: str
+    value: float
+    value_of_other: float
+    positions: int
+    criterion_ratio: float
+    sigma_ratio: float
+    smallest: float
+    largest: float
+
+    @property
+    def in_words(self) -> str:
+        """The comparison in one sentence."""
+        quantity = {
+            "D": "the mean radius of what stays uncertain", "A": "the rms of what stays uncertain",
+            "position": "the error of position",
+        }[self.criterion]  # fmt: skip
+        return (
+            f"for equal time {quantity} is {self.criterion_ratio:.3g} times as much; sigma is {self.sigma_ratio:.3g} "
+            f"of its sigma in the geometric mean over parameters, between {self.smallest:.3g} and {self.largest:.3g}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the comparison as it stands in the JSON of a design."""
+        return {
+            f"{self.criterion}_value": self.value, f"{self.criterion}_value_of_other": self.value_of_other,
+            "positions": self.positions, "criterion_ratio_equal_time": self.criterion_ratio,
+            "sigma_ratio_equal_time": self.sigma_ratio, "in_words": self.in_words,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class PositionsDesign:
+    """A schedule of positions: sigma (p,) in SI of each parameter, also of other schedules, and comparisons with them.
+
+    candidates: attitudes among which it was chosen; setting [rad]: error of an angle, infinite where none is known.
+    """
+
+    schedule: Schedule
+    criterion: str
+    candidates: int
+    setting: float
+    value: float
+    parameters: tuple[Parameter, ...]
+    sigma: Array
+    unobservable: tuple[Unobservable, ...]
+    other_sigmas: Mapping[str, Array]
+    against: Mapping[str, ScheduleComparison]
+
+    @property
+    def rows(self) -> tuple[PredictedSigma, ...]:
+        """The bound of each parameter, in its unit of print."""
+        return predicted_sigmas(self.parameters, self.sigma, self.other_sigmas)
+
+    @property
+    def angles(self) -> str:
+        """The uncertainty of an angle of the rig, in words."""
+        return "unknown" if np.isinf(self.setting) else f"{float(from_si(self.setting, 'arcsec')):.3g} arcsec"
+
+    @property
+    def unsupported(self) -> list[str]:
+        """A sentence for each parameter whose sigma remains that of its prior."""
+        return unsupported(self.parameters, self.sigma)
+
+    @property
+    def origin(self) -> str:
+        """The number of positions, and how they were chosen."""
+        n = len(self.schedule.holds)
+        return f"{amount(n, 'position')}, chosen among {amount(self.candidates, 'attitude')} that differ"
+
+    @property
+    def position_error(self) -> str:
+        """The position error in words where it is the criterion; else empty."""
+        if self.criterion != "position":
+            return ""
+        return f"they leave {np.sqrt(-self.value):.3g} m of position in {NAVIGATION_H:g} h at rest (rms of one sigma)"
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences on the position error, the comparisons, and the parameters that it does not support."""
+        compared = [f"against {name}: {a.in_words}" for name, a in self.against.items()]
+        return [*filter(None, [self.position_error]), *compared, *self.unsupported]
+
+    @property
+    def in_words(self) -> str:
+        """The answer in one paragraph."""
+        unseen = [f"not seen: {u.why}" for u in self.unobservable]
+        first = len(self.remarks) - len(self.unsupported)
+        return "\n".join([self.origin, *self.remarks[:first], *unseen, *self.remarks[first:]])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report of the design."""
+        return {
+            "criterion": self.criterion,
+            "positions": len(self.schedule.holds),
+            "candidates": self.candidates,
+            "angles": self.angles,
+            "parameters": [row.to_dict() | {"others": dict(row.others)} for row in self.rows],
+            "unobservable": [u.to_dict() for u in self.unobservable],
+            "unsupported": self.unsupported,
+            "against": {name: a.to_dict() for name, a in self.against.items()},
+            "in_words": self.in_words,
+        }
+
+
+def assessed_design(
     schedule: Schedule, rig: PositioningRig, wanted: Sequence[Parameter], criterion: str, compare: Sequence[Schedule],
-    candidates: int, everything: Array | None = None,
-) -> dict[str, Any]:  # fmt: skip
-    """Return the report of a schedule: sigma per parameter, also of others, and the terms that it does not support."""
+    candidates: int, interest: Array | None = None,
+) -> PositionsDesign:  # fmt: skip
+    """Return a schedule with its sigma of each parameter, and compared with others."""
     sigma, unobservable, rows = assess(schedule, rig, wanted)
-    everything = np.ones(len(wanted), dtype=bool) if everything is None else everything
+    interest = np.ones(len(wanted), dtype=bool) if interest is None else interest
     others = {s.name: assess(s, rig, wanted) for s in compare}
-    table = []
-    for i, p in enumerate(wanted):
-        unit = {name: float(from_si(s[i], p.unit)) for name, (s, _, _) in others.items()}
-        table.append({"name": p.name, "axis": p.axis, "unit": p.unit, "sigma": float(from_si(sigma[i], p.unit)),
-                      "prior_sigma": float(from_si(p.sigma, p.unit)), "others": unit})  # fmt: skip
-    own = value(rows, criterion, everything)
+    own = value(rows, criterion, interest)
     against = {
-        name: _against(own, value(r, criterion, everything), len(schedule.holds), len(r), criterion, sigma, s)
+        name: _against(own, value(r, criterion, interest), len(schedule.holds), len(r), criterion, sigma, s)
         for name, (s, _, r) in others.items()
     }
-    lines = [f"{amount(len(schedule.holds), 'position')}, chosen among {amount(candidates, 'attitude')} that differ"]
-    if criterion == "position":
-        lines.append(f"they leave {np.sqrt(-own):.3g} m of position in {NAVIGATION_H:g} h at rest (rms of one sigma)")
-    lines += [f"against {name}: {a['in_words']}" for name, a in against.items()]
-    lines += [f"not seen: {u.why}" for u in unobservable] + unsupported(wanted, sigma)
-    return {
-        "criterion": criterion,
-        "positions": len(schedule.holds),
-        "candidates": candidates,
-        "angles": "unknown" if np.isinf(rig.setting) else f"{float(from_si(rig.setting, 'arcsec')):.3g} arcsec",
-        "parameters": table,
-        "unobservable": [u.to_dict() for u in unobservable],
-        "unsupported": unsupported(wanted, sigma),
-        "against": against,
-        "in_words": "\n".join(lines),
-    }
+    return PositionsDesign(schedule, criterion, candidates, rig.setting, own, tuple(wanted), sigma, unobservable,
+                           {name: s for name, (s, _, _) in others.items()}, against)  # fmt: skip
 
 
 def unsupported(wanted: Sequence[Parameter], sigma: Array) -> list[str]:
@@ -168,25 +263,15 @@ def unsupported(wanted: Sequence[Parameter], sigma: Array) -> list[str]:
     ]
 
 
-def _against(own: float, other: float, n: int, m: int, criterion: str, sigma: Array, theirs: Array) -> dict[str, Any]:
-    """Compare with another schedule of m positions for equal total time: by the criterion, and by each sigma.
-
-    The criterion is given as one length in units of the priors: mean radius of the ellipsoid (D), rms of its axes (A).
-    """
+def _against(
+    own: float, other: float, n: int, m: int, criterion: str, sigma: Array, theirs: Array
+) -> ScheduleComparison:
+    """Compare a schedule of n positions with one of m for equal total time."""
     equal = np.sqrt(n / m)  # sigma falls with the root of the time
     radius = float(np.exp((other - own) / (2 * len(sigma))) if criterion == "D" else np.sqrt(own / other)) * equal
     each = sigma / theirs * equal
     ratio = float(np.exp(np.mean(np.log(each))))
-    quantity = {
-        "D": "the mean radius of what stays uncertain", "A": "the rms of what stays uncertain",
-        "position": "the error of position",
-    }[criterion]  # fmt: skip
-    words = (
-        f"for equal time {quantity} is {radius:.3g} times as much; sigma is {ratio:.3g} of its sigma in the geometric "
-        f"mean over parameters, between {each.min():.3g} and {each.max():.3g}"
-    )
-    return {f"{criterion}_value": own, f"{criterion}_value_of_other": other, "positions": m,
-            "criterion_ratio_equal_time": radius, "sigma_ratio_equal_time": ratio, "in_words": words}  # fmt: skip
+    return ScheduleComparison(criterion, own, other, m, radius, ratio, float(each.min()), float(each.max()))
 
 
 def optimise(rows: Array, count: int, criterion: str, interest: Array, seed: int) -> Array:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, by_visit, position_parameters, problem, whiten
 from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.forward import jacobian
-from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, information, solve
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, Unobservable, information, solve
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.navigate.stationary_base import static_plan
 from gimbalcal.number import Array
@@ -40,6 +40,39 @@ from gimbalcal.units import from_si, to_si
 CONFOUNDED_COSINE = 0.99  # separating two then takes 7 times the signal of detecting one
 STATIC_SENSORS = ("accelerometer", "gimbal_angle", "attitude")  # as [noise] calls them
 DWELL_S = 600.0  # a position of Wu et al. (2018), to whose mean a stated noise belongs
+
+
+@dataclass(frozen=True)
+class PredictedSigma:
+    """Cramer-Rao bound of a parameter in its unit of print, and the bounds of other schedules by name."""
+
+    parameter: Parameter
+    sigma: float
+    others: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def prior_sigma(self) -> float:
+        """One sigma of the prior, in the unit of print."""
+        return float(from_si(self.parameter.sigma, self.parameter.unit))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a row of the parameters of a plan's JSON."""
+        p = self.parameter
+        return {"name": p.name, "axis": p.axis, "unit": p.unit, "sigma": self.sigma, "prior_sigma": self.prior_sigma}
+
+
+def predicted_sigmas(
+    wanted: Sequence[Parameter], sigma: Array, others: Mapping[str, Array] | None = None
+) -> tuple[PredictedSigma, ...]:
+    """Return the bounds of parameters from their sigmas (p,) in SI, and from those of other schedules."""
+    each = {name: from_si_each(wanted, s) for name, s in (others or {}).items()}
+    own = from_si_each(wanted, sigma)
+    return tuple(PredictedSigma(p, own[i], {n: s[i] for n, s in each.items()}) for i, p in enumerate(wanted))
+
+
+def from_si_each(wanted: Sequence[Parameter], sigma: Array) -> list[float]:
+    """Return sigmas (p,) in SI, each in the unit of print of its parameter."""
+    return [float(from_si(s, p.unit)) for p, s in zip(wanted, sigma, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -78,7 +111,7 @@ class Observability:
     @property
     def in_words(self) -> str:
         """The answer in one paragraph."""
-        n, unobservable = len(self.solution.parameters), self.solution.unobservable
+        n, unobservable = len(self.solution.parameters), self.unobservable
         lines = [f"{self.schedule} sees {n - len(unobservable)} of {amount(n, 'combination')} of parameters"]
         lines += [f"not seen: {u.why}" for u in unobservable]
         lines += [f"confounded: {t.one} and {t.other} (cosine {t.cosine:+.4f})" for t in self.confounded]
@@ -86,21 +119,24 @@ class Observability:
         lines += [f"would not show at their usual size: {', '.join(hidden)}"] if hidden else []
         return "\n".join(lines)
 
+    @property
+    def unobservable(self) -> tuple[Unobservable, ...]:
+        """Combinations of parameters that the schedule does not determine."""
+        return self.solution.unobservable
+
+    @property
+    def rows(self) -> tuple[PredictedSigma, ...]:
+        """The bound of each parameter, in its unit of print."""
+        return predicted_sigmas(self.solution.parameters, self.sigma)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of observability.json, in printed units."""
-        rows = [
-            {
-                "name": q.name, "axis": q.axis, "unit": q.unit, "effect": q.effect,
-                "sigma": from_si(float(s), q.unit), "prior_sigma": from_si(q.sigma, q.unit),
-            }
-            for q, s in zip(self.solution.parameters, self.sigma, strict=True)
-        ]  # fmt: skip
         return {
             "format": 1,
             "schedule": self.schedule,
             "noise": self.noise,
-            "parameters": rows,
-            "unobservable": [u.to_dict() for u in self.solution.unobservable],
+            "parameters": [row.to_dict() | {"effect": row.parameter.effect} for row in self.rows],
+            "unobservable": [u.to_dict() for u in self.unobservable],
             "twins": [vars(t) for t in self.confounded],
             "candidates": [vars(c) for c in self.candidates],
             "in_words": self.in_words,

@@ -273,8 +273,8 @@ def design_turning(
     tries: int = 4000,
     seed: int = 1,
     tell: Callable[[str], None] = lambda _: None,
-) -> tuple[RotationSchedule, dict[str, Any]]:
-    """Return the schedule of turns with the smallest sigmas of the states `asked` at `latitude` [deg], and a report.
+) -> TurnsDesign:
+    """Return the schedule of turns with the smallest sigmas of the states `asked` at `latitude` [deg].
 
     against: schedules to compare with, in as much time, each at its own rate or at the table's, whichever is better;
     none: the usual size of each error. noise: deg/sqrt(h), ug/sqrt(Hz), m/s. Raises InputError for what does not exist
@@ -291,7 +291,7 @@ def design_turning(
         raise InputError(f"--total {table.total:g} s is too short for a schedule of turns at this rate; give it more")
     tour, _ = anneal(search, first, reference, criterion, tries, seed, tell)
     schedule = search.schedule(tour)
-    return schedule, _report(search, schedule, others, reference)
+    return _design(search, schedule, others, reference)
 
 
 def _best_rate(search: TurningSearch, schedule: RotationSchedule) -> Array:
@@ -304,33 +304,67 @@ def _largest(search: TurningSearch, sigma: Array) -> Array:
     return np.array([sigma[i].max() for i in search.groups.values()])
 
 
-def _report(
+@dataclass(frozen=True)
+class GroupSigma:
+    """Largest sigma of a group of states in its unit of print, also of other schedules; `ratio` to the reference."""
+
+    group: str
+    unit: str
+    sigma: float
+    against: Mapping[str, float]
+    ratio: float
+
+
+@dataclass(frozen=True)
+class TurnsDesign:
+    """A schedule of turns that takes `duration` [s], the largest sigma of each group, and the schedules compared."""
+
+    schedule: RotationSchedule
+    duration: float
+    groups: tuple[GroupSigma, ...]
+    others: tuple[str, ...]
+
+    @property
+    def comparison(self) -> str:
+        """The comparison with the other schedules in one sentence; empty without others."""
+        if not self.others:
+            return ""
+        worst = max(self.groups, key=lambda g: g.ratio)
+        verdict = "better in every group" if worst.ratio < 1 else f"not better in {worst.group}"
+        return f"{verdict} than {' and '.join(self.others)} in as much time: {worst.ratio:.3f} of theirs at worst"
+
+    @property
+    def in_words(self) -> str:
+        """The answer in one paragraph."""
+        turns = amount(len(self.schedule.moves), "turn")
+        words = [f"{turns} with stops of {self.schedule.stop:.1f} s take {self.duration:.0f} s"]
+        for g in self.groups:
+            compared = ", ".join(f"{other} {value:.3g}" for other, value in g.against.items())
+            words.append(f"{g.group}: {g.sigma:.3g} {g.unit}{f' ({compared})' if compared else ''}")
+        return "\n".join([*words, *filter(None, [self.comparison])])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report of the design."""
+        return {
+            "format": 1,
+            "schedule": self.schedule.name,
+            "turns": len(self.schedule.moves),
+            "stop_s": self.schedule.stop,
+            "total_s": self.duration,
+            "groups": [{"group": g.group, "sigma": g.sigma, "unit": g.unit, "against": dict(g.against),
+                        "ratio": g.ratio} for g in self.groups],
+            "in_words": self.in_words,
+        }  # fmt: skip
+
+
+def _design(
     search: TurningSearch, schedule: RotationSchedule, others: Mapping[str, Array], reference: Array
-) -> dict[str, Any]:
-    """Return the content of a design's report: the largest sigma of each group, also of the other schedules."""
-    sigma, duration = _largest(search, search.experiment.sigma(schedule)), trajectory(schedule).duration
-    rows: list[dict[str, Any]] = []
+) -> TurnsDesign:
+    """Return a schedule with the largest sigma of each group, also of the other schedules."""
+    sigma, groups = _largest(search, search.experiment.sigma(schedule)), []
     for (name, members), mine, ref in zip(search.groups.items(), sigma, reference, strict=True):
         p = search.experiment.wanted[members[0]]
         unit = float(from_si(p.sigma, p.unit))
         theirs = {other: float(s[members].max() * unit) for other, s in others.items()}
-        rows.append({
-            "group": name, "sigma": float(mine * unit), "unit": p.unit, "against": theirs, "ratio": float(mine / ref),
-        })  # fmt: skip
-    worst = max(rows, key=lambda r: float(r["ratio"]))
-    words = [f"{amount(len(schedule.moves), 'turn')} with stops of {schedule.stop:.1f} s take {duration:.0f} s"]
-    for r in rows:
-        compared = ", ".join(f"{other} {value:.3g}" for other, value in r["against"].items())
-        words.append(f"{r['group']}: {r['sigma']:.3g} {r['unit']}{f' ({compared})' if compared else ''}")
-    if others:
-        verdict = "better in every group" if worst["ratio"] < 1 else f"not better in {worst['group']}"
-        words.append(f"{verdict} than {' and '.join(others)} in as much time: {worst['ratio']:.3f} of theirs at worst")
-    return {
-        "format": 1,
-        "schedule": schedule.name,
-        "turns": len(schedule.moves),
-        "stop_s": schedule.stop,
-        "total_s": duration,
-        "groups": rows,
-        "in_words": "\n".join(words),
-    }
+        groups.append(GroupSigma(name, p.unit, float(mine * unit), theirs, float(mine / ref)))
+    return TurnsDesign(schedule, trajectory(schedule).duration, tuple(groups), tuple(others))

@@ -67,6 +67,11 @@ class SigmaCurve:
         return float(self.prior / self.sigma[-1])
 
     @property
+    def printed(self) -> Array:
+        """Sigma (T,) in the unit of print."""
+        return np.asarray(from_si(self.sigma, self.unit))
+
+    @property
     def word(self) -> str:
         """Wei's word for the degree."""
         return next(word for most, word in DEGREES if self.degree <= most * (1 + DEGREE_ROUNDING))
@@ -109,7 +114,7 @@ class TurningObservability:
             {
                 "parameter": c.parameter,
                 "unit": c.unit,
-                "sigma": [float(s) for s in from_si(c.sigma, c.unit)],
+                "sigma": c.printed.tolist(),
                 "time_s": time,
                 "degree": c.degree,
                 "observability": c.word,

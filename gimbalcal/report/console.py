@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.report.parameters import estimate, rows
@@ -13,6 +13,9 @@ from gimbalcal.words.diagnosis_headline import headline
 from gimbalcal.words.rounding import significant
 
 if TYPE_CHECKING:
+    from gimbalcal.design.optimal import PositionsDesign
+    from gimbalcal.design.position_observability import Observability
+    from gimbalcal.design.turning_design import TurnsDesign
     from gimbalcal.diagnose import Diagnosis  # which loads the whole diagnosis
     from gimbalcal.diagnose.result import Finding
 
@@ -69,21 +72,23 @@ def findings_table(findings: Sequence[Finding]) -> str:
     return "\n".join(_aligned(table))
 
 
-def bounds_table(content: Mapping[str, Any]) -> str:
+def bounds_table(plan: Observability | PositionsDesign) -> str:
     """Return the bound of sigma of each parameter in a plan, and its usual size."""
-    if "groups" in content:
-        return "\n".join(_aligned([
-            (naming.named(g["group"]), "", significant(g["sigma"], 3), naming.unit_in_print(g["unit"]), "at worst")
-            for g in content["groups"]
-        ]))  # fmt: skip
-    lost = naming.unobservable_leading(content["unobservable"])
+    undetermined = naming.unobservable_leading([u.to_dict() for u in plan.unobservable])
     table = [
-        (naming.label_in_words(naming.label_of(p)), "", significant(p["sigma"], 3), naming.unit_in_print(p["unit"]),
-         "*" if naming.label_of(p) in lost else f"usual {significant(p['prior_sigma'], 2)}")
-        for p in content["parameters"]
+        (naming.label_in_words(r.parameter.label), "", significant(r.sigma, 3), naming.unit_in_print(r.parameter.unit),
+         "*" if r.parameter.label in undetermined else f"usual {significant(r.prior_sigma, 2)}")
+        for r in plan.rows
     ]  # fmt: skip
-    footnote = [NOT_DETERMINED] if lost else []
-    return "\n".join([*_aligned(table), *footnote])
+    return "\n".join([*_aligned(table), *([NOT_DETERMINED] if undetermined else [])])
+
+
+def groups_table(d: TurnsDesign) -> str:
+    """Return the largest sigma of each group of states that a designed schedule of turns determines."""
+    return "\n".join(_aligned([
+        (naming.named(g.group), "", significant(g.sigma, 3), naming.unit_in_print(g.unit), "at worst")
+        for g in d.groups
+    ]))  # fmt: skip
 
 
 def _aligned(table: Sequence[tuple[str, str, str, str, str]]) -> list[str]:

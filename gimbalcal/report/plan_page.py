@@ -1,4 +1,4 @@
-"""Pages of plans: what a schedule of positions or turns would see, and the schedule that was designed."""
+"""Pages of plans: what a schedule of positions or turns would determine, and the schedule that was designed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.design.optimal import PositionsDesign
+from gimbalcal.design.position_observability import Observability, PredictedSigma
+from gimbalcal.design.turning_design import TurnsDesign
+from gimbalcal.design.turning_observability import SigmaCurve, TurningObservability
 from gimbalcal.errors import amount
+from gimbalcal.estimate.accelerometers.expected import planned
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Unobservable
+from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report import figures
@@ -16,134 +23,84 @@ from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.rotation import RotationSchedule
 from gimbalcal.words import naming
-from gimbalcal.words.naming import counted, label_in_words, label_of, precision, unit_in_print
+from gimbalcal.words.naming import counted, label_in_words, precision, unit_in_print
 from gimbalcal.words.rounding import minus, significant
 
 CRITERIA = {"D": "volume of the remaining uncertainty", "A": "mean square of the remaining uncertainty",
             "position": "error of a day's navigation"}  # fmt: skip
+NOISE_UNITS = {"arcsec": "arcsec", "ug": "µg"}
 MAX_RATIO = 0.9  # of sigma to its prior, below which a parameter is reported as better known
+MAX_STATES = 4  # that a headline names
 
 
-def plan_report(content: Mapping[str, Any]) -> str:
-    """Return the page for the observability.json of a schedule of positions or a static run."""
-    rows, unseen = content["parameters"], content["unobservable"]
-    noise = content["noise"]
-    facts = [(f"{significant(float(v), 3)} {_unit(k)}", f"noise: {k.rpartition('_')[0].replace('_', ' ')}")
-             for k, v in noise.items() if isinstance(v, (int, float)) and _unit(k)]  # fmt: skip
-    hidden = [c for c in content["candidates"] if c["strength"] < 1]
-    remarks = [f"At its usual size {naming.named(c['effect'])} would not be detected." for c in hidden]
+# --- positions or a static run ----------------------------------------------------------------------------------------
+
+
+def plan_report(o: Observability) -> str:
+    """Return the page of the observability of a schedule of positions or a static run."""
+    total, unseen = len(o.rows), o.unobservable
+    noise = ((key.rpartition("_"), v) for key, v in o.noise.items())
+    facts = [(f"{significant(v, 3)} {NOISE_UNITS[unit]}", f"noise: {naming.spaced(sensor)}")
+             for (sensor, _, unit), v in noise if unit in NOISE_UNITS]  # fmt: skip
+    hidden = [c.effect for c in o.candidates if c.strength < MIN_SIGNAL_TO_NOISE]
     return render("plan.html", {
-        **_shared("Observability of a schedule", naming.typeset(content["schedule"]), headline(content), bool(unseen)),
-        "facts": [(f"{len(rows) - len(unseen)} of {len(rows)}", "combinations determined"), *facts],
-        "picture": _sigmas(rows),
-        "side_by_side": True,
-        "unobservable": naming.directions(unseen),
-        "remarks": remarks,
-        "rows": _rows(rows, ()),
-        "others": (),
-        "confounded": [{"one": label_in_words(c["one"]), "other": label_in_words(c["other"]),
-                        "cosine": minus(f"{c['cosine']:+.4f}")} for c in content["twins"]],
-        "candidates": [{"words": naming.named(c["effect"]), "strength": significant(c["strength"], 3),
-                        "absorbed": f"{100 * c['absorbed']:.0f} %"} for c in content["candidates"]],
+        "kind": "Observability of a schedule", "title": naming.typeset(o.schedule), "answer": headline(o),
+        "verdict": "reserved" if unseen else "fits",
+        "facts": [(f"{total - len(unseen)} of {total}", "combinations determined"), *facts],
+        "picture": _sigmas(o.rows), "side_by_side": True,
+        "unobservable": _directions(unseen),
+        "remarks": [f"At its usual size {naming.named(effect)} would not be detected." for effect in hidden],
+        "rows": _rows(o.rows, ()), "others": (),
+        "confounded": [{"one": label_in_words(c.one), "other": label_in_words(c.other),
+                        "cosine": minus(f"{c.cosine:+.4f}")} for c in o.confounded],
+        "candidates": [{"words": naming.named(c.effect), "strength": significant(c.strength, 3),
+                        "absorbed": f"{100 * c.absorbed:.0f} %"} for c in o.candidates],
     })  # fmt: skip
 
 
-def headline(content: Mapping[str, Any]) -> str:
+def headline(o: Observability) -> str:
     """Return which parameters positions or a static run determine, how well, and what to do next."""
-    rows, unseen = content["parameters"], content["unobservable"]
-    text = f"{content['schedule']} determines {_share(len(rows) - len(unseen), len(rows))} of the parameters."
-    text = naming.as_sentence(text) + _precision(rows, unseen)
+    unseen = o.unobservable
+    text = naming.as_sentence(f"{o.schedule} determines {_share(len(o.rows), len(unseen))} of the parameters")
+    text += _precision(o.rows, unseen)
     if unseen:
         text += (
             f" {naming.capitalised(counted(len(unseen), 'combination'))} cannot be observed, and a longer recording "
+            "does not help; another attitude or another instrument does."
         )
-        text += "does not help; another attitude or another instrument does."
     return text
 
 
-def design_headline(plan: Mapping[str, Any]) -> str:
-    """Return which parameters a designed schedule determines, how well, compared with which, and what to do next."""
-    first, *others = plan["in_words"].split("\n")
-    if "groups" in plan:
-        turns, stop, whole = counted(plan["turns"], "turn"), plan["stop_s"], lasting(plan["total_s"])
-        text = f"{naming.capitalised(turns)} with stops of {stop:.3g} s take {whole}." + precision(
-            (g["group"], g["sigma"], g["unit"]) for g in plan["groups"]
-        )
-        compared = others[len(plan["groups"]) :]
-    else:
-        rows, unseen = plan["parameters"], plan["unobservable"]
-        share = _share(len(rows) - len(unseen), len(rows))
-        text = naming.sentence(f"{first}, determine {share} of the parameters") + _precision(rows, unseen)
-        position = plan["criterion"] == "position"
-        ratios = {name: a["criterion_ratio_equal_time" if position else "sigma_ratio_equal_time"]
-                  for name, a in plan["against"].items()}  # fmt: skip
-        what, which = ("that error", "") if position else ("σ", ", on average")
-        text += f" {naming.sentence(others[0])}" if position else ""
-        compared = [f"In the time that {n} takes, {what} is {x:.2f} times that of {n}{which}"
-                    for n, x in ratios.items()]  # fmt: skip
-
-    return " ".join([text, *map(naming.answered, compared), "Next: turn the rig through schedule.toml while it logs."])
+def _directions(unobservable: Sequence[Unobservable]) -> list[dict[str, str]]:
+    return naming.directions(u.to_dict() for u in unobservable)
 
 
-def _precision(rows: Sequence[Mapping[str, Any]], unseen: Sequence[Mapping[str, Any]]) -> str:
-    lost = naming.unobservable_leading(unseen)
-    return precision((p["name"], p["sigma"], p["unit"]) for p in rows if label_of(p) not in lost)
+def _leading(unobservable: Sequence[Unobservable]) -> set[str]:
+    return naming.unobservable_leading([u.to_dict() for u in unobservable])
 
 
-def design_report(plan: Mapping[str, Any], schedule: Schedule | RotationSchedule) -> str:
-    """Return the page of a designed schedule, of positions or of turns."""
-    _, *others = plan["in_words"].split("\n")
-    if isinstance(schedule, RotationSchedule):
-        rows = [{"words": naming.named(g["group"]), "sigma": significant(g["sigma"], 3), "first": True, "prior": "",
-                 "unit": unit_in_print(g["unit"]), "better": _better(g["ratio"]),
-                 "others": [significant(v, 3) for v in g["against"].values()]} for g in plan["groups"]]  # fmt: skip
-        title, names = f"{len(schedule.moves)} turns", list(plan["groups"][0]["against"]) if plan["groups"] else []
-        facts = [(str(plan["turns"]), "turns"), (lasting(plan["total_s"]), "in total"),
-                 (lasting(plan["stop_s"]), "each stop")]  # fmt: skip
-        drawn, unseen, others = _turns(schedule), [], []
-    else:
-        title, names = schedule.name, list(plan["against"])
-        rows, unseen = _rows(plan["parameters"], names), plan["unobservable"]
-        facts = [
-            (str(plan["positions"]), "positions"),
-            (plan["angles"], "uncertainty of the angles"),
-            (CRITERIA.get(plan["criterion"], plan["criterion"]), "minimised"),
-        ]
-        drawn = _drawn(schedule)
-        others = [o for o in others if not o.startswith("not seen")]
-    return render("plan.html", {
-        **_shared("Designed schedule", title, design_headline(plan), bool(unseen)),
-        "facts": facts, "picture": drawn, "side_by_side": False, "unobservable": naming.directions(unseen),
-        "remarks": [naming.answered(o) for o in others],
-        "rows": rows, "others": names, "confounded": [], "candidates": [],
-    })  # fmt: skip
+def _precision(rows: Sequence[PredictedSigma], unobservable: Sequence[Unobservable]) -> str:
+    undetermined = _leading(unobservable)
+    determined = [r for r in rows if r.parameter.label not in undetermined]
+    return precision((r.parameter.name, r.sigma, r.parameter.unit) for r in determined)
 
 
-def _shared(kind: str, title: str, answer: str, doubtful: bool) -> dict[str, Any]:
-    return {"kind": kind, "title": title, "answer": answer,
-            "verdict": "reserved" if doubtful else "fits"}  # fmt: skip
+def _share(total: int, unobservable: int) -> str:
+    return f"{total - unobservable} of {total} combinations" if unobservable else f"all {counted(total, 'combination')}"
 
 
-def _share(determined: int, every: int) -> str:
-    return f"all {counted(every, 'combination')}" if determined == every else f"{determined} of {every} combinations"
-
-
-def _unit(key: str) -> str:
-    return {"arcsec": "arcsec", "ug": "µg"}.get(key.rpartition("_")[2], "")
-
-
-def _rows(parameters: Sequence[Mapping[str, Any]], others: Sequence[str]) -> list[dict[str, Any]]:
+def _rows(rows: Sequence[PredictedSigma], others: Sequence[str]) -> list[dict[str, Any]]:
     return [
         {
-            "words": naming.named(p["name"], p["axis"]),
-            "first": not i or p["name"] != parameters[i - 1]["name"],
-            "sigma": significant(p["sigma"], 3),
-            "unit": unit_in_print(p["unit"]),
-            "prior": significant(p["prior_sigma"], 2),
-            "better": _better(p["sigma"] / p["prior_sigma"]),
-            "others": [significant(p["others"][n], 3) for n in others],
+            "words": naming.named(r.parameter.name, r.parameter.axis),
+            "first": not i or r.parameter.name != rows[i - 1].parameter.name,
+            "sigma": significant(r.sigma, 3),
+            "unit": unit_in_print(r.parameter.unit),
+            "prior": significant(r.prior_sigma, 2),
+            "better": _better(r.sigma / r.prior_sigma),
+            "others": [significant(r.others[n], 3) for n in others],
         }
-        for i, p in enumerate(parameters)
+        for i, r in enumerate(rows)
     ]
 
 
@@ -151,29 +108,85 @@ def _better(ratio: float) -> str:
     return "not better" if ratio >= MAX_RATIO or ratio <= 0 else f"{significant(1 / ratio, 3)} times"
 
 
-def _sigmas(rows: Sequence[Mapping[str, Any]]) -> Picture:
+def _sigmas(rows: Sequence[PredictedSigma]) -> Picture:
     """Draw sigma relative to its prior, of each parameter."""
-    ratio = np.array([p["sigma"] / p["prior_sigma"] for p in rows])
+    ratio = np.array([r.sigma / r.prior_sigma for r in rows])
     return picture(
-        figures.dots_by_name([naming.named(p["name"], p["axis"]) for p in rows], {"": ratio},
+        figures.dots_by_name([naming.named(r.parameter.name, r.parameter.axis) for r in rows], {"": ratio},
                              "σ / usual size (left: better known)", "of its usual size", [figures.AS_BEFORE]),
         f"Uncertainty of {counted(len(rows), 'parameter')} after the schedule, relative to the usual size.",
         "Uncertainty of each parameter after the schedule; at the dashed line it is as large as before.",
     )  # fmt: skip
 
 
+# --- a design ---------------------------------------------------------------------------------------------------------
+
+
+def design_report(d: PositionsDesign | TurnsDesign) -> str:
+    """Return the page of a designed schedule, of positions or of turns."""
+    return render("plan.html", {
+        "kind": "Designed schedule", "answer": design_headline(d),
+        "verdict": "reserved" if isinstance(d, PositionsDesign) and d.unobservable else "fits",
+        "side_by_side": False, "confounded": [], "candidates": [],
+        **(_positions(d) if isinstance(d, PositionsDesign) else _turns(d)),
+    })  # fmt: skip
+
+
+def _positions(d: PositionsDesign) -> dict[str, Any]:
+    names = list(d.against)
+    return {
+        "title": d.schedule.name, "picture": _drawn(d.schedule), "unobservable": _directions(d.unobservable),
+        "facts": [(str(len(d.schedule.holds)), "positions"), (d.angles, "uncertainty of the angles"),
+                  (CRITERIA[d.criterion], "minimised")],
+        "remarks": [naming.answered(text) for text in d.remarks], "rows": _rows(d.rows, names), "others": names,
+    }  # fmt: skip
+
+
+def _turns(d: TurnsDesign) -> dict[str, Any]:
+    turns = str(len(d.schedule.moves))
+    rows = [{"words": naming.named(g.group), "sigma": significant(g.sigma, 3), "first": True, "prior": "",
+             "unit": unit_in_print(g.unit), "better": _better(g.ratio),
+             "others": [significant(v, 3) for v in g.against.values()]} for g in d.groups]  # fmt: skip
+    return {
+        "title": f"{turns} turns", "picture": _drawn_turns(d.schedule), "unobservable": [],
+        "facts": [(turns, "turns"), (lasting(d.duration), "in total"), (lasting(d.schedule.stop), "each stop")],
+        "remarks": [], "rows": rows, "others": list(d.groups[0].against) if d.groups else [],
+    }  # fmt: skip
+
+
+def design_headline(d: PositionsDesign | TurnsDesign) -> str:
+    """Return which parameters a designed schedule determines, how well, compared with which, and what to do next."""
+    if isinstance(d, TurnsDesign):
+        turns = naming.capitalised(counted(len(d.schedule.moves), "turn"))
+        text = f"{turns} with stops of {d.schedule.stop:.3g} s take {lasting(d.duration)}."
+        text += precision((g.group, g.sigma, g.unit) for g in d.groups)
+        compared = [naming.answered(d.comparison)] if d.comparison else []
+    else:
+        share = _share(len(d.parameters), len(d.unobservable))
+        text = naming.sentence(f"{d.origin}, determine {share} of the parameters")
+        text += _precision(d.rows, d.unobservable)
+        text += f" {naming.sentence(d.position_error)}" if d.position_error else ""
+        what, which = ("that error", "") if d.position_error else ("σ", ", on average")
+        ratios = {n: a.criterion_ratio if d.position_error else a.sigma_ratio for n, a in d.against.items()}
+        compared = [naming.answered(f"In the time that {n} takes, {what} is {x:.2f} times that of {n}{which}")
+                    for n, x in ratios.items()]  # fmt: skip
+    return " ".join([text, *compared, "Next: turn the rig through schedule.toml while it logs."])
+
+
 def _drawn(schedule: Schedule) -> Picture:
+    """Draw the gimbal angles, and the direction of gravity in platform axes, at each position."""
     angles = np.rad2deg(np.array([h.angles for h in schedule.holds]))
     labels = [str(k) for k in range(1, len(angles) + 1)]
-    charts = figures.schedule(labels, angles, schedule.platform.axis_names, _gravity(schedule))
+    force = stimulus_from_angles(planned(schedule)).force
+    gravity = -force / np.linalg.norm(force, axis=1, keepdims=True)
     return picture(
-        charts,
+        figures.schedule(labels, angles, schedule.platform.axis_names, gravity),
         f"Gimbal angles at {counted(len(labels), 'position')}, and the direction of gravity in platform axes.",
         "Motion of the platform: gimbal angles by position, and the direction of gravity in its axes, along z.",
     )
 
 
-def _turns(schedule: RotationSchedule) -> Picture:
+def _drawn_turns(schedule: RotationSchedule) -> Picture:
     """Draw the angle about each axis of the table, and the direction of gravity in the unit, at each stop."""
     axes = list(dict.fromkeys(m.axis for m in schedule.moves))
     each = np.array([[m.angle * (m.axis == a) for a in axes] for m in schedule.moves])
@@ -188,112 +201,78 @@ def _turns(schedule: RotationSchedule) -> Picture:
     )
 
 
-def _gravity(schedule: Schedule) -> np.ndarray[Any, Any]:
-    from gimbalcal.estimate.accelerometers.expected import planned
-    from gimbalcal.kinematics import stimulus_from_angles
-
-    force = stimulus_from_angles(planned(schedule)).force
-    return np.asarray(-force / np.linalg.norm(force, axis=1, keepdims=True))
-
-
 # --- a schedule of turns ----------------------------------------------------------------------------------------------
 
-MAX_STATES = 4  # that a headline names
 
-
-def observability_report(content: Mapping[str, Any]) -> str:
-    """Return the page for the content of the observability.json of a schedule of turns."""
-    errors = _errors(content)
-    worst = min(errors, key=lambda s: float(s["degree"]))
-    high = sum(s["observability"] == "high" for s in errors)
-    unseen = naming.directions(content["unobservable"])
-    last = float(errors[0]["time_s"][-1])
-    noise = content["noise"]
+def observability_report(o: TurningObservability) -> str:
+    """Return the page of the observability of a schedule of turns."""
+    worst = min(o.curves, key=lambda c: c.degree)
+    unseen, last, noise = _directions(o.bounds.unobservable), float(o.time[-1]), o.bounds.noise
     return render("observability.html", {
-        "title": content["schedule"],
-        "answer": turning_headline(content),
-        "verdict": "fits" if not unseen and high == len(errors) else "reserved",
+        "title": o.bounds.schedule,
+        "answer": turning_headline(o),
+        "verdict": "fits" if not unseen and all(c.word == "high" for c in o.curves) else "reserved",
         "facts": [
             (lasting(last), "duration of all turns and stops"),
-            (f"{significant(float(worst['degree']), 3)} times",
-             f"improvement of the least known error, {label_in_words(worst['parameter'])}"),
+            (f"{significant(worst.degree, 3)} times",
+             f"improvement of the least known error, {label_in_words(worst.parameter)}"),
             (f"{noise['gyroscope_deg_per_sqrt_h']:g} °/√h", "noise of the gyroscopes"),
             (f"{noise['accelerometer_ug_per_sqrt_Hz']:g} µg/√Hz", "noise of the accelerometers"),
         ],
         "curves": picture(
-            _curves(errors),
-            f"Sigma of {amount(len(errors), 'state')} over {lasting(last)}, on a logarithmic scale.",
+            _curves(o),
+            f"Sigma of {amount(len(o.curves), 'state')} over {lasting(last)}, on a logarithmic scale.",
             "One sigma of each state against time, starting at its usual size; each step down is a turn.",
         ),
         "unobservable": unseen,
-        "weak": [{"direction": naming.direction_in_words(w["direction"]),
-                  "why": f"known {significant(float(w['degree']), 3)} times better than before"}
-                 for w in content["weak"]],
-        "rows": [_row(s) for s in content["states"]],
-        "published": _published(content["published"]),
+        "weak": [{"direction": naming.direction_in_words(direction),
+                  "why": f"known {significant(degree, 3)} times better than before"} for direction, degree in o.weak],
+        "rows": [_state(c) for c in (*o.curves, *o.navigation)],
+        "published": _published(o.published),
         "citations": cite("wei2022", "yan2018", "friedland1969"),
     })  # fmt: skip
 
 
-def turning_headline(content: Mapping[str, Any]) -> str:
+def turning_headline(o: TurningObservability) -> str:
     """Return which errors a schedule of turns determines, how well, and what to do next."""
-    errors = _errors(content)
-    lost, unseen = naming.unobservable_leading(content["unobservable"]), len(content["unobservable"])
-    low = [s for s in errors if s["observability"] != "high" and s["parameter"] not in lost]
-    share = (
-        f"{len(errors) - unseen} of {len(errors)} combinations" if unseen else f"all {counted(len(errors), 'error')}"
-    )
-    text = f"{content['schedule']} determines {share} of the unit in {lasting(float(errors[0]['time_s'][-1]))}."
-    text += precision((s["parameter"].partition(":")[0], float(s["sigma"][-1]), s["unit"])
-                      for s in errors if s["parameter"] not in lost)  # fmt: skip
+    total, unobservable = len(o.curves), o.bounds.unobservable
+    undetermined, unseen = _leading(unobservable), len(unobservable)
+    determined = [c for c in o.curves if c.parameter not in undetermined]
+    low = [label_in_words(c.parameter) for c in determined if c.word != "high"]
+    share = f"{total - unseen} of {total} combinations" if unseen else f"all {counted(total, 'error')}"
+    text = f"{o.bounds.schedule} determines {share} of the unit in {lasting(float(o.time[-1]))}."
+    text += precision((c.parameter.partition(":")[0], float(c.printed[-1]), c.unit) for c in determined)
     if unseen:
         text += (
             f" {naming.capitalised(counted(unseen, 'combination'))} cannot be observed: turn about another axis, too."
         )
     if low:
-        text += (
-            f" Hardly better known than before: {', '.join(label_in_words(s['parameter']) for s in low[:MAX_STATES])}"
-        )
+        text += f" Hardly better known than before: {', '.join(low[:MAX_STATES])}"
         text += f" and {len(low) - MAX_STATES} more." if len(low) > MAX_STATES else "."
     return text if unseen or low else f"{text} Next: record it, then `gimbalcal calibrate` the recording."
 
 
-def _errors(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the states that are errors of the unit, not of its attitude, velocity or position."""
-    return [s for s in content["states"] if not s["parameter"].startswith(("attitude:", "velocity:", "place:"))]
-
-
-def _row(state: Mapping[str, Any]) -> dict[str, str]:
-    return {
-        "words": label_in_words(state["parameter"]),
-        "sigma": significant(float(state["sigma"][-1]), 3),
-        "unit": unit_in_print(state["unit"]),
-        "degree": significant(float(state["degree"]), 3),
-        "word": state["observability"],
-    }
+def _state(c: SigmaCurve) -> dict[str, str]:
+    return {"words": label_in_words(c.parameter), "sigma": significant(float(c.printed[-1]), 3),
+            "unit": unit_in_print(c.unit), "degree": significant(c.degree, 3), "word": c.word}  # fmt: skip
 
 
 def _published(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the comparison with published degrees; empty without one."""
     if not table:
         return {}
-    rows = [
-        {
-            "words": label_in_words(r["parameter"]),
-            "printed": f"{r['printed']:.2f}",
-            "degree": significant(float(r["degree"]), 3),
-            "ratio": significant(float(r["ratio"]), 2),
-        }
-        for r in table["rows"]
-    ]
+    rows = [{"words": label_in_words(r["parameter"]), "printed": f"{r['printed']:.2f}",
+             "degree": significant(r["degree"], 3), "ratio": significant(r["ratio"], 2)}
+            for r in table["rows"]]  # fmt: skip
     return {"rows": rows, "in_words": naming.as_sentence(table["in_words"])}
 
 
-def _curves(states: Sequence[Mapping[str, Any]]) -> list[Chart]:
+def _curves(o: TurningObservability) -> list[Chart]:
     """Draw a chart for each name and unit, with a line for each axis."""
     groups: dict[tuple[str, str], list[tuple[str, Array]]] = {}
-    for s in states:
-        name, _, axis = s["parameter"].partition(":")
-        groups.setdefault((name, s["unit"]), []).append((axis, np.asarray(s["sigma"])))
-    time, unit = sensible_time(np.asarray(states[0]["time_s"]))
+    for c in o.curves:
+        name, _, axis = c.parameter.partition(":")
+        groups.setdefault((name, c.unit), []).append((axis, c.printed))
+    time, unit = sensible_time(o.time)
     curves = [(f"{label_in_words(name)}  [{unit_in_print(of)}]", lines) for (name, of), lines in groups.items()]
     return figures.curves_by_group(time, curves, f"time [{unit}]")

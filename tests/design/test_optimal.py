@@ -7,7 +7,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from gimbalcal.design.optimal import assess, design, gains, optimise, position_response, report, value
+from gimbalcal.design.optimal import assess, assessed_design, design, gains, optimise, position_response, value
 from gimbalcal.design.rig_positions import PositioningRig, design_parameters, free_rig, grid, rig_of, whitened_rows
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
@@ -43,13 +43,15 @@ def test_gain_is_the_change_of_the_value(criterion: str) -> None:
 
 
 def test_fifteen_positions_beat_the_published_fifteen() -> None:
-    made, seen = design(free_rig(TABLE, np.pi / 12), 15, criterion="A")
-    against = seen["against"]["wang2019-15"]
-    assert len(made.holds) == 15
-    assert against["A_value"] > against["A_value_of_other"]
-    assert against["sigma_ratio_equal_time"] < 0.95
-    assert against["criterion_ratio_equal_time"] < 0.95
-    assert seen["unsupported"] == []
+    d = design(free_rig(TABLE, np.pi / 12), 15, criterion="A")
+    against = d.against["wang2019-15"]
+    assert len(d.schedule.holds) == 15
+    assert against.value > against.value_of_other
+    assert against.sigma_ratio < 0.95
+    assert against.criterion_ratio < 0.95
+    assert d.unsupported == []
+    written = d.to_dict()["against"]["wang2019-15"]
+    assert (written["A_value"], written["criterion_ratio_equal_time"]) == (against.value, against.criterion_ratio)
 
 
 def test_predicted_sigma_is_that_of_a_calibration() -> None:
@@ -68,16 +70,15 @@ def test_predicted_sigma_is_that_of_a_calibration() -> None:
 
 def test_a_rig_that_only_leans_is_told_what_it_cannot_support() -> None:
     rig = PositioningRig(TABLE, {"outer": grid(0, np.pi / 6, np.pi / 12), "inner": grid(-np.pi, np.pi, np.pi / 4)})
-    _, seen = design(rig, 15)
-    assert any("K3:z would be uncertain by" in words for words in seen["unsupported"])
+    assert any("K3:z would be uncertain by" in words for words in design(rig, 15).unsupported)
 
 
 def test_with_angles_the_platform_zero_stays_one_with_a_rotation_of_the_triad() -> None:
-    _, seen = design(free_rig(KNOWN["space-stable"], setting=5e-6), 18)
-    assert [set(u["direction"]) for u in seen["unobservable"]] == [
+    d = design(free_rig(KNOWN["space-stable"], setting=5e-6), 18)
+    assert [set(u.direction) for u in d.unobservable] == [
         {"misalignment:xz", "misalignment:yz", "gimbal_zero:platform"}
     ]
-    assert seen["against"][EIGHTEEN_POSITIONS.name]["sigma_ratio_equal_time"] < 1
+    assert d.against[EIGHTEEN_POSITIONS.name].sigma_ratio < 1
 
 
 def test_separating_confounded_effects_makes_both_known_better() -> None:
@@ -85,9 +86,9 @@ def test_separating_confounded_effects_makes_both_known_better() -> None:
     pair = ("scale_nonlinearity", "scale_factor_asymmetry")
     terms = ("bias", "scale_factor", "misalignment", *pair)
     wanted = design_parameters(rig, terms)
-    plain, apart = (design(rig, 12, terms, separate=s)[0] for s in ((), pair))
+    plain, separated = (design(rig, 12, terms, separate=s).schedule for s in ((), pair))
     mine = np.array([p.effect in pair for p in wanted])
-    sigma = [assess(s, rig, wanted)[0][mine] for s in (plain, apart)]
+    sigma = [assess(s, rig, wanted)[0][mine] for s in (plain, separated)]
     assert np.prod(sigma[1]) < np.prod(sigma[0])
 
 
@@ -99,22 +100,22 @@ def test_unknown_effects_and_criteria_are_refused() -> None:
 
 
 def test_words_name_the_published_schedules() -> None:
-    _, seen = design(rig_of("two-axis-table", 45.0, None), 15)
-    assert "against wang2019-15: for equal time the mean radius of what stays uncertain is 0." in seen["in_words"]
+    d = design(rig_of("two-axis-table", 45.0, None), 15)
+    assert "against wang2019-15: for equal time the mean radius of what stays uncertain is 0." in d.in_words
 
 
 @pytest.mark.parametrize("criterion", ["D", "A"])
 def test_a_schedule_against_itself_is_worth_the_same_and_twice_the_positions_too(criterion: str) -> None:
     rig = free_rig(TABLE, accelerometer=1e-7)  # far below the priors, which do not double
     twice = Schedule("twice", TABLE, 2 * FIFTEEN_POSITIONS.holds)
-    seen = report(FIFTEEN_POSITIONS, rig, design_parameters(rig, TERMS), criterion, (FIFTEEN_POSITIONS, twice), 0)
+    d = assessed_design(FIFTEEN_POSITIONS, rig, design_parameters(rig, TERMS), criterion, (FIFTEEN_POSITIONS, twice), 0)
     for name in ("wang2019-15", "twice"):
-        assert seen["against"][name]["criterion_ratio_equal_time"] == pytest.approx(1, rel=1e-3)
-        assert seen["against"][name]["sigma_ratio_equal_time"] == pytest.approx(1, rel=1e-3)
+        assert d.against[name].criterion_ratio == pytest.approx(1, rel=1e-3)
+        assert d.against[name].sigma_ratio == pytest.approx(1, rel=1e-3)
 
 
 def test_a_noisy_unit_is_told_which_orders_it_cannot_support() -> None:
-    quiet, noisy = (design(rig_of("two-axis-table", 45.0, None, ug), 15)[1]["unsupported"] for ug in (1.0, 1000.0))
+    quiet, noisy = (design(rig_of("two-axis-table", 45.0, None, ug), 15).unsupported for ug in (1.0, 1000.0))
     assert quiet == []
     assert {words.split(":")[0] for words in noisy} >= {"scale_nonlinearity", "K3"}
 
@@ -122,12 +123,12 @@ def test_a_noisy_unit_is_told_which_orders_it_cannot_support() -> None:
 def test_positions_that_leave_the_smallest_error_of_a_days_navigation() -> None:
     """Ten positions chosen for the navigator leave less of it than ten that are D-optimal."""
     rig = rig_of("space-stable", 90.0, 5.0)
-    made, told = design(rig, 10, criterion="position")
+    d = design(rig, 10, criterion="position")
     wanted = design_parameters(rig, BASELINE["multi-position"])
     S = position_response(rig, wanted, (), 40.0)
-    usual, _ = design(rig, 10)
-    own, other = (value(whitened_rows(s.angles, rig, wanted), "position", S) for s in (made, usual))
+    usual = design(rig, 10).schedule
+    own, other = (value(whitened_rows(s.angles, rig, wanted), "position", S) for s in (d.schedule, usual))
     assert -own < 0.98 * -other
-    assert f"{np.sqrt(-own):.3g} m of position in 24 h" in told["in_words"]
+    assert f"{np.sqrt(-own):.3g} m of position in 24 h" in d.in_words
     with pytest.raises(InputError, match="space-stable"):
         design(rig_of("three-axis-table", 90.0, 5.0), 6, criterion="position")

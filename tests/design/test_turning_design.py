@@ -64,11 +64,11 @@ def test_every_neighbour_that_is_allowed_keeps_the_limits():
 
 
 def test_it_beats_what_it_is_measured_by_and_says_so():
-    made, told = design_turning(TABLE, 34.2, "30", ("xie2011-19",), "sum", tries=40, seed=2)
-    assert trajectory(made).duration == pytest.approx(TABLE.total)
-    assert np.mean([row["ratio"] for row in told["groups"]]) < 0.98
-    assert {row["group"] for row in told["groups"]} >= {"gyro_bias", "scale_factor"}
-    assert "in as much time" in told["in_words"]
+    d = design_turning(TABLE, 34.2, "30", ("xie2011-19",), "sum", tries=40, seed=2)
+    assert trajectory(d.schedule).duration == pytest.approx(TABLE.total)
+    assert np.mean([g.ratio for g in d.groups]) < 0.98
+    assert {g.group for g in d.groups} >= {"gyro_bias", "scale_factor"}
+    assert "in as much time" in d.in_words
 
 
 def test_the_63_turns_are_better_than_both_papers_in_every_group_at_equal_duration():

@@ -16,6 +16,7 @@ from gimbalcal.design.budget import budget
 from gimbalcal.design.optimal import design
 from gimbalcal.design.position_observability import observe, observe_any
 from gimbalcal.design.rig_positions import rig_of
+from gimbalcal.design.turning_design import GroupSigma, TurnsDesign
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, LawResult, Mismatch, Shape
@@ -52,12 +53,12 @@ HISTORY = {
                     "drift_per_year": 3.0, "drift_sigma": 1.0} for n in ("bias", "scale_factor")],
 }  # fmt: skip
 
-TURNS = {
-    "turns": 30, "stop_s": 50.06, "total_s": 3870.0, "in_words": "30 turns\nbias: 0.14 ug\nbetter than wei2022-30",
-    "groups": [{"group": g, "sigma": s, "unit": u, "against": {"wei2022-30": 2 * s}, "ratio": 3e-4}
-               for g, s, u in (("bias", 0.144, "ug"), ("gyro_bias", 0.0025, "deg/h"))],
-}  # fmt: skip
-
+TURNS = TurnsDesign(
+    ROTATIONS["wei2022-30"], 3870.0,
+    tuple(GroupSigma(g, u, s, {"wei2022-30": 2 * s}, 0.5)
+          for g, s, u in (("bias", 0.144, "ug"), ("gyro_bias", 0.0025, "deg/h"))),
+    ("wei2022-30",),
+)  # fmt: skip
 
 CUBIC = Finding("cubic_nonlinearity", "y", 0.78, 24.1, (Estimate("K3", "y", 16.2, 0.7, "ug/g^3"),))
 MISMATCH = Mismatch("specific_force", "y", {"positions": (4, 10)}, 41.2, 1e-7, "y differs where it carries 1 g")
@@ -94,12 +95,6 @@ def campaign(runs: int = 200, ratio: float = 1.02, mean: float = 0.0, failed: in
 def page(name: str) -> str:
     """One of `PAGES`."""
     return PAGES[name]()
-
-
-@cache
-def planned() -> tuple[Any, Any]:
-    """A designed schedule of six positions, and its report."""
-    return design(rig_of("space-stable", 90, None), 6, ("bias",))
 
 
 def of_forces(verdict: str = "missing-physics", **changes: Any) -> str:
@@ -143,11 +138,11 @@ PAGES: dict[str, Callable[[], str]] = {
     "pointing": pointing_page,
     "mount": lambda: diagnosis_report(replace(DIAGNOSIS, curves=mount()), LONG),
     "noise": lambda: noise_report(noise_content(bench(), noise_at_rest(bench())), LONG),
-    "observe": lambda: plan_report(observe("wu2018-18", candidates=["cross_coupling"]).to_dict()),
-    "observe_static": lambda: plan_report(observe_any("static-24h", 1.0, 2.0, 40.0).to_dict()),
-    "turns": lambda: observability_report(observe_turning("jia2014-9", 40.0, "bias,gyro_bias").to_dict()),
-    "design": lambda: design_report(*planned()[::-1]),
-    "designed_turns": lambda: design_report(TURNS, ROTATIONS["wei2022-30"]),
+    "observe": lambda: plan_report(observe("wu2018-18", candidates=["cross_coupling"])),
+    "observe_static": lambda: plan_report(observe_any("static-24h", 1.0, 2.0, 40.0)),
+    "turns": lambda: observability_report(observe_turning("jia2014-9", 40.0, "bias,gyro_bias")),
+    "design": lambda: design_report(design(rig_of("space-stable", 90, None), 6, ("bias",))),
+    "designed_turns": lambda: design_report(TURNS),
     "budget": lambda: budget_report(budget(["wu2018-18"], (6.0, 24.0))),
     "navigation": lambda: navigation_report(navigation_content(navigated(), Aids(), {"samples": 5}), navigated(), LONG),
     "history": lambda: history_report(HISTORY),

@@ -250,7 +250,7 @@ def test_tables_of_the_console(golden: Golden) -> None:
         parameters_table(calibration),
         parameters_table(replace(calibration, unobservable=(held,))),
         findings_table([replace(WARM, parameters=two), sized("bias", ("x", 0.0123, 0.0004, "1"))]),
-        bounds_table(observe("wu2018-18").to_dict()),
+        bounds_table(observe("wu2018-18")),
     ]
     golden("console/tables", "\n\n".join(tables))
     assert tables[0].count(" ± ") == len(calibration.parameters)
