@@ -14,11 +14,11 @@ import pytest
 from gimbalcal.calibration import Calibration
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
-from gimbalcal.estimate.gyroscopes.reference import reference_of
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, read, write
 from gimbalcal.rotation import exponential, frame_rotation
+from gimbalcal.views.attitude_reference import reference_of
 
 RATE, NOISE, LAG = 100.0, np.radians(0.1), 0.045
 BIAS, SF = np.radians([0.8, -0.5, 0.3]), np.array([1.004, 0.997, 1.002])

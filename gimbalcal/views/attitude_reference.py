@@ -40,6 +40,10 @@ class Reference:
         """C (..., 3, 3) at any time inside, smooth in the rate (a spline of rotations)."""
         return np.asarray(np.swapaxes(self._spline(np.clip(time, self.time[0], self.time[-1])).as_matrix(), -1, -2))
 
+    def turning(self, time: Array) -> Array:
+        """Return the rate of the body (..., 3) [rad/s] at any time inside, in its axes: dC/dt = -[w x] C."""
+        return np.asarray(self._spline(np.clip(time, self.time[0], self.time[-1]), 1))
+
     @cached_property
     def _spline(self) -> RotationSpline:
         from scipy.spatial.transform import Rotation, RotationSpline

@@ -1,0 +1,109 @@
+r"""A moving gyroscope triad against a logged attitude: the rotation of each interval, swept and as the reference says.
+
+Over an interval the gyroscopes make the rotation P, the reference from its attitude C at both ends Q; its stamps are
+late by tau, and its body frame is turned to the gyroscopes' by M,
+
+.. math:: P(\theta) = (1 - [\epsilon \times]) \, M Q(\tau) M^T , \qquad Q(\tau) = C(t_1 + \tau) \, C(t_0 + \tau)^T .
+
+The mounting and the lag are nuisances without a prior. With R = P M Q^T M^T, and a_0 and a_1 what a small mounting mu
+and lag turn the reference's attitude by at the start and the end, mu + M w dtau with w the rate of the reference,
+
+.. math:: \delta\epsilon = \tfrac12 (\operatorname{tr} R - R) \, (P a_0 - R a_1) - \epsilon \times a_1
+
+in axes that turn with the reference. Its noise is white, so neighbouring intervals share an error: in axes of the
+reference's world the covariance of epsilon is the tridiagonal 2, -1, and rows are whitened by its Cholesky factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.effects import Effect
+from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
+from gimbalcal.effects.effect import GYROSCOPE_STAGES
+from gimbalcal.forward import Rows
+from gimbalcal.kinematics import stimulus_from_truth
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording
+from gimbalcal.recording.dwell import PAUSED
+from gimbalcal.recording.record import RATE
+from gimbalcal.rotation import cross_matrix, exponential, left_jacobian, mean_rates, small_rotation_vector
+from gimbalcal.views.attitude_reference import Reference
+from gimbalcal.views.core import View, nuisance, recording_fields
+from gimbalcal.views.noise import NoiseModel
+from gimbalcal.views.swept_rotations import RATES, Sweeps, swept_rows
+
+INTERVAL_S = 0.5  # long enough that the reference's noise is little of a turn, short enough for a wrist's motion
+MAX_INTERVALS = 1200  # of a longer log they are longer
+MOUNTING, LAG = "mounting", "lag"
+
+
+def against_reference(recording: Recording, known: Reference, mounting: Array, lag: float) -> View:
+    """Return the view of the intervals of a recording; mounting M (3, 3) and lag [s] are where the nuisances are zero.
+
+    Intervals begin and end at samples of the gyroscopes, with the reference on both ends and no pause in them.
+    """
+    time, y = recording.time, recording.triad(RATE)
+    start, n = _intervals(time, known, lag)
+    spans = start[:, None] + np.arange(n + 1)
+    rate = np.array([np.sum(mean_rates(time[s], y[s]), axis=0) for s in spans]).reshape(-1, 3)
+    still = replace(recording.select(slice(0, 1)), platform=BENCH, position=None)
+    s = stimulus_from_truth(still, np.zeros((1, 3)), np.zeros((1, 3))).held(len(rate))
+    s = s.at(rate=rate, time=time[spans[:, 1:]].ravel() - time[0])
+    sweeps = Sweeps(rate.reshape(-1, n, 3), np.diff(time[spans], axis=1), s)
+    ends = time[spans[:, [0, -1]]]
+    whiten = np.linalg.inv(np.linalg.cholesky(_covariance(start[1:] == start[:-1] + n)))
+
+    def about(x: Array) -> View:
+        M = exponential(x[:3]) @ mounting
+        C0, C1 = (known.at(ends[:, i] + lag + x[3]) for i in (0, 1))
+        w0, w1 = (apply_matrix(M, known.turning(ends[:, i] + lag + x[3])) for i in (0, 1))
+        J, A, to_world = left_jacobian(x[:3]), M @ (C1 @ np.swapaxes(C0, -1, -2)) @ M.T, np.swapaxes(M @ C1, -1, -2)
+
+        def rows(effects: Sequence[Effect]) -> Rows:
+            P, turned = swept_rows(sweeps, effects)
+            R = P @ np.swapaxes(A, -1, -2)
+            epsilon, K = small_rotation_vector(R), (np.trace(R, axis1=1, axis2=2)[:, None, None] * np.eye(3) - R) / 2
+            start = np.concatenate([np.broadcast_to(J, R.shape), w0[..., None]], axis=-1)  # by mounting and lag
+            end = np.concatenate([np.broadcast_to(J, R.shape), w1[..., None]], axis=-1)
+            N = K @ (P @ start - R @ end) - cross_matrix(epsilon) @ end
+            turned = turned.reduced(lambda X: whitened(to_world @ K @ X))
+            residual = -whitened(apply_matrix(to_world, epsilon))
+            return replace(turned, residual=residual, nuisance=whitened(to_world @ N))
+
+        def whitened(X: Array) -> Array:
+            return (whiten @ X.reshape(len(X), -1)).reshape(X.shape)
+
+        return View(
+            "attitude", unit="arcmin", channels=RATES, **recording_fields(recording.select(spans[:, -1])), stimulus=s,
+            evaluate=rows, stages=GYROSCOPE_STAGES, baseline=(*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS),
+            groups=np.arange(len(start)), noise=NoiseModel(), about=about,
+            nuisances=(*(nuisance(MOUNTING, a, "arcmin", np.inf) for a in "xyz"), nuisance(LAG, "", "ms", np.inf)),
+        )  # fmt: skip
+
+    return about(np.zeros(4))
+
+
+def _intervals(time: Array, known: Reference, lag: float) -> tuple[NDArray[np.int64], int]:
+    """Return the first samples (m,) of the intervals and their number of steps n."""
+    dt = np.diff(time)
+    step = float(np.median(dt))
+    n = max(2, round(max(INTERVAL_S, 2 * known.step, (time[-1] - time[0]) / MAX_INTERVALS) / step))
+    start = [
+        k for k in range(0, len(time) - n, n)
+        if dt[k : k + n].max() <= PAUSED * step and known.covers(time[k] + lag, time[k + n] + lag)
+    ]  # fmt: skip
+    return np.array(start, dtype=np.int64), n
+
+
+def _covariance(follows: NDArray[np.bool_]) -> Array:
+    """Covariance (m, m) of differences of white noise, whose neighbours share an end where they follow (m - 1,)."""
+    V = 2.0 * np.eye(len(follows) + 1)
+    at = np.flatnonzero(follows)
+    V[at, at + 1] = V[at + 1, at] = -1.0
+    return V
