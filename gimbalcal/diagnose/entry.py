@@ -11,13 +11,11 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import refuse_other_gimbals
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.both_triads import diagnose_both_triads, has_gyroscopes
 from gimbalcal.diagnose.caveats import with_reservation
-from gimbalcal.diagnose.known_noise import diagnose_known_noise
+from gimbalcal.diagnose.of_recording import diagnose_recording, has_unstated_noise
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite
 from gimbalcal.diagnose.several import diagnose_several
-from gimbalcal.diagnose.unknown_noise import applies, diagnose_unknown_noise
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import constants
@@ -127,11 +125,11 @@ def _judged(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
 def _of_all(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     if all(r.kind.sighting for r in recordings):
         return _nights(recordings, asked)
-    if len(recordings) > 1 and all(applies(r) and r.kind.in_positions for r in recordings):
+    if len(recordings) > 1 and all(has_unstated_noise(r) and r.kind.in_positions for r in recordings):
         return _sessions(recordings, asked)
     if len(recordings) > 1:
         return diagnose_several(recordings, *asked)
-    return _diagnose(recordings[0], asked)
+    return diagnose_recording(recordings[0], *asked)
 
 
 def _sessions(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
@@ -145,7 +143,7 @@ def _sessions(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
 def _joined(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     """Sessions or nights as one recording, and how far apart in time they were taken to be."""
     both = join(recordings)
-    made = _diagnose(both, asked)
+    made = diagnose_recording(both, *asked)
     if len(recordings) == 1:
         return made
     apart = both.remarks[-1]
@@ -183,11 +181,3 @@ def _held_together(made: Diagnosis, each: str, alike: str, ask: Callable[[], Cal
         provenance={**made.provenance, f"{each}s": listed},
         outcome=told.outcome,
     )
-
-
-def _diagnose(recording: Recording, asked: _Asked) -> Diagnosis:
-    if applies(recording):
-        return diagnose_unknown_noise(recording, *asked)
-    if has_gyroscopes(recording) or recording.kind.in_positions:
-        return diagnose_both_triads(recording, *asked)
-    return diagnose_known_noise(recording, *asked)

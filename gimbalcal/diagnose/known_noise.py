@@ -6,15 +6,14 @@ observe ──> noise ──> library ──> search ──> decide ──> mode
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-import gimbalcal
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.answer import Curves, Diagnosis, in_print, plotted_against
+from gimbalcal.diagnose.answer import Curves, in_print, plotted_against
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import settle
@@ -35,14 +34,15 @@ from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.diagnose.search.relinearise import about_causes, about_settings
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
-from gimbalcal.diagnose.verdict.detection_limits import detection_limits, limits_in_words
+from gimbalcal.diagnose.verdict.detection_limits import detection_limits
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
 from gimbalcal.diagnose.verdict.manoeuvres import advise, sentence
 from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, Scan, mismatches, scan
-from gimbalcal.diagnose.verdict.random_walk import decide_with_walk, repeat_advice, with_walk, without_single_walks
+from gimbalcal.diagnose.verdict.random_walk import decide_with_walk, repeat_advice, without_single_walks
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_jointly
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
+from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.number import Array
@@ -51,7 +51,6 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline
-from gimbalcal.words import diagnosis_sentences
 from gimbalcal.words.naming import spaced
 
 DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not to be linearised at
@@ -59,8 +58,8 @@ DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not t
 
 def diagnose_known_noise(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
-) -> Diagnosis:
-    """What was left out of the model of a recording whose attitude and noise are known."""
+) -> ViewDiagnosis:
+    """Diagnose the forces, or what else is read, of a recording whose attitude and noise are known."""
     rng = np.random.default_rng(seed)
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
     s = searched(recording, calibration, ids, tell)
@@ -68,23 +67,22 @@ def diagnose_known_noise(
     clean = clean_evidence(s, rng)
     held = without_single_walks(s)
     d, walk = decide_with_walk(s, held, bar(clean))
-    options = {"baseline": list(ids), "seed": seed}
     if walk is not None and d.verdict == "adequate":  # unless a formula is as likely: a walk has none
         none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
         law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell) if none.shapes else Lawful()
         likelier = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
         law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or repeat_advice(s.fit.view.kind))
-        made = _report(held, none, clean, rng, options, tell, calibration, law)
-        return made if likelier > CLAIM else with_walk(made, walk, only=likelier < -CLAIM)
-    made = _report(s, d, clean, rng, options, tell, calibration)
+        made = _report(held, none, clean, rng, seed, tell, calibration, law)
+        return made if likelier > CLAIM else made.with_walk(walk, only=likelier < -CLAIM)
+    made = _report(s, d, clean, rng, seed, tell, calibration)
     if walk is not None:
-        return with_walk(made, walk)
+        return made.with_walk(walk, only=False)
     assert isinstance(made.fit, StatedNoiseFit)
     if d.hypothesis is None or (made.fit.scan_p_after >= LEFT and strained(s, d.hypothesis.members) < CLAIM):
         return made
     none = unnamed(s)
     law = lawful([s], [none.shapes[:1]], s, none.verdict, seed, tell, instead=True)
-    return _report(s, none, clean, rng, options, tell, calibration, law) if law.laws else made
+    return _report(s, none, clean, rng, seed, tell, calibration, law) if law.laws else made
 
 
 def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
@@ -117,9 +115,9 @@ def _misfit(o: Fit) -> float:
 
 
 def _report(
-    s: Search, d: Decision, clean: Array, rng: np.random.Generator, options: Mapping[str, Any], tell: Tell,
+    s: Search, d: Decision, clean: Array, rng: np.random.Generator, seed: int, tell: Tell,
     known: Calibration | None = None, law: Lawful | None = None,
-) -> Diagnosis:  # fmt: skip
+) -> ViewDiagnosis:  # fmt: skip
     members = d.hypothesis.members if d.hypothesis else ()
     f = fit_causes(s, members)
     seen = fit_causes(s, members or tuple(d.shapes[:1]))  # the noise as it is once the shape is allowed for
@@ -128,30 +126,30 @@ def _report(
     mismatch = () if d.verdict == "adequate" else mismatches(before, at_least=1)
     named = findings(s, d, f)
     shapes = tuple(shape(s.library.candidates[i]) for i in d.shapes[:3])
-    provenance = {
-        "version": gimbalcal.__version__,
-        "recordings": s.fit.view.source.files,
-        "options": dict(options),
-        "ln_bayes_factor": round(s.ln_total, 3),
-        "ln_bayes_factor_needed": round(bar(clean), 3),
-        "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
-        "probability_unknown": round(d.unknown, 4),
-        "causes_compared": len([c for c in s.library.candidates if not c.rival]),
-        "excess_kurtosis": round(s.fit.view.noise.kurtosis, 3),
-    }
-    words, fault = diagnosis_sentences.answer(d.verdict, named, shapes, mismatch, fitted), misheld(s, d.verdict)
     if d.verdict == "adequate":
-        limits = detection_limits(s.library.candidates, s.projections)
-        fitted, words = replace(fitted, unseen=limits), f"{words} {limits_in_words(limits)}".strip()
-    law = law or lawful([s], [d.shapes[:1]], s, d.verdict, int(options["seed"]), tell)
+        fitted = replace(fitted, unseen=detection_limits(s.library.candidates, s.projections))
+    law = law or lawful([s], [d.shapes[:1]], s, d.verdict, seed, tell)
     for law_fit, left in law.each:
         fitted = law_fit.summary(fitted)
         curves = replace(curves, after=left)
     tell("the model with what was found, as a calibration")
-    made = calibrated_alone(s, f, diagnosis_sentences.reservation(d.verdict, named, shapes), known)
-    words += f" {fault}" if fault else ""
-    return Diagnosis(d.verdict, mismatch, named, shapes, fitted, provenance, words, curves, made, outcome=fault,
-                     laws=law.laws, recommend=law.recommend)  # fmt: skip
+    sigma = np.broadcast_to(s.fit.sigma, curves.after.shape)
+    return ViewDiagnosis(
+        s.fit.view, d.verdict, mismatch, named, shapes, fitted, curves, sigma,
+        calibration=calibrated_alone(s, f, "", known), laws=law.laws, recommend=law.recommend,
+        outcome=misheld(s, d.verdict), evidence={**evidence_of(s, clean), "probability_unknown": round(d.unknown, 4)},
+    )  # fmt: skip
+
+
+def evidence_of(s: Search, clean: Array) -> dict[str, Any]:
+    """Return the evidence of a search and of simulated clean recordings (draws,), for the provenance."""
+    return {
+        "ln_bayes_factor": round(s.ln_total, 3),
+        "ln_bayes_factor_needed": round(bar(clean), 3),
+        "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
+        "causes_compared": len([c for c in s.library.candidates if not c.rival]),
+        "excess_kurtosis": round(s.fit.view.noise.kurtosis, 3),
+    }
 
 
 def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibration | None = None) -> Calibration:

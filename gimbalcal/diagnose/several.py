@@ -15,10 +15,10 @@ import numpy as np
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, Diagnosis
-from gimbalcal.diagnose.both_triads import has_gyroscopes
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import constants, measured, printed, searched, shape
 from gimbalcal.diagnose.laws.law_claims import APART, Lawful, lawful
+from gimbalcal.diagnose.of_recording import has_gyroscopes, has_unstated_noise
 from gimbalcal.diagnose.result import (
     Finding,
     Mismatch,
@@ -32,7 +32,6 @@ from gimbalcal.diagnose.result import (
 from gimbalcal.diagnose.rows.baseline import unfit
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
-from gimbalcal.diagnose.unknown_noise import applies
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
@@ -101,7 +100,7 @@ def _with_law(shares: tuple[Share, ...], law: Lawful) -> tuple[Share, ...]:
 def _check(recordings: Sequence[Recording]) -> None:
     first = recordings[0]
     for r in recordings:
-        if applies(r) or r.kind not in BASELINE:
+        if has_unstated_noise(r) or r.kind not in BASELINE:
             raise InputError(
                 f"{r.title!r} is a {r.kind} recording of {r.platform.name!r}: `diagnose` combines multi-position and "
                 "static-run recordings with gimbals; give this one alone"
@@ -162,7 +161,7 @@ def _report(
         "causes_compared": len({(x.effect, x.axis, x.source) for x in c.library.candidates if not x.rival}),
         "excess_kurtosis": round(max(s.fit.view.noise.kurtosis for s in c.searches), 3),
     }
-    words = [diagnosis_sentences.answer(d.verdict, named, unexplained, mismatch, fitted)]
+    words = [diagnosis_sentences.answer(d.verdict, [(c.searches[lead].fit.view, fitted, named)], unexplained, mismatch)]
     words += [f.agreement.in_words for f in named if f.agreement and f.agreement.in_words]
     words.append(_each_alone(shares))
     made, between = _calibrated(c, d, shares, diagnosis_sentences.reservation(d.verdict, named, unexplained), known)

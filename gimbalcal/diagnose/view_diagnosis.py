@@ -6,16 +6,18 @@ searched once more with that walk among its noises.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
+from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, plotted_against
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import SOUGHT, Lawful, laws_of_view, told_heldout
 from gimbalcal.diagnose.library.assemble import library
-from gimbalcal.diagnose.result import Finding, LawResult, Mismatch, Shape, ViewFit
+from gimbalcal.diagnose.result import Finding, FitSummary, LawResult, Mismatch, Shape
 from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
 from gimbalcal.diagnose.search.refit import with_constants
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
@@ -37,9 +39,10 @@ from gimbalcal.words import diagnosis_sentences
 
 @dataclass(frozen=True)
 class ViewDiagnosis:
-    """The diagnosis of one view, and its misfits in sigma without and with the findings (n, C).
+    """The diagnosis of one view, with its misfits without and with the findings.
 
-    sigma (n, C): of a row, SI; model: findings and their constants fitted; outcome: what else speaks against the view.
+    sigma (n, C): of a row, SI. model: findings and their constants fitted, where no noise is stated; calibration: the
+    same where it is. outcome: what else speaks against the view; evidence: what it adds to the provenance.
     """
 
     view: View
@@ -47,14 +50,20 @@ class ViewDiagnosis:
     mismatch: tuple[Mismatch, ...]
     findings: tuple[Finding, ...]
     unexplained: tuple[Shape, ...]
-    fit: ViewFit
-    before: Array
-    after: Array
+    fit: FitSummary
+    curves: Curves
     sigma: Array
-    model: Fit
+    model: Fit | None = None
+    calibration: Calibration | None = None
     laws: tuple[LawResult, ...] = ()
     recommend: str = ""
     outcome: str = ""
+    evidence: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The view as diagnosis.json calls it."""
+        return "forces" if self.view.noise.stated else self.view.name
 
     def with_walk(self, walk: RandomWalkFinding, only: bool) -> ViewDiagnosis:
         """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""
@@ -135,10 +144,10 @@ def diagnosis_as(
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
     mismatch = () if verdict == "adequate" else mismatches(c.start, sigma)
-    before, after = c.start.residual / sigma, c.described.residual / sigma
     return ViewDiagnosis(
-        v, verdict, mismatch, found, shapes, fit, before, after, sigma, model, lawful.laws, lawful.recommend
-    )
+        v, verdict, mismatch, found, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
+        recommend=lawful.recommend,
+    )  # fmt: skip
 
 
 def _walk_of_sensor(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:
@@ -153,15 +162,13 @@ def _walk_of_sensor(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFi
     )
 
 
-def curves_of(d: ViewDiagnosis) -> Curves:
-    """Return the misfits of a view for a picture."""
-    n = len(d.before)
-    number = np.ones(n) if d.view.label is None else np.arange(1, n + 1)
-    if d.view.name == "pointing":
-        number = d.view.stimulus.position
-    sigma = np.asarray(from_si(d.sigma, d.view.unit))
-    units = (d.view.unit,) * len(d.view.channels)
-    return Curves(
-        d.view.time, number, d.view.channels, d.before, d.after, sigma, units, plotted_against(d.view.stimulus)
-        if len(d.view.stimulus.time) == n else {},
-    )  # fmt: skip
+def curves_of(c: SearchResult, sigma: Array) -> Curves:
+    """Return the misfits of a view without and with the findings for a picture, in rows of `sigma` (n, C)."""
+    v, n = c.start.view, len(c.start.residual)
+    number = np.ones(n) if v.label is None else np.arange(1, n + 1)
+    if v.name == "pointing":
+        number = v.stimulus.position
+    before, after = c.start.residual / sigma, c.described.residual / sigma
+    against = plotted_against(v.stimulus) if len(v.stimulus.time) == n else {}
+    in_print = np.asarray(from_si(sigma, v.unit))
+    return Curves(v.time, number, v.channels, before, after, in_print, (v.unit,) * len(v.channels), against)

@@ -6,7 +6,7 @@ Misfits are given as reduced chi^2 where the noise is known, and in their own un
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -54,34 +54,34 @@ def cause_in_words(effect: str, axis: str, twins: Sequence[str] = ()) -> str:
 
 
 def answer(
-    verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape], mismatch: Sequence[Mismatch],
-    fit: FitSummary,
-) -> str:  # fmt: skip
-    """Return the verdict in two sentences, where the noise is known."""
-    if verdict == "adequate":
-        return f"The calibrated model explains these data: reduced chi^2 {fit.chi2_reduced_before:.3g}."
-    if verdict == "unexplained":
-        return f"{no_cause(unexplained)}{largest_mismatch(mismatch)}"
-    remainder = ""
-    if unexplained and verdict != "not-identifiable":
-        remainder = f" Part of the misfit may have no known cause: {shape_in_words(unexplained[0])}."
-    return f"{causes(verdict, findings, unexplained)}. {chi2_reduction(fit)}{remainder}{largest_mismatch(mismatch)}"
-
-
-def answer_of_views(
-    verdict: str, views: Sequence[tuple[View, ViewFit, Sequence[Finding]]], unexplained: Sequence[Shape],
+    verdict: str, views: Sequence[tuple[View, FitSummary, Sequence[Finding]]], unexplained: Sequence[Shape],
     mismatch: Sequence[Mismatch],
 ) -> str:  # fmt: skip
-    """Return the verdict in a few sentences, where the noise is unknown; each view has its fit and its findings."""
-    if verdict == "adequate":
-        sentences = [t for v, fit, _ in views for t in (residuals(v, fit), untested(v, fit)) if t]
-        return " ".join(["The calibrated model explains these data.", *sentences])
+    """Return the verdict in a few sentences; each view has its fit and its findings."""
     if verdict == "unexplained":
         return f"{no_cause(unexplained)}{largest_mismatch(mismatch)}"
-    all_findings = [f for _, _, findings in views for f in findings]
-    better = " ".join(t for v, fit, own in views if own for t in (misfit_reduction(v, fit), untested(v, fit)) if t)
-    remainder = f" The remaining misfit has no known cause: {shape_in_words(unexplained[0])}." if unexplained else ""
-    return f"{causes(verdict, all_findings, by='; ')}. {better}{remainder}{largest_mismatch(mismatch)}"
+    fits = [fit_in_words(v, fit, own, len(views) > 1) for v, fit, own in views if own or verdict == "adequate"]
+    if verdict == "adequate":
+        return " ".join(["The calibrated model explains these data.", *fits])
+    findings = [f for _, _, own in views for f in own]
+    stated, sure = all(v.noise.stated for v, _, _ in views), verdict != "not-identifiable"
+    rest = (
+        f"{'Part of' if stated else 'The remaining'} misfit {'may have' if stated else 'has'} no known cause"
+        if (unexplained and (sure or not stated))
+        else ""
+    )
+    named = causes(verdict, findings, unexplained if stated else ())
+    words = [f"{named}.", *fits, f"{rest}: {shape_in_words(unexplained[0])}." if rest else ""]
+    return f"{' '.join(filter(None, words))}{largest_mismatch(mismatch)}"
+
+
+def fit_in_words(v: View, fit: FitSummary, findings: Sequence[Finding], several: bool) -> str:
+    """Return what the findings change in the fit of a view, or its residual; `several` views are named."""
+    if v.noise.stated:
+        of = "Reduced chi^2 of the forces" if several else "Reduced chi^2"
+        return chi2_reduction(fit, of) if findings else f"{of} is {fit.chi2_reduced_before:.3g}."
+    of_view = cast("ViewFit", fit)
+    return f"{misfit_reduction(v, of_view) if findings else residuals(v, of_view)} {untested(v, of_view)}".strip()
 
 
 def reservation(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape]) -> str:
@@ -227,13 +227,6 @@ def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
         f"The misfit of {channel_of(v, axis)} is {digits(size)} {v.unit} rms, {ratio:.3g} times the final residual, "
         f"and largest {where}"
     )
-
-
-def view_in_words(v: View, fit: ViewFit, findings: Sequence[Finding], verdict: str) -> str:
-    """Return the change of a view's misfit by its findings, or its residual where nothing is missing."""
-    if findings:
-        return misfit_reduction(v, fit)
-    return residuals(v, fit) if verdict == "adequate" else ""
 
 
 def misfit_reduction(v: View, fit: ViewFit) -> str:

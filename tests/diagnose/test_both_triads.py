@@ -13,7 +13,7 @@ import pytest
 
 import gimbalcal.simulate
 from gimbalcal.diagnose import Diagnosis, diagnose
-from gimbalcal.diagnose.both_triads import without_earth
+from gimbalcal.diagnose.of_recording import without_earth
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.simulate import simulate
@@ -121,7 +121,7 @@ def test_what_cannot_be_said_is_noted() -> None:
     assert "The motion between positions was not analysed" in d.in_words
     counts = replace(made, units={**made.units, **{("angular_rate", a): "count" for a in "xyz"}}).select(at_rest)
     d = diagnose([counts])
-    assert list(d.fit["views"]) == ["forces"]
+    assert d.provenance["views"] == ["forces"]
     assert COUNTS_WITHOUT_SCALE in d.in_words
 
 

@@ -168,7 +168,7 @@ def test_constants_move_as_what_was_found_moves_them() -> None:
     rng, E, A = stars(5)
     v = pointing(run(E, A, (E + 30 * ARCSEC * np.cos(E), A), rng))
     c = stepwise(v, lambda _: None)
-    assert {s.taken[0].effect for s in c.steps} == {"tube_flexure"}
+    assert {s.cause[0].effect for s in c.steps} == {"tube_flexure"}
     rows = shifts(c.start, c.end)
     zero = next(r for r in rows if (r["name"], r["axis"]) == ("gimbal_zero", "elevation"))
     before, after = (values(m.effects, m.parameters) for m in (c.start, c.end))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +25,7 @@ ODD = Finding("odd_quadratic", "", 0.9, 9.0, (), ("cubic_nonlinearity", "soft_sa
 WAVE = Shape("specific_force x", "a smooth function of time")
 OFF = [Mismatch("specific_force", "y", {"positions": (4,)}, 9.0, 0.01, "Specific force y is off at position 4")]
 STARS = pointing(telescope(1))
+FORCES: Any = SimpleNamespace(noise=SimpleNamespace(stated=True))
 VIEW_FIT = ViewFit(
     **NUMBERS,
     noise=RowNoise("stars", 1.0, "arcsec"),
@@ -56,14 +59,15 @@ def test_the_sentences_of_a_diagnosis(golden: Golden) -> None:
     late = Finding("gyro_latency", "", 0.9, 9.0, (Estimate("gyro_latency", "", 3.2, 0.1, "ms"),), ("readout_latency",))
     sampled = {chi2: replace(VIEW_FIT, chi2_of_samples_after={"across": chi2, "along": chi2}) for chi2 in (1.44, 9.0)}
     cases = {
-        "adequate": diagnosis_sentences.answer("adequate", [], [], OFF, FIT),
-        "missing physics": diagnosis_sentences.answer("missing-physics", [CUBIC, ODD], [WAVE], OFF, FIT),
-        "not identifiable": diagnosis_sentences.answer("not-identifiable", [ODD], [WAVE], OFF, FIT),
-        "unexplained": diagnosis_sentences.answer("unexplained", [], [WAVE], OFF, FIT),
-        "unexplained without a shape": diagnosis_sentences.answer("unexplained", [], [], [], FIT),
+        "adequate": of_forces("adequate", [], []),
+        "missing physics": of_forces("missing-physics", [CUBIC, ODD], [WAVE]),
+        "not identifiable": of_forces("not-identifiable", [ODD], [WAVE]),
+        "unexplained": of_forces("unexplained", [], [WAVE]),
+        "unexplained without a shape": of_forces("unexplained", [], [], []),
         "adequate, in the unit of the readings": of_view("adequate", [], []),
         "missing physics, in the unit of the readings": of_view("missing-physics", [CUBIC], [WAVE]),
-        "few readings": diagnosis_sentences.answer_of_views("adequate", [(STARS, few, [])], [], OFF),
+        "few readings": diagnosis_sentences.answer("adequate", [(STARS, few, [])], [], OFF),
+        "two views": diagnosis_sentences.answer("adequate", [(FORCES, FIT, []), (STARS, VIEW_FIT, [])], [], OFF),
         "turns": diagnosis_sentences.misfit_reduction(STARS, turned),
         "standard error": diagnosis_sentences.residuals(STARS, sampled[1.44]),
         "excess scatter": diagnosis_sentences.residuals(STARS, sampled[9.0]),
@@ -82,22 +86,14 @@ def test_the_sentences_of_a_diagnosis(golden: Golden) -> None:
 
 
 def of_view(verdict: str, findings: list[Finding], shapes: list[Shape]) -> str:
-    return diagnosis_sentences.answer_of_views(verdict, [(STARS, VIEW_FIT, findings)], shapes, OFF)
+    return diagnosis_sentences.answer(verdict, [(STARS, VIEW_FIT, findings)], shapes, OFF)
+
+
+def of_forces(verdict: str, findings: list[Finding], shapes: list[Shape], mismatch: Any = OFF) -> str:
+    return diagnosis_sentences.answer(verdict, [(FORCES, FIT, findings)], shapes, mismatch)
 
 
 def test_a_shape_of_a_gimbal_names_its_gimbal_once() -> None:
     shape = "a third or higher harmonic of the inner gimbal angle"
     assert diagnosis_sentences.shape_in_words(Shape("gimbal_angle inner", shape)) == shape
     assert diagnosis_sentences.shape_in_words(Shape("gimbal_angle inner", "a pattern")).endswith("gimbal angle inner")
-
-
-@pytest.mark.parametrize(
-    ("findings", "verdict", "text"),
-    [
-        ([], "unexplained", ""),
-        ([CUBIC], "missing-physics", diagnosis_sentences.misfit_reduction(STARS, VIEW_FIT)),
-        ([], "adequate", diagnosis_sentences.residuals(STARS, VIEW_FIT)),
-    ],
-)
-def test_the_sentence_of_a_view_depends_on_its_findings(findings: list[Finding], verdict: str, text: str) -> None:
-    assert diagnosis_sentences.view_in_words(STARS, VIEW_FIT, findings, verdict) == text

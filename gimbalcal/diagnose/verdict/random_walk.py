@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK, Node
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.result import Shape
@@ -109,13 +108,6 @@ def without_single_walks(s: Search) -> Search:
 def repeat_advice(kind: str, by_hand: bool = False) -> str:
     """Return what distinguishes a random walk from a deterministic drift, in a recording of this kind."""
     return LONGER if kind == "static-run" else HAND if by_hand else AGAIN
-
-
-def with_walk(made: Diagnosis, walk: RandomWalkFinding, only: bool = False) -> Diagnosis:
-    """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""
-    words = walk.sentence(only)
-    unexplained = (walk.shape, *made.unexplained)
-    return replace(made, unexplained=unexplained, outcome=words, in_words=f"{made.in_words} {words}.")
 
 
 def likeliest_walk(

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import searched
@@ -17,7 +16,8 @@ from gimbalcal.diagnose.search.ranking import Hypothesis
 from gimbalcal.diagnose.search.single_axis_random_walk import CLOSE, wandering, weights
 from gimbalcal.diagnose.verdict.decide import Decision
 from gimbalcal.diagnose.verdict.judgement import Judgement
-from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, with_walk, without_single_walks
+from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
+from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.pipeline import silent
@@ -92,13 +92,15 @@ def test_a_clear_drift_is_no_walk():
 
 def test_what_wanders_is_said():
     wander = RandomWalkFinding("x", 61.7, 8.2, 4.0, 20.0)
-    alone = with_walk(Diagnosis("unexplained", (), (), (), FIT, {}, "No cause."), wander, only=True)
+    view, curves = SimpleNamespace(noise=SimpleNamespace(stated=True)), SimpleNamespace()
+    none = ViewDiagnosis(view, "unexplained", (), (), (), FIT, curves, np.zeros(0))
     words = "accelerometer x wanders, a random walk of 61.7 +- 8.2 ug/sqrt(h)"
-    assert alone.outcome == f"A{words[1:]}: no cause and no formula is as likely"
-    assert alone.unexplained[0] == Shape("specific_force x", "a random walk")
-    beside = with_walk(Diagnosis("not-identifiable", (), (), (), FIT, {}, "A drift or a step."), wander)
-    assert beside.unexplained == (Shape("specific_force x", "a random walk"),)
-    assert beside.in_words == f"A drift or a step. It may as well be that {words}."
+    only = none.with_walk(wander, only=True)
+    assert only.outcome == f"A{words[1:]}: no cause and no formula is as likely"
+    assert only.unexplained[0] == Shape("specific_force x", "a random walk")
+    other = none.with_walk(wander, only=False)
+    assert other.unexplained == (Shape("specific_force x", "a random walk"),)
+    assert other.outcome == f"It may as well be that {words}"
 
 
 def of_nodes(told, **more):

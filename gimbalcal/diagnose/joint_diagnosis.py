@@ -1,0 +1,73 @@
+"""One diagnosis of several views of a recording: the verdict of the view that is off most, and what all have found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import gimbalcal
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
+from gimbalcal.diagnose.verdict.detection_limits import limits_in_words
+from gimbalcal.diagnose.verdict.refit_calibration import origin
+from gimbalcal.diagnose.verdict.view_calibration import Seen, calibrated_views
+from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
+from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.effect import constants
+from gimbalcal.estimate.accelerometers.fit_summary import joined
+from gimbalcal.recording import Recording
+from gimbalcal.words import diagnosis_sentences
+
+
+def joint_diagnosis(
+    recording: Recording, parts: Sequence[ViewDiagnosis], notes: Sequence[str], baseline: Sequence[str], seed: int
+) -> Diagnosis:
+    """Return the diagnosis of a recording from those of its views; notes: sentences on what was not analysed."""
+    lead = max(parts, key=_rank)
+    by_weight = [lead, *(p for p in parts if p is not lead)]
+    found = tuple(f for p in parts for f in p.findings)
+    shapes = tuple(u for p in parts for u in p.unexplained)
+    mismatch = tuple(m for p in by_weight for m in p.mismatch)
+    outcome = joined([p.outcome.rstrip(".") for p in parts if p.outcome])
+    words = diagnosis_sentences.answer(lead.verdict, [(p.view, p.fit, p.findings) for p in parts], shapes, mismatch)
+    limits = [u for p in parts for u in p.fit.unseen or ()] if lead.verdict == "adequate" else []
+    also = [limits_in_words(limits), diagnosis_sentences.delays(found), f"{outcome}." if outcome else "", *notes]
+    provenance = {
+        "version": gimbalcal.__version__,
+        "recordings": recording.files,
+        "options": {"baseline": list(baseline) or [i for p in parts for i in p.view.baseline], "seed": seed},
+        **{key: value for p in parts for key, value in p.evidence.items()},
+        "views": [p.name for p in parts],
+        **({"notes": list(notes)} if notes else {}),
+    }
+    return Diagnosis(
+        lead.verdict, mismatch, found, shapes,
+        replace(lead.fit, views={p.name: p.fit for p in parts}) if len(parts) > 1 else lead.fit, provenance,
+        " ".join(filter(None, [words, *also])), lead.curves,
+        calibration_of(recording, parts, diagnosis_sentences.reservation(lead.verdict, found, shapes)), outcome,
+        laws=tuple(law for p in parts for law in p.laws),
+        recommend=next(filter(None, (p.recommend for p in by_weight)), ""),
+    )  # fmt: skip
+
+
+def _rank(p: ViewDiagnosis) -> tuple[int, float]:
+    """Return verdict, then how far the baseline is off."""
+    return VERDICTS.index(p.verdict), 0.0 if p.verdict == "adequate" else p.fit.chi2_reduced_before
+
+
+def calibration_of(recording: Recording, parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
+    """Return the calibration that the views end in."""
+    forces = next((p.calibration for p in parts if p.calibration is not None), None)
+    if forces is not None and len(parts) == 1:
+        return replace(forces, outcome=" ".join(filter(None, [outcome, forces.outcome])))
+    fitted = [(p.view, p.model) for p in parts if p.model is not None]
+    causes = [f"{f.effect}:{f.axis}".rstrip(":") for p in parts if p.model is not None for f in p.findings]
+    for v, model in fitted:
+        if v.calibrate is not None:  # states of the navigator that the rows come from
+            linear = [p for p in model.parameters if p.field not in {f.name for f in constants(CATALOGUE[p.effect])}]
+            found = v.calibrate(model.effects, linear)
+            return replace(
+                found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin([recording], causes)
+            )
+    seen = [Seen(v, model) for v, model in fitted if v.name != "slews"]  # time stamps are shifted, not calibrated
+    return calibrated_views(recording, seen, causes, outcome, forces)

@@ -1,0 +1,287 @@
+r"""The views of one recording, in the order in which one needs what another has found, and their joint diagnosis.
+
+    recording ──> views ──> a diagnosis of each ──> one diagnosis
+
+Forces at known attitude have a stated noise. Telescopes and units turned by hand have none: accelerometers are
+compared with the norm of gravity, gyroscopes at rest and between rests. Where gimbals determine the attitude, they
+also determine how the Earth's rate lies in the unit, up to the heading psi of the base, which the dwells determine:
+
+.. math:: \omega_{ie}^p = \Omega \, C_b^p \, (\cos L \cos\psi, \; -\cos L \sin\psi, \; -\sin L)^T
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
+from gimbalcal.diagnose.known_noise import diagnose_known_noise
+from gimbalcal.diagnose.rows.baseline import by_triad, carried
+from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
+from gimbalcal.diagnose.rows.slews import view_of_slews
+from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
+from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.relinearise import about_first_cause
+from gimbalcal.diagnose.search.stepwise import stepwise
+from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, diagnose_view, diagnosis_of
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import Effect
+from gimbalcal.effects.baseline_effects import BASELINE
+from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.estimate.pointing.pattern import MISTAKEN, strays, why_far
+from gimbalcal.estimate.systematic.calibrate import navigation_view
+from gimbalcal.estimate.systematic.segments import turned_in_place
+from gimbalcal.forward import gyroscopes
+from gimbalcal.kinematics import ideal_force, stimulus_from_readings
+from gimbalcal.number import Array
+from gimbalcal.pipeline import Tell
+from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.kinds import MULTI_POSITION
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.units import from_si
+from gimbalcal.views.core import View
+from gimbalcal.views.norm import norm
+from gimbalcal.views.pointing import MAX_FILTERED_STARS, pointing
+from gimbalcal.views.tilting_table import tilting_table
+from gimbalcal.words import diagnosis_sentences
+
+ROUNDS = 2  # in which stars are omitted: those that the first hid show in the second
+STRAYS = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
+NOTHING = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+
+Parts = tuple[list[ViewDiagnosis], list[str]]
+"""Diagnoses of views, and notes on what was not analysed."""
+
+
+def has_unstated_noise(recording: Recording) -> bool:
+    """Return whether no noise is stated: stars, a unit without gimbals, forces and rates while it turns."""
+    return recording.kind.sighting or (not recording.kind.stabilised and not recording.platform.axes)
+
+
+def has_gyroscopes(recording: Recording) -> bool:
+    """Return whether gimbals determine the attitude and gyroscopes were logged, or should have been."""
+    logged = recording.kind.in_positions and recording.has(RATE) and recording.position is not None
+    return bool(recording.platform.axes) and (logged or recording.kind.rotating)
+
+
+def diagnose_recording(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
+) -> Diagnosis:
+    """Diagnose every view of a recording, and return one diagnosis. Raises InputError where nothing is to compare."""
+    if not has_unstated_noise(recording):
+        gimballed = has_gyroscopes(recording) or recording.kind.in_positions
+        if not gimballed:
+            return joint_diagnosis(recording, [diagnose_known_noise(recording, calibration, baseline, seed, tell)],
+                                   [], baseline, seed)  # fmt: skip
+        means = recording.kind.rotating and not recording.instant
+        recording = _with_rests(recording)
+        parts, notes = of_gimballed_unit(recording, calibration, baseline, seed, tell, means)
+    elif recording.kind.sighting or recording.kind.rotating:
+        parts, notes = without_norm_outliers(recording, calibration, baseline, tell)
+    else:
+        parts, notes = of_triads(recording, calibration, baseline, tell)
+    if not parts:
+        raise InputError(
+            f"{recording.title!r} leaves nothing to compare: at rest it takes {FORCE} along x, y and z, and "
+            f"{RATE} in a unit with a scale for the gyroscopes. {' '.join(notes)}".strip()
+        )
+    return joint_diagnosis(recording, parts, notes, baseline, seed)
+
+
+def without_norm_outliers(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
+) -> Parts:
+    """Diagnose the one view of a recording without outlying stars, and note each star that was omitted.
+
+    One star that is nine sigma off makes half of the scatter of eighty, and hides what is as large as that scatter.
+    """
+    notes: list[str] = []
+    while True:
+        v = single_view(recording, calibration, baseline, tell)
+        d = diagnosis_of(about_first_cause(stepwise(v, tell), tell), tell)
+        n = len(v)
+        sought = recording.kind.sighting and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS
+        off = strays(d.curves.after) if sought else []
+        if not 0 < len(off) <= STRAYS * n:
+            return [d], notes
+        number = v.stimulus.position
+        size = [float(from_si(float(np.linalg.norm(d.curves.after[k] * d.sigma[k])), v.unit)) for k in off]
+        at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
+        why = MISTAKEN if at is None else why_far(d.curves.after * d.sigma, at[:, :2], off, axis)
+        notes.append(diagnosis_sentences.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
+        tell(notes[-1])
+        recording = replace(recording, position=number).select(np.delete(np.arange(n), off))
+
+
+def single_view(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> View:
+    """Return the one view of a pointing run, of a unit turned in its place, or of a tilting table."""
+    if recording.kind.rotating:
+        if not turned_in_place(recording):
+            return tilting_table(recording, baseline)
+        usual = tuple(baseline) or BASELINE["rotation"]
+        return navigation_view(recording, usual, tell, tuple(e for e in carried(calibration, ()) if e.id not in usual))
+    # every term is fitted anew: a calibration says which the model holds
+    held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
+    return pointing(recording, baseline or held)
+
+
+def of_triads(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> Parts:
+    """Diagnose the views of a unit turned by hand, one after the other, and note what was not analysed.
+
+    The gyroscopes are compared with accelerometers that include what was found there: both triads are one model. A
+    baseline of gyroscope effects alone asks for the gyroscopes alone, and so on.
+    """
+    mine, gyro = by_triad(baseline)
+    told: list[ViewDiagnosis] = []
+    if recording.has(FORCE) and (mine or not baseline):
+        told.append(diagnose_view(norm(recording, mine), tell))
+    if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline)):
+        return told, []
+    made = calibration_of(recording, told, "") if told else calibration
+    at_rest = rest_rates(recording, gyro, made)
+    if at_rest is None:
+        note = diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)
+        tell(note)
+        return told, [note]
+    still = diagnose_view(at_rest, tell)
+    told.append(still)
+    if gyro:
+        return told, []
+    if told[0].verdict == "unexplained" and told[0] is not still:
+        return told, [diagnosis_sentences.rate_not_analysed("no model explains the forces")]
+    moving = view_of_turns(recording, made, found_at_rest(still))
+    if moving is None or made is None:
+        return told, [diagnosis_sentences.motion_not_analysed("too few turns were logged to say how the unit turned")]
+    told.append(diagnosis_of(stepwise(moving, tell), tell))
+    turns = told[-1].model
+    late, notes = of_slews(recording, made, turns.effects if turns else (), tell)
+    return [*told, *late], notes
+
+
+def of_slews(recording: Recording, made: Calibration, gyro: Sequence[Effect], tell: Tell, means: bool = False) -> Parts:
+    """Diagnose delays between channels in the slews, or note why there are none to compare; see `view_of_slews`."""
+    v = view_of_slews(recording, made, gyro, means)
+    if isinstance(v, str):
+        return [], [diagnosis_sentences.motion_not_analysed(v)]
+    tell("the slews: do all channels agree in time")
+    return [diagnosis_of(stepwise(v, tell), tell)], []
+
+
+def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
+    """Return the model at rest where something beyond the baseline was found; else the turns determine more."""
+    return still.model.effects if still.findings and still.model is not None else ()
+
+
+def of_gimballed_unit(
+    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell, means: bool
+) -> Parts:
+    """Diagnose the forces at known attitude, then the gyroscopes at rest and between rests, then the slews.
+
+    A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. means: whether rows are means.
+    """
+    mine, gyro = by_triad(baseline)
+    parts, notes = list[ViewDiagnosis](), list[str]()
+    if (recording.has(FORCE) or not recording.has(RATE)) and (mine or not baseline):
+        parts.append(diagnose_known_noise(recording, calibration, mine, seed, tell))
+    forces = parts[0].calibration if parts else None
+    if recording.has(RATE) and not (mine and not gyro):
+        made = calibration if forces is None else _accelerometers(forces)
+        explained = not parts or parts[0].verdict != "unexplained"
+        rates, notes = _gyroscopes(recording, made, gyro, explained, tell)
+        parts += rates
+    turns = next((p.model for p in parts if p.view.name == "turns"), None)
+    both = recording.has(RATE) and recording.has(FORCE)
+    late, why_not = of_slews(
+        without_earth(recording) if both else recording, forces or NOTHING, turns.effects if turns else (), tell, means
+    )
+    for note in (*notes, *why_not):
+        tell(note)
+    return [*parts, *late], [*notes, *why_not]
+
+
+def _with_rests(recording: Recording) -> Recording:
+    """Return dwells at known angles as positions, whatever turned between them."""
+    if recording.kind.in_positions:
+        return recording
+    if recording.position is None or not np.any(recording.position > 0):
+        raise InputError(
+            f"{recording.title!r} is a rotation recording without rests: `diagnose` compares rests and the turns "
+            "between them, so give a `position` column that numbers the rests and is 0 on the way"
+        )
+    return replace(recording, kind=MULTI_POSITION)
+
+
+def _accelerometers(made: Calibration) -> Calibration:
+    """Return the accelerometers of a calibration of the forces, without the mount."""
+    kept = tuple(e for e in made.effects if e.stage in SENSOR_STAGES and e.channel == FORCE)
+    at = [i for i, p in enumerate(made.parameters) if p.effect in {e.id for e in kept}]
+    wanted = tuple(made.parameters[i] for i in at)
+    return replace(made, effects=kept, parameters=wanted, covariance=made.covariance[np.ix_(at, at)])
+
+
+def _gyroscopes(
+    recording: Recording, made: Calibration | None, gyro: Sequence[str], explained: bool, tell: Tell
+) -> Parts:
+    """Diagnose the views of the gyroscopes, and note in sentences what was not analysed."""
+    rests = len(dwell_means(recording).time)
+    if rests < RESTS:
+        return [], [diagnosis_sentences.gyroscopes_not_analysed(f"that takes {RESTS} dwells, not {rests}")]
+    if not recording.has(FORCE):
+        force = ideal_force(recording, recording.angles())
+        recording = replace(
+            recording, channels={**recording.channels, **{(FORCE, a): force[:, i] for i, a in enumerate("xyz")}}
+        )
+        made = NOTHING
+    made = made or multiposition(recording, LINEAR)
+    turning = view_of_turns(without_earth(recording), made) if explained and not gyro else None
+    linear = start(turning).effects if turning else ()
+    still = rest_rates(without_earth(recording, linear), gyro, made)
+    if still is None:
+        return [], [diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)]
+    notes = []
+    if turning is None and not gyro:
+        why = f"fewer than {FEWEST} turns between rests were logged" if explained else "nothing explains the forces"
+        notes = [diagnosis_sentences.rate_not_analysed(why)]
+
+    def looked(v: View) -> ViewDiagnosis:
+        tell(f"the gyroscopes: {diagnosis_sentences.channels_of(v)}")
+        return diagnose_view(v, tell)
+
+    told = [looked(replace(still, missed_by_turns=None))]
+    if turning and (found := found_at_rest(told[0])):
+        turning = view_of_turns(without_earth(recording), made, found)
+    return [*told, *([looked(turning)] if turning else [])], notes
+
+
+def without_earth(recording: Recording, gyro: Sequence[Effect] = ()) -> Recording:
+    """Return rates less what the gyroscopes, with these effects, read of the Earth's rate; counts are unchanged."""
+    L = recording.site.latitude
+    if L is None or recording.counted(RATE):
+        return recording
+    rest = dwell_means(recording)
+    A = EARTH_RATE * attitude_of(rest)
+    u = rest.triad(FORCE) / rest.site.gravity
+    level = np.concatenate([np.einsum("ij,n->nij", np.eye(3), np.ones(len(u))), np.einsum("ij,nk->nijk", np.eye(3), u)
+                            .reshape(len(u), 3, 9)], axis=-1)  # fmt: skip
+    columns = np.concatenate([np.cos(L) * A[..., :2], EARTH_RATE * level], axis=-1).reshape(3 * len(u), -1)
+    north = np.linalg.lstsq(columns, rest.triad(RATE).ravel(), rcond=1e-9)[0][:2]
+    size = float(np.hypot(*north))
+    north = north / size if size > 0 else np.array([1.0, 0.0])
+    earth = EARTH_RATE * attitude_of(recording) @ np.array([*(np.cos(L) * north), -np.sin(L)])
+    seen = gyroscopes(earth, stimulus_from_readings(recording), gyro)
+    rate = recording.triad(RATE) - seen
+    channels = {**recording.channels, **{(RATE, a): rate[:, i] for i, a in enumerate("xyz")}}
+    # at the equator the vertical has no part of the Earth's rate: nothing is left there to take off once more
+    return replace(recording, channels=channels, site=replace(recording.site, latitude=0.0))
+
+
+def attitude_of(recording: Recording) -> Array:
+    """Return C_bp (n, 3, 3) by the gimbals."""
+    return recording.platform.attitude(recording.angles())
