@@ -9,6 +9,7 @@ constant stays within the range that the rows can resolve.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,7 +31,8 @@ TOLERANCE = 1e-3  # sigmas by which the last step may move an estimate
 ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
 MAX_SCALE_ROUNDS = 20  # fits, each in the noise that the one before leaves
 SCALE_TOLERANCE = 1e-6  # relative change of the excess sigma at which the rounds end
-VIEW_TOLERANCE = 1e-6  # `TOLERANCE` of a fit of views
+VIEW_TOLERANCE = 1e-6  # `TOLERANCE` of a fit of views, which takes a few steps where these converge quadratically
+MAX_QUADRATIC_STEPS = 10  # after them estimates creep, and arrive at `TOLERANCE`
 ROUNDING = 1e-10  # of the prior sigma: a smaller step is rounding, however small sigma is
 MIN_SINGULAR_RATIO = 1e-9  # of columns of length one, below which rows say nothing of a combination
 LEAST_SIGNAL = 1e-12  # `min_signal` of a fit without priors
@@ -323,7 +325,8 @@ def fit(
         return info if others is None else others.about(effects_at(x)) + info
 
     def arrived(x: Array, target: Array, solution: Solution) -> bool:
-        enough = np.maximum(VIEW_TOLERANCE * solution.sigma, ROUNDING * prior(solution.parameters)[1])
+        tolerance = VIEW_TOLERANCE if next(steps) < MAX_QUADRATIC_STEPS else TOLERANCE
+        enough = np.maximum(tolerance * solution.sigma, ROUNDING * prior(solution.parameters)[1])
         return bool(np.all(np.abs(target - x) <= enough))
 
     def widened(x: Array) -> Array:
@@ -349,6 +352,7 @@ def fit(
     if excess[0]:
         excess = widened(x)
     for _ in range(MAX_SCALE_ROUNDS):
+        steps = itertools.count()
         found = gauss_newton(linearise, x, bounds, seen=min_signal, arrived=arrived, damped=True)
         x = found.solution.x
         new = widened(x)
