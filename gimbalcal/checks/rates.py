@@ -87,6 +87,11 @@ class Turns:
     def _of_factor(self) -> dict[float, Array]:
         return {}
 
+    def deviation(self, C: Array) -> Array:
+        """Return the angle (m,) [rad] by which turns C (m, 3, 3) miss the reference."""
+        off = np.linalg.norm(C @ self.before - self.after, axis=(1, 2)) / np.sqrt(self.before.shape[-1])
+        return np.asarray(2 * np.arcsin(np.minimum(off / 2, 1.0)))
+
     def agreeing(self, correction: Correction) -> int:
         """Return the number of turns that end where the reference does, by corrected rates."""
         M = correction.clock * (correction.matrices[RATE][1] if RATE in correction.matrices else np.eye(3))
@@ -178,8 +183,7 @@ def rotations(turns: Turns, factor: Array) -> Array:
 
 def agree(turns: Turns, C: Array) -> int:
     """Return the number of turns that end where the reference does."""
-    off = np.linalg.norm(C @ turns.before - turns.after, axis=(1, 2)) / np.sqrt(turns.before.shape[-1])
-    return int(np.count_nonzero(off < 2 * np.sin(MAX_DEVIATION_RAD / 2)))
+    return int(np.count_nonzero(turns.deviation(C) < MAX_DEVIATION_RAD))
 
 
 def turns_explained(recording: Recording) -> tuple[int, int] | None:
@@ -238,75 +242,78 @@ def _any_factor(recording: Recording, turns: Turns, stated: int) -> str:
     )
 
 
-def earth_at_rest(e: Examined) -> str:
-    """Refuse gyroscopes that see the Earth's rate along the vertical under a correction, and not as stated."""
-    r, up = e.recording, _vertical(e.recording)
-    if up is None:
-        return ""
-    y = r.triad(RATE)
-    rate = np.array([y[d.rows].mean(0) for d in dwells(r)])
-    assert r.site.latitude is not None
-    due = EARTH_RATE * np.sin(r.site.latitude)
-    Q = np.linalg.qr(up)[0]
+@dataclass(frozen=True, eq=False)
+class EarthRate:
+    """Rates (m, 3) [rad/s] at rests, the vertical `up` (m, 3) there, and the Earth's rate `due` [rad/s] along it."""
 
-    def residual(correction: Correction) -> float:
-        error = np.sum(up * correction.of(RATE, rate), axis=1) - due
+    up: Array
+    rate: Array
+    due: float
+
+    def residual(self, correction: Correction) -> float:
+        """Return the rms [rad/s] by which corrected rates miss the Earth's along the vertical, biases aside."""
+        error = np.sum(self.up * correction.of(RATE, self.rate), axis=1) - self.due
+        Q = np.linalg.qr(self.up)[0]
         return float(np.sqrt(np.mean((error - Q @ (Q.T @ error)) ** 2)))
 
-    without = residual(scaled(RATE, AXES, 0.0, ""))
-    stated = residual(AS_STATED)
-    if without < 0.5 * abs(due) or stated < MAX_RESIDUAL * without:
+    @cached_property
+    def without(self) -> float:
+        """The rms [rad/s] that rates of zero leave."""
+        return self.residual(scaled(RATE, AXES, 0.0, ""))
+
+    def agrees(self, correction: Correction) -> bool:
+        """Return whether corrected rates show the Earth's."""
+        return self.residual(correction) < MAX_RESIDUAL * self.without
+
+
+def earth_rate(recording: Recording) -> EarthRate | None:
+    """Return the rates at enough rests that differ enough, where gyroscopes in SI may see the Earth; else None."""
+    up, visits, latitude = down(recording), dwells(recording), recording.site.latitude
+    if latitude is None or up is None or len(visits) < MIN_RESTS or recording.counted(RATE):
+        return None
+    if np.linalg.matrix_rank(up[..., 0], tol=0.1 * np.sqrt(len(visits))) < 3:
+        return None
+    y = recording.triad(RATE)
+    due = EARTH_RATE * float(np.sin(latitude))
+    earth = EarthRate(up[..., 0], np.array([y[d.rows].mean(0) for d in visits]), due)
+    return earth if earth.without >= 0.5 * abs(due) else None
+
+
+def earth_at_rest(e: Examined) -> str:
+    """Refuse gyroscopes that see the Earth's rate along the vertical under a correction, and not as stated."""
+    r, earth = e.recording, e.once(earth_rate)
+    if earth is None or earth.agrees(AS_STATED):
         return ""
     by_turns = e.once(turns_of) is not None  # turns confirm the gyroscopes with the accelerometers, but for all signs
     units = [AS_STATED, *(c for c in _units(r) if c.clock == 1 and not by_turns)]
-    trials = [(u, p) for u in units for p in PERMUTATIONS if not by_turns or p == REVERSED]
-    left, (unit, p) = min(((residual(_composed(u, p)), (u, p)) for u, p in trials), key=lambda trial: trial[0])
-    if left >= MAX_RESIDUAL * without:
+    trials = {_composed(u, p): (u, p) for u in units for p in PERMUTATIONS if not by_turns or p == REVERSED}
+    _, correction = best(trials, lambda c: -earth.residual(c))
+    if not earth.agrees(correction):
         return ""
+    unit, p = trials[correction]
     named = [] if by_turns else [(p, RATE)]
     named += [] if _gimbals_read(r) else [(p.inverse(), FORCE)]
     south = "the latitude has the opposite sign, or " if p == REVERSED else ""
-    hour = 3600 * np.degrees(1.0)
+    due, stated, corrected = (
+        3600 * np.degrees(x) for x in (earth.due, earth.residual(AS_STATED), earth.residual(correction))
+    )
     return (
-        f"at rest the gyroscopes miss the Earth's rate along the vertical, {due * hour:.4g} "
-        f"deg/h, by {stated * hour:.3g} deg/h rms, and by {left * hour:.3g} deg/h if "
-        f"{south}{_in_words(named, unit.words)}"
+        f"at rest the gyroscopes miss the Earth's rate along the vertical, {due:.4g} deg/h, by {stated:.3g} deg/h rms, "
+        f"and by {corrected:.3g} deg/h if {south}{_in_words(named, unit.words)}"
     )
 
 
 def rates_not_checked(e: Examined) -> str:
     """Remark that nothing in the recording shows axes, signs and unit of the gyroscopes."""
+    earth = e.once(earth_rate)
     table = e.recording.kind.rotating and e.has("attitude") and agrees_with_the_table(e.recording)
-    return "" if e.once(turns_of) is not None or _sees_the_earth(e.recording) or table else NOT_CHECKED
+    confirmed = e.once(turns_of) is not None or (earth is not None and earth.agrees(AS_STATED)) or table
+    return "" if confirmed else NOT_CHECKED
 
 
 def static_rates_not_checked(_: Examined) -> str:
     """Remark that gyroscopes of a static run are not checked."""
     return STATIC_NOT_CHECKED
-
-
-def _vertical(recording: Recording) -> Array | None:
-    """Return the vertical (m, 3) at enough rests that differ enough, where gyroscopes in SI may see the Earth."""
-    up, m = down(recording), len(dwells(recording))
-    if recording.site.latitude is None or up is None or m < MIN_RESTS or recording.counted(RATE):
-        return None
-    return up[..., 0] if np.linalg.matrix_rank(up[..., 0], tol=0.1 * np.sqrt(m)) == 3 else None
-
-
-def _sees_the_earth(recording: Recording) -> bool:
-    """Return whether the Earth's rate along the vertical shows at rest; `earth_at_rest` refuses where it does not."""
-    up = _vertical(recording)
-    if up is None:
-        return False
-    assert recording.site.latitude is not None
-    due = EARTH_RATE * np.sin(recording.site.latitude) * np.ones(len(up))
-    Q = np.linalg.qr(up)[0]
-    without = float(np.sqrt(np.mean((due - Q @ (Q.T @ due)) ** 2)))
-    if without < 0.5 * abs(due[0]):
-        return False
-    y = recording.triad(RATE)
-    error = np.sum(up * np.array([y[d.rows].mean(0) for d in dwells(recording)]), axis=1) - due
-    return float(np.sqrt(np.mean((error - Q @ (Q.T @ error)) ** 2))) < MAX_RESIDUAL * without
 
 
 def _units(recording: Recording) -> list[Correction]:

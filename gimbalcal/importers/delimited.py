@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.described_table import header_for, recording_of
+from gimbalcal.importers.described_table import header_for
 from gimbalcal.importers.registry import importer, number
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import is_date
+from gimbalcal.recording.frames import recording_of
 from gimbalcal.recording.lines import EMPTY, names_above, numbered
 from gimbalcal.recording.record import Recording
 
@@ -63,7 +64,7 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
         text = text.str.replace(",", ".", literal=True) if separator == ";" else text
         return _numbers(path, name, text, named)
 
-    return recording_of(replace(header, named=named), options, fetch)
+    return recording_of(replace(header, named=named), fetch, number(options, "rate", 0.0))
 
 
 def frame_of(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.described_table import component, header_for, recording_of, without_index
+from gimbalcal.importers.described_table import from_variables
 from gimbalcal.importers.registry import importer
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
@@ -24,15 +24,14 @@ if TYPE_CHECKING:
 def import_hdf5(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     """One HDF5 file; header = FILE.toml, its columns named by path and index as in "/imu/acc[0]"; rate = Hz."""
     (path,) = files
-    header = header_for(path, options)
 
-    def fetch(name: str) -> Array:
-        values = dataset(path, without_index(name))
+    def variable(name: str) -> tuple[Path, Array]:
+        values = dataset(path, name)
         if values is None:
-            raise InputError(f"{path} has no data set {without_index(name)!r}; it has {', '.join(dataset_names(path))}")
-        return component(name, values, path)
+            raise InputError(f"{path} has no data set {name!r}; it has {', '.join(dataset_names(path))}")
+        return path, values
 
-    return recording_of(header, options, fetch)
+    return from_variables(path, options, variable)
 
 
 def dataset_names(path: Path) -> tuple[str, ...]:
@@ -62,7 +61,9 @@ def dataset(path: Path, name: str) -> Array | None:
             raise InputError(f"{path}: the numbers of {name!r} lie in another file; copy them into this one")
         refuse_bomb(path, item.size * max(item.dtype.itemsize, 8))
         value = item[()]
-        return np.array([_text(v) for v in np.ravel(value)]) if item.dtype.kind in "SO" else np.asarray(value)
+        if item.dtype.kind in "SO":
+            return np.array([v.decode(errors="replace") if isinstance(v, bytes) else str(v) for v in np.ravel(value)])
+        return np.asarray(value)
 
 
 def _refuse_external_links(path: Path, file: h5py.File, place: str) -> None:
@@ -96,7 +97,3 @@ def _opened(path: Path) -> Iterator[h5py.File]:
         raise
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, MemoryError, RecursionError):
         raise InputError(f"{path} is not an HDF5 file, or it is cut short or damaged; copy it again") from None
-
-
-def _text(value: object) -> str:
-    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)

@@ -2,28 +2,26 @@
 
 Format: github.com/Kyle-ak/imu_tk, bin/test_data; data of Tedaldi, Pretto and Menegatti, "A robust and easy to implement
 method for IMU calibration without external equipments", ICRA 2014. The files are called .mat and are text. The authors
-logged counts; others log m/s^2 or g, and rad/s or deg/s, in the same format, so the unit is told by gravity: by its
-size at rest, and by how far the gyroscopes say that it turned from one rest to the next.
+logged counts; others log m/s^2 or g, and rad/s or deg/s, in the same format, so the unit follows from gravity: from its
+size at rest, and from how far the gyroscopes say that it turned from one rest to the next.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from gimbalcal.checks.rates import rotations, turns_of
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.importers.registry import importer
 from gimbalcal.importers.unit_log import TRIAD, text_matrix, unit_log
-from gimbalcal.number import Array
 from gimbalcal.quantities import check
-from gimbalcal.recording.dwell import Dwell, dwells
-from gimbalcal.recording.record import Recording
-from gimbalcal.rotation import exponential
+from gimbalcal.recording.dwell import dwells
+from gimbalcal.recording.record import FORCE, RATE, Recording
 from gimbalcal.units import is_raw, to_si
 
 MAX_GRAVITY_ERROR = 0.1  # of gravity: any unit's bias and scale errors together are less, any other unit is further off
@@ -35,7 +33,7 @@ MIN_MISFIT_RATIO = 2.0  # times that the right unit must do better than the othe
 def import_imu_tk(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     """Text files, accelerometers then gyroscopes (or the first only): time [s] and x y z in each line; accel, gyro.
 
-    accel and gyro name the units, such as m/s^2 and deg/s; where they are not given they are told by gravity.
+    accel and gyro name the units, such as m/s^2 and deg/s; where they are not given they follow from gravity.
     """
     if len(files) not in (1, 2):
         raise InputError(f"imu-tk reads one or two files (accelerometers, gyroscopes), got {len(files)}")
@@ -44,22 +42,19 @@ def import_imu_tk(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
     for path, table in zip(files[1:], tables[1:], strict=True):
         if len(table) != len(time) or not np.array_equal(table[:, 0], time, equal_nan=True):
             raise InputError(f"{path} does not have the times of {files[0]}; give two files of one session")
-    quantities = ("specific_force", "angular_rate")[: len(files)]
+    quantities = (FORCE, RATE)[: len(files)]
     channels = {
         (q, axis): table[:, 1 + i] for q, table in zip(quantities, tables, strict=True) for i, axis in enumerate(TRIAD)
     }
-    for name, quantity in (("accel", "specific_force"), ("gyro", "angular_rate")):
-        if name in options:
-            check(options[name], quantity)
+    units = {FORCE: options.get("accel"), RATE: options.get("gyro")}
+    for quantity, unit in units.items():
+        if unit is not None:
+            check(unit, quantity)
     recording = unit_log(files[0].stem, time, channels, dict.fromkeys(channels, "count"), files)
-    accel, why = _unit_of_force(recording)
-    recording = _in_unit(
-        recording, "specific_force", options.get("accel", accel), "as told" if "accel" in options else why
-    )
-    if len(files) == 1:
-        return recording
-    gyro, why = _unit_of_rate(recording)
-    return _in_unit(recording, "angular_rate", options.get("gyro", gyro), "as told" if "gyro" in options else why)
+    for quantity, by_gravity in zip(quantities, (_unit_of_force, _unit_of_rate), strict=False):
+        stated = units[quantity]
+        recording = _in_unit(recording, quantity, *((stated, "as stated") if stated else by_gravity(recording)))
+    return recording
 
 
 def _in_unit(recording: Recording, quantity: str, unit: str, why: str) -> Recording:
@@ -77,7 +72,7 @@ def _in_unit(recording: Recording, quantity: str, unit: str, why: str) -> Record
 
 
 def _unit_of_force(recording: Recording) -> tuple[str, str]:
-    force = recording.triad("specific_force")
+    force = recording.triad(FORCE)
     rest = np.concatenate([force[d.rows] for d in dwells(recording)]) if len(dwells(recording)) else force
     norm = float(np.median(np.linalg.norm(rest, axis=1)))
     for unit in ("m/s^2", "g"):
@@ -88,31 +83,13 @@ def _unit_of_force(recording: Recording) -> tuple[str, str]:
 
 def _unit_of_rate(recording: Recording) -> tuple[str, str]:
     """Return rad/s or deg/s, whichever turns gravity between dwells as the accelerometers do; else counts."""
-    raw = recording.units["specific_force", "x"] == "count"
-    rests = dwells(recording)
-    if raw or len(rests) < 2:
+    turns = None if recording.counted(FORCE) else turns_of(recording)
+    if turns is None:
         return "count", ""
-    misfit = {unit: _misfit(recording, rests, to_si(1.0, unit)) for unit in ("rad/s", "deg/s")}
+    scales = {unit: to_si(1.0, unit) * np.ones(3) for unit in ("rad/s", "deg/s")}
+    misfit = {unit: float(np.median(turns.deviation(rotations(turns, scale)))) for unit, scale in scales.items()}
     right, wrong = sorted(misfit, key=lambda unit: misfit[unit])
     if misfit[right] > MAX_MISFIT_RAD or misfit[wrong] < MIN_MISFIT_RATIO * misfit[right]:
         return "count", ""
     agreement = f"so it turns gravity from rest to rest to {np.degrees(misfit[right]):.2g} deg"
     return right, f"{agreement}, and in {wrong} to {np.degrees(misfit[wrong]):.2g} deg"
-
-
-def _misfit(recording: Recording, rests: Sequence[Dwell], scale: float) -> float:
-    """Return the median angle [rad] between gravity after a turn and where rates times `scale` say that it is."""
-    force, rate, off = recording.triad("specific_force"), scale * recording.triad("angular_rate"), []
-    for one, other in pairwise(rests):
-        level = (rate[one.rows].mean(0) + rate[other.rows].mean(0)) / 2
-        before, after = force[one.rows].mean(0), force[other.rows].mean(0)
-        span = slice(one.stop - 1, other.start + 1)
-        steps = (rate[span][1:] + rate[span][:-1]) / 2 - level
-        for C in exponential(steps * np.diff(recording.time[span])[:, None]):
-            before = C @ before
-        off.append(_angle(before, after))
-    return float(np.median(off))
-
-
-def _angle(a: Array, b: Array) -> float:
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))

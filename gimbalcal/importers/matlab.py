@@ -7,14 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gimbalcal.errors import InputError
-from gimbalcal.importers.described_table import component, header_for, recording_of, without_index
+from gimbalcal.importers.described_table import from_variables
 from gimbalcal.importers.hdf5 import dataset, dataset_names
 from gimbalcal.importers.registry import importer
 from gimbalcal.importers.sandboxed_reader import matlab_variables
-from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording, Source
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -36,14 +33,8 @@ def import_matlab(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
     A column is called by variable, field and index; where each channel has a file of its own, by the name of the file
     (its only variable is meant) or by file and variable, "ax.data".
     """
-    header = header_for(files[0], options)
     variables = [_opened(path) for path in files]
-
-    def fetch(name: str) -> Array:
-        where, value = _variable(variables, without_index(name))
-        return component(name, np.asarray(value), where)
-
-    recording = recording_of(header, options, fetch)
+    recording = from_variables(files[0], options, lambda name: _variable(variables, name))
     return replace(recording, source=(*recording.source, *map(Source.of, files[1:])))
 
 

@@ -10,13 +10,13 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
+from gimbalcal.recording.columns import ROW_STEP_S
 from gimbalcal.recording.kinds import POINTING
 from gimbalcal.recording.record import Recording, Site, Source
 
 SIDEREAL_SECOND_S = 86164.0905 / 86400  # mean solar seconds, Explanatory Supplement to the Astronomical Almanac
 
 MAX_DISORDER_H = 1.0  # h; a sidereal time that falls back by less is out of order
-ROW_STEP_S = 60.0  # s between rows that have no clock
 
 
 def sexagesimal(words: Sequence[str]) -> float:

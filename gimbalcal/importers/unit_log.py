@@ -8,16 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.platform import BENCH
-from gimbalcal.recording.detection import detect
-from gimbalcal.recording.dwell import dwells
-from gimbalcal.recording.kinds import MULTI_POSITION
+from gimbalcal.recording.frames import from_frame
 from gimbalcal.recording.lines import EMPTY
-from gimbalcal.recording.record import ANYWHERE, Key, Recording, Source
+from gimbalcal.recording.record import Key, Recording, Source
 from gimbalcal.recording.scatter import pooled
-from gimbalcal.units import is_raw
 
 TRIAD = ("x", "y", "z")
 
@@ -44,37 +40,9 @@ def text_matrix(path: Path, columns: int) -> Array:
 def unit_log(
     title: str, time: Array, channels: Mapping[Key, Array], units: Mapping[Key, str], files: Sequence[Path]
 ) -> Recording:
-    """Return a recording of a unit without a platform, its dwells detected. Channels are in SI or raw."""
-    whole = np.all(np.isfinite([time, *channels.values()]), axis=0)
-    left_out = np.flatnonzero(~whole)
-    if not whole.any():
-        raise InputError(f"{files[0]}: no row has all its values")
-    time, channels = time[whole], {key: values[whole] for key, values in channels.items()}
-    wrong = np.flatnonzero(np.diff(time) <= 0)
-    if len(wrong):
-        raise InputError(f"{files[0]}, row {wrong[0] + 2}: the clock does not go forward; sort the rows")
-    force, rate = (
-        {axis: values for (quantity, axis), values in channels.items() if quantity == wanted}
-        for wanted in ("specific_force", "angular_rate")
-    )
-    raw = any(is_raw(unit) for key, unit in units.items() if key[0] == "angular_rate")
-    position = detect(time, force, rate, raw)
-    recording = Recording(
-        kind=MULTI_POSITION,
-        title=title,
-        platform=BENCH,
-        site=ANYWHERE,
-        noise={},
-        time=time,
-        position=position,
-        channels=channels,
-        source=tuple(map(Source.of, files)),
-        units=units,
-        scatter=pooled(time, position, channels),
-    )
-    count = amount(len(dwells(recording)), "dwell")
-    remarks = [f"{count} found where the sensors are quiet, numbered in order of time"]
-    if len(left_out):
-        rows = f"{files[0]}, row {left_out[0] + 1}: {amount(len(left_out), 'row')} of {len(whole)}"
-        remarks.insert(0, f"{rows} without all values left out, this is the first")
-    return replace(recording, remarks=tuple(remarks))
+    """Return a recording of a unit without a platform, its dwells detected; time [s], channels (n,) in their units."""
+    columns = {"time": time, **{" ".join(key): values for key, values in channels.items()}}
+    entries = {"time": "time [s]", **{" ".join(key): f"{' '.join(key)} [{units[key]}]" for key in channels}}
+    recording = from_frame(columns, entries, title=title, called=str(files[0]))
+    scatter = pooled(recording.time, recording.position, recording.channels)
+    return replace(recording, source=tuple(map(Source.of, files)), scatter=scatter)

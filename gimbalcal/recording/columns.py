@@ -70,6 +70,7 @@ class Column:
 
 
 COUNTED = Column(" time", "time", "", "s")  # made from the number of the row; a name that no header can hold
+ROW_STEP_S = 60.0  # s between rows that are counted without a rate
 
 
 def columns_of(document: Document, platform: Platform, clock_needed: bool = True) -> tuple[Column, ...]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,12 @@ from numpy.typing import ArrayLike
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.quantities import QUANTITIES
-from gimbalcal.recording.columns import UNITLESS
+from gimbalcal.recording.columns import COUNTED, ROW_STEP_S, UNITLESS, Column
 from gimbalcal.recording.dates import Dates, NoDateError
 from gimbalcal.recording.header import Header, header_of
 from gimbalcal.recording.reading import assemble, dated
 from gimbalcal.recording.record import Recording, Source
+from gimbalcal.units import from_si
 
 TRIADS = ("specific_force", "angular_rate", "velocity_increment", "angle_increment")
 SHORT = re.compile(r"\s*(?P<quantity>\w+)\s*(?P<axis>\w+)?\s*(\[(?P<unit>[^\]]+)\])?\s*")
@@ -48,20 +50,14 @@ def from_frame(
         "columns": {name: _entry(name, entry) for name, entry in columns.items()},
         **({"samples": {"rates": "instant"}} if instant else {}),
     }  # fmt: skip
-    header, dates = header_of(content, Path(called)), Dates()
+    header = header_of(content, Path(called))
     missing = [name for name in columns if name not in _names(frame)]
     if missing:
         raise InputError(f"the frame has no column {missing[0]!r}; it has {', '.join(map(str, _names(frame)))}")
-    rows = {c.name: _column(header, c.name, frame[c.name], dates) for c in header.columns}
-    lengths = {name: len(x) for name, x in rows.items()}
-    if len(set(lengths.values())) > 1:
-        raise InputError(f"columns must be of one length, got {', '.join(f'{k} {n}' for k, n in lengths.items())}")
     digest = hashlib.sha256()
-    for name, x in rows.items():
-        digest.update(name.encode() + x.tobytes())
-    stream = [rows] if next(iter(lengths.values()), 0) else []
-    made = assemble(header, stream, rows.__getitem__, average_s, (Source(called, digest.hexdigest()),))
-    return dated(made, header, dates)
+    for name in columns:
+        digest.update(name.encode() + np.ascontiguousarray(frame[name]).tobytes())
+    return recording_of(header, frame.__getitem__, average_s=average_s, sources=(Source(called, digest.hexdigest()),))
 
 
 def from_arrays(
@@ -77,16 +73,16 @@ def from_arrays(
     ``{"specific_force": "g", "angular_rate": "deg/s"}``. The rest is as in `from_frame`.
     """
     frame: dict[str, Any] = {"time": time}
-    said: dict[str, Entry] = {"time": _table("time", "", units)}
+    entries: dict[str, Entry] = {"time": _table("time", "", units)}
     for quantity, values in quantities.items():
         for axis, column in by_axis(quantity, values):
             name = f"{quantity}_{axis}".rstrip("_")
-            frame[name], said[name] = column, _table(quantity, axis, units)
+            frame[name], entries[name] = column, _table(quantity, axis, units)
     unknown = set(units or {}) - {"time", *quantities}
     if unknown:
         raise InputError(f"units names {min(unknown)!r}, and there is no such array")
     return from_frame(
-        frame, said, kind=kind, platform=platform, title=title, site=site, noise=noise, instant=instant,
+        frame, entries, kind=kind, platform=platform, title=title, site=site, noise=noise, instant=instant,
         average_s=average_s, date=date,
     )  # fmt: skip
 
@@ -120,11 +116,11 @@ def _table(quantity: str, axis: str, units: Mapping[str, str] | None) -> dict[st
 def _entry(name: str, entry: Entry) -> dict[str, Any]:
     if not isinstance(entry, str):
         return dict(entry)
-    found = SHORT.fullmatch(entry)
-    if not found:
+    match = SHORT.fullmatch(entry)
+    if not match:
         raise InputError(f"column {name!r} is {entry!r}; write quantity, axis and unit, as in 'specific_force x [g]'")
-    units = {found["quantity"]: found["unit"]} if found["unit"] else None
-    return _table(found["quantity"], found["axis"] or "", units)
+    units = {match["quantity"]: match["unit"]} if match["unit"] else None
+    return _table(match["quantity"], match["axis"] or "", units)
 
 
 def _stated(key: str, entry: Any) -> dict[str, Any]:
@@ -139,18 +135,68 @@ def _names(frame: Any) -> Sequence[Any]:
     return list(frame.keys() if isinstance(frame, Mapping) else frame.columns)
 
 
-def _column(header: Header, name: str, values: Any, dates: Dates) -> Array:
-    """One column as float64; dates of the clock as seconds."""
-    x = np.asarray(values)
-    clocks = [c.name for c in header.columns if c.quantity == "time"]
-    if name in clocks and x.dtype.kind in "MOU" and len(x):
+def recording_of(
+    header: Header,
+    values: Callable[[str], Any],
+    rate: float = 0.0,
+    average_s: float | None = None,
+    sources: tuple[Source, ...] | None = None,
+) -> Recording:
+    """Return the recording whose columns `values` gives by name, checked as those of a file.
+
+    With a rate [Hz] the clock is made from the number of the row; without one rows that need no clock are counted.
+    `sources`: what the columns came from, if not from the files of the header.
+    """
+    dates, clock = Dates(), header.column("time")
+    logged = [c for c in header.columns if c is not COUNTED and not (rate and c is clock)]
+    columns = {c.name: _column(header, c, np.asarray(values(c.name)), dates) for c in logged}
+    sizes = {name: len(x) for name, x in columns.items()}
+    if len(set(sizes.values())) > 1:
+        listed = ", ".join(f"{name} {n}" for name, n in sizes.items())
+        raise InputError(f"{header.samples}: the columns differ in length ({listed}); they must have one value per row")
+    rows, remarks = next(iter(sizes.values()), 0), tuple[str, ...]()
+    if clock and clock not in logged:
+        if not rate:
+            _refuse_samples(header, columns)
+            spaced = f"its rows are {ROW_STEP_S:g} s apart in order, so that rates mean nothing"
+            remarks = (f"{header.samples} has no clock: {spaced}",)
+        columns[clock.name] = from_si(
+            np.arange(float(rows)) / rate if rate else ROW_STEP_S * np.arange(float(rows)), clock.unit
+        )
+    recording = assemble(header, [columns] if rows else [], columns.__getitem__, average_s, sources)
+    return dated(replace(recording, remarks=(*recording.remarks, *remarks)), header, dates)
+
+
+def _refuse_samples(header: Header, columns: Mapping[str, Array]) -> None:
+    """Raise InputError where several rows in a row are of one position: samples have a rate, means need none."""
+    position = header.column("position")
+    if position is not None and np.any(np.diff(columns[position.name]) == 0):
+        raise InputError(
+            f"{header.samples}: no column is the time, and rows follow each other in one position; name the clock in "
+            f"{header.path.name}, or give --set rate=HZ"
+        )
+
+
+def _column(header: Header, column: Column, x: Array, dates: Dates) -> Array:
+    """Return a column as float64, a copy because units are applied in place; dates of a clock as seconds in its unit.
+
+    Raises InputError for what is neither, and for a clock of numbers where the header says dates.
+    """
+    where = f"{header.samples}, column {column.name}"
+    if column.quantity == "time" and x.dtype.kind in "MOU" and len(x):
         import polars as pl
 
         try:
-            return np.asarray(dates.seconds(pl.Series(np.asarray(x, dtype=str))))
+            return from_si(dates.seconds(pl.Series(x.astype(str))), column.unit)
         except NoDateError as problem:
-            raise InputError(f"{header.samples}, row {problem.row + 1}, column {name}: {problem}; correct it") from None
+            row = f"{header.samples}, row {problem.row + 1}, column {column.name}"
+            raise InputError(f"{row}: {problem}; correct it") from None
+    if column.dated and len(x):
+        raise InputError(
+            f"{where}: the column holds numbers, not dates of ISO 8601 as the header says; write their unit, as in "
+            'unit = "s"'
+        )
     try:
-        return np.array(x, dtype=np.float64)  # a copy: units are applied in place
+        return np.array(x if np.isrealobj(x) else str(x.dtype), dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"column {name!r} holds {x.dtype} where real numbers are wanted") from None
+        raise InputError(f"{where} holds {x.dtype} where real numbers are wanted") from None

@@ -96,7 +96,7 @@ def test_rests_are_found_as_in_a_file() -> None:
     ("change", "words"),
     [
         ({"specific_force": np.zeros((5, 2))}, r"specific_force must be \(n, 3\)"),
-        ({"specific_force": np.zeros((4, 3))}, "columns must be of one length"),
+        ({"specific_force": np.zeros((4, 3))}, r"the columns differ in length \(time 5, specific_force_x 4"),
         (
             {"specific_force": np.array([[1.0, 1, np.inf]] * 5)},
             "arrays, row 1, column specific_force_z: the value is empty",
