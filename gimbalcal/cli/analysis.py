@@ -230,7 +230,7 @@ def navigate(
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.navigate.mechanisations import usual
     from gimbalcal.navigate.navigation_errors import labels
-    from gimbalcal.navigate.summary import content
+    from gimbalcal.navigate.summary import summary
     from gimbalcal.navigate.uncertainty import before_and_after
     from gimbalcal.pipeline import load
     from gimbalcal.report.navigation_page import headline, navigation_report
@@ -248,9 +248,9 @@ def navigate(
         "samples": samples,
         "seed": seed,
     }
-    result = content(runs, aids, provenance)
+    result = summary(runs, aids, provenance)
     page = partial(navigation_report, result, runs, run.title)
-    deliver(target, "navigation.json", result, page, headline(result), as_json, quiet)
+    deliver(target, "navigation.json", result.to_dict(), page, headline(result), as_json, quiet)
 
 
 def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Path, list[Path]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -13,71 +14,115 @@ from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.units import from_si
 
 
-def content(runs: Sequence[Navigated], aids: Aids, provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of navigation.json; the others are compared with the first run.
+@dataclass(frozen=True)
+class ChannelError:
+    """Errors of one channel of a run in `unit`, navigator minus true.
 
-    Errors are navigator minus true. `improvement_percent` is that of the largest error over the first run's, null for
-    the first; `sigma_linear` and `sigma_sampled` are the largest one sigma that the calibration's covariance leaves.
+    improvement_percent: of the largest error over that of the first run, None for the first; sigma_linear and
+    sigma_sampled: the largest one sigma that the calibration's covariance leaves.
     """
+
+    name: str
+    unit: str
+    calibration: str
+    max: float
+    rms: float
+    improvement_percent: float | None
+    drift_per_day: float
+    sigma_linear: float | None
+    sigma_sampled: float | None
+
+
+@dataclass(frozen=True)
+class PositionError:
+    """Errors of the horizontal position of a run [n mile]."""
+
+    calibration: str
+    max_nmi: float
+    rms_nmi: float
+    end_nmi: float
+    improvement_percent: float | None
+
+
+@dataclass(frozen=True)
+class NavigationSummary:
+    """What navigations of one recording differ by from the truth; the others are compared with the first run."""
+
+    hours: float
+    mechanisation: str
+    damping: float | None
+    alignment_s: float
+    channels: tuple[ChannelError, ...]
+    position: tuple[PositionError, ...]
+    provenance: Mapping[str, Any]
+
+    @property
+    def increased(self) -> bool:
+        """Whether a calibration increases the position error."""
+        first, *others = self.position
+        return any(p.max_nmi > first.max_nmi for p in others)
+
+    @property
+    def in_words(self) -> str:
+        """The largest position error of each run, in one sentence."""
+        errors = [
+            f"{p.max_nmi:.3g} n mile {'without calibration' if p.calibration == NONE else f'with {p.calibration}'}"
+            for p in self.position
+        ]
+        both = " and ".join(filter(None, [", ".join(errors[:-1]), errors[-1]]))
+        return f"in {self.hours:.3g} h the position is wrong by at most {both}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of navigation.json."""
+        provenance = dict(self.provenance)
+        return {"format": 1, **asdict(self), "in_words": self.in_words, "provenance": provenance}
+
+
+def summary(runs: Sequence[Navigated], aids: Aids, provenance: Mapping[str, Any]) -> NavigationSummary:
+    """Return how far navigations are off, by channel and in position, and what each calibration improves."""
     first = runs[0]
-    return {
-        "format": 1,
-        "hours": float(first.time[-1] / HOUR),
-        "mechanisation": first.mechanisation,
-        "damping": aids.damping,
-        "alignment_s": aids.alignment,
-        "channels": [
+    return NavigationSummary(
+        hours=float(first.time[-1] / HOUR),
+        mechanisation=first.mechanisation,
+        damping=aids.damping,
+        alignment_s=aids.alignment,
+        channels=tuple(
             _channel(run, first, i)
             for run in runs
             for i in range(len(CHANNELS))
             if np.all(np.isfinite(run.error[:, i]))
-        ],
-        "position": [
-            {
-                "calibration": run.label,
-                "max_nmi": float(run.position.max() / NAUTICAL_MILE),
-                "rms_nmi": float(np.sqrt(np.mean(run.position**2)) / NAUTICAL_MILE),
-                "end_nmi": float(run.position[-1] / NAUTICAL_MILE),
-                "improvement_percent": _improvement(first.position.max(), run.position.max(), run, first),
-            }
-            for run in runs
-        ],
-        "in_words": in_words(runs),
-        "provenance": dict(provenance),
-    }
+        ),
+        position=tuple(_position(run, first) for run in runs),
+        provenance=provenance,
+    )
 
 
-def _channel(run: Navigated, first: Navigated, i: int) -> dict[str, Any]:
+def _position(run: Navigated, first: Navigated) -> PositionError:
+    error = run.position / NAUTICAL_MILE
+    return PositionError(
+        run.label, float(error.max()), float(np.sqrt(np.mean(error**2))), float(error[-1]),
+        _improvement(first.position.max(), run.position.max(), run, first),
+    )  # fmt: skip
+
+
+def _channel(run: Navigated, first: Navigated, i: int) -> ChannelError:
     name, unit = CHANNELS[i]
 
     def printed(x: float) -> float:
         return float(from_si(float(x), unit))
 
-    return {
-        "name": name,
-        "unit": unit,
-        "calibration": run.label,
-        "max": printed(run.largest[i]),
-        "rms": printed(run.rms[i]),
-        "improvement_percent": _improvement(first.largest[i], run.largest[i], run, first),
-        "drift_per_day": printed(run.drift_per_day[i]),
-        "sigma_linear": None if run.linear is None else printed(run.linear[:, i].max()),
-        "sigma_sampled": None if run.sampled is None else printed(run.sampled[:, i].max()),
-    }
+    return ChannelError(
+        name=name,
+        unit=unit,
+        calibration=run.label,
+        max=printed(run.largest[i]),
+        rms=printed(run.rms[i]),
+        improvement_percent=_improvement(first.largest[i], run.largest[i], run, first),
+        drift_per_day=printed(run.drift_per_day[i]),
+        sigma_linear=None if run.linear is None else printed(run.linear[:, i].max()),
+        sigma_sampled=None if run.sampled is None else printed(run.sampled[:, i].max()),
+    )
 
 
 def _improvement(before: float, after: float, run: Navigated, first: Navigated) -> float | None:
     return None if run is first or before == 0 else float(100 * (1 - after / before))
-
-
-def in_words(runs: Sequence[Navigated]) -> str:
-    """Return one sentence with the largest position error of each run."""
-    hours = runs[0].time[-1] / HOUR
-
-    def position_error(run: Navigated) -> str:
-        after = "without calibration" if run.label == NONE else f"with {run.label}"
-        return f"{run.position.max() / NAUTICAL_MILE:.3g} n mile {after}"
-
-    *most, last = map(position_error, runs)
-    both = f"{', '.join(most)} and {last}" if most else last
-    return f"in {hours:.3g} h the position is wrong by at most {both}"

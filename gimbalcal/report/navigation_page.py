@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from gimbalcal.design.budget import Budget, length
 from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, NONE, Navigated
+from gimbalcal.navigate.summary import ChannelError, NavigationSummary, PositionError
 from gimbalcal.references import cite
 from gimbalcal.report.chart import COLOURS, DASHES, Band, Chart, Line, Mark, Rule, sensible_time, thin
 from gimbalcal.report.figures import tornado
@@ -18,90 +18,63 @@ from gimbalcal.words import naming
 from gimbalcal.words.rounding import minus, significant
 
 
-def navigation_report(content: Mapping[str, Any], runs: Sequence[Navigated], title: str) -> str:
-    """Return the page for the content of a navigation.json and the runs behind it."""
-    labels = [run.label for run in runs]
+def navigation_report(s: NavigationSummary, runs: Sequence[Navigated], title: str) -> str:
+    """Return the page of navigations of one recording."""
+    names = {p.calibration: "without" if p.calibration == NONE else p.calibration for p in s.position}
+    strapdown = s.mechanisation == "strapdown"
     context = {
         "title": title,
-        "answer": headline(content),
-        "verdict": "found" if _helps(content) else "misfit",
-        "facts": _facts(content),
+        "answer": headline(s),
+        "verdict": "misfit" if s.increased else "found",
+        "facts": [(f"{s.hours:.3g} h", "navigated"), *map(_fact, s.position)],
         "picture": picture(
             curves(runs),
             "Errors of latitude, longitude, velocity, attitude and position over time, for each calibration.",
             "Navigator minus true; band: one sigma of the calibration's uncertainty. As Figures 3 to 5 of Wu et "
             "al. (2018).",
         ),
-        "names": ["without" if label == NONE else label for label in labels],
-        "rows": [row for i in range(len(CHANNELS)) if (row := _row(content, labels, i))],
-        "position": _position(content),
-        "damping": f"{content['damping']:g}" if content["damping"] else "",
-        "alignment": f"{content['alignment_s'] / 60:g}",
-        "strapdown": content["mechanisation"] == "strapdown",
-        "provenance": [(str(k), str(v)) for k, v in content["provenance"].items() if k in ("samples", "seed")],
-        "sources": content["provenance"].get("recordings", []),
-        "citations": cite(
-            "wu2018", *(("savage1998",) if content["mechanisation"] == "strapdown" else ("britting1971",))
-        ),
-    }
+        "names": list(names.values()),
+        "rows": [
+            {"name": name, "unit": unit, "cells": [_cell(c) for c in s.channels if c.name == name]}
+            for name, unit in CHANNELS if any(c.name == name for c in s.channels)
+        ],
+        "position": {"name": "position", "unit": "n mile", "cells": [
+            {"max": significant(p.max_nmi, 3), "rms": significant(p.rms_nmi, 3), "drift": "", "sigma": "",
+             "better": _percent(p.improvement_percent)} for p in s.position
+        ]},
+        "damping": f"{s.damping:g}" if s.damping else "",
+        "alignment": f"{s.alignment_s / 60:g}",
+        "strapdown": strapdown,
+        "provenance": [(k, str(v)) for k, v in s.provenance.items() if k in ("samples", "seed")],
+        "sources": s.provenance.get("recordings", []),
+        "citations": cite("wu2018", "savage1998" if strapdown else "britting1971"),
+    }  # fmt: skip
     return render("navigation.html", context)
 
 
-def headline(content: Mapping[str, Any]) -> str:
+def headline(s: NavigationSummary) -> str:
     """Return the largest error of position without and with each calibration."""
-    text = naming.answered(content["in_words"])
-    if _helps(content):
+    text = naming.answered(s.in_words)
+    if not s.increased:
         return text
     return f"{text} A calibration increases it: does it belong to this unit and to this time? See `gimbalcal compare`."
 
 
-def _helps(content: Mapping[str, Any]) -> bool:
-    """Return whether no calibration increases the position error."""
-    first, *others = (float(p["max_nmi"]) for p in content["position"])
-    return all(x <= first for x in others)
+def _fact(p: PositionError) -> tuple[str, str]:
+    name = "without calibration" if p.calibration == NONE else p.calibration
+    return f"{significant(p.max_nmi, 3)} n mile", f"largest position error, {name}"
 
 
-def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
-    facts = [(f"{content['hours']:.3g} h", "navigated")]
-    for row in content["position"]:
-        name = "without calibration" if row["calibration"] == NONE else row["calibration"]
-        facts.append((f"{significant(row['max_nmi'], 3)} n mile", f"largest position error, {name}"))
-    return facts
+def _cell(c: ChannelError) -> dict[str, str]:
+    """Return one cell of Table 5: largest and rms error, improvement, sigma, drift."""
+    sigma = "" if c.sigma_linear is None or c.sigma_sampled is None else (
+        f"{significant(c.sigma_linear, 2)} | {significant(c.sigma_sampled, 2)}")  # fmt: skip
+    return {"max": significant(c.max, 3), "rms": significant(c.rms, 3), "sigma": sigma,
+            "drift": minus(significant(c.drift_per_day, 2)), "better": _percent(c.improvement_percent)}  # fmt: skip
 
 
-def _row(content: Mapping[str, Any], labels: Sequence[str], i: int) -> dict[str, Any] | None:
-    """Return one line of Table 5: largest errors, improvement, sigma, drift; None for a channel without error."""
-    name, unit = CHANNELS[i]
-    own = {c["calibration"]: c for c in content["channels"] if c["name"] == name}
-    if not own:
-        return None
-    return {"name": name, "unit": unit, "cells": [_cell(own[label]) for label in labels]}
-
-
-def _cell(c: Mapping[str, Any]) -> dict[str, str]:
-    better, sigma = c["improvement_percent"], c["sigma_linear"]
-    sigmas = "" if sigma is None else f"{significant(sigma, 2)} | {significant(c['sigma_sampled'], 2)}"
-    return {
-        "max": significant(c["max"], 3),
-        "rms": significant(c["rms"], 3),
-        "drift": minus(f"{significant(c['drift_per_day'], 2)}"),
-        "better": "" if better is None else minus(f"{better:.1f} %"),
-        "sigma": sigmas,
-    }
-
-
-def _position(content: Mapping[str, Any]) -> dict[str, Any]:
-    cells = [
-        {
-            "max": significant(p["max_nmi"], 3),
-            "rms": significant(p["rms_nmi"], 3),
-            "drift": "",
-            "better": "" if p["improvement_percent"] is None else minus(f"{p['improvement_percent']:.1f} %"),
-            "sigma": "",
-        }
-        for p in content["position"]
-    ]
-    return {"name": "position", "unit": "n mile", "cells": cells}
+def _percent(improvement: float | None) -> str:
+    return "" if improvement is None else minus(f"{improvement:.1f} %")
 
 
 def curves(runs: Sequence[Navigated]) -> list[Chart]:

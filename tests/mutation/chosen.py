@@ -144,8 +144,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("navigate.static_run", "horizontal", "M, N = radii", "N, M = radii"),
         ("navigate.static_run", "_given", "1 + shortening", "1 - shortening"),
         ("navigate.uncertainty", "_sampled", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
-        ("navigate.summary", "content", "run.position[-1] / NAUTICAL_MILE", "run.position[-1]"),
-        ("navigate.summary", "content", "np.mean(run.position**2)", "np.mean(run.position)"),
+        ("navigate.summary", "_position", "run.position / NAUTICAL_MILE", "run.position"),
+        ("navigate.summary", "_position", "np.mean(error**2)", "np.mean(error)"),
     ),
     "navigate/test_strapdown_unit.py": (
         ("navigate.mean_intervals", "_means", "run.time - dt / 2", "run.time + dt / 2"),
