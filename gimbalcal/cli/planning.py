@@ -118,7 +118,7 @@ def observe(
 @click.option("--angle-sigma", type=NOISE, default=None, help="Setting error, arcsec; left out: no angle is known.")
 @FORCE_SIGMA
 @names_option("--terms", "Effects to estimate (default: the baseline).")
-@names_option("--separate", "Effects that the schedule should tell apart.")
+@names_option("--separate", "Effects that the schedule should distinguish.")
 @click.option(
     "--criterion",
     type=click.Choice(["D", "A", "position", "max", "sum"]),
@@ -206,7 +206,7 @@ def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
 @click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--hours", multiple=True, type=Number(min=0.5, max=240), default=(6.0, 24.0, 72.0), show_default=True,
-    help="Within how many hours the position error is told; as often as needed.",
+    help="Hours within which the position error is given; as often as needed.",
 )  # fmt: skip
 @click.option("--with", "more", multiple=True, metavar="EFFECT", help="An effect that the calibration holds too.")
 @click.option("--states", default="", help="Of turns: what is calibrated, 30, 51, or EFFECT[:AXIS],... [51].")

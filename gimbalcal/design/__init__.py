@@ -1,1 +1,1 @@
-"""What a schedule can and cannot see, and the schedule that sees most."""
+"""Predict what a schedule determines, and design the schedule that determines most."""

@@ -4,9 +4,9 @@ From the whitened Jacobian of the forward model, with the setting errors elimina
 
 * the Cramer-Rao bound, the sigma that an unbiased estimate of each parameter cannot beat;
 * null directions: combinations of parameters that change no reading;
-* confounded: two parameters, or two effects, that cannot be told apart, because their columns, with those of all other
-  parameters projected out, are parallel (:math:`|\cos| > 0.99`); of effects with several parameters, all those of the
-  smaller one;
+* confounded: two parameters, or two effects, that cannot be distinguished, because their columns, with those of all
+  other parameters projected out, are parallel (:math:`|\cos| > 0.99`); of effects with several parameters, all those
+  of the smaller one;
 * for effects outside the calibration: the signal-to-noise ratio of one at its prior size, and the share of it that the
   calibration absorbs.
 """

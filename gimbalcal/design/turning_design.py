@@ -2,7 +2,7 @@ r"""Design a sequence of turns for a two-axis table, by a search on the covarian
 
 A schedule is a start and a list of turns of the outer axis, which is fixed in the room, and of the inner one, which
 is along z of the unit, in multiples of a step. What is minimised is, over the groups of states g (all axes of one
-parameter; of a sensitivity, its own axes and the others apart),
+parameter; of a sensitivity, its own axes and the others separately),
 
 .. math:: \max_g \frac{\sigma_g}{\sigma_g^{\rm ref}} \quad \text{or} \quad
           \frac{1}{n} \sum_g \frac{\sigma_g}{\sigma_g^{\rm ref}}, \qquad \sigma_g = \max_{j \in g} \sigma_j ,

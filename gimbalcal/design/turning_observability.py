@@ -160,7 +160,7 @@ def _observability(
         sigma, navigation = _sigmas(innovations, keep)
     if not (np.isfinite(sigma).all() and np.isfinite(navigation).all()):
         raise InputError(
-            "these noises are too large, too small or too far apart to be computed with: "
+            "these noises are too large, too small or too different to be computed with: "
             + ", ".join(f"{name} {value:g}" for name, value in noise.items())
         )
     curves = tuple(SigmaCurve(p.label, p.unit, p.sigma, p.sigma * s) for p, s in zip(wanted, sigma.T, strict=True))

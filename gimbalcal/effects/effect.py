@@ -33,7 +33,7 @@ EVERY_KIND = ("multi-position", "static-run", "rotation", "pointing")
 
 
 class Stage(Enum):
-    """Where a contribution is added, in the order in which the forward model visits the stages."""
+    """Stages at which contributions are added, in the order in which the forward model visits the stages."""
 
     ENCODER = "gimbal angle minus readout [rad], (n, k)"
     AXIS_TILT = "tilt of the next axis out [rad], (n, k, 3)"
@@ -55,13 +55,13 @@ GYROSCOPE_STAGES = frozenset({Stage.RATE_AXIS, Stage.RATE_SCALE, Stage.GYROSCOPE
 
 
 class Grid(Enum):
-    """What a non-linear constant is, and hence where a search for it starts."""
+    """Kinds of a non-linear constant, from which a search for it starts."""
 
     VALUE = "any value: even steps, of the logarithm where it is positive"
     LAG = "a time constant: even steps of its logarithm, as short as the rows and as long as three recordings tell"
     PERIOD = "a period that is nearly known: within 5 % of it, a third of a line width apart"
     DECAY = "a rate at which something dies away: none, and what shows within the recording"
-    WHOLE = "a whole number: each one that the angles tell apart, even steps of the logarithm where these are many"
+    WHOLE = "a whole number: each one that the angles distinguish, even steps of the logarithm where these are many"
     EPOCH = "an instant: the beginning of each visit, or even steps where nothing moves; it comes once"
     POSITION = "the name of a position: each of them; it comes once"
     SPAN = "the duration of the recording itself"

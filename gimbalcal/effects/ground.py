@@ -114,7 +114,7 @@ class PlumbLineTide(Effect):
 
     .. math:: \delta g^n = g \, (A \sin\omega t + B \cos\omega t), \qquad \omega = 2\pi / P
 
-    in north and east, with P the period of M2 unless told otherwise. Source: IERS Conventions (2010), chapters 6
+    in north and east, with P the period of M2 unless stated otherwise. Source: IERS Conventions (2010), chapters 6
     and 7. Magnitude: 20 to 100 nrad. Seen by: accelerometers alone. Confounded with: platform terms, in its
     sidereal constituent K1.
     """

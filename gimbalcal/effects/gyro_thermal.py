@@ -1,6 +1,6 @@
-r"""What temperature makes of the gyroscopes of a strapdown unit: the bias along a polynomial of it.
+r"""Effects of temperature on the gyroscopes of a strapdown unit: the bias follows a polynomial of it.
 
-The coefficients stand apart, one effect for each power, so that a recording says how far it supports the polynomial.
+The coefficients are separate, one effect for each power, so that a recording says how far it supports the polynomial.
 Units: rad/s and degC inside.
 """
 

@@ -1,4 +1,4 @@
-"""What the past leaves behind: states of first order, running integral, slope and direction of a move.
+"""Memory of the past: states of first order, running integral, slope and direction of a move.
 
 Time is irregular. All are linear recursions written as passes over whole arrays, so they run on floats, complex
 numbers and symbols.

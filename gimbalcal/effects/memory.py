@@ -20,7 +20,7 @@ class AccelerometerHysteresis(Effect):
 
     with the change of force at the last move. Source: IEEE Std 528, hysteresis error. Magnitude: 1 to 20 ug (quartz
     flexure), 50 to 1000 (MEMS). Seen by: order of visits, not position. Nearly confounded with: cross_coupling in
-    one order; the reversed order tells them apart.
+    one order; the reversed order distinguishes them.
     """
 
     id = "accelerometer_hysteresis"

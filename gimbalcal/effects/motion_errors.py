@@ -119,7 +119,7 @@ class TorquerScaleFactor(Effect):
     """
 
     id = "torquer_scale_factor"
-    says = "the platform turns more or less than it is told to, by {size}"
+    says = "the platform turns more or less than commanded, by {size}"
     stage = Stage.PLATFORM
     requires = ("angular_rate", "attitude")
     kinds = ("multi-position", "rotation")

@@ -1,4 +1,4 @@
-"""What an accelerometer's curve leaves after bias and scale factor: even, odd, kinked, cross-coupled, dead, saturated.
+"""Nonlinearities of an accelerometer besides bias and scale factor: even, odd, kinked, cross-coupled, dead, saturated.
 
 Forces are those along the input axes. At rest no input exceeds 1 g, and the 18 positions offer five input levels
 (-1, -0.71, 0, 0.71, 1 g): several of these laws are then one and the same, as their cards say.

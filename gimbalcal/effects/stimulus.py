@@ -1,4 +1,4 @@
-"""What the hardware truly experiences: all that an effect is given."""
+"""The true motion and environment of the hardware, from which effects compute their contributions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ REFERENCE_TEMPERATURE = 20.0  # degC, T0 of the cards
 
 @dataclass(frozen=True)
 class Stimulus:
-    """What the hardware truly experiences at n instants; immutable, SI. Every array has time first.
+    """The true motion and environment of the hardware at n instants; immutable, SI. Every array has time first.
 
     What sensors read stands in the recording; `kinematics` says where a reading has to serve for the truth, and the
     readouts of the gimbals stand here because the encoders' errors are a function of them. Temperature and covariates

@@ -26,7 +26,7 @@ NAV = 9  # attitude, velocity, position
 
 
 class Transitions(NamedTuple):
-    """What K stretches of intervals do to errors, and where the reference of each ends.
+    """Transitions of errors over K stretches of intervals, and the end of the reference of each.
 
     Transition Phi (K, 9, 9), response Psi (K, 9, p) to parameters, noise Q (K, 9, 9); C_bn (K, 3, 3), velocity (K, 3)
     [m/s] and displacement (K, 3) [m] north, east, down at the end.

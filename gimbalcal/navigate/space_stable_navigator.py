@@ -67,7 +67,7 @@ class Aids:
 
 @dataclass(frozen=True)
 class NavigatorOutput:
-    """What the navigator says at n rows: time [s], latitude, S [rad], height [m]; velocity (n, 2) north, east [m/s]."""
+    """Output of the navigator at n rows: time [s], latitude, S [rad], height [m]; velocity (n, 2) north, east [m/s]."""
 
     time: Array
     latitude: Array
@@ -100,12 +100,12 @@ def navigate(
     A row stands for the time up to halfway to its neighbours. At 100 Hz or by the minute, it is all the same, as only
     the Earth turns. Leapfrog: half a step on, the push of the whole row, half a step on; second order, and without
     damping it keeps the energy of the swing. start (2,) [m/s]: error of the velocity north and east at first. Raises
-    ValueError for rows too far apart for the height's loop.
+    ValueError for rows too widely spaced for the height's loop.
     """
     time, force = np.asarray(time, dtype=float), np.ascontiguousarray(force, dtype=float)
     step = _lengths(time)
     if step.max() > COARSEST * aids.height_s:
-        raise ValueError(f"rows up to {step.max():g} s apart need `height_s` of {step.max() / COARSEST:g} s or more")
+        raise ValueError(f"steps up to {step.max():g} s need `height_s` of {step.max() / COARSEST:g} s or more")
     n = len(time)
     first = site.phase - EARTH_RATE * step[0] / 2  # where the first row begins
     v_ref = np.ascontiguousarray(np.broadcast_to(np.asarray(aids.velocity, dtype=float), (n, 2)))

@@ -1,4 +1,4 @@
-"""What a person sees: one self-contained page per result, and the pictures and words in it."""
+"""Render results for a person: a self-contained page for each, with its pictures, and the text of the console."""
 
 from gimbalcal.report.calibration_page import calibration_report
 
