@@ -8,7 +8,6 @@ from dataclasses import replace
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
-from gimbalcal.diagnose.verdict.detection_limits import limits_in_words
 from gimbalcal.diagnose.verdict.refit_calibration import origin
 from gimbalcal.diagnose.verdict.view_calibration import Seen, calibrated_views
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
@@ -31,7 +30,12 @@ def joint_diagnosis(
     outcome = joined([p.outcome.rstrip(".") for p in parts if p.outcome])
     words = diagnosis_sentences.answer(lead.verdict, [(p.view, p.fit, p.findings) for p in parts], shapes, mismatch)
     limits = [u for p in parts for u in p.fit.unseen or ()] if lead.verdict == "adequate" else []
-    also = [limits_in_words(limits), diagnosis_sentences.delays(found), f"{outcome}." if outcome else "", *notes]
+    also = [
+        diagnosis_sentences.limits_in_words(limits),
+        diagnosis_sentences.delays(found),
+        f"{outcome}." if outcome else "",
+        *notes,
+    ]
     provenance = {
         "version": gimbalcal.__version__,
         "recordings": recording.files,

@@ -38,7 +38,7 @@ from gimbalcal.diagnose.verdict.detection_limits import detection_limits
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
 from gimbalcal.diagnose.verdict.manoeuvres import advise, sentence
 from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, Scan, mismatches, scan
-from gimbalcal.diagnose.verdict.random_walk import decide_with_walk, repeat_advice, without_single_walks
+from gimbalcal.diagnose.verdict.random_walk import decide_with_walk, without_single_walks
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_jointly
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
@@ -51,6 +51,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.words.diagnosis_sentences import repeat_advice
 from gimbalcal.words.naming import spaced
 
 DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not to be linearised at
@@ -71,7 +72,7 @@ def diagnose_known_noise(
         none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
         law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell) if none.shapes else Lawful()
         likelier = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
-        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or repeat_advice(s.fit.view.kind))
+        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or repeat_advice(s.fit.view.kind.stabilised))
         made = _report(held, none, clean, rng, seed, tell, calibration, law)
         return made if likelier > CLAIM else made.with_walk(walk, only=likelier < -CLAIM)
     made = _report(s, d, clean, rng, seed, tell, calibration)

@@ -27,7 +27,7 @@ from gimbalcal.diagnose.verdict.detection_limits import detection_limits
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.mismatch_patterns import mismatches
-from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, likeliest_walk, repeat_advice
+from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, likeliest_walk
 from gimbalcal.diagnose.verdict.view_fit import row_sigma, view_fit
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
@@ -67,7 +67,11 @@ class ViewDiagnosis:
 
     def with_walk(self, walk: RandomWalkFinding, only: bool) -> ViewDiagnosis:
         """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""
-        return replace(self, unexplained=(walk.shape, *self.unexplained), outcome=walk.sentence(only))
+        return replace(
+            self,
+            unexplained=(walk.shape, *self.unexplained),
+            outcome=diagnosis_sentences.walk_as_explanation(walk, only),
+        )
 
 
 def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
@@ -80,7 +84,7 @@ def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
     if not walking.noise.single_walks:
         return steady
     walk = _walk_of_sensor(replace(c.start, view=walking), ln_odds, ln_total)
-    tell(f"again, as {walk.in_words.partition(' wanders')[0]} may wander")
+    tell(f"again, as {diagnosis_sentences.walk_in_words(walk).partition(' wanders')[0]} may wander")
     again = diagnosis_of(stepwise(walking, tell), tell)
     if again.findings and ln_odds > CLAIM:  # a cause as well as the walk; a drift may be the walk itself
         drifts = any(CATALOGUE[f.effect].role.time_drift for f in again.findings)
@@ -95,7 +99,7 @@ def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
     likelier = max((law.evidence for law in bare.laws), default=-np.inf) - ln_total
     if likelier > CLAIM:  # a walk has no formula
         return bare
-    advice = repeat_advice(v.kind, by_hand=not v.stimulus.axis_names)
+    advice = diagnosis_sentences.repeat_advice(v.kind.stabilised, by_hand=not v.stimulus.axis_names)
     if likelier < -CLAIM:
         bare = replace(diagnosis_as(none, (), tell, lacking=True, formulas=False), recommend=bare.recommend or advice)
     return bare.with_walk(walk, only=likelier < -CLAIM)

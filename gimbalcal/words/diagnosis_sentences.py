@@ -14,7 +14,9 @@ from gimbalcal.number import Array
 from gimbalcal.words.naming import spaced
 
 if TYPE_CHECKING:
-    from gimbalcal.diagnose.result import Finding, FitSummary, Mismatch, Shape, ViewFit
+    from gimbalcal.diagnose.result import DetectionLimit, Finding, FitSummary, Mismatch, Shape, ViewFit
+    from gimbalcal.diagnose.verdict.agreement import Agreement, ConstantsAgreement
+    from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
     from gimbalcal.views.core import View
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
@@ -136,9 +138,9 @@ def gyroscopes_not_analysed(why: str) -> str:
 COUNTS_WITHOUT_SCALE = "they output counts, and no turn gives the size of a count"
 
 
-def causes(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape] = (), by: str = " and ") -> str:
+def causes(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape] = ()) -> str:
     """Return the missing effects; where they are not determined, with the shape that may be there instead."""
-    effects = by.join(cause_in_words(f.effect, f.axis, f.twins) for f in findings)
+    effects = " and ".join(cause_in_words(f.effect, f.axis, f.twins) for f in findings)
     if verdict != "not-identifiable":
         return f"Missing physics: {effects}"
     other = f", or none that is known: {shape_in_words(unexplained[0])}" if unexplained else ""
@@ -280,4 +282,79 @@ def residuals(v: View, fit: ViewFit) -> str:
     return (
         f"{start}, but {ratio:.2g} times the standard error from the scatter of the samples: the outputs change from "
         "one position to the next."
+    )
+
+
+# --- random walks, detection limits, separation and agreement ---------------------------------------------------------
+
+SENSOR_OF_WALK = {"specific_force": "accelerometer", "angular_rate": "gyroscope"}
+REPEAT_POSITIONS = "visit the same positions once more: a law of what is logged comes back there, a walk does not"
+REPEAT_DWELLS = "take the same rests once more: a law of what is logged comes back there, a walk does not"
+CONTINUE_RUN = "let the run go on as long again: a law of what is logged goes on as it began, a walk does not"
+MAX_LIMITS = 3  # detection limits that a sentence names
+
+
+def walk_in_words(walk: RandomWalkFinding) -> str:
+    """Return the sensor that walks, and the size of its walk."""
+    size = f"{digits(walk.walk)} +- {digits(walk.sigma)} {walk.unit}"
+    return f"{SENSOR_OF_WALK[walk.quantity]} {walk.axis} wanders, a random walk of {size}"
+
+
+def walk_as_explanation(walk: RandomWalkFinding, only: bool) -> str:
+    """Return that a sensor walks, as the `only` explanation or as another one."""
+    words = walk_in_words(walk)
+    if not only:
+        return f"It may as well be that {words}"
+    return f"{words[:1].upper()}{words[1:]}: no cause and no formula is as likely"
+
+
+def repeat_advice(stabilised: bool, by_hand: bool = False) -> str:
+    """Return what distinguishes a random walk from a deterministic drift."""
+    return CONTINUE_RUN if stabilised else REPEAT_DWELLS if by_hand else REPEAT_POSITIONS
+
+
+def limits_in_words(limits: Sequence[DetectionLimit]) -> str:
+    """Return a sentence on the effects that may be present at their usual size, the nearest to showing first; or "".
+
+    >>> from gimbalcal.diagnose.result import DetectionLimit
+    >>> limits_in_words([DetectionLimit("bias_drift", "x", 12.34, 3.0, "ug/h")])
+    'At their usual size these would not have shown: bias drift (x) below 12.3 ug/h.'
+    """
+    hidden = sorted((t for t in limits if t.least > t.usual), key=lambda t: t.least / t.usual)
+    if not hidden:
+        return ""
+    each = [f"{cause_in_words(t.effect, t.axis)} below {digits(t.least)} {t.unit}" for t in hidden]
+    more = f" and {len(each) - MAX_LIMITS} more" if len(each) > MAX_LIMITS else ""
+    return f"At their usual size these would not have shown: {', '.join(each[:MAX_LIMITS])}{more}."
+
+
+def separation_advice(manoeuvre: str, hours: float, ln_bayes: float, one: str, other: str) -> str:
+    """Return which manoeuvre distinguishes one thing from another, and how well; that none does where it is empty."""
+    if manoeuvre:
+        return (f"To distinguish {one} from {other}: {manoeuvre}, {hours:.2g} h, with an expected log Bayes factor of "
+                f"{ln_bayes:.0f}.")  # fmt: skip
+    return (
+        f"No manoeuvre of the menu would distinguish {one} from {other} at this size: it takes another kind of input."
+    )
+
+
+def size_disagreement(name: str, agreement: Agreement) -> str:
+    """Return that recordings do not agree on the size of `name`."""
+    return (
+        f"The recordings do not agree on the size of {name}: it differs between them "
+        f"(chi^2 {agreement.chi2:.3g} on {agreement.dof}, p = {agreement.p_value:.1g}); the mean stands for none of "
+        "them."
+    )
+
+
+def constants_disagreement(agreement: ConstantsAgreement) -> str:
+    """Return that recordings do not agree on the constants of the unit, and which differ most."""
+    each = [f"{spaced(f'{e.name} {e.axis}')} by {e.value:+.4g} ± {e.sigma:.2g} {e.unit}" for e in agreement.differences]
+    odd = agreement.odd
+    which = f"recording {odd + 1} differs most from the others" if odd >= 0 else "the second differs"
+    most = f"; {which}, in {', '.join(each)}" if each else ""
+    return (
+        f"The recordings do not agree on the constants of the unit (chi² of {agreement.chi2:.0f} for the "
+        f"{agreement.dof} combinations that several see, p = {agreement.p_value:.1g}){most}. They are of two units, or "
+        "it changed in between: calibrate each by itself."
     )

@@ -10,8 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, Mismatch, RmsMisfit, RowNoise, Shape, ViewFit
-from gimbalcal.effects import CATALOGUE
+from gimbalcal.diagnose.result import (
+    DetectionLimit,
+    Estimate,
+    Finding,
+    FitSummary,
+    Mismatch,
+    RmsMisfit,
+    RowNoise,
+    Shape,
+    ViewFit,
+)
+from gimbalcal.diagnose.verdict.agreement import Agreement, ConstantsAgreement
+from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
+from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.views.pointing import pointing
 from gimbalcal.words import diagnosis_sentences
 from gimbalcal.words.naming import spaced
@@ -24,6 +36,7 @@ CUBIC = Finding("cubic_nonlinearity", "y", 0.9, 9.0, ())
 ODD = Finding("odd_quadratic", "", 0.9, 9.0, (), ("cubic_nonlinearity", "soft_saturation"))
 WAVE = Shape("specific_force x", "a smooth function of time")
 OFF = [Mismatch("specific_force", "y", {"positions": (4,)}, 9.0, 0.01, "Specific force y is off at position 4")]
+WALK = RandomWalkFinding("y", 12.3, 0.4, 3.0, 9.0)
 STARS = pointing(telescope(1))
 FORCES: Any = SimpleNamespace(noise=SimpleNamespace(stated=True))
 VIEW_FIT = ViewFit(
@@ -79,6 +92,17 @@ def test_the_sentences_of_a_diagnosis(golden: Golden) -> None:
         "outliers": diagnosis_sentences.omitted_stars([3, 80], [0.763, 12.0], "arcsec", "mistaken or not centred"),
         "motion": diagnosis_sentences.motion_not_analysed("no rows between positions were logged"),
         "rate": diagnosis_sentences.rate_not_analysed("no model explains the forces"),
+        "walk": diagnosis_sentences.walk_as_explanation(WALK, only=True),
+        "walk or a cause": diagnosis_sentences.walk_as_explanation(WALK, only=False),
+        "detection limits": diagnosis_sentences.limits_in_words(
+            [DetectionLimit(e, "x", 12.34, 3.0, "ug/h") for e in ("bias_drift", "warm_up", "bias_step", "self_heating")]
+        ),
+        "separation": diagnosis_sentences.separation_advice("reverse the order", 0.5, 12.3, "friction", "eccentricity"),
+        "no separation": diagnosis_sentences.separation_advice("", 0.0, 0.0, "friction", "eccentricity"),
+        "sizes differ": diagnosis_sentences.size_disagreement("bias drift (x)", Agreement(38.2, 6, 1e-6)),
+        "constants differ": diagnosis_sentences.constants_disagreement(
+            ConstantsAgreement(38.2, 6, 1e-6, -1, tuple(parameters(CATALOGUE["bias"])[:1]), np.ones(1), np.ones(1))
+        ),
         "gyroscopes": diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE),
     }
     golden("sentences/in_words", "\n".join(f"{name}: {text}" for name, text in cases.items()))

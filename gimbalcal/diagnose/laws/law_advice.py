@@ -9,10 +9,11 @@ import numpy as np
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.law_file import STAGES, printed
 from gimbalcal.diagnose.laws.law_search import Law
-from gimbalcal.diagnose.verdict.manoeuvres import apart, fastest, told_apart
+from gimbalcal.diagnose.verdict.manoeuvres import apart, fastest
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
+from gimbalcal.words.diagnosis_sentences import separation_advice
 
 
 def to_tell(o: Fit, law: Law, size: Array, other: Law, asked: bool = True) -> str:
@@ -26,7 +27,9 @@ def to_tell(o: Fit, law: Law, size: Array, other: Law, asked: bool = True) -> st
         return apart(planned, signal, _varied(planned, other))
 
     best = fastest(o, gained)
-    return told_apart(best, f"{printed(law)} from {printed(other)}") if best.words or asked else ""
+    if not (best.words or asked):
+        return ""
+    return separation_advice(best.words, best.hours, best.ln_bayes, printed(law), printed(other))
 
 
 def _varied(o: Fit, law: Law) -> Iterator[Array]:

@@ -26,7 +26,7 @@ from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
-from gimbalcal.words.naming import spaced
+from gimbalcal.words.diagnosis_sentences import constants_disagreement, size_disagreement
 
 MIN_P_VALUE_OF_A_SIZE = 1e-3  # below it a size differs between recordings
 UNOBSERVABLE = 1e-13  # of the largest eigenvalue of a covariance: exact zeros left by a direction without information
@@ -47,10 +47,7 @@ class Agreement:
         """Return a sentence on what speaks against one size of `name` in all recordings; "" for nothing."""
         if not self.dof or self.p_value >= MIN_P_VALUE_OF_A_SIZE:
             return ""
-        return (
-            f"The recordings do not agree on the size of {name}: it differs between them "
-            f"(chi^2 {self.chi2:.3g} on {self.dof}, p = {self.p_value:.1g}); the mean stands for none of them."
-        )
+        return size_disagreement(name, self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,26 +71,22 @@ class ConstantsAgreement(Entry):
         """A sentence on the contradiction; empty where they agree."""
         if self.p_value >= SIGNIFICANCE:
             return ""
-        told = [
-            f"{spaced(f'{p.name} {p.axis}')} by {from_si(d, p.unit):+.4g} ± {from_si(s, p.unit):.2g} {p.unit}"
+        return constants_disagreement(self)
+
+    @property
+    def differences(self) -> tuple[Estimate, ...]:
+        """The difference of each parameter in its unit of print, with its sigma."""
+        return tuple(
+            Estimate(p.name, p.axis, float(from_si(d, p.unit)), float(from_si(s, p.unit)), p.unit)
             for p, d, s in zip(self.parameters, self.difference, self.sigma, strict=True)
-        ]
-        who = f"recording {self.odd + 1} differs most from the others" if self.odd >= 0 else "the second differs"
-        most = f"; {who}, in {', '.join(told)}" if told else ""
-        return (
-            f"The recordings do not agree on the constants of the unit (chi² of {self.chi2:.0f} for the {self.dof} "
-            f"combinations that several see, p = {self.p_value:.1g}){most}. They are of two units, or it changed in "
-            "between: calibrate each by itself."
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of the fit of a diagnosis; numbers in printed units."""
-        rows = zip(self.parameters, self.difference, self.sigma, strict=True)
         return {
             "in_words": self.in_words, "chi2": round(self.chi2, 3), "dof": self.dof, "p_value": self.p_value,
             "agree": self.p_value >= SIGNIFICANCE, "recording": self.odd + 1 if self.odd >= 0 else None,
-            "differences": plain([Estimate(p.name, p.axis, float(from_si(d, p.unit)), float(from_si(s, p.unit)), p.unit)
-                                  for p, d, s in rows]),
+            "differences": plain(self.differences),
         }  # fmt: skip
 
 

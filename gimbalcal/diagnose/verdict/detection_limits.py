@@ -17,11 +17,9 @@ from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import DetectionLimit
 from gimbalcal.effects import Parameter
 from gimbalcal.units import from_si
-from gimbalcal.words import diagnosis_sentences
 
 SHOWS = 8.0  # sigmas
 FAINT = 0.08  # sigmas at the usual size; a hundred times that would not show: the calibration takes all of it
-SAID = 3  # of them
 
 
 def detection_limits(candidates: Sequence[Candidate], projections: Sequence[Projection]) -> tuple[DetectionLimit, ...]:
@@ -44,20 +42,3 @@ def detection_limits(candidates: Sequence[Candidate], projections: Sequence[Proj
                        float(from_si(q.sigma, q.unit)), q.unit)
         for effect, (sigmas, c, q) in sorted(worst.items())
     )  # fmt: skip
-
-
-def limits_in_words(limits: Sequence[DetectionLimit]) -> str:
-    """Return a sentence on the effects that may be present at their usual size, the nearest to showing first; or "".
-
-    >>> limits_in_words([DetectionLimit("bias_drift", "x", 12.34, 3.0, "ug/h")])
-    'At their usual size these would not have shown: bias drift (x) below 12.3 ug/h.'
-    """
-    hidden = sorted((t for t in limits if t.least > t.usual), key=lambda t: t.least / t.usual)
-    if not hidden:
-        return ""
-    said = [
-        f"{diagnosis_sentences.cause_in_words(t.effect, t.axis)} below {diagnosis_sentences.digits(t.least)} {t.unit}"
-        for t in hidden
-    ]
-    more = f" and {len(said) - SAID} more" if len(said) > SAID else ""
-    return f"At their usual size these would not have shown: {', '.join(said[:SAID])}{more}."

@@ -23,6 +23,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.words.diagnosis_sentences import separation_advice
 from gimbalcal.words.naming import spaced
 
 TRIED = 12  # variants of the other cause: the grid of its constants
@@ -66,15 +67,8 @@ def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
 
 
 def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
-    """The advice as one sentence."""
-    return told_apart(a, f"{spaced(found.effect)} from {spaced(other.effect)}")
-
-
-def told_apart(a: Advice, names: str) -> str:
-    """The same of anything: `names` are one "from" the other."""
-    if a.words:
-        return f"To tell {names}: {a.words}, {a.hours:.2g} h, with an expected log Bayes factor of {a.ln_bayes:.0f}."
-    return f"No manoeuvre of the menu would tell {names} at this size: it takes another kind of input."
+    """Return the advice as one sentence."""
+    return separation_advice(a.words, a.hours, a.ln_bayes, spaced(found.effect), spaced(other.effect))
 
 
 def separation(o: Fit, found: Candidate, variant: int, size: Array, other: Candidate) -> float:

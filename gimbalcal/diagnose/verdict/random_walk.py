@@ -24,19 +24,15 @@ from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
-from gimbalcal.words import diagnosis_sentences
 
 SHAPE = "a random walk"
-AGAIN = "visit the same positions once more: a law of what is logged comes back there, a walk does not"
-LONGER = "let the run go on as long again: a law of what is logged goes on as it began, a walk does not"
-HAND = "take the same rests once more: a law of what is logged comes back there, a walk does not"
-SENSOR = {"specific_force": ("accelerometer", "ug/sqrt(h)"), "angular_rate": ("gyroscope", "deg/h/sqrt(h)")}
+UNITS = {"specific_force": "ug/sqrt(h)", "angular_rate": "deg/h/sqrt(h)"}  # of print
 STEP = float(np.log(SINGLE_WALK[1] / SINGLE_WALK[0]))
 
 
 @dataclass(frozen=True)
 class RandomWalkFinding:
-    """A sensor, its random walk with one sigma in the unit of `SENSOR`, and ln of the odds to causes without it.
+    """A sensor, its random walk with one sigma in its unit of print, and ln of the odds to causes without it.
 
     ln_total: ln Bayes factor of the walk against nothing, to weigh formulas by.
     """
@@ -49,22 +45,14 @@ class RandomWalkFinding:
     quantity: str = "specific_force"
 
     @property
-    def in_words(self) -> str:
-        """The sensor, and the size of its walk."""
-        sensor, unit = SENSOR[self.quantity]
-        size = f"{diagnosis_sentences.digits(self.walk)} +- {diagnosis_sentences.digits(self.sigma)} {unit}"
-        return f"{sensor} {self.axis} wanders, a random walk of {size}"
+    def unit(self) -> str:
+        """The unit of the walk in print."""
+        return UNITS[self.quantity]
 
     @property
     def shape(self) -> Shape:
         """The walk as an entry of `unexplained`."""
         return Shape(f"{self.quantity} {self.axis}".strip(), SHAPE)
-
-    def sentence(self, only: bool) -> str:
-        """Return that it walks, as the `only` explanation or as another one."""
-        if not only:
-            return f"It may as well be that {self.in_words}"
-        return f"{self.in_words[:1].upper()}{self.in_words[1:]}: no cause and no formula is as likely"
 
     def share_of(self, probability: float) -> float:
         """Return what the walk leaves of the probability of a cause."""
@@ -105,11 +93,6 @@ def without_single_walks(s: Search) -> Search:
     return ranked(s.fit, s.library, s.rows, projections, factors)
 
 
-def repeat_advice(kind: str, by_hand: bool = False) -> str:
-    """Return what distinguishes a random walk from a deterministic drift, in a recording of this kind."""
-    return LONGER if kind == "static-run" else HAND if by_hand else AGAIN
-
-
 def likeliest_walk(
     nodes: Sequence[Node], weight: Array, units: Mapping[str, Array], quantity: str, ln_odds: float, ln_total: float
 ) -> RandomWalkFinding:
@@ -124,7 +107,7 @@ def likeliest_walk(
     size = np.log(np.array(walks) * units[axis] + 1e-300)
     mean = float(weight @ size)
     spread = float(np.sqrt(weight @ (size - mean) ** 2 + STEP**2 / 12))  # of a grid, anywhere between its values
-    walk = float(from_si(np.exp(mean), SENSOR[quantity][1]))
+    walk = float(from_si(np.exp(mean), UNITS[quantity]))
     return RandomWalkFinding(axis, walk, spread * walk, ln_odds, ln_total, quantity)
 
 

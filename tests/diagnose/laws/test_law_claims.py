@@ -164,7 +164,7 @@ def test_what_tells_a_law_from_the_next_is_taken_from_the_menu() -> None:
 
     time, warm = map(law, follows)
     told = to_tell(o, warm, np.array([30 * plant.UG / plant.G]), time)
-    assert told.startswith("To tell a*force_x*(temperature - 20) from a*force_x*time: ")
+    assert told.startswith("To distinguish a*force_x*(temperature - 20) from a*force_x*time: ")
     assert "repeat the positions in reversed order" in told
     assert "expected log Bayes factor" in told
     assert to_tell(o, warm, np.array([1e-3 * plant.UG / plant.G]), time).startswith("No manoeuvre of the menu")
