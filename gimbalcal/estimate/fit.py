@@ -217,7 +217,8 @@ class ViewsFit:
     def condition(self) -> float:
         """Condition number of the columns of the effects' parameters, each of length one."""
         J = self.whitened[0][:, : len(self.parameters)]
-        return float(np.linalg.cond(J / np.linalg.norm(J, axis=0)))
+        size = np.linalg.norm(J, axis=0)
+        return float(np.linalg.cond(J / np.where(size > 0, size, 1.0)))
 
     @property
     def dof_of_scatter(self) -> float:
@@ -250,7 +251,7 @@ class ViewsFit:
                 moves.append(without[at] @ q)
             out.append(without.reshape(sigma.shape) * sigma)
             start += sigma.size
-        moved = np.linalg.solve(R, np.array(moves).T).T * scale / size
+        moved = np.linalg.lstsq(R, np.array(moves).T, rcond=MIN_SINGULAR_RATIO)[0].T * scale / size
         return tuple(out), np.sqrt((moved**2).sum(axis=0))[: len(self.parameters)]
 
     @property

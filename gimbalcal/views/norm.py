@@ -14,7 +14,7 @@ import numpy as np
 
 from gimbalcal.calibration import Counts, Readout
 from gimbalcal.calibration.readout import in_si
-from gimbalcal.effects import Effect
+from gimbalcal.effects import Effect, Stage
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError, amount
@@ -33,31 +33,48 @@ MAX_FACE_TILT = 0.3  # of gravity, across an axis that is called upright
 
 
 def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
-    """Return the view of dwells of unknown attitude: one row each."""
+    """Return the view of dwells of unknown attitude: one row each. Gimbal angles are not used."""
     means, _ = scaled_by_gravity(dwell_means(recording))
+    channels = {k: x for k, x in means.channels.items() if k[0] != "gimbal_angle"}
+    means = replace(means, platform=BENCH, channels=channels)
     y, g = means.triad(FORCE), means.site.gravity
     s = stimulus_from_readings(means).at(rate=np.zeros_like(y))  # at rest
 
-    channels = tuple((FORCE, a) for a in "xyz")
-
-    def rows(effects: Sequence[Effect], ideal: bool = False) -> Rows:
+    def rows(effects: Sequence[Effect], noise_free: bool = False) -> Rows:
         f, H = inverted(lambda f: accelerometers(f, s, effects), y)
-        length = np.linalg.norm(f, axis=-1)
-        towards = np.linalg.solve(np.swapaxes(H, -1, -2), (f / length[:, None])[..., None])[..., 0]
-        felt = f * (g / length[:, None] if ideal else 1.0)
-        felt = linearise(BENCH, s.at(force=felt), effects, channels=channels, stages=SENSOR_STAGES)
-        along = felt.reduced(lambda X: np.einsum("nc,ncp->np", towards, X)[:, None])
-        return replace(along, residual=(length - g)[:, None])
+        length = np.linalg.norm(f, axis=-1, keepdims=True)
+        towards = np.linalg.solve(np.swapaxes(H, -1, -2), (f / length)[..., None])[..., 0]
+        axes = tuple((FORCE, a) for a in "xyz")
+        felt = s.at(force=g / length * f if noise_free else f)
+        along = linearise(BENCH, felt, effects, channels=axes, stages=SENSOR_STAGES).reduced(
+            lambda X: np.einsum("nc,ncp->np", towards, X)[:, None]
+        )
+        return replace(along, residual=length - g)
 
     sample = means.sigma("accelerometer")
     noise = (sample / np.sqrt(means.weight))[:, None] if sample else None  # a channel of few levels may not scatter
-    ids = tuple(baseline) or ACCELEROMETER_TERMS
     return View(
         "norm", unit="mg", channels=((FORCE, "norm"),), **recording_fields(means), stimulus=s, label=s.position,
-        evaluate=rows, reference=lambda effects: rows(effects, ideal=True), stages=SENSOR_STAGES, baseline=ids,
-        gauge=gauges(SENSOR_STAGES), groups=np.arange(len(y)),
+        evaluate=rows, reference=lambda effects: rows(effects, noise_free=True), stages=SENSOR_STAGES,
+        baseline=tuple(baseline) or ACCELEROMETER_TERMS, gauge=gauges(SENSOR_STAGES), groups=np.arange(len(y)),
         noise=NoiseModel(sample=noise, wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None]),
     )  # fmt: skip
+
+
+def in_noise_of_readings(view: View) -> View:
+    """Return the view of the norm with rows over |H^-T u|, whose noise is that of a reading at any scale factor.
+
+    Derivatives are those at a force as long as gravity: at the force that was read they would hold its noise, and pull
+    estimates towards zero.
+    """
+
+    def rows(effects: Sequence[Effect]) -> Rows:
+        along = view.noise_free(effects)
+        one = np.ones((len(view), 1))
+        towards = [along.added(Stage.ACCELEROMETER, i, one)[:, :, 0] for i in range(3)]
+        return along.over(np.sqrt(np.sum(np.square(towards), axis=0)))
+
+    return replace(view, evaluate=rows)
 
 
 def inverted(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:

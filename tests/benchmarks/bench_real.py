@@ -18,10 +18,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, left_out_rms, norm_fit
+from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, read
-from gimbalcal.views.norm import scaled_by_gravity
+from gimbalcal.views.norm import norm, scaled_by_gravity
 
 UG = 1e-6 * G0
 SHIPPED = Path(__file__).parents[2] / "data" / "xsens_positions"
@@ -70,16 +71,14 @@ def compared(recording: Recording) -> list[str]:
     lines = [f"{recording.title}: {len(y)} rest positions; misfit of gravity [ug rms], direction physics to reading"]
     for terms in TERMS:
         start = perf_counter()
-        made: NormFit = norm_fit(means, terms)
+        made: ViewsFit = norm_fit(norm(means), terms)
         seconds = perf_counter() - start
-        rms = np.sqrt(np.mean(made.misfit**2)) / UG
-        x, s = made.fit.solution.x, made.fit.solution.sigma
-        extra = [
-            abs(v / e) for q, v, e in zip(made.fit.solution.parameters, x, s, strict=True) if "linearity" in q.effect
-        ]
+        rms = np.sqrt(np.mean(made.residual[0] ** 2)) / UG
+        x, s = made.solution.x, made.solution.sigma
+        extra = [abs(v / e) for q, v, e in zip(made.solution.parameters, x, s, strict=True) if "linearity" in q.effect]
         seen = f", largest second or third order {max(extra):.1f} sigma" if extra else ""
         lines.append(
-            f"  {' + '.join(terms):82s} {rms:9.1f}   left out {made.left_out / UG:8.1f}   condition "
+            f"  {' + '.join(terms):82s} {rms:9.1f}   left out {left_out_rms(made) / UG:8.1f}   condition "
             f"{made.condition:5.0f}   {1e3 * seconds:4.0f} ms{seen}"
         )
     lines.append(f"  {'imu_tk model (T K b) on the means':82s} {np.sqrt(np.mean(imu_tk_style(y, g) ** 2)) / UG:9.1f}")
@@ -91,7 +90,7 @@ def compared(recording: Recording) -> list[str]:
 
 def test_all_linear_models_with_misalignment_reach_the_same_misfit() -> None:
     means, _ = scaled_by_gravity(dwell_means(read(SHIPPED)))
-    ours = np.sqrt(np.mean(norm_fit(means, LINEAR).misfit ** 2))
+    ours = np.sqrt(np.mean(norm_fit(norm(means), LINEAR).residual[0] ** 2))
     theirs = np.sqrt(np.mean(imu_tk_style(means.triad("specific_force"), means.site.gravity) ** 2))
     assert abs(ours / theirs - 1) < 0.01  # ours weighs positions by their length, theirs does not
 

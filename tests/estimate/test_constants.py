@@ -17,6 +17,7 @@ from gimbalcal.estimate.extra_effects import Extension, extra_effects
 from gimbalcal.number import Array
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.views.norm import norm
 from tests.diagnose.plant import ARCSEC, UG, record
 from tests.estimate.accelerometers.test_multiposition import rested, scattered
 from tests.estimate.static_runs import run
@@ -127,13 +128,13 @@ def test_the_start_does_not_matter() -> None:
     sizes, tau = e.parameters(()), next(p for p in parameters(CATALOGUE["warm_up"], constants=True) if p.field == "tau")
     means = dwell_means(dwell_means(recording))
     fits = [
-        norm_fit(means, LINEAR, Extension((e.absent((), {"tau": t}),), (*sizes, replace(tau, mean=t))))
+        norm_fit(norm(means), LINEAR, Extension((e.absent((), {"tau": t}),), (*sizes, replace(tau, mean=t))))
         for t in (300.0, 700.0, 3000.0)
     ]
-    first = fits[0].fit.solution
+    first = fits[0].solution
     for other in fits[1:]:
-        np.testing.assert_allclose(other.fit.solution.x, first.x, atol=0.02 * first.sigma.min(), rtol=1e-3)
-        np.testing.assert_allclose(other.fit.solution.sigma, first.sigma, rtol=0.01)
+        np.testing.assert_allclose(other.solution.x, first.x, atol=0.02 * first.sigma.min(), rtol=1e-3)
+        np.testing.assert_allclose(other.solution.sigma, first.sigma, rtol=0.01)
 
 
 def test_both_recordings_determine_one_constant() -> None:

@@ -6,8 +6,8 @@ r"""Least squares on dwells: white noise of the samples, and a setting repeatabi
 The setting errors e_d are unknowns of their own with that prior, and are eliminated visit by visit: with
 G_d = dh/de_d = U diag(s) V^T the rows U^T / sqrt(sigma_a^2 / n + sigma_theta^2 s^2) have unit noise, which is the
 Schur complement of e_d without squaring anything. sigma_theta = 0 is the fit to exact angles; sigma_theta = infinity
-drops the directions that a turn can reach and leaves the norm of the force, so one code covers good angles, poor ones
-and none. Without gimbals e_d is a turn of the force itself.
+drops the directions that a turn can reach and leaves the norm of the force, so one code covers good angles and poor
+ones. Without gimbals it is the view of `views.norm`.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.process import Process, SettingError, WhiteNoise
 from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
 from gimbalcal.estimate.fit import gauss_newton as iterate
 from gimbalcal.estimate.fit import range_of_constants
+from gimbalcal.forward import Rows
 from gimbalcal.inference.information import Information, Solution, information, prior, solve
-from gimbalcal.number import Array, apply_matrix, complex_step
+from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
 from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
-from gimbalcal.rotation import tilt_rotation
 
 MIN_SINGULAR_RATIO = 1e-9  # of dh/de, below which a turn does not reach a direction; rounding leaves 1e-16
 MAX_STEPS = 30  # Gauss-Newton steps; 1 arcsec takes 3, 3 degrees 5
@@ -98,8 +98,8 @@ class Problem:
 
     @property
     def turns(self) -> int:
-        """Number k of setting errors of a visit: one per gimbal, or three for a unit without gimbals."""
-        return len(self.platform.axes) or 3
+        """Number k of setting errors of a visit: one per gimbal."""
+        return len(self.platform.axes)
 
     def without(self, visits: Sequence[int]) -> Problem:
         """The problem with some visits left out."""
@@ -151,18 +151,20 @@ def _at_rest(recording: Recording) -> Recording:
     return recording if recording.position is None else recording.select(recording.position > 0)
 
 
-def set_off(p: Problem, e: Array) -> Readings:
-    """The readings when the gimbals stand off their readouts by e (m, k) [rad]."""
-    s, turn = p.stimulus, e[p.visit]
-    if p.platform.axes:
-        return replace(p.readings, stimulus=s.at(readout=s.readout + turn, angle=s.readout + turn))
-    return replace(p.readings, stimulus=s.at(force=apply_matrix(tilt_rotation(turn), s.force)))
-
-
 def model(p: Problem, x: Array, e: Array) -> Array:
     """Readings (n, 3) [m/s^2] that parameters x (p,) and setting errors e (m, k) predict."""
-    effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
-    return set_off(p, e).predicted(effects)
+    return set_off(p, e).predicted(_effects(p, x))
+
+
+def _effects(p: Problem, x: Array) -> tuple[Effect, ...]:
+    return with_values(p.effects, p.parameters, x, p.platform.axis_names)
+
+
+def set_off(p: Problem, e: Array) -> Readings:
+    """The readings when the gimbals stand off their readouts by e (m, k) [rad]."""
+    s = p.stimulus
+    angle = s.readout + e[p.visit]
+    return replace(p.readings, stimulus=s.at(readout=angle, angle=angle))
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,10 +181,19 @@ class VisitRows:
 
 def by_visit(p: Problem, x: Array, e: Array) -> VisitRows:
     """Exact derivatives at parameters x and setting errors e, by visit."""
-    effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
-    rows = set_off(p, e).rows(effects, dict.fromkeys(CATALOGUE[q.effect].stage for q in p.parameters))
-    J, G = rows.jacobian(p.parameters), by_turns(p, x, e)
-    return visit_rows(p, J, rows.residual + (J @ x) + apply_matrix(G, e[p.visit]), G)
+    _, *parts = _linear(p, x, e, p.parameters)
+    return visit_rows(p, *parts)
+
+
+def _linear(p: Problem, x: Array, e: Array, wanted: Sequence[Parameter]) -> tuple[Rows, Array, Array, Array]:
+    """Rows about (x, e) with the stages of wanted parameters, J (n, 3, p), y - h + J x + G e (n, 3), and G (n, 3, k).
+
+    G is the derivative by the setting errors of the row's own visit.
+    """
+    stages = dict.fromkeys((*(CATALOGUE[q.effect].stage for q in wanted), Stage.ENCODER))
+    rows = set_off(p, e).rows(_effects(p, x), stages)
+    J, G = rows.jacobian(p.parameters), rows.sensitivity[Stage.ENCODER]
+    return rows, J, rows.residual + J @ x + apply_matrix(G, e[p.visit]), G
 
 
 def visit_rows(p: Problem, J: Array, r: Array, G: Array) -> VisitRows:
@@ -196,17 +207,13 @@ def visit_rows(p: Problem, J: Array, r: Array, G: Array) -> VisitRows:
     return VisitRows(J_mean, r_mean, G_mean, weight, *inside)
 
 
-def by_turns(p: Problem, x: Array, e: Array) -> Array:
-    """Derivative of the readings by the setting errors of their own visit (n, 3, k), exact by complex step."""
-    return complex_step(lambda off: model(p, x, off), e)
-
-
 def aim(p: Problem, x: Array, noise: Noise) -> Array:
     """Setting errors (m, k) that x alone would call for, so that poor angles do not throw the first step off."""
     e = np.zeros((p.visits, p.turns))
     for _ in range(START_ITERATIONS if noise.setting > SMALL_SETTING_RAD else 0):
-        G = by_turns(p, x, e)
-        r = visit_means(p, p.force - model(p, x, e) + apply_matrix(G, e[p.visit]))
+        rows = set_off(p, e).rows(_effects(p, x), [Stage.ENCODER])
+        G = rows.sensitivity[Stage.ENCODER]
+        r = visit_means(p, rows.residual + apply_matrix(G, e[p.visit]))
         G, weight = visit_means(p, G), np.bincount(p.visit, p.weight)
         e = apply_matrix(whiten(VisitRows(G[..., :0], r, G, weight, G[:0, :, :0], r[:0]), noise).gain, r)
     return e
@@ -312,10 +319,7 @@ def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> Positi
 def misfit_with_sizes(p: Problem, x: Array, e: Array, noise: Noise, sizes: Sequence[Parameter]) -> Cost:
     """Chi^2 of the rows about a fit (x, e) with the sizes of absent effects free beside its parameters."""
     wanted = (*p.parameters, *sizes)
-    effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
-    rows = set_off(p, e).rows(effects, dict.fromkeys(CATALOGUE[q.effect].stage for q in wanted))
-    J, G = rows.jacobian(p.parameters), by_turns(p, x, e)
-    r = rows.residual + J @ x + apply_matrix(G, e[p.visit])
+    rows, J, r, G = _linear(p, x, e, wanted)
 
     def misfit(effects: Sequence[Effect]) -> float:
         every = np.concatenate([J, columns_of_sizes(rows, effects, sizes)], axis=-1)

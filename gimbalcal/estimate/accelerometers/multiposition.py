@@ -21,17 +21,19 @@ from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageR
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.errors_in_variables import misfit_with_sizes
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise
 from gimbalcal.estimate.accelerometers.excess_scatter import noise_of_a_mean, scatter_in_words
 from gimbalcal.estimate.accelerometers.fit_summary import noise_record, rotations_of_the_triad
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, NormFit, norm_fit, unknowns
+from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, left_out_rms, norm_fit, sample_sigma, unknowns
 from gimbalcal.estimate.accelerometers.omitted_terms import covariance_of_omitted_terms, in_words
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, unfit
+from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
-from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
-from gimbalcal.views.norm import scaled_by_gravity
+from gimbalcal.views.core import View
+from gimbalcal.views.norm import norm, scaled_by_gravity
 
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 
@@ -50,13 +52,14 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     _check(tuple(asked), recording, "--with")
     means = dwell_means(dwell_means(recording))  # a rest that a row on the way cuts in two is one
     means, counts = scaled_by_gravity(means)
+    view = norm(means)
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
-    extra = _extension(means, base, more)
-    best = norm_fit(means, base, extra)
+    extra = _extension(view, base, more)
+    best = norm_fit(view, base, extra)
     tried, declined, left = [(base, best)], dict[str, str](), [t for t in wanted if t not in base]
     while left:
         term = left.pop(0)
-        candidate = _attempt(means, (*tried[-1][0], term), extra)
+        candidate = _attempt(view, (*tried[-1][0], term), extra)
         why = _refusal(term, best, candidate, coefficients(wanted) - coefficients(base))
         if why:
             declined[term] = why
@@ -66,22 +69,19 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
         tried.append(((*tried[-1][0], term), candidate))
         left += declined  # a cubic of 600 ug hid a square of 250: what was declined before is asked once more
         declined = {}
-    more_sigma = covariance_of_omitted_terms(best, means, list(declined))
-    wider = in_words(more_sigma, best.fit.solution.covariance)
+    more_sigma = covariance_of_omitted_terms(best, list(declined))
+    wider = in_words(more_sigma, best.solution.covariance)
     told = [(term, why + wider) for term, why in declined.items()]
     made = _calibration(recording, best, tried, told, counts)
     return extra.complete(replace(made, covariance=made.covariance + more_sigma))
 
 
-def _extension(means: Recording, base: Sequence[str], more: Sequence[ExtraEffect]) -> Extension:
+def _extension(view: View, base: Sequence[str], more: Sequence[ExtraEffect]) -> Extension:
     """Return the extra effects, with constants that start where the misfit beside the base terms is smallest."""
     if not more:
         return NO_EXTENSION
     sizes = tuple(p for e in more for p in e.parameters(()))
-    at_rest = stimulus_from_readings(means) if not means.platform.axes else stimulus_from_angles(means)
-    without = norm_fit(means, base)
-    cost = misfit_with_sizes(without.problem, without.fit.solution.x, without.fit.setting, without.fit.noise, sizes)
-    return extension(more, sizes, at_rest.at(axis_names=()), cost)
+    return extension(more, sizes, view.stimulus, norm_fit(view, base).cost_of_sizes(sizes))
 
 
 def _check(terms: Sequence[str], recording: Recording, option: str) -> None:
@@ -106,48 +106,50 @@ def _without_angles(cls: type[Effect]) -> bool:
     return cls.stage in SENSOR_STAGES and cls.channel == FORCE
 
 
-def _attempt(means: Recording, terms: Sequence[str], extra: Extension) -> NormFit | None:
+def _attempt(view: View, terms: Sequence[str], extra: Extension) -> ViewsFit | None:
     try:
-        return norm_fit(means, terms, extra)
+        return norm_fit(view, terms, extra)
     except InputError:
         return None
 
 
-def _refusal(term: str, without: NormFit, candidate: NormFit | None, tried: int) -> str:
+def _refusal(term: str, without: ViewsFit, candidate: ViewsFit | None, tried: int) -> str:
     """Return why the positions do not support a term, of `tried` coefficients in all; empty where they do."""
-    positions = len(without.problem.force)
+    positions = len(without.views[0])
     if candidate is None:
         return f"{term} is left out: {positions} positions are fewer than the parameters it would make"
-    solution = candidate.fit.solution
+    solution = candidate.solution
     return refusal(
         term, f"{positions} positions", solution.parameters, solution.x, solution.sigma,
-        (without.left_out, candidate.left_out), "m/s^2", (without.condition, candidate.condition),
+        (left_out_rms(without), left_out_rms(candidate)), "m/s^2", (without.condition, candidate.condition),
         needed(tried, solution.dof if candidate.excess > 0 else np.inf),
     )  # fmt: skip
 
 
 def _calibration(
     recording: Recording,
-    best: NormFit,
-    tried: Sequence[tuple[tuple[str, ...], NormFit]],
+    best: ViewsFit,
+    tried: Sequence[tuple[tuple[str, ...], ViewsFit]],
     declined: Sequence[tuple[str, str]],
     counts: Counts | None,
 ) -> Calibration:
     from gimbalcal import __version__
 
-    solution = best.fit.solution
+    solution = best.solution
     unobservable: list[dict[str, Any]] = [u.to_dict() for u in solution.unobservable]
     if any(q.effect == "misalignment" for q in solution.parameters):
         unobservable += rotations_of_the_triad()
     unobservable += [{"direction": {q.label: 1.0 for q in unknowns([t])}, "why": why} for t, why in declined]
-    own = noise_of_a_mean(recording, best.fit.noise.accelerometer, counts)
+    sample, left_out = sample_sigma(best.views[0]), left_out_rms(best)
+    own = noise_of_a_mean(recording, sample, counts)
+    noise = Noise(sample, np.inf, HEADER if "accelerometer" in recording.noise else SAMPLES, ATTITUDE)
     options = {
         "gravity": recording.site.gravity,
         "direction": "physics to reading",
         "excess_scatter": best.excess,
         "excess_over_noise": best.excess / own if own else None,
         "condition": best.condition,
-        "leave_one_out_rms": best.left_out if np.isfinite(best.left_out) else None,
+        "leave_one_out_rms": left_out if np.isfinite(left_out) else None,
         "declined": dict(declined),
     }
     if counts is not None:
@@ -158,31 +160,31 @@ def _calibration(
         parameters=solution.parameters,
         covariance=solution.covariance,
         unobservable=tuple(unobservable),
-        residual=Residual(solution.chi2, solution.dof, {FORCE: float(np.sqrt(np.mean(best.misfit**2)))}),
+        residual=Residual(solution.chi2, solution.dof, {FORCE: best.rms}),
         outcome=_outcome(recording, best, own),
         provenance={"recordings": recording.files,
-                    "version": __version__, "noise": noise_record(best.fit.noise), "options": options},
+                    "version": __version__, "noise": noise_record(noise), "options": options},
         stages=tuple(_stage(terms, made) for terms, made in tried),
         readout=Readout(accelerometers=counts, gimbals=recording.platform.axis_names),
     )  # fmt: skip
 
 
-def _outcome(recording: Recording, best: NormFit, own: float) -> str:
-    if best.fit.steps == 0:
+def _outcome(recording: Recording, best: ViewsFit, own: float) -> str:
+    if best.steps == 0:
         return "the fit did not settle: the positions do not determine these terms together"
     words = scatter_in_words(recording, best.excess, own)
     scaled = "; all sigma are scaled to that scatter, and `gimbalcal diagnose` looks for what the model misses"
     return words and words + scaled
 
 
-def _stage(terms: Sequence[str], made: NormFit) -> StageResult:
-    solution = made.fit.solution
-    left = f", {made.left_out:.2g} m/s^2 for a position left out" if np.isfinite(made.left_out) else ""
+def _stage(terms: Sequence[str], made: ViewsFit) -> StageResult:
+    solution, left_out = made.solution, left_out_rms(made)
+    left = f", {left_out:.2g} m/s^2 for a position left out" if np.isfinite(left_out) else ""
     return StageResult(
         name=" + ".join(terms),
         labels=tuple(q.label for q in solution.parameters),
         values=solution.x,
         sigmas=solution.sigma,
-        rms=float(np.sqrt(np.mean(made.misfit**2))),
-        in_words=f"norm of gravity at {len(made.problem.force)} positions; condition number {made.condition:.0f}{left}",
+        rms=made.rms,
+        in_words=f"norm of gravity at {len(made.views[0])} positions; condition number {made.condition:.0f}{left}",
     )

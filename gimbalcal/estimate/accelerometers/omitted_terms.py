@@ -15,45 +15,31 @@ parameters).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Parameter, parameters
-from gimbalcal.estimate.accelerometers.errors_in_variables import by_visit, problem, whiten
-from gimbalcal.estimate.accelerometers.norm_fit import NormFit
+from gimbalcal.effects import CATALOGUE, parameters, values
+from gimbalcal.estimate.fit import ViewsFit, whitened
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording
 
 NOTABLE_SIGMAS = 1.0  # sigmas by which it must move an estimate to be worth a word
 
 
-def covariance_of_omitted_terms(made: NormFit, means: Recording, terms: Sequence[str]) -> Array:
+def covariance_of_omitted_terms(made: ViewsFit, terms: Sequence[str]) -> Array:
     """Return the increase of the covariance (p, p) of a fit by terms that are omitted from it; zero for none."""
-    n = len(made.fit.solution.parameters)
-    out = usual(means, terms)
-    if not out:
+    view, solution, n = made.views[0], made.solution, len(made.solution.parameters)
+    omitted = tuple(view.grade.usual(q) for t in terms for q in parameters(CATALOGUE[t]))
+    if not omitted:
         return np.zeros((n, n))
-    p = made.problem
-    both = problem(p.readings.recording, (*p.parameters, *out), p.effects)
-    both = replace(both, readings=p.readings, weight=p.weight)
-    x = np.concatenate([made.fit.solution.x, np.zeros(len(out))])
-    w = whiten(by_visit(both, x, made.fit.setting), made.fit.noise)
-    kept = np.isfinite(w.sigma)
-    rows = np.where(kept[..., None], w.J, 0.0).sum(1)
-    J, C = rows[:, :n], rows[:, n:]
-    r = np.where(kept, w.r, 0.0).sum(1) - J @ made.fit.solution.x
+    every = (*solution.parameters, *omitted)
+    both, r = whitened([view], made.effects, every, made.of_channels, values(made.effects, every))
+    J, C = both[:, :n], both[:, n:]
     Q = np.linalg.qr(J)[0]
     C_left, r_left = C - Q @ (Q.T @ C), r - Q @ (Q.T @ r)
-    known = np.linalg.inv(C_left.T @ C_left + np.diag([1 / q.sigma**2 for q in out]))
+    known = np.linalg.inv(C_left.T @ C_left + np.diag([1 / q.sigma**2 for q in omitted]))
     mean = known @ C_left.T @ r_left
-    S = made.fit.solution.covariance @ J.T @ C
+    S = solution.covariance @ J.T @ C
     return np.asarray(S @ (known + np.outer(mean, mean)) @ S.T)
-
-
-def usual(means: Recording, terms: Sequence[str]) -> tuple[Parameter, ...]:
-    """Parameters of terms with the sizes that they have in a unit of this grade."""
-    return tuple(means.grade.usual(q) for t in terms for q in parameters(CATALOGUE[t]))
 
 
 def in_words(added: Array, covariance: Array) -> str:

@@ -15,8 +15,10 @@ from gimbalcal.estimate.accelerometers.errors_in_variables import (
     problem,
     whiten,
 )
-from gimbalcal.platform import BENCH, KNOWN, SPACE_STABLE
+from gimbalcal.estimate.fit import fit
+from gimbalcal.platform import KNOWN, SPACE_STABLE
 from gimbalcal.recording import Recording
+from gimbalcal.views.norm import in_noise_of_readings, norm
 from tests.estimate.device import ARCSEC, SAMPLE, draw, measured
 
 NOISE = Noise(SAMPLE, ARCSEC)
@@ -111,10 +113,7 @@ def test_unknown_attitude_leaves_one_row_a_visit_along_the_force(recording: Reco
 def test_a_unit_without_gimbals_is_the_same_as_gimbals_that_say_nothing(recording: Recording) -> None:
     wanted = position_parameters(SPACE_STABLE, [name for name in BASELINE["multi-position"] if name != "gimbal_zero"])
     blind = gauss_newton(problem(recording, wanted), Noise(SAMPLE, np.inf))
-    p = problem(replace(recording, platform=BENCH), wanted)
-    felt = p.stimulus.at(force=p.force * 9.80146 / np.linalg.norm(p.force, axis=1, keepdims=True))
-    p = replace(p, readings=replace(p.readings, stimulus=felt))
-    bench = gauss_newton(p, Noise(SAMPLE, np.inf))
+    bench = fit([in_noise_of_readings(norm(recording))], wanted)
     assert blind.solution.chi2 == pytest.approx(bench.solution.chi2, rel=1e-5)  # each stops within 1e-3 sigma
     np.testing.assert_allclose(bench.solution.x, blind.solution.x, atol=2e-3 * blind.solution.sigma.min())
 

@@ -21,7 +21,7 @@ from gimbalcal.estimate.accelerometers.errors_in_variables import (
 from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
-from gimbalcal.platform import BENCH, SPACE_STABLE
+from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
 from gimbalcal.schedule import FACE_POSITIONS
 from gimbalcal.units import to_si
@@ -160,15 +160,6 @@ def test_a_setting_error_adds_to_the_readout_as_a_zero_of_that_gimbal_does() -> 
     moved = set_off(p, off).stimulus
     np.testing.assert_array_equal(moved.readout, p.stimulus.readout + off)
     np.testing.assert_array_equal(moved.angle, moved.readout)
-
-
-def test_a_unit_without_gimbals_turns_in_three_ways() -> None:
-    p = problem(replace(made(19), platform=BENCH), WANTED)
-    assert p.turns == 3
-    turn = np.zeros((p.visits, 3))
-    turn[:, 2] = 1e-6
-    felt = set_off(p, turn).stimulus.force
-    np.testing.assert_allclose(felt[:, 0] - p.stimulus.force[:, 0], 1e-6 * p.stimulus.force[:, 1], atol=1e-11)
 
 
 def test_deviations_inside_a_dwell_are_in_sigmas_of_a_sample() -> None:
