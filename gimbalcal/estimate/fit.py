@@ -35,7 +35,7 @@ VIEW_TOLERANCE = 1e-6  # `TOLERANCE` of a fit of views, which takes a few steps 
 MAX_QUADRATIC_STEPS = 10  # after them estimates creep, and arrive at `TOLERANCE`
 ROUNDING = 1e-10  # of the prior sigma: a smaller step is rounding, however small sigma is
 MIN_SINGULAR_RATIO = 1e-9  # of columns of length one, below which rows say nothing of a combination
-LEAST_SIGNAL = 1e-12  # `min_signal` of a fit without priors
+LEAST_SIGNAL = 1e-6  # `min_signal` of a fit without priors
 SIGNIFICANT_EXCESS = 3.0  # sigmas of chi^2 above its degrees of freedom, below which the known noise explains the rows
 MIN_RELATIVE_SIGNAL = 1e-8  # singular value over the largest, below which rounding speaks
 
@@ -207,11 +207,7 @@ class ViewsFit:
     @property
     def determined(self) -> bool:
         """Whether the rows determine every parameter, nuisances included, far above rounding."""
-        J, _ = self.whitened
-        size = np.linalg.norm(J, axis=0)
-        if len(J) < len(size) or np.any(size == 0):
-            return False
-        return bool(np.linalg.svd(J / size, compute_uv=False)[-1] > MIN_SINGULAR_RATIO)
+        return independent(self.whitened[0])
 
     @property
     def condition(self) -> float:
@@ -365,6 +361,30 @@ def fit(
                     min_signal)  # fmt: skip
 
 
+def fixed_nuisances(found: ViewsFit, views: Sequence[View]) -> ViewsFit:
+    r"""Return a fit with what the nuisances of views add to its covariance, which are not part of it.
+
+    .. math:: \delta x = -A \, \nu, \quad A = J^+ N, \quad P_x + A A^T
+
+    with N the rows of one sigma of each nuisance (implicit function theorem at the minimum).
+    """
+    p = len(found.parameters)
+    wanted = (*found.parameters, *(replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)))
+    J, _ = whitened(views, found.effects, wanted, found.of_channels, np.append(found.x, np.zeros(len(wanted) - p)))
+    N = J[:, p:] * prior(wanted)[1][p:]
+    size = np.linalg.norm(J[:, :p], axis=0)
+    A = np.linalg.lstsq(J[:, :p] / size, N, rcond=None)[0] / size[:, None]
+    return replace(found, solution=replace(found.solution, covariance=found.covariance + A @ A.T))
+
+
+def independent(J: Array) -> bool:
+    """Return whether no combination of columns (q, p), each of length one, vanishes but for rounding."""
+    size = np.linalg.norm(J, axis=0)
+    if len(J) < len(size) or np.any(size == 0):
+        return False
+    return not len(size) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] > MIN_SINGULAR_RATIO)
+
+
 def information_of(
     views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excess: float = 0.0
 ) -> Information:
@@ -395,7 +415,7 @@ def _about(
         columns = np.zeros((*rows.residual.shape, len(wanted)))
         columns[..., : len(of_effects)] = rows.jacobian(of_effects)
         misfit = rows.residual
-        if rows.nuisance is not None:
+        if v.nuisances and rows.nuisance is not None:
             columns[..., own] = rows.nuisance
             misfit = misfit if v.about is not None else misfit - rows.nuisance @ x[own]
         J.append(columns.reshape(-1, len(wanted)))

@@ -26,12 +26,12 @@ from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
 from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
-from gimbalcal.estimate.gyroscopes.turns import paused, turns_on_record
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, completed, dwells
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import exponential, mean_rates
 from gimbalcal.units import from_si
+from gimbalcal.views.turns import paused, turns_on_record
 
 MIN_GRAVITY_CHANGE = 0.1  # of its direction: a turn that moves it less, a whole revolution, says nothing of the triads
 

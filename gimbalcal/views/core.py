@@ -105,17 +105,19 @@ class View:
         """
         return (self.reference or self.evaluate)(effects)
 
-    def without_nuisances(self) -> View:
+    def without_nuisances(self, sigma: Array | float | None = None) -> View:
         r"""Return the view with linear nuisances eliminated: what one sigma of each makes of the rows is noise of them.
 
         .. math:: r \to \Sigma \, (1 + N N^T)^{-1/2} \, \Sigma^{-1} r ,
 
-        with N in units of one sigma Sigma of a row, by the scatter of its samples.
+        with N in units of one sigma Sigma of a row (default: by the scatter of its samples).
         """
         if not self.nuisances:
             return self
         shape = (len(self), len(self.channels))
-        sigma = np.broadcast_to(1.0 if self.noise.sigma is None else self.noise.sigma, shape).reshape(-1, 1)
+        if sigma is None:
+            sigma = 1.0 if self.noise.sigma is None else self.noise.sigma
+        sigma = np.broadcast_to(sigma, shape).reshape(-1, 1)
         N = np.asarray(self.evaluate(()).nuisance).reshape(len(sigma), -1) / sigma
         flat = np.isinf(prior := np.array([p.sigma for p in self.nuisances]))
         U, S, _ = np.linalg.svd(

@@ -14,7 +14,6 @@ from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.thermal import BiasDrift, BiasStep
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
@@ -22,6 +21,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, Source, dwell_means, dwells, join
 from gimbalcal.rotation import exponential
 from gimbalcal.units import to_si
+from gimbalcal.views.turns import turns_between_rests
 
 G = 9.80665
 BIAS = to_si(1.0, "mg") * np.array([12.0, -7.0, 3.0])

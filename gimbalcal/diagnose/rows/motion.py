@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from gimbalcal.effects import Stimulus
 from gimbalcal.effects.history import slope
-from gimbalcal.estimate.gyroscopes.turns import paused
 from gimbalcal.kinematics import ideal_force, stimulus_from_truth
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import Platform
@@ -19,6 +18,7 @@ from gimbalcal.recording import Recording, dwells
 from gimbalcal.recording.dwell import rests_are_means
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import exponential, mean_rates
+from gimbalcal.views.turns import paused
 
 FEWEST = 6  # slews: their scatter tells how well a delay is known
 ROWS = 6  # on the way: fewer do not tell how a slew goes

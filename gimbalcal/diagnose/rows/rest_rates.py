@@ -15,11 +15,11 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.rests import fit_rests, rests
 from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns
-from gimbalcal.estimate.gyroscopes.turns import Turns, logged_turns, turns_between_rests
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
 from gimbalcal.views.core import View
 from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, VERTICAL
+from gimbalcal.views.turns import Turns, logged_turns, turns_between_rests
 
 RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 
@@ -44,8 +44,7 @@ def rest_rates(
     still = still.without_nuisances()
 
     def missed(at_rest: Sequence[Effect]) -> float:
-        misfit = fit_turns(turns_between_rests(recording, made, at_rest)[0], GYROSCOPE_INPUT_TERMS).misfit
-        return float(np.sqrt((misfit**2).sum() / len(misfit)))
+        return np.sqrt(2) * fit_turns(turns_between_rests(recording, made, at_rest)[0], GYROSCOPE_INPUT_TERMS).rms
 
     noise = still.noise
     if noise.sigma is None or np.any(noise.sigma <= MIN_RATE_SIGMA):  # one row per dwell says nothing of its scatter

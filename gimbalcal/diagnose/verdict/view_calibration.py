@@ -20,13 +20,13 @@ from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import View
 from gimbalcal.views.norm import scaled_by_gravity
+from gimbalcal.views.turns import turns_between_rests
 
 
 class Fitted(Protocol):

@@ -12,14 +12,14 @@ rotation between the triads too. The Earth's rate is left out: 15 deg/h, below w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
 from gimbalcal.effects.gyroscope import rate_matrix
@@ -28,7 +28,6 @@ from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.gyroscopes.inter_triad import euler
-from gimbalcal.estimate.gyroscopes.reference_error import with_reference_error
 from gimbalcal.estimate.gyroscopes.residual_checks import (
     rests_in_words,
     singular_in_words,
@@ -43,13 +42,13 @@ from gimbalcal.estimate.gyroscopes.rests import (
     level_of,
     rests,
 )
-from gimbalcal.estimate.gyroscopes.turn_fit import TurnFit, fit_turns
-from gimbalcal.estimate.gyroscopes.turns import Turns, turns_between_rests
+from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns, with_reference_error
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
+from gimbalcal.views.turns import Turns, turns_between_rests
 
 LINEAR = GYROSCOPE_INPUT_TERMS
 FURTHER = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
@@ -85,11 +84,11 @@ def gyroscopes_between_rests(
         declined[G_SENSITIVITY] = why
     said = rests_in_words(recording, level)
     if fits:
-        fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, recording, accelerometers)
+        fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, accelerometers)
         fit = fits[-1][1]
         said += singular_in_words(fit.condition) or (
             turns_in_words(recording, turns, accelerometers, level.residual[0], scale, fit.rms)
-            + sizes_in_words(turns, with_values(fit.effects, fit.parameters, fit.x))
+            + sizes_in_words(turns, fit.effects)
         )
     made = replace(_calibration(recording, level, fits, declined, scale), outcome=joined(said))
     return extra.complete(made)
@@ -107,7 +106,7 @@ def _extension(more: Sequence[ExtraEffect], still: View, turns: Turns, base: tup
         total = float(((rest.residual[0] / np.asarray(still.noise.sigma)) ** 2).sum())
         if moving.parameters:
             turned = fit_turns(turns, base, moving)
-            total += float((turned.misfit**2).sum() / turned.rms**2)
+            total += turned.residual[0].size * float(np.log(turned.rms**2))  # of rows whose scale is not known
         return total
 
     return extension(more, sizes, still.stimulus, misfit)
@@ -126,7 +125,7 @@ def _check(terms: Sequence[str], recording: Recording) -> None:
             raise InputError(f"--terms names {t}, which needs the channel {missing}; {recording.title!r} has none")
 
 
-Fits = list[tuple[tuple[str, ...], TurnFit]]
+Fits = list[tuple[tuple[str, ...], ViewsFit]]
 
 
 def _taken_up(
@@ -142,23 +141,27 @@ def _taken_up(
         good = {t: found for t, found in tried.items() if not isinstance(found, str)}
         if not good:
             break
-        first = min(good, key=lambda t: good[t].left_out)
+        first = min(good, key=lambda t: good[t].left_out_rms)
         fits.append(((*terms, first), good[first]))
         left.remove(first)
     return fits, declined
 
 
-def _attempt(turns: Turns, terms: tuple[str, ...], without: TurnFit, tried: int, extra: Extension) -> TurnFit | str:
+def _attempt(turns: Turns, terms: tuple[str, ...], without: ViewsFit, tried: int, extra: Extension) -> ViewsFit | str:
     """The fit with the last of the terms, or why the turns do not support it."""
     try:
         fit = fit_turns(turns, terms, extra)
     except InputError as problem:
         return f"{terms[-1]} is left out: {problem}"
-    sigma = np.maximum(np.sqrt(np.diag(fit.covariance)), fit.jackknife)
-    left_out, condition = (without.left_out, fit.left_out), (without.condition, fit.condition)
-    data = f"{len(fit.misfit)} turns"
-    clear_of = needed(tried, fit.dof)
+    sigma = np.maximum(fit.sigmas, fit.left_out[1])
+    left_out, condition = (without.left_out_rms, fit.left_out_rms), (without.condition, fit.condition)
+    data = f"{len(fit.residual[0])} turns"
+    clear_of = needed(tried, _dof(fit))
     return refusal(terms[-1], data, fit.parameters, fit.x, sigma, left_out, "rad", condition, clear_of) or fit
+
+
+def _dof(fit: ViewsFit) -> int:
+    return fit.residual[0].size - len(fit.x)
 
 
 def _calibration(
@@ -176,21 +179,22 @@ def _calibration(
     rms = {"rate_at_rest": level.rms}
     if fit:
         covariance[n:, n:] = fit.covariance
+        angles = _inter_triad(dict(zip(fit.parameters, fit.x, strict=True)))
         options |= {
-            "condition": fit.condition, "leave_one_out_rms": fit.left_out,
-            "inter_triad_arcsec": [float(from_si(a, "arcsec")) for a in _inter_triad(fit)],
+            "condition": fit.condition, "leave_one_out_rms": fit.left_out_rms,
+            "inter_triad_arcsec": [float(from_si(a, "arcsec")) for a in angles],
         }  # fmt: skip
         rms["gravity_direction"] = fit.rms
     if scale != 1.0:
         options["gyro_nominal"] = {"scale": scale}
     readout = Readout(gyroscopes=Counts((scale,) * 3) if scale != 1.0 else None, gimbals=recording.platform.axis_names)
     stages = tuple(
-        StageResult(" + ".join(terms), tuple(p.label for p in f.parameters), f.x, np.sqrt(np.diag(f.covariance)), f.rms,
-              f"gravity after {len(f.misfit)} turns; condition number {f.condition:.0f}, {f.left_out:.2g} rad for a "
-              "turn left out")
+        StageResult(" + ".join(terms), tuple(p.label for p in f.parameters), f.x, f.sigmas, f.rms,
+              f"gravity after {len(f.residual[0])} turns; condition number {f.condition:.0f}, "
+              f"{f.left_out_rms:.2g} rad for a turn left out")
         for terms, f in fits
     )  # fmt: skip
-    dof = fit.dof if fit else level.residual[0].size - n
+    dof = _dof(fit or level)
     return Calibration(
         "turns", with_values((*level.effects, *(fit.effects if fit else ())), wanted, x), wanted, covariance,
         tuple({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why}
@@ -203,9 +207,8 @@ def _calibration(
     )  # fmt: skip
 
 
-def _inter_triad(fit: TurnFit) -> Array:
+def _inter_triad(own: Mapping[Parameter, float]) -> Array:
     """alpha, beta, gamma [rad] of C_p^q, Eq. (43): the rotation that is left when Eq. (8) has taken the triangle."""
-    own = dict(zip(fit.parameters, fit.x, strict=True))
     M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in LINEAR))
     # omega^p = M^-1 y = C_q^p (C_g^q K) y: orthogonal times lower triangular, by QR of the matrix read backwards
     Q, R = np.linalg.qr(np.linalg.inv(M)[:, ::-1])

@@ -18,13 +18,13 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.estimate.gyroscopes.turns import Turns
 from gimbalcal.forward import gyroscopes
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, horizontal_sigma
+from gimbalcal.views.turns import Turns
 
 MAX_RATE_SCATTER_RATIO = 8.0  # over the noise: the level of two phones wanders by 5.6 and 6.7, of two MPU-9150 by 4.6
 SIGMA_PER_MEDIAN = 1.4826  # times the median of the sizes is one sigma

@@ -15,12 +15,13 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.estimate.gyroscopes.turn_fit import linear_effects
-from gimbalcal.estimate.gyroscopes.turns import Turns, logged_turns, turned
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import View
 from gimbalcal.views.rest_rates import rest_rates
+from gimbalcal.views.swept_rotations import swept
+from gimbalcal.views.turns import Turns, logged_turns
 
 BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
 MIN_DWELLS = 6  # four unknowns an axis, and something to test them on
@@ -33,7 +34,7 @@ def rests(
     """Return the dwells of a recording, joined by turns that were logged as their linear model carries the heading."""
     carried: dict[int, Array] = {}
     if turns is not None and not recording.platform.axes and logged_turns(recording):
-        carried = dict(zip(turns.ends.tolist(), turned(turns, linear_effects(turns)), strict=True))
+        carried = dict(zip(turns.ends.tolist(), swept(turns, linear_effects(turns)), strict=True))
     return rest_rates(recording, accelerometers, scale, carried, vertical)
 
 

@@ -24,13 +24,13 @@ from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.effects.gyroscope import of_rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
-from gimbalcal.estimate.gyroscopes.turns import paused
 from gimbalcal.estimate.pulses.gravity_norm import PulseFit
 from gimbalcal.estimate.pulses.polynomial import Pulses, lower
 from gimbalcal.estimate.pulses.whole_turns import FREE, Revolutions, gyroscope_pulses
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.recording.record import RATE
+from gimbalcal.views.turns import paused
 
 MAX_REVOLUTION_ERROR = 0.05  # of a revolution: scale errors of low-cost units reach 3 %
 ITERATIONS = 3  # the bias enters the Earth's share of the ramps, a few percent of it: each round takes that factor off

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.effects import Effect
+from gimbalcal.effects import Effect, with_values
 from gimbalcal.effects.gyroscope import (
     GyroBias,
     GyroMisalignment,
@@ -19,10 +19,9 @@ from gimbalcal.effects.gyroscope import (
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes import between_rests as poses
-from gimbalcal.estimate.gyroscopes import turn_fit
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import euler, triad_rotation
-from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
+from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns
 from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
@@ -30,6 +29,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import exponential
+from gimbalcal.views.turns import gravity_after_turns, turns_between_rests
 
 STEP = 0.04  # s
 REST, TURN = 50, 60  # samples
@@ -95,14 +95,14 @@ def test_a_recording_may_begin_while_the_unit_moves() -> None:
 def test_derivative_is_that_of_a_difference() -> None:
     recording = hand(TRUTH, 0.0, count=8)
     turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
-    wanted = turn_fit.fit_turns(turned, LINEAR).parameters
+    view, wanted = gravity_after_turns(turned), fit_turns(turned, LINEAR).parameters
     x = np.full(len(wanted), 0.01)
-    J = turn_fit._linear(turned, wanted, x)[1]
+    J = view.linearised(with_values((), wanted, x), wanted)[1]
     h = 1e-6
     for k, unit in enumerate(np.eye(len(x))):
-        up, down = (turn_fit._linear(turned, wanted, x + s * h * unit)[0] for s in (1, -1))
+        up, down = (view.linearised(with_values((), wanted, x + s * h * unit), ())[0] for s in (1, -1))
         # the misfit is observed minus predicted; central differences leave h^2 and 1e-16 / h
-        np.testing.assert_allclose(J[:, k], -(up - down) / (2 * h), atol=1e-8)
+        np.testing.assert_allclose(J[..., k], -(up - down) / (2 * h), atol=1e-8)
 
 
 def test_nonlinearity_is_kept_where_it_is_and_declined_where_not() -> None:
@@ -150,8 +150,8 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments() -> None:
     x = np.array([*(SF - 1), -C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]])
     recording = hand(TRUTH, 0.0, count=8)
     turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
-    fit = replace(turn_fit.fit_turns(turned, LINEAR), x=x)
-    np.testing.assert_allclose(poses._inter_triad(fit), angles, atol=1e-14)  # an exact factorisation
+    estimate = dict(zip(fit_turns(turned, LINEAR).parameters, x, strict=True))
+    np.testing.assert_allclose(poses._inter_triad(estimate), angles, atol=1e-14)  # an exact factorisation
     np.testing.assert_allclose(euler(triad_rotation(angles)), angles, atol=1e-15)
 
 

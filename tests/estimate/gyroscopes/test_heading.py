@@ -12,9 +12,9 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.gyroscopes.rests import fit_rests, rests
-from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.views.turns import turns_between_rests
 from tests.benchmarks.unknown_hand import HOUR, LATITUDE, TACTICAL, Hand, Setup, record
 
 QUIET = Setup(replace(TACTICAL, turning=5e-5, turning_wander=0.5 * HOUR), rests=24, gyroscopes=True, minutes=4.0)

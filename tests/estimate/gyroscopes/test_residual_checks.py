@@ -11,10 +11,10 @@ import pytest
 from gimbalcal.calibration import Calibration
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR
 from gimbalcal.estimate.gyroscopes.residual_checks import turn_sigma
-from gimbalcal.estimate.gyroscopes.turns import turns_between_rests
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.views.turns import turns_between_rests
 from tests.estimate.gyroscopes.test_between_rests import TRUTH, hand
 
 NOISE = 2e-3

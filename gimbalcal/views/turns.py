@@ -1,0 +1,244 @@
+r"""Turns between dwells: gravity carried by the gyroscopes from one dwell to the next, and where it is.
+
+The dwells tell the level that a turn starts from, so that effects that show at rest are not for this view, and what
+grows with the rate is; the accelerometers, calibrated, the direction of gravity f in the frame that the gyroscopes are
+referred to. With P the rotation that they sweep (`views.swept_rotations`), the rows are the misfit across gravity,
+
+.. math:: r = E_{i+1} \, (\hat f_{i+1} - P \hat f_i) , \qquad
+          \frac{\partial r}{\partial \phi} = - E_{i+1} \, [P \hat f_i \times]
+
+(Tedaldi et al. 2014). What the accelerometers' model leaves open of f is no fault of a gyroscope: one sigma of each
+combination of its parameters is a nuisance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.readout import in_si
+from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values
+from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
+from gimbalcal.errors import InputError, amount
+from gimbalcal.forward import Rows, accelerometers, gyroscopes, linearise
+from gimbalcal.kinematics import stimulus_from_readings
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, dwell_means, dwells
+from gimbalcal.recording.dwell import PAUSED, usual_step
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.rotation import cross_matrix, exponential, mean_rates, normal_to
+from gimbalcal.views.core import View, absent_effect, nuisance, recording_fields
+from gimbalcal.views.noise import NoiseModel
+from gimbalcal.views.norm import inverted
+from gimbalcal.views.swept_rotations import Sweeps, swept, swept_rows
+
+MAX_ATTITUDE_CHANGE = 0.01  # of the attitude's elements: gimbals that stand where they stood
+FORCES = tuple((FORCE, a) for a in "xyz")
+
+
+@dataclass(frozen=True, eq=False)
+class Turns(Sweeps):
+    """Turns between dwells: readings at rest level zero, and the unit force before and after (m, 3).
+
+    `ends` (m,) is the index of the dwell after each turn, as turns in which the clock paused are left out; `means` are
+    those of all dwells.
+    """
+
+    before: Array
+    after: Array
+    ends: NDArray[np.int64]
+    means: Recording
+
+
+def turns_between_rests(
+    recording: Recording, accelerometers: Calibration, at_rest: Sequence[Effect] = ()
+) -> tuple[Turns, Array, float]:
+    """Turns with readings less the rests' level, the level of all rests (k, 3) [rad/s], and rad/s per unit.
+
+    The level of a turn is the mean of the rests before and after it; or, with `at_rest`, what these effects make a
+    unit read that does not turn and feels the measured force. From sample to sample the readings make the rotation
+    vectors of `mean_rates`.
+    """
+    stays = dwells(recording)
+    if len(stays) < 6:
+        raise InputError(
+            f"{recording.title!r} holds {amount(len(stays), 'rest')}; turns between at least six are needed"
+        )
+    there = accelerometers.apply(recording)
+    y, f = recording.triad(RATE), there.triad(FORCE)
+    level, down = (
+        np.array([np.average(x[d.rows], axis=0, weights=recording.weight[d.rows]) for d in stays]) for x in (y, f)
+    )
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    every = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
+    ends = np.flatnonzero([not paused(recording, span) for span in every]) + 1
+    if not len(ends):
+        raise InputError(f"{recording.title!r} has no rows between its rests: log the turns too, for the gyroscopes")
+    spans = [every[k - 1] for k in ends]
+    longest = max(s.stop - s.start for s in spans) - 1
+    reading, step = np.zeros((len(spans), longest, 3)), np.zeros((len(spans), longest))
+    bend, swing, force = 0 * reading, 0 * reading, 0 * reading
+    for i, span in enumerate(spans):
+        rows = y[span] - (level[ends[i] - 1] + level[ends[i]]) / 2  # slow drift of the bias is not the turn's
+        dt = np.diff(recording.time[span])
+        step[i, : len(dt)] = dt
+        reading[i, : len(dt)], bend[i, : len(dt)], swing[i, : len(dt)] = mean_rates(recording.time[span], rows)
+        force[i, : len(dt)] = f[span][1:]
+    flat = reading.reshape(-1, 3)
+    s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
+    made = Turns(reading, step, s, down[ends - 1], down[ends], ends, dwell_means(recording))
+    raw = recording.counted(RATE)
+    scale = _rough_scale(made) if raw else 1.0
+    if at_rest:
+        made = replace(made, reading=made.reading + _relevelled(made, level, scale, at_rest))
+    return replace(made, reading=scale * (made.reading + bend) + scale**2 * swing), scale * level, scale
+
+
+def turns_on_record(recording: Recording) -> bool:
+    """Return whether there is a row for each turn on the way; a row of a table of rests that is marked 0 is none."""
+    if recording.position is None:
+        return False
+    return bool(np.count_nonzero(recording.position == 0) >= max(len(dwells(recording)) - 1, 1))
+
+
+def logged_turns(recording: Recording) -> bool:
+    """Return whether a turn between two rests was logged from end to end."""
+    if not turns_on_record(recording):
+        return False
+    return any(not paused(recording, slice(a.stop - 1, b.start + 1)) for a, b in pairwise(dwells(recording)))
+
+
+def paused(recording: Recording, span: slice) -> bool:
+    """Return whether the clock pauses between two rests, so that nobody knows how the unit turned meanwhile."""
+    return bool(np.any(np.diff(recording.time[span]) > PAUSED * usual_step(recording)))
+
+
+def _relevelled(turns: Turns, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:
+    """Return the correction of the readings (m, n, 3) for a level by effects instead of the neighbouring rests."""
+    felt = gyroscopes(0 * turns.stimulus.rate, turns.stimulus, at_rest).reshape(turns.reading.shape)
+    neighbours = (level[turns.ends - 1] + level[turns.ends]) / 2
+    return np.where(turns.step[..., None] > 0, neighbours[:, None] - felt / scale, 0.0)
+
+
+def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, force: Array) -> Stimulus:
+    """A stimulus of the turns' rows, without history: rate, force, time, temperature and covariates.
+
+    The rate that was read, less its level at rest, stands for the true one, and the calibrated force for the force.
+    """
+    s = stimulus_from_readings(recording.select(slice(spans[0].start, spans[0].start + 1)))
+    n = len(rate)
+    logged = {"time": recording.elapsed, "temperature": recording.channels.get(("temperature", ""))}
+    if recording.restarts:
+        logged["running"] = recording.time - recording.time[0]
+    rows = {k: _rows_of(v, spans, n) for k, v in logged.items() if v is not None}
+    followed = {k: _rows_of(v, spans, n) for k, v in stimulus_from_readings(recording).covariates.items()}
+    return s.held(n).at(covariates=followed, rate=rate, force=force, **rows)
+
+
+def _rows_of(x: Array, spans: Sequence[slice], n: int) -> Array:
+    """Values (n,) of a channel on the steps of the turns; the last one stands where a turn is shorter than others."""
+    steps = n // len(spans)
+    return np.concatenate([np.pad(x[span][1:], (0, steps - len(x[span]) + 1), mode="edge") for span in spans])
+
+
+def _rough_scale(turns: Turns) -> float:
+    """Common rad/s per count at which the turns fit gravity best: a scan, as nothing else says how long a turn was."""
+    largest = np.median((np.linalg.norm(turns.reading, axis=-1) * turns.step).sum(1))
+    guesses = np.geomspace(0.2, 20, 60) / largest  # a median turn between 0.2 and 20 rad, 8 % apart
+    phi = turns.reading * turns.step[..., None]
+    misfit = [np.mean((turns.after - _carried(exponential(g * phi), turns.before)) ** 2) for g in guesses]
+    return float(guesses[int(np.argmin(misfit))])
+
+
+def _carried(C: Array, f: Array) -> Array:
+    """Vectors f (m, 3) in the frame at the end of rotations from sample to sample C (m, n, 3, 3)."""
+    for k in range(C.shape[1]):
+        f = apply_matrix(C[:, k], f)
+    return f
+
+
+def gravity_after_turns(turns: Turns, accelerometers: Calibration | None = None, known: Sequence[Effect] = ()) -> View:
+    """Return the view of gravity after each turn; what `accelerometers` leave open of it are nuisances.
+
+    known: effects of the gyroscopes with which the nuisances are carried through the turns.
+    """
+    ends, first = turns.means.select(turns.ends), normal_to(turns.after)
+    across = np.stack([first, np.cross(turns.after, first)], axis=1)
+    N = (
+        across @ _left_open(turns, accelerometers, known)
+        if accelerometers is not None
+        else np.zeros((len(first), 2, 0))
+    )
+
+    def rows(effects: Sequence[Effect]) -> Rows:
+        P, turned = swept_rows(turns, effects)
+        predicted = apply_matrix(P, turns.before)
+        carried = turned.reduced(lambda X: across @ cross_matrix(predicted) @ X)
+        return replace(carried, residual=apply_matrix(across, turns.after - predicted), nuisance=N)
+
+    s = stimulus_from_readings(ends)
+    return View(
+        "turns", unit="arcsec", channels=((RATE, "level"), (RATE, "tilted")), **recording_fields(ends), stimulus=s,
+        label=s.position, evaluate=rows, stages=GYROSCOPE_STAGES, baseline=GYROSCOPE_INPUT_TERMS,
+        gauge=_shown_at_rest(turns.stimulus), groups=np.arange(len(turns.ends)), noise=NoiseModel(),
+        nuisances=tuple(nuisance("accelerometers", str(k + 1), "1", 1.0) for k in range(N.shape[-1])),
+    )  # fmt: skip
+
+
+def _left_open(turns: Turns, made: Calibration, known: Sequence[Effect]) -> Array:
+    """Derivative (m, 3, p) of predicted gravity by one sigma of each combination of the accelerometers' parameters."""
+    wanted = tuple(p for p in made.parameters if CATALOGUE[p.effect].stage in SENSOR_STAGES)
+    at = [made.parameters.index(p) for p in wanted]
+    if not wanted or not len(made.covariance):
+        return np.zeros((len(turns.ends), 3, 0))
+    size, axes = np.linalg.eigh(made.covariance[np.ix_(at, at)])
+    means = in_si(turns.means, made.readout)
+    effects = [e for e in made.effects if e.stage in SENSOR_STAGES]
+    s = stimulus_from_readings(means)
+    s = s.at(rate=0 * s.rate)
+    f, H = inverted(lambda f: accelerometers(f, s, effects), means.triad(FORCE))
+    read = linearise(BENCH, s.at(force=f), effects, channels=FORCES, stages=SENSOR_STAGES).jacobian(wanted)
+    felt = -np.linalg.solve(H, read) @ (axes * np.sqrt(np.maximum(size, 0.0)))
+    length = np.linalg.norm(f, axis=1)
+    u = f / length[:, None]
+    tilt = (felt - u[:, :, None] * np.einsum("ki,kip->kp", u, felt)[:, None]) / length[:, None, None]
+    return np.asarray(swept(turns, known) @ tilt[turns.ends - 1] - tilt[turns.ends])
+
+
+def with_headings(turns: Turns, recording: Recording) -> Turns:
+    """Return turns whose whole revolutions are as gimbals tell them: gravity says nothing of a turn about it.
+
+    North stands for it there; the gimbals came back, so a constant error of theirs cancels.
+    """
+    if not recording.platform.axes:
+        return turns
+    C_np = recording.platform.attitude(np.array([recording.angles()[d.rows].mean(0) for d in dwells(recording)]))
+    start, end = C_np[turns.ends - 1], C_np[turns.ends]
+    back = np.linalg.norm(end - start, axis=(1, 2)) < MAX_ATTITUDE_CHANGE
+    turn = np.linalg.norm((turns.reading * turns.step[..., None]).sum(1), axis=1)
+    whole = (back & (turn > np.pi))[:, None]
+    return replace(
+        turns, before=np.where(whole, start[:, :, 0], turns.before), after=np.where(whole, end[:, :, 0], turns.after)
+    )
+
+
+def _shown_at_rest(s: Stimulus) -> frozenset[tuple[str, str]]:
+    """Parameters of gyroscopes that show where nothing turns: the dwells before and after have taken them off."""
+    still = s.at(rate=0 * s.rate)
+    out = set()
+    for cls in CATALOGUE.values():
+        if cls.stage in GYROSCOPE_STAGES and not cls.spans_rows and not lacking(cls, s.carries):
+            followed = next(iter(s.covariates)) if follows(cls) == "" else ""
+            none = absent_effect(cls.id, s, followed)
+            for p in parameters(cls, s.axis_names):
+                effect = with_values([none], (p,), np.array([p.sigma]), s.axis_names)[0]
+                if np.any(effect.contribution(still) != 0):
+                    out.add((p.effect, p.axis))
+    return frozenset(out)
