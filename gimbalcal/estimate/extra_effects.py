@@ -26,6 +26,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si, to_si
 
+SOURCES = {"attitude": "gimbals, which say where north is"}  # of a quantity that no channel is named after
 PRIOR_FACTOR = 100.0  # times the catalogue's prior: what is asked for is fitted, not held
 
 
@@ -113,7 +114,7 @@ def unfit(cls: type[Effect], recording: Recording) -> str:
         kinds = " and ".join(cls.kinds)
         return f"shows in {kinds} recordings, and {recording.title!r} is a {recording.kind} recording"
     missing = lacking(cls, recording.has)
-    return f"needs {missing}, and {recording.title!r} has none" if missing else ""
+    return f"needs {SOURCES.get(missing, missing)}, and {recording.title!r} has none" if missing else ""
 
 
 def _stated(said: str, cls: type[Effect], settings: Mapping[str, str]) -> tuple[tuple[str, float], ...]:

@@ -8,26 +8,21 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.extra_effects import unfit as not_shown
 from gimbalcal.recording import Recording
 from gimbalcal.recording.columns import SPARSE
 from gimbalcal.views.core import known_effect
 
-SAID = {"attitude": "gimbals, which say where north is"}  # a quantity that no channel is named after
-
 
 def unfit(effect_id: str, recording: Recording) -> str:
-    """Why the model of a recording cannot hold an effect, to be said after "which"; empty where it can."""
+    """Return why the model of a recording cannot hold an effect, to follow "which"; empty where it can."""
     cls, logs = known_effect(effect_id), recording.axes("covariate")
-    if recording.kind not in cls.kinds:
-        return f"shows in {' and '.join(cls.kinds)} recordings, and {recording.title!r} is a {recording.kind} recording"
-    missing = lacking(cls, recording.has)
-    if missing:
-        return f"needs {SAID.get(missing, missing)}, and {recording.title!r} has none"
-    if follows(cls) == "" and len(logs) > 1:
+    reason = not_shown(cls, recording)
+    if not reason and follows(cls) == "" and len(logs) > 1:
         return f"follows one covariate, and {recording.title!r} has {len(logs)} of them"
-    return ""
+    return reason
 
 
 def check_baseline(ids: Sequence[str], recordings: Sequence[Recording]) -> None:
