@@ -51,18 +51,18 @@ class CampaignFolder:
     def alone(self) -> Iterator[None]:
         """Hold the folder for this process until the block or the process ends; InputError where another one has it."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        held = os.open(self.folder, os.O_RDONLY)
+        descriptor = os.open(self.folder, os.O_RDONLY)
         try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            os.close(held)
+            os.close(descriptor)
             raise InputError(
                 f"another campaign is at work in {self.folder}: wait for it, or give another --out"
             ) from None
         try:
             yield
         finally:
-            os.close(held)
+            os.close(descriptor)
 
     def open(self) -> list[range]:
         """The shares still to compute. Raises InputError where the folder holds another campaign."""
@@ -89,13 +89,13 @@ class CampaignFolder:
         if not path.is_file():
             return
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))["identity"]
+            identity = json.loads(path.read_text(encoding="utf-8"))["identity"]
         except (ValueError, KeyError, TypeError):
             raise InputError(
                 f"{path} is damaged, so that nobody can tell whose campaign is in {self.folder}: give another --out, "
                 "or --overwrite to replace"
             ) from None
-        if found != self.task.identity:
+        if identity != self.task.identity:
             raise InputError(
                 f"{self.folder} holds another campaign (other scenario, seed, method or version), which would be "
                 "lost; give another --out, or --overwrite to replace"

@@ -48,12 +48,12 @@ def cluster(task: Task, shares: Sequence[range], client: Any) -> Iterator[tuple[
                 f"the Dask scheduler at {address} has no worker; start some, `dask worker {address}`, and run the same "
                 "command again"
             ) from None
-        left = {client.submit(compute, task, share, pure=False): share for share in shares}
-        while left:
+        pending = {client.submit(compute, task, share, pure=False): share for share in shares}
+        while pending:
             try:
-                done = wait(list(left), timeout=PATIENCE, return_when="FIRST_COMPLETED").done
+                done = wait(list(pending), timeout=PATIENCE, return_when="FIRST_COMPLETED").done
                 # a result lies with its worker, who may be gone by now
-                found = [(future, future.result(timeout=PATIENCE)) for future in done]
+                results = [(future, future.result(timeout=PATIENCE)) for future in done]
             except TimeoutError:
                 if client.status == "running" and client.nthreads():
                     continue
@@ -62,5 +62,5 @@ def cluster(task: Task, shares: Sequence[range], client: Any) -> Iterator[tuple[
                 raise InputError(f"a share ended every worker that took it ({problem.task}); {RESUMABLE}") from None
             except (CommClosedError, *CANCELLED, OSError):
                 raise InputError(f"the Dask scheduler at {address} is gone; {RESUMABLE}") from None
-            for future, columns in found:
-                yield left.pop(future), columns
+            for future, columns in results:
+                yield pending.pop(future), columns

@@ -31,16 +31,16 @@ def processes(
 
     Raises InputError when one share keeps ending its worker.
     """
-    left = list(shares)
-    while left:
+    pending = list(shares)
+    while pending:
         try:
-            for share, columns in _pooled(task, left, workers, work):
-                left.remove(share)
+            for share, columns in _pooled(task, pending, workers, work):
+                pending.remove(share)
                 yield share, columns
         except BrokenProcessPool:
-            for share in left[:workers]:  # only these can have been in work: `_pooled` keeps no more in the pool
+            for share in pending[:workers]:  # only these can have been in work: `_pooled` keeps no more in the pool
                 yield share, _alone(task, share, work)
-            left = left[workers:]
+            pending = pending[workers:]
 
 
 def _alone(task: Task, share: range, work: Work) -> dict[str, list[Any]]:

@@ -71,8 +71,8 @@ def _run(
     for share, columns in results:
         store.keep(share, columns)
         fresh += len(share)
-        left = (n - done - fresh) * (monotonic() - start) / fresh
-        progress(f"{done + fresh} of {amount(n, 'run')}, {_spell(left)} left")
+        remaining_s = (n - done - fresh) * (monotonic() - start) / fresh
+        progress(f"{done + fresh} of {amount(n, 'run')}, {_spell(remaining_s)} left")
     return store.finish(lambda rows: {"direction": what.direction, **summarise(rows)}, page)
 
 

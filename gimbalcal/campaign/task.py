@@ -171,23 +171,25 @@ def _simulated(what: Task, run: int) -> dict[str, list[Any]]:
     content = tomllib.loads(what.text)
     recording, effects = simulate(content, seed_of(what.seed, run))
     try:
-        made = _calibrated(what.method, recording)
+        calibration = _calibrated(what.method, recording)
     except InputError as problem:
         return _failed(run, str(problem))
-    truth = _comparable(effects, made.parameters, what.method)
+    truth = _comparable(effects, calibration.parameters, what.method)
     if recording.kind.stabilised:
-        truth = _on_the_clock(truth, made.parameters, recording, check_content(content, what.name).schedule.start_angle)
-    n = len(made.parameters)
+        truth = _on_the_clock(
+            truth, calibration.parameters, recording, check_content(content, what.name).schedule.start_angle
+        )
+    n = len(calibration.parameters)
     return {
         "run": [run] * n,
-        "parameter": [p.label for p in made.parameters],
+        "parameter": [p.label for p in calibration.parameters],
         "unit": ["SI"] * n,
         "truth": truth.tolist(),
-        "estimate": made.values.tolist(),
-        "sigma": made.sigmas.tolist(),
-        "chi2": [float(made.residual.chi2)] * n,
-        "dof": [int(made.residual.dof)] * n,
-        "outcome": [made.outcome] * n,
+        "estimate": calibration.values.tolist(),
+        "sigma": calibration.sigmas.tolist(),
+        "chi2": [float(calibration.residual.chi2)] * n,
+        "dof": [int(calibration.residual.dof)] * n,
+        "outcome": [calibration.outcome] * n,
     }
 
 

@@ -188,15 +188,15 @@ def at_maximum(y: Array) -> Array:
     """Return the rows where `y` equals its maximum, if they are many times as many as at any of the next values."""
     top = y.max()
     rows = np.flatnonzero(y == top)
-    rest = y[y < top]
+    others_below = y[y < top]
     for _ in range(NEXT_VALUES):
-        if not len(rest):
+        if not len(others_below):
             break
-        near = rest.max()
-        if CLIPPED_RATIO * np.count_nonzero(rest == near) >= len(rows):
+        next_value = others_below.max()
+        if CLIPPED_RATIO * np.count_nonzero(others_below == next_value) >= len(rows):
             return rows[:0]
-        rest = rest[rest < near]
-    return rows if len(rest) else rows[:0]
+        others_below = others_below[others_below < next_value]
+    return rows if len(others_below) else rows[:0]
 
 
 def longest_run(pieces: Sequence[Array]) -> tuple[int, int, float]:

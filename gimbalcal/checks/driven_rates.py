@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, permutations, product
+from itertools import product
 from math import pi
 
 import numpy as np
@@ -23,7 +23,7 @@ from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, Correction, other_
 from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.platform import Axis, Platform
+from gimbalcal.platform import Platform
 from gimbalcal.recording.dwell import usual_step
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
 from gimbalcal.rotation import frame_rotation
@@ -94,20 +94,6 @@ def driven_turn(time: Array, read: Array, angles: Array, names: Sequence[str]) -
     middle = (whole[starts] + whole[starts + n]) / 2
     return DrivenTurn((sums[starts + n] - sums[starts]) / span, middle, (whole[starts + n] - whole[starts]) / span,
                       tuple(names))  # fmt: skip
-
-
-def chains(names: Sequence[str]) -> Iterator[Platform]:
-    """Yield chains of up to three axes, each about another direction than the next, upright ones first.
-
-    What the outermost stands on turns nothing, so that its offset is zero.
-    """
-    offsets = (0.0, pi / 2, pi, -pi / 2)
-    for order, directions in product(permutations(names), product("zxy", repeat=len(names))):
-        if any(a == b for a, b in pairwise(directions)):
-            continue
-        for signs in product((1, -1), repeat=len(names)):
-            for zeros in product(offsets, repeat=len(names) - 1):
-                yield Platform("own", tuple(map(Axis, order, directions, signs, (*zeros, 0.0))))
 
 
 def rates_of_the_table(e: Examined) -> str:

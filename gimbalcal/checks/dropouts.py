@@ -119,12 +119,12 @@ class Dropouts:
         for c in self.columns:
             if c.name in empty and c.quantity not in (*BOOKKEEPING, *SPARSE):
                 lacking |= empty[c.name]
-        found = self._find_spikes(batch, ~lacking)
+        by_column = self._find_spikes(batch, ~lacking)
         start, self.rows = self.rows, self.rows + n
-        spiked = np.logical_or.reduce([np.zeros(n, dtype=bool), *found.values()])
+        spiked = np.logical_or.reduce([np.zeros(n, dtype=bool), *by_column.values()])
         if spiked.any() and self.header.kind.rotating:  # a navigator has to know every step
             self.filled_in.append(start + np.flatnonzero(spiked))
-            batch = dict(batch) | {name: self._filled(batch, name, ~lacking, rows) for name, rows in found.items()}
+            batch = dict(batch) | {name: self._filled(batch, name, ~lacking, rows) for name, rows in by_column.items()}
         elif spiked.any():
             self.left_out_spikes.append(start + np.flatnonzero(spiked))
             lacking |= spiked
@@ -141,35 +141,35 @@ class Dropouts:
         if not self.checked:
             return {}
         rows = np.flatnonzero(full)
-        same, held = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
+        same, at_rest = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
         if position is not None and kind.in_positions and len(rows) > 2:  # a rest may be a row
             p = batch[position.name][rows]
             same[1:-1] = (p[1:-1] == p[:-2]) & (p[1:-1] == p[2:])
-            held = p > 0
+            at_rest = p > 0
         step = np.median(np.diff(batch[clock.name][rows])) if clock is not None and len(rows) > 1 else np.inf
         slow = clock is None or float(to_si(float(step), clock.unit)) > MAX_STEP_FAST_S
-        found = Masks()
+        spiked = Masks()
         for quantity, sensor in dict.fromkeys((c.quantity, c.sensor) for c in self.checked):
             triad = [c for c in self.checked if (c.quantity, c.sensor) == (quantity, sensor)]
             if quantity in SPIKES_OF_DWELLS and kind.in_positions:
-                found |= self._in_dwells(batch, triad, rows, held)
+                spiked |= self._in_dwells(batch, triad, rows, at_rest)
             else:
-                found |= spikes({c.name: batch[c.name][rows] for c in triad}, slow and kind.at_rest)
-        turn_in_a_row = slow & ~held if kind.in_positions else np.zeros(len(rows), dtype=bool)
+                spiked |= spikes({c.name: batch[c.name][rows] for c in triad}, slow and kind.at_rest)
+        turn_in_a_row = slow & ~at_rest if kind.in_positions else np.zeros(len(rows), dtype=bool)
         out = Masks()
         for c in self.checked:
             limit = np.inf if is_raw(c.unit) else from_si(self.limits[c.quantity], c.unit)
-            own = found[c.name] & same & (np.abs(batch[c.name][rows]) < limit)
+            own = spiked[c.name] & same & (np.abs(batch[c.name][rows]) < limit)
             own &= ~turn_in_a_row if c.quantity == "angular_rate" else True
             self.spikes[c.name] += int(np.count_nonzero(own))
             out[c.name] = np.zeros(len(full), dtype=bool)
             out[c.name][rows[own]] = True
         return out
 
-    def _in_dwells(self, batch: Batch, gimbals: list[Column], rows: NDArray[np.int64], held: Mask) -> Masks:
+    def _in_dwells(self, batch: Batch, gimbals: list[Column], rows: NDArray[np.int64], at_rest: Mask) -> Masks:
         """Return the rows in which a gimbal that is held reads something else; on the way nothing is known."""
         position = self.header.column("position")
-        if position is None or not held.any():
+        if position is None or not at_rest.any():
             return {c.name: np.zeros(len(rows), dtype=bool) for c in gimbals}
         p = batch[position.name][rows]
         starts = np.flatnonzero(np.diff(p, prepend=-1.0))
@@ -177,12 +177,12 @@ class Dropouts:
         for c in gimbals:
             turn, x = float(from_si(2 * np.pi, c.unit)), batch[c.name][rows]
             level = np.repeat([np.median(part) for part in np.split(x, starts[1:])], np.diff(starts, append=len(p)))
-            finite = held & np.isfinite(x) & np.isfinite(level)  # an infinite reading is refused, and by name
+            finite = at_rest & np.isfinite(x) & np.isfinite(level)  # an infinite reading is refused, and by name
             off = np.where(finite, x, 0.0) - np.where(finite, level, 0.0)
             off = (off + turn / 2) % turn - turn / 2
             sigma = self.header.noise.get("gimbal_angle", SETTING_SIGMA_RAD)
             out |= spikes({c.name: off}, slow=True, least=float(from_si(RELEVANT_SIGMAS * sigma, c.unit)))
-        return {name: found & held for name, found in out.items()}
+        return {name: spiked & at_rest for name, spiked in out.items()}
 
     def _filled(self, batch: Batch, name: str, full: Mask, spiked: Mask) -> Array:
         """Return a column with its spikes as neighbours predict them; `InputError` where these do not agree."""

@@ -19,6 +19,7 @@ import numpy as np
 
 from gimbalcal.checks.check import POSITIONS, STATIC, Check, Examined
 from gimbalcal.checks.input_errors import (
+    AS_STATED,
     AXES,
     MAX_DEVIATION_RAD,
     MIN_AGREEMENT,
@@ -31,6 +32,7 @@ from gimbalcal.checks.input_errors import (
     scaled,
 )
 from gimbalcal.number import Array, apply_matrix
+from gimbalcal.platform import Platform
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import ANGLE, FORCE, Recording
 from gimbalcal.units import to_si
@@ -43,6 +45,7 @@ ALIKE = 0.8, 1.25  # ratios that are one within the errors of a unit
 MAX_MOTION = 0.2  # of gravity, half of the rows: a table that shakes so much is not at rest
 FEWEST_RESTS = 3
 STILL_RAD = 1e-3
+MIN_FELT = 0.1  # of gravity, by which the force turns with a gimbal
 
 
 def motion_within_a_position(e: Examined) -> str:
@@ -80,13 +83,13 @@ def unit_of_some(e: Examined) -> str:
         for axes in few
         for unit, size in FORCE_UNITS.items()
     ]
-    left, correction = best(corrections, lambda c: -off(c.of(FORCE, force)))
-    if -left >= NORM_ERROR_EXPLAINED * min(stated, MAX_NORM_ERROR):
+    negative_misfit, correction = best(corrections, lambda c: -off(c.of(FORCE, force)))
+    if -negative_misfit >= NORM_ERROR_EXPLAINED * min(stated, MAX_NORM_ERROR):
         return ""
     unit = correction.remedy
     return (
         f"at rest the norm of the force differs from gravity by {100 * stated:.3g} % rms, and by "
-        f"{-100 * left:.2g} % if accelerometer {correction.words} alone were in {unit}; write unit = "
+        f"{-100 * negative_misfit:.2g} % if accelerometer {correction.words} alone were in {unit}; write unit = "
         f'"{unit}" for it in [columns]'
     )
 
@@ -151,7 +154,7 @@ def gimbals_turn_less_than_the_force(e: Examined) -> str:
 
 def unit_of_one_by_angles(e: Examined) -> str:
     """Refuse one accelerometer that follows the predicted force in another unit."""
-    ideal = _predicted(e.rests, e.rests.angles()) * e.rests.site.gravity
+    ideal = _predicted(e.rests.platform, e.rests.angles()) * e.rests.site.gravity
     for i, axis in enumerate(AXES):
         size = float(ideal[:, i] @ ideal[:, i])
         slope = float(e.force[:, i] @ ideal[:, i]) / size if size > len(ideal) else 1.0
@@ -169,12 +172,9 @@ def axes_by_angles(e: Examined) -> str:
     rests, n = e.rests, len(e.force)
 
     def agreeing(correction: Correction) -> int:
-        ideal = _predicted(rests, correction.of(ANGLE, rests.angles()))
-        force = correction.of(FORCE, e.force)
-        cosine = np.sum(force * ideal, axis=1) / np.linalg.norm(force, axis=1)
-        return int(np.count_nonzero(cosine > np.cos(MAX_DEVIATION_RAD)))
+        return as_predicted(rests.platform, correction.of(ANGLE, rests.angles()), correction.of(FORCE, e.force))
 
-    stated = agreeing(Correction(""))
+    stated = agreeing(AS_STATED)
     if n < FEWEST_RESTS or stated >= MIN_AGREEMENT * n:
         return ""
     rows = "positions" if rests.kind.in_positions else "rows"
@@ -209,23 +209,27 @@ def _corrections(rests: Recording) -> Iterator[Correction]:
 
 def _silent_gimbals(rests: Recording) -> str:
     """Return in words which readouts are missing or never move: most likely the fault is theirs."""
+    names, angles = rests.platform.axis_names, rests.angles()
     logged = {a: rests.channels[ANGLE, a] for a in rests.axes(ANGLE)}
-    absent = [a for i, a in enumerate(rests.platform.axis_names) if a not in logged and _turns_the_force(rests, i)]
+    ideal = _predicted(rests.platform, angles)
+    turned = [_predicted(rests.platform, angles + unit) for unit in np.eye(len(names))]  # about the vertical: not felt
+    felt = [a for a, force in zip(names, turned, strict=True) if np.abs(force - ideal).max() > MIN_FELT]
+    absent = [a for a in felt if a not in logged]
     still = [a for a, angle in logged.items() if np.ptp(angle) < STILL_RAD]
     asides = [f"the {' and '.join(absent)} angle is in no column and taken as zero"] if absent else []
     asides += [f"the readout of {' and of '.join(still)} never moves"] if still else []
     return f" ({', and '.join(asides)})" if asides else ""
 
 
-def _turns_the_force(rests: Recording, i: int) -> bool:
-    """Return whether a turn of gimbal `i` would be felt: one about the vertical is not."""
-    angles = rests.angles()
-    return bool(np.abs(_predicted(rests, angles + np.eye(angles.shape[1])[i]) - _predicted(rests, angles)).max() > 0.1)
+def as_predicted(platform: Platform, angles: Array, force: Array) -> int:
+    """Return at how many rests the force (n, 3) points where gimbal angles (n, k) have it."""
+    cosine = np.sum(force * _predicted(platform, angles), axis=1) / np.linalg.norm(force, axis=1)
+    return int(np.count_nonzero(cosine > np.cos(MAX_DEVIATION_RAD)))
 
 
-def _predicted(rests: Recording, angles: Array) -> Array:
+def _predicted(platform: Platform, angles: Array) -> Array:
     """Return the direction (n, 3) of the force at gimbal angles (n, k)."""
-    return -apply_matrix(rests.platform.attitude(angles), np.array([0.0, 0.0, 1.0]))
+    return -apply_matrix(platform.attitude(angles), np.array([0.0, 0.0, 1.0]))
 
 
 def _unit(recording: Recording, axis: str = "x") -> str:

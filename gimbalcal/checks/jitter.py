@@ -47,11 +47,11 @@ def jitter_of(time: Array, row: Array, channels: Sequence[Array]) -> Jitter | No
     if n < MIN_ROWS or not channels or dt.min() <= 0:
         return None
     step = float(np.median(dt / np.diff(row)))
-    near = dt < GAP * step
-    scatter = float(np.std(dt[near])) / step if near.any() else 0.0
+    usual = dt < GAP * step
+    scatter = float(np.std(dt[usual])) / step if usual.any() else 0.0
     if scatter < MIN_JITTER:
         return None
-    five = near[:-3] & near[1:-2] & near[2:-1] & near[3:]
+    five = usual[:-3] & usual[1:-2] & usual[2:-1] & usual[3:]
     if np.count_nonzero(five) < MIN_ROWS:
         return None
     rough = [
@@ -60,7 +60,7 @@ def jitter_of(time: Array, row: Array, channels: Sequence[Array]) -> Jitter | No
     ]
     ratio = float(np.sqrt(np.mean([a / b for a, b in rough if b > 0]))) if any(b > 0 for _, b in rough) else 1.0
     clock = regular(time, row)
-    rate = 1 / float(np.mean(np.diff(time)[near] / np.diff(row)[near]))
+    rate = 1 / float(np.mean(np.diff(time)[usual] / np.diff(row)[usual]))
     return Jitter(scatter, ratio, rate, clock)
 
 

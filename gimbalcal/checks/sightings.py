@@ -88,11 +88,11 @@ def readouts_against_stars(e: Examined) -> str:
     """Refuse readouts and stars that are further apart than on any mount, with the correction that explains it."""
     if (sky := e.once(_sky)) is None:
         return ""
-    apart, patch = sky.separation(AS_STATED)
-    if apart < MAX_SEPARATION_RAD:
+    distance, extent = sky.separation(AS_STATED)
+    if distance < MAX_SEPARATION_RAD:
         return ""
     stated = (
-        f"readouts and stars are {np.degrees(apart):.3g} deg apart on the sky (the median of "
+        f"readouts and stars are {np.degrees(distance):.3g} deg apart on the sky (the median of "
         f"{len(sky.read)}, zeros of both axes allowed for)"
     )
 
@@ -100,9 +100,9 @@ def readouts_against_stars(e: Examined) -> str:
         separation, size = sky.separation(correction)
         return -separation / max(size, 1e-9)
 
-    left, correction = best(_corrections(sky), gain)
+    negative_ratio, correction = best(_corrections(sky), gain)
     separation = sky.separation(correction)[0]
-    if -left < apart / patch / MIN_GAIN and separation < MAX_SEPARATION_RAD:
+    if -negative_ratio < distance / extent / MIN_GAIN and separation < MAX_SEPARATION_RAD:
         return f"{stated}, and {np.degrees(separation):.2g} deg if {correction.words}; correct [columns]"
     return (
         f"{stated}, and no other unit, sign or order of the columns brings them together; check [columns], and the "

@@ -55,12 +55,14 @@ def spikes(channels: Mapping[str, Array], slow: bool = False, least: float = 0.0
     out = {name: np.zeros(len(x), dtype=bool) for name, x in channels.items()}
     for width in range(1, MAX_WIDTH + 1):
         off = {name: _Departure(x, width, least / MIN_RATIO_SLOW) for name, x in fourth.items()}
-        found = {name: _spikes(x, off[name].beyond(MIN_RATIO_SLOW if slow else MIN_RATIO), width, off[name].d)
+        candidates = {name: _spikes(x, off[name].beyond(MIN_RATIO_SLOW if slow else MIN_RATIO), width, off[name].d)
                  for name, x in channels.items()}  # fmt: skip
-        for name, rows in found.items():
+        for name, rows in candidates.items():
             kept = rows
             if len(rows) and not slow:
-                calm = np.all([np.isin(rows, found[o]) | (off[o].ratio(rows) < MAX_RATIO_OTHERS) for o in off], axis=0)
+                calm = np.all(
+                    [np.isin(rows, candidates[o]) | (off[o].ratio(rows) < MAX_RATIO_OTHERS) for o in off], axis=0
+                )
                 ends = np.stack([rows, rows + width - 1])
                 empty = np.all([x[ends] == 0 for x in channels.values()], axis=(0, 1))  # no sample came: no knock
                 kept = rows[calm | empty]

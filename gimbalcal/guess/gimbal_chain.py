@@ -8,16 +8,17 @@ dwells is proposed. Turns about the vertical are not felt, and stay as the first
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise, permutations, product
 from math import pi
 
 import numpy as np
 
+from gimbalcal.checks.forces import as_predicted
 from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, MIN_AGREEMENT
 from gimbalcal.guess.column_names import ANGLES, plain, unit_written
-from gimbalcal.number import Array, apply_matrix
+from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.units import to_si
 
@@ -27,7 +28,9 @@ MAX_AXES = 3  # of a chain that is looked for
 MAX_COLUMNS = 6  # that may be its angles
 AXIS_OF_LETTER = {"psi": "platform", "theta": "inner", "phi": "middle"}  # Table 1 of Wu et al. (2018)
 ENCODER_BITS = range(12, 25)
-DOWN = np.array([0.0, 0.0, 1.0])
+QUARTER_TURNS = (0.0, pi / 2, pi, -pi / 2)
+AXES = "these axes turn it"
+CHAIN = "this chain turns it, found among all chains of its axes"
 
 
 @dataclass(frozen=True)
@@ -55,24 +58,17 @@ def gimbal_chain(angles: Mapping[str, Array], force: Array) -> GimbalChain:
     first = usual_platform(frozenset(angles))
     if m < MIN_DWELLS and first is not None:
         return GimbalChain(first, (), f"by the names of its axes; {m} rests do not tell whether gravity agrees")
-    most = 0
     unit = force / np.linalg.norm(force, axis=1, keepdims=True)
     varied = np.linalg.norm(unit - unit[0], axis=1).max() > MAX_DEVIATION_RAD  # else z up may be taken for a reversal
-    for sign in (1.0, -1.0) if varied else (1.0,):
-        for platform, backwards in _known_platforms(tuple(angles), first):
-            agreeing = _agreeing(platform, backwards, angles, sign * force)
-            most = max(most, agreeing if sign > 0 else 0)
-            if agreeing >= MIN_AGREEMENT * m:
-                how = f", the {' and the '.join(backwards)} readout backwards" if backwards else ""
-                how += "" if sign > 0 else ", all three accelerometers reversed (the log holds gravity)"
-                why = f"gravity at {agreeing} of {m} rests is where these axes turn it{how}"
-                return GimbalChain(platform, backwards, why, sign < 0)
-    for platform in _chains(tuple(angles)):
-        agreeing = _agreeing(platform, (), angles, force)
-        most = max(most, agreeing)
+    most = 0
+    for chain in _candidates(tuple(angles), first, varied):
+        assert chain.platform is not None
+        readouts = {name: -x if name in chain.backwards else x for name, x in angles.items()}
+        sign = -1.0 if chain.reversed else 1.0
+        agreeing = as_predicted(chain.platform, chain.platform.angles(readouts, (m,)), sign * force)
+        most = max(most, 0 if chain.reversed else agreeing)
         if agreeing >= MIN_AGREEMENT * m:
-            why = f"gravity at {agreeing} of {m} rests is where this chain turns it, found among all chains of its axes"
-            return GimbalChain(platform, (), why)
+            return replace(chain, why=f"gravity at {agreeing} of {m} rests is where {chain.why}")
     why = f"no chain of these axes turns gravity as it was felt (the best at {most} of {m} rests)"
     return GimbalChain(None, (), f"gimbal angles are left out: {why}")
 
@@ -143,34 +139,36 @@ def _without_unit(words: str) -> str:
     return first if first and unit_written(last) else words
 
 
-def _known_platforms(names: tuple[str, ...], first: Platform | None) -> Iterator[tuple[Platform, tuple[str, ...]]]:
-    """Yield platforms that are known by name, and readouts that run backwards, the likeliest first."""
+def _candidates(names: tuple[str, ...], first: Platform | None, varied: bool) -> Iterator[GimbalChain]:
+    """Yield platforms that are known by name, with readouts or all forces reversed, then chains of the axes.
+
+    varied: the forces differ, so that a reversal of all three would show.
+    """
     known = [KNOWN[name] for name in TABLES if set(names) <= set(KNOWN[name].axis_names)]
     known = sorted(known, key=lambda p: p is not first)
     flips = [tuple(n for n, f in zip(names, each, strict=True) if f) for each in product((0, 1), repeat=len(names))]
-    for backwards in sorted(flips, key=len):
-        yield from ((p, backwards) for p in known)
+    for of_gravity, backwards in product((False, True) if varied else (False,), sorted(flips, key=len)):
+        why = f"these axes turn it, the {' and the '.join(backwards)} readout backwards" if backwards else AXES
+        why += ", all three accelerometers reversed (the log holds gravity)" * of_gravity
+        yield from (GimbalChain(p, backwards, why, of_gravity) for p in known)
+    several = len(names) == MAX_AXES
+    offsets = [(0.0, pi) if several else QUARTER_TURNS] * len(names)
+    for p in (
+        chains((names, names[::-1]) if several else permutations(names), offsets) if len(names) <= MAX_AXES else ()
+    ):
+        yield GimbalChain(p, (), CHAIN)
+        if len(names) == 1:  # what it stands on is fixed, and may be upright, lie, or be turned over
+            bases = (Axis("base", direction, 1, z) for direction in "xy" for z in QUARTER_TURNS[1:])
+            yield from (GimbalChain(Platform("own", (*p.axes, base)), (), CHAIN) for base in bases)
 
 
-def _chains(names: tuple[str, ...]) -> Iterator[Platform]:
-    """Yield any chain of a few axes, each about another direction than the next."""
-    if len(names) > MAX_AXES:
-        return
-    offsets = (0.0, pi / 2, pi, -pi / 2) if len(names) < MAX_AXES else (0.0, pi)
-    orders = permutations(names) if len(names) < MAX_AXES else (names, names[::-1])
-    for order, directions in product(orders, product("zxy", repeat=len(names))):
+def chains(orders: Iterable[Sequence[str]], offsets: Sequence[Sequence[float]]) -> Iterator[Platform]:
+    """Yield chains of axes in these orders, each about another direction than the next, upright ones first.
+
+    offsets [rad]: those that are tried, for each place in the chain.
+    """
+    for order, directions in product(orders, product("zxy", repeat=len(offsets))):
         if any(a == b for a, b in pairwise(directions)):
             continue
-        for signs, zeros in product(product((1, -1), repeat=len(names)), product(offsets, repeat=len(names))):
-            axes = tuple(Axis(n, d, s, z) for n, d, s, z in zip(order, directions, signs, zeros, strict=True))
-            yield Platform("own", axes)
-            if len(axes) == 1:  # what it stands on is fixed, and may be upright, lie, or be turned over
-                yield from (Platform("own", (*axes, Axis("base", t, 1, z))) for t in "xy" for z in offsets[1:])
-
-
-def _agreeing(platform: Platform, backwards: tuple[str, ...], angles: Mapping[str, Array], force: Array) -> int:
-    """Return at how many dwells the force points where the platform would have it."""
-    readout = {name: -x if name in backwards else x for name, x in angles.items()}
-    ideal = -apply_matrix(platform.attitude(platform.angles(readout, (len(force),))), DOWN)
-    cosine = np.sum(force * ideal, axis=1) / np.linalg.norm(force, axis=1)
-    return int(np.count_nonzero(cosine > np.cos(MAX_DEVIATION_RAD)))
+        for signs, zeros in product(product((1, -1), repeat=len(offsets)), product(*offsets)):
+            yield Platform("own", tuple(map(Axis, order, directions, signs, zeros)))

@@ -23,8 +23,8 @@ from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording.columns import ROW_STEP_S
-from gimbalcal.recording.gravity import not_stated
 from gimbalcal.recording.record import Recording
+from gimbalcal.recording.site import with_normal_gravity
 from gimbalcal.units import to_si
 
 _AXIS = by_spelling(
@@ -81,7 +81,7 @@ class PointingRun:
 def angles_in(table: Table) -> tuple[AngleColumn, ...]:
     """Return the columns of two axes of a mount; none where the table holds no such pair."""
     columns = [
-        seen for name in table.columns if (seen := _angle_column(name)) is not None
+        angle for name in table.columns if (angle := _angle_column(name)) is not None
     ]  # with names as in `axis_angles`
     for pair in _PAIRS:
         own = [s for s in columns if s.axis in pair]
@@ -151,7 +151,7 @@ def pointing_proposal(
             lower = axes[1].replace("_", " ")
             notes["sky"] = f"{off.name} is on the sky by its name: divided by the cosine of the {lower}"
     order = {axis.name: axis for axis in platform.axes if axis.name in axes}
-    site = not_stated(latitude, height)
+    site = with_normal_gravity(latitude, height)
     clock = next(
         (n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time" and np.all(np.diff(x) >= 0)),
         "",
@@ -160,8 +160,8 @@ def pointing_proposal(
     time, remarks = (_seconds(clock, table), ()) if clock else _sidereal_seconds(path, table, rows)
     back = next((n for n in table.columns if (g := by_name(n)) and g.quantity == "time"), "")
     if back and not clock:
-        gone = f"{path}: the clock {back} goes back, so its rows are taken {ROW_STEP_S:g} s apart in order"
-        remarks = (f"{gone} and rates mean nothing; sort them by time for these",)
+        remark = f"{path}: the clock {back} goes back, so its rows are taken {ROW_STEP_S:g} s apart in order"
+        remarks = (f"{remark} and rates mean nothing; sort them by time for these",)
     if clock:
         why["time", ""] = (clock, f"its name {clock.strip()!r}")
     elif not remarks and (by := sidereal(table)):
@@ -297,8 +297,8 @@ def _latitude(table: Table, notes: dict[str, str]) -> float | None:
         notes["site"] = f"latitude {column[1]:.6g} deg, as the column {column[0]} says"
         return float(np.radians(column[1]))
     for line in table.above:
-        told_here = angle_stated(line, "lat(?:itude)?", "N", "S")
-        if told_here is not None and abs(told_here) <= 90:
-            notes["site"] = f"latitude {told_here:.6g} deg, as {line.strip()!r} says"
-            return float(np.radians(told_here))
+        stated = angle_stated(line, "lat(?:itude)?", "N", "S")
+        if stated is not None and abs(stated) <= 90:
+            notes["site"] = f"latitude {stated:.6g} deg, as {line.strip()!r} says"
+            return float(np.radians(stated))
     return None

@@ -266,8 +266,8 @@ def _in_units(log: Log, context: _Context) -> Proposal:
             )
         reversed_columns = [column_of[axis] for axis in chain.backwards] + (log.names(FORCE) if chain.reversed else [])
     used = replace(log, guesses={name: g for name, g in log.guesses.items() if name not in outside})
-    made = context.recording(used, _platform_entry(platform), reversed_columns)
-    rests = len(dwells(made))
+    recording = context.recording(used, _platform_entry(platform), reversed_columns)
+    rests = len(dwells(recording))
     if not rests:
         raise InputError(
             f"{context.title}: the unit is never at rest for a second; hold it still for some seconds in each of six "
@@ -284,10 +284,10 @@ def _in_units(log: Log, context: _Context) -> Proposal:
         )
     kind = f"multi-position, for {rests} rests are found; rotation is for turns that are navigated sample by sample"
     notes.setdefault("kind", kind)
-    notes["noise"] = _noise_note(rests == len(made.time) and not log.has("sigma"), log.has("gimbal_angle"))
-    made = replace(made, remarks=(*made.remarks, *refuse_implausible(made)))
+    notes["noise"] = _noise_note(rests == len(recording.time) and not log.has("sigma"), log.has("gimbal_angle"))
+    recording = replace(recording, remarks=(*recording.remarks, *refuse_implausible(recording)))
     left_out = (*(n for n in context.left_out if n not in gimbals), *outside)
-    return Proposal(made, used.guesses, left_out, notes)
+    return Proposal(recording, used.guesses, left_out, notes)
 
 
 def _noise_note(single_rows: bool, gimbals: bool) -> str:

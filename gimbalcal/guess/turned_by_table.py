@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 
-from gimbalcal.checks.driven_rates import MAX_RESIDUAL, DrivenTurn, chains, driven_turn
+from gimbalcal.checks.driven_rates import MAX_RESIDUAL, DrivenTurn, driven_turn
 from gimbalcal.effects.history import integral
 from gimbalcal.guess.column_names import axis_word, commanded, estimated, plain, rate_word, unit_written
 from gimbalcal.guess.column_values import changes_direction
-from gimbalcal.guess.gimbal_chain import MAX_AXES, MAX_COLUMNS, encoder_angles, usual_platform
+from gimbalcal.guess.gimbal_chain import MAX_AXES, MAX_COLUMNS, QUARTER_TURNS, chains, encoder_angles, usual_platform
 from gimbalcal.guess.log import FORCE, RATE, Guess, Log
 from gimbalcal.guess.unit_candidates import RATE_UNITS, rates_in
 from gimbalcal.number import Array
@@ -186,7 +186,9 @@ def _best_chain(turns: DrivenTurn, scale: float | None) -> tuple[float, Platform
     """Return the first chain that is as good as any, after its misfit; None where none turns alike."""
     usual = usual_platform(frozenset(turns.names))
     known = [usual] if usual is not None and set(usual.axis_names) == set(turns.names) else []
-    misfits = [(turns.residual(p, scale), p) for p in (*known, *chains(turns.names))]
+    offsets = [*[QUARTER_TURNS] * (len(turns.names) - 1), (0.0,)]  # what the outermost stands on turns nothing
+    platforms = (*known, *chains(permutations(turns.names), offsets))
+    misfits = [(turns.residual(p, scale), p) for p in platforms]
     least = min(misfit for misfit, _ in misfits)
     misfit, platform = next((m, p) for m, p in misfits if m <= EQUAL_MISFIT_RATIO * least)
     return (misfit, platform) if turns.misfit(platform, scale) < MAX_RESIDUAL else None

@@ -70,8 +70,8 @@ class Comparison:
     def in_words(self) -> str:
         """Summary: whether the unit changed, which parameters most, and when to calibrate."""
         n, of = len(self.calibrations), f" of {self.unit}" if self.unit else ""
-        made = self.calibrations
-        first, last = (day_of(d.date, made) for d in (made[0], made[-1]))
+        ordered = self.calibrations
+        first, last = (day_of(d.date, ordered) for d in (ordered[0], ordered[-1]))
         start = f"{n} calibrations{of} from {first} to {last}"
         moved = sorted((c for c in self.histories if c.moved), key=lambda c: -c.clear)
         if not moved and not self.significant:
@@ -148,10 +148,10 @@ def compare(
     """
     if len(calibrations) < 2:
         raise InputError(f"to compare takes two calibrations, and {len(calibrations)} was given")
-    made = tuple(sorted(calibrations, key=lambda d: d.date))
+    ordered = tuple(sorted(calibrations, key=lambda d: d.date))
     held: dict[str, list[int]] = {}
     named: dict[str, Parameter] = {}
-    for k, d in enumerate(made):
+    for k, d in enumerate(ordered):
         each = zip(d.calibration.parameters, d.calibration.values, d.calibration.sigmas, strict=True)
         for p, x, sigma in each:
             if sigma > 0 and abs(x) > FIXED_VALUE_SIGMAS * sigma:  # unobservable parameters keep zero
@@ -161,32 +161,32 @@ def compare(
     if not common:
         raise InputError("these calibrations have no parameter in common that both of them tell")
     limits = _limits(allowed or {}, named.values())
-    time = np.array([d.date.timestamp() for d in made])
-    independent = [not (made[i].hashes & made[i + 1].hashes) for i in range(len(made) - 1)]
+    time = np.array([d.date.timestamp() for d in ordered])
+    independent = [not (ordered[i].hashes & ordered[i + 1].hashes) for i in range(len(ordered) - 1)]
     tried = sum(len(at) - 1 for at in common.values())
-    gravity = min((common_gravity(made[0].calibration, d.calibration) for d in made[1:]), default=0.0)
-    own = [np.sqrt(np.diag(without_gravity(d.calibration, gravity))) for d in made]
-    places = [{p.label: i for i, p in enumerate(d.calibration.parameters)} for d in made]
+    gravity = min((common_gravity(ordered[0].calibration, d.calibration) for d in ordered[1:]), default=0.0)
+    own = [np.sqrt(np.diag(without_gravity(d.calibration, gravity))) for d in ordered]
+    places = [{p.label: i for i, p in enumerate(d.calibration.parameters)} for d in ordered]
     histories = []
     for label, at in common.items():
         p = named[label]
         there = [(k, places[k][label]) for k in at]
-        x = np.array([made[k].calibration.values[i] for k, i in there])
+        x = np.array([ordered[k].calibration.values[i] for k, i in there])
         sigma = np.array([own[k][i] for k, i in there])
         limit = limits.get(label, limits.get(p.name, np.inf))
         histories.append(parameter_history(p, at, time[at], x, sigma, tried, independent, limit))
-    steps = tuple(_step(made, k, not own) for k, own in enumerate(independent))
-    return Comparison(unit, made, steps, tuple(histories), gravity)
+    steps = tuple(_step(ordered, k, not own) for k, own in enumerate(independent))
+    return Comparison(unit, ordered, steps, tuple(histories), gravity)
 
 
 def _date(seconds: float) -> datetime:
     return datetime.fromtimestamp(min(seconds, LATEST_S), UTC)
 
 
-def _step(made: Sequence[DatedCalibration], k: int, shared: bool) -> CalibrationStep:
+def _step(ordered: Sequence[DatedCalibration], k: int, shared: bool) -> CalibrationStep:
     from scipy.special import chdtrc
 
-    a, b = made[k].calibration, made[k + 1].calibration
+    a, b = ordered[k].calibration, ordered[k + 1].calibration
     # by their names: what is usual of a parameter, and so the rest of it, may differ from one recording to the next
     of_a, of_b = ({p.label: i for i, p in enumerate(c.parameters) if c.sigmas[i] > 0} for c in (a, b))
     both = [label for label in of_a if label in of_b]
@@ -235,11 +235,11 @@ def _rounded(size: float, sigma: float) -> str:
     return f"{size:+.{places}f} +- {sigma:.{places}f}"
 
 
-def _change(c: ParameterHistory, made: Sequence[DatedCalibration]) -> str:
+def _change(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
     """Describe the change of one parameter."""
     unit, called = c.parameter.unit, _called(c.parameter)
-    days = [day_of(made[k].date, made) for k in c.at]
-    when = [f" between {days[k - 1]} and {days[k]}" if len(made) > 2 else "" for k in c.jumps]
+    days = [day_of(ordered[k].date, ordered) for k in c.at]
+    when = [f" between {days[k - 1]} and {days[k]}" if len(ordered) > 2 else "" for k in c.jumps]
     parts = [f"jumped by {_sized(size, unit)}{w}" for size, w in zip(c.sizes, when, strict=False)]
     if c.drifts:
         parts.append(f"drifts by {_sized((c.rate * YEAR, c.rate_sigma * YEAR), unit)} a year")
@@ -257,15 +257,15 @@ def _sized(size: tuple[float, float], unit: str) -> str:
     return f"{_rounded(*(float(from_si(v, unit)) for v in size))} {unit}"
 
 
-def _next(c: ParameterHistory, made: Sequence[DatedCalibration]) -> str:
+def _next(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
     """Return what to do about a parameter that changed."""
     if c.jumps:
-        after = day_of(made[c.at[c.jumps[-1]]].date, made)
+        after = day_of(ordered[c.at[c.jumps[-1]]].date, ordered)
         return f"use the calibration of {after} and later for what was recorded since, and look for what happened then"
     if c.drifts:
         return "use the last one, as long as it holds"
     if c.outliers:
-        return f"look at the report of {day_of(made[c.at[c.outliers[0]]].date, made)}, and leave it out"
+        return f"look at the report of {day_of(ordered[c.at[c.outliers[0]]].date, ordered)}, and leave it out"
     return "count on this scatter from one switching-on to the next, not on the sigmas"
 
 

@@ -60,10 +60,14 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], 
     last: dict[tuple[str, ...], DatedCalibration] = {}
     computed = sorted(entries, key=lambda e: str(e.content.get("provenance", {}).get("created") or e.date))
     for e in (e for e in computed if e.kind == CALIBRATION):
-        made = DatedCalibration(e.date, when(e.date), from_dict(e.content))
-        key = tuple(sorted(made.hashes)) or (e.date,)
-        if key not in last or made.calibration.method != "diagnosis" or last[key].calibration.method == "diagnosis":
-            last[key] = made
+        entry_calibration = DatedCalibration(e.date, when(e.date), from_dict(e.content))
+        key = tuple(sorted(entry_calibration.hashes)) or (e.date,)
+        if (
+            key not in last
+            or entry_calibration.calibration.method != "diagnosis"
+            or last[key].calibration.method == "diagnosis"
+        ):
+            last[key] = entry_calibration
     diagnoses = tuple((e.date, str(e.content.get("in_words", ""))) for e in entries if e.kind == DIAGNOSIS)
     return tuple(sorted(last.values(), key=lambda d: d.date)), diagnoses
 

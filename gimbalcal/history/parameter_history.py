@@ -167,8 +167,8 @@ def _gains(A: Array, columns: Array, x: Array, sigma: Array) -> Array:
     C = columns * w[:, None]
     own, r = C - Q @ (Q.T @ C), w * x - Q @ (Q.T @ (w * x))
     size = (own**2).sum(0)
-    held = size < 1e-12 * (C**2).sum(0)
-    return np.asarray(np.where(held, 0.0, (own.T @ r) ** 2 / np.where(held, 1.0, size)))
+    constant = size < 1e-12 * (C**2).sum(0)
+    return np.asarray(np.where(constant, 0.0, (own.T @ r) ** 2 / np.where(constant, 1.0, size)))
 
 
 def _sizes_of(A: Array, x: Array, sigma: Array, n: int) -> tuple[tuple[float, float], ...]:

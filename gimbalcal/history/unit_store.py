@@ -70,15 +70,15 @@ def keep(path: Path, entry: Entry) -> bool:
     with _open(path, make=True) as base:
         base.execute("begin immediate")
         columns = "(unit, date, kind, method, answer, recordings, content, digest)"
-        made = base.execute(f"insert or ignore into entries {columns} values (?, ?, ?, ?, ?, ?, ?, ?)", row)  # noqa: S608
-        if made.rowcount and entry.kind == CALIBRATION:
+        cursor = base.execute(f"insert or ignore into entries {columns} values (?, ?, ?, ?, ?, ?, ?, ?)", row)  # noqa: S608
+        if cursor.rowcount and entry.kind == CALIBRATION:
             base.executemany(
                 "insert into parameters values (?, ?, ?, ?, ?, ?, ?)",
-                [(made.lastrowid, p.get("effect", p["name"]), p["name"], p["axis"], p["value"], p["sigma"], p["unit"])
+                [(cursor.lastrowid, p.get("effect", p["name"]), p["name"], p["axis"], p["value"], p["sigma"], p["unit"])
                  for p in content["parameters"]],
             )  # fmt: skip
         base.execute("commit")
-    return bool(made.rowcount)
+    return bool(cursor.rowcount)
 
 
 def kept(path: Path, unit: str = "", kind: str = "") -> tuple[Entry, ...]:
@@ -130,8 +130,8 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
             raise InputError(f"{path} is a database {what}; give another --store")
         yield base
     except (sqlite3.DatabaseError, UnicodeDecodeError) as problem:  # a damaged byte of a text is no database error
-        told = " ".join(str(problem).split())
-        raise InputError(f"{path} cannot be used as a store ({told}); give another --store") from None
+        reason = " ".join(str(problem).split())
+        raise InputError(f"{path} cannot be used as a store ({reason}); give another --store") from None
     finally:
         base.close()
 

@@ -13,8 +13,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers.described_table import from_variables
 from gimbalcal.importers.registry import importer
 from gimbalcal.number import Array
+from gimbalcal.recording.memory_limit import refuse_bomb
 from gimbalcal.recording.record import Recording
-from gimbalcal.recording.room import refuse_bomb
 
 if TYPE_CHECKING:
     import h5py

@@ -21,11 +21,11 @@ def matlab_variables(path: Path) -> dict[str, Any]:
     import numpy as np
 
     from gimbalcal.errors import InputError
-    from gimbalcal.recording.room import room
+    from gimbalcal.recording.memory_limit import memory_limit
 
     with tempfile.TemporaryDirectory(prefix="gimbalcal-") as folder:
         into = Path(folder) / "variables.npz"
-        command = [sys.executable, "-P", __file__, str(path.absolute()), str(into), str(room())]
+        command = [sys.executable, "-P", __file__, str(path.absolute()), str(into), str(memory_limit())]
         ended = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)  # noqa: S603
         if ended.returncode or not into.is_file():
             raise InputError(

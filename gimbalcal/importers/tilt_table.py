@@ -11,18 +11,17 @@ from __future__ import annotations
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers.registry import importer
+from gimbalcal.importers.unit_log import unit_log
 from gimbalcal.number import Array
-from gimbalcal.platform import BENCH
-from gimbalcal.recording.kinds import ROTATION
-from gimbalcal.recording.record import ANYWHERE, Key, Recording, Source
-from gimbalcal.recording.room import refuse_bomb
-from gimbalcal.recording.scatter import pooled
+from gimbalcal.recording.memory_limit import refuse_bomb
+from gimbalcal.recording.record import FORCE, RATE, Key, Recording
 
 _AXES = {"x": ("N", 1.0), "y": ("E", 1.0), "z": ("Z", -1.0)}  # Z of a seismometer is up
 
@@ -65,20 +64,9 @@ def import_tilt_table(files: Sequence[Path], _options: Mapping[str, str]) -> Rec
         raise InputError(f"{path}: {bad} holds what is no number; leave such rows out")
     channels: dict[Key, Array] = {}
     for axis, (letter, sign) in _AXES.items():
-        channels["specific_force", axis] = sign * np.gradient(arrays[f"vel_HH{letter}"], 1 / rate)
-        channels["angular_rate", axis] = sign * arrays[f"rate_HJ{letter}"]
+        channels[FORCE, axis] = sign * np.gradient(arrays[f"vel_HH{letter}"], 1 / rate)
+        channels[RATE, axis] = sign * arrays[f"rate_HJ{letter}"]
+    units = {key: "m/s^2" if key[0] == FORCE else "rad/s" for key in channels}
     time = np.arange(len(arrays[names[0]])) / rate
-    return Recording(
-        kind=ROTATION,
-        title=path.stem,
-        platform=BENCH,
-        site=ANYWHERE,
-        noise={},
-        time=time,
-        position=None,
-        channels=channels,
-        source=(Source.of(path),),
-        units={key: "m/s^2" if key[0] == "specific_force" else "rad/s" for key in channels},
-        scatter=pooled(time, None, channels),
-        remarks=("accelerations are differentiated velocities of a seismometer: their mean is not specific force",),
-    )
+    remark = "accelerations are differentiated velocities of a seismometer: their mean is not specific force"
+    return replace(unit_log(path.stem, time, channels, units, files, kind="rotation"), remarks=(remark,))

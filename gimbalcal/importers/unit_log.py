@@ -38,11 +38,19 @@ def text_matrix(path: Path, columns: int) -> Array:
 
 
 def unit_log(
-    title: str, time: Array, channels: Mapping[Key, Array], units: Mapping[Key, str], files: Sequence[Path]
+    title: str,
+    time: Array,
+    channels: Mapping[Key, Array],
+    units: Mapping[Key, str],
+    files: Sequence[Path],
+    kind: str = "multi-position",
 ) -> Recording:
-    """Return a recording of a unit without a platform, its dwells detected; time [s], channels (n,) in their units."""
+    """Return a recording of a unit without a platform; time [s], channels (n,) in their units.
+
+    Of the kind multi-position its dwells are detected.
+    """
     columns = {"time": time, **{" ".join(key): values for key, values in channels.items()}}
     entries = {"time": "time [s]", **{" ".join(key): f"{' '.join(key)} [{units[key]}]" for key in channels}}
-    recording = from_frame(columns, entries, title=title, called=str(files[0]))
+    recording = from_frame(columns, entries, kind=kind, title=title, called=str(files[0]))
     scatter = pooled(recording.time, recording.position, recording.channels)
     return replace(recording, source=tuple(map(Source.of, files)), scatter=scatter)

@@ -62,9 +62,9 @@ class Document:
     @classmethod
     def of(cls, content: Mapping[str, Any], path: Path) -> Document:
         """A document that is no file: its content as TOML would give it, called `path` in sentences."""
-        made = cls.__new__(cls)
-        made.path, made.lines, made.remarks, made.content = path, [], (), dict(content)
-        return made
+        document = cls.__new__(cls)
+        document.path, document.lines, document.remarks, document.content = path, [], (), dict(content)
+        return document
 
     def _repair(self) -> tuple[str, ...]:
         remarks = []

@@ -54,12 +54,12 @@ def read_header(folder: Path) -> Header:
     folder = folder.parent if folder.name == NAME and folder.is_file() else folder
     path = folder / NAME
     if not folder.is_dir():
-        made = (
+        hint = (
             "" if not folder.is_file()
             else "; gimbalcal.read_calibration reads a calibration" if folder.suffix == ".json"
             else f"; `gimbalcal new {folder}` makes one of a log"
         )  # fmt: skip
-        raise InputError(f"{folder} is not a folder: a recording is a folder with a {NAME} in it{made}")
+        raise InputError(f"{folder} is not a folder: a recording is a folder with a {NAME} in it{hint}")
     if not path.is_file():
         raise InputError(f"{folder} has no {NAME}: a recording is a folder with a {NAME} that says what is in it")
     document = Document(path)

@@ -95,6 +95,8 @@ def place(path: Path, start: int, stop: int | None = None, skip: int = 0, named:
     if path.suffix == ".csv":
         # the first line without '#' is the header
         word, wanted = "line", {start + named, last - 1 + named}
-        found = {row: line for row, (line, _) in zip(range(last + 1), lines(path, skip), strict=False) if row in wanted}
-        first, last = found[start + named], found[last - 1 + named]
+        line_of_row = {
+            row: line for row, (line, _) in zip(range(last + 1), lines(path, skip), strict=False) if row in wanted
+        }
+        first, last = line_of_row[start + named], line_of_row[last - 1 + named]
     return f"{path}, {word} {first}" if last <= first else f"{path}, {word}s {first} to {last}"

@@ -22,8 +22,8 @@ from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.header import Header, read_header
 from gimbalcal.recording.increments import Increments
+from gimbalcal.recording.memory_limit import rows_in
 from gimbalcal.recording.record import ANGLES, Recording, Source
-from gimbalcal.recording.room import rows_in
 from gimbalcal.recording.row_sigma import by_sigma
 from gimbalcal.recording.rows import AllRows, Blocks, Rests
 from gimbalcal.recording.samples import Batch, batches, column

@@ -134,13 +134,13 @@ class Recording:
         p = self.position
         visits = 0 if p is None else int(np.count_nonzero((np.diff(p, prepend=0) != 0) & (p > 0)))
         span = float(np.ptp(self.time)) if len(self.time) else 0.0
-        held = []
+        channels = []
         for q in dict.fromkeys(q for q, _ in self.channels):
             axes = self.axes(q)
-            held.append(f"  {q} {' '.join(axes)}".rstrip() + f"  [{self.units.get((q, axes[0]), 'SI')}]")
+            channels.append(f"  {q} {' '.join(axes)}".rstrip() + f"  [{self.units.get((q, axes[0]), 'SI')}]")
         rows = f"{len(self.time)} rows in {span:.6g} s" + (f", {visits} rests" if visits else "")
         head = f"{self.kind} recording {self.title!r} on {self.platform.name}: {rows}"
-        return "\n".join([head, *held, *(f"  note: {remark}" for remark in self.remarks)])
+        return "\n".join([head, *channels, *(f"  note: {remark}" for remark in self.remarks)])
 
     __repr__ = __str__
 

@@ -20,7 +20,7 @@ from gimbalcal.recording.columns import Column
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
 from gimbalcal.recording.document import shortened
 from gimbalcal.recording.lines import EMPTY, has_names, heading, lines, place
-from gimbalcal.recording.room import refuse_bomb
+from gimbalcal.recording.memory_limit import refuse_bomb
 from gimbalcal.units import from_si
 
 if TYPE_CHECKING:
@@ -89,14 +89,14 @@ def _next(frames: Iterator[pl.DataFrame], path: Path, rows: int) -> pl.DataFrame
         frame = next(frames, None)
         if frame is not None or path.suffix != ".parquet":
             return frame
-        told = pl.scan_parquet(path.absolute(), glob=False).select(pl.len()).collect().item()
-        if rows == told:
+        stated = pl.scan_parquet(path.absolute(), glob=False).select(pl.len()).collect().item()
+        if rows == stated:
             return None
         size = -1
         while size != (size := os.fstat(messages).st_size):  # one thread reports after the other
             time.sleep(SILENCE)
     raise InputError(
-        f"{path} says that it has {amount(told, 'row')} and {rows} can be read: it seems to be cut short or damaged; "
+        f"{path} says that it has {amount(stated, 'row')} and {rows} can be read: it seems to be cut short or damaged; "
         "copy it again"
     )
 

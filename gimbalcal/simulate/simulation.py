@@ -190,7 +190,9 @@ def _nominal(run: Run, time: Array) -> Recording:
     if not run.platform.axes and run.path is None:
         raise InputError(f"platform.name: {run.platform.name!r} has no gimbals, so nothing can be told to it")
     channels |= {key: history(time) for key, history in run.environment.items()}
-    held = run.path is None and run.scenario.recording_kind.rotating  # a table's holds are evaluated at the rows
+    at_table_holds = (
+        run.path is None and run.scenario.recording_kind.rotating
+    )  # a table's holds are evaluated at the rows
     return Recording(
         run.scenario.recording_kind,
         run.scenario.title,
@@ -200,7 +202,7 @@ def _nominal(run: Run, time: Array) -> Recording:
         time,
         position,
         channels,
-        instant=held or run.scenario.schedule.rates == "instant",
+        instant=at_table_holds or run.scenario.schedule.rates == "instant",
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.recording.room import room
+from gimbalcal.recording.memory_limit import memory_limit
 from gimbalcal.schedule.trajectory import Path as Course
 from gimbalcal.simulate.scenario import Scenario
 from gimbalcal.simulate.timetable import Timetable
@@ -47,7 +47,7 @@ def _refuse_many(seconds: float, rate: float) -> None:
     """Raise InputError where a time [s] is none of a measurement, or its rows at a rate [Hz] do not go into memory."""
     if seconds > MAX_DURATION_S:
         raise InputError(f"schedule: it takes {seconds / YEAR:.4g} years; check the numbers and units of its times")
-    if not seconds * rate * ROW_BYTES < room():
+    if not seconds * rate * ROW_BYTES < memory_limit():
         raise InputError(
             f"schedule: {seconds:.4g} s at {rate:.4g} Hz are {seconds * rate:.3g} rows, more than memory holds; lower "
             "`rate` or make it shorter"

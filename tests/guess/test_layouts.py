@@ -12,9 +12,9 @@ from gimbalcal.errors import InputError
 from gimbalcal.guess.clocks import unwrapped
 from gimbalcal.guess.column_names import by_name, plain
 from gimbalcal.guess.date_formats import in_iso, is_stamp, split
-from gimbalcal.guess.header_scales import scales
 from gimbalcal.guess.merged_logs import resampled
 from gimbalcal.guess.proposal import Proposal, propose
+from gimbalcal.guess.unit_candidates import scales
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording import dwells

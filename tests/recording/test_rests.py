@@ -14,7 +14,7 @@ from gimbalcal.estimate.gyroscopes.rests import rests
 from gimbalcal.methods import calibrate
 from gimbalcal.recording import Recording, read, write
 from gimbalcal.recording.dwell import whole_means
-from gimbalcal.recording.room import rows_in
+from gimbalcal.recording.memory_limit import rows_in
 from gimbalcal.recording.rows import AllRows
 from tests.diagnose.rows.test_slews import IDEAL, QUICK, unit
 from tests.diagnose.turned_plant import gimballed, turned

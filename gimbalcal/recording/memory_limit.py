@@ -1,4 +1,4 @@
-"""Limit the memory of a file: its rows, and the size that it may have when it is unpacked."""
+"""Limit the memory that a file takes: count its rows, and refuse a size out of proportion when it is unpacked."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ START = 1 << 20  # bytes of a text that tell how long its lines are
 PACKED, LARGE = 50, 500_000_000  # times its file, and bytes: readings of sensors are noise and do not pack so well
 
 
-def room() -> int:
+def memory_limit() -> int:
     """Return the bytes that one file may take."""
     return int(HALF * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
 
@@ -23,7 +23,7 @@ def refuse_bomb(path: Path, needed: int, streamed: bool = False) -> None:
     What is `streamed` need not be in memory as a whole.
     """
     size = path.stat().st_size
-    if (needed > room() and not streamed) or (needed > LARGE and needed > PACKED * size):
+    if (needed > memory_limit() and not streamed) or (needed > LARGE and needed > PACKED * size):
         raise InputError(
             f"{path} has {size / 1e6:.3g} MB and would take {needed / 1e9:.3g} GB when it is unpacked, which no "
             "readings of sensors do; correct it, or cut it into parts"
@@ -41,4 +41,4 @@ def rows_in(path: Path) -> int:
             start = file.read(START)
         return int(path.stat().st_size / len(start) * start.count(b"\n")) if start else 0
     except (pl.exceptions.PolarsError, OSError):
-        return 0  # what is wrong with it is told where it is read
+        return 0  # the reader says what is wrong with it
