@@ -39,11 +39,11 @@ class CampaignFolder:
 
     @property
     def parts(self) -> Path:
-        """Where shares wait until all are there."""
+        """Return the place where shares wait until all are there."""
         return self.folder / PARTS
 
     def shares(self) -> list[range]:
-        """All runs in shares of fixed size."""
+        """Return all runs in shares of fixed size."""
         size = self.task.share
         return [range(i, min(i + size, self.count)) for i in range(0, self.count, size)]
 
@@ -65,7 +65,7 @@ class CampaignFolder:
             os.close(descriptor)
 
     def open(self) -> list[range]:
-        """The shares still to compute. Raises InputError where the folder holds another campaign."""
+        """Return the shares still to compute. Raises InputError where the folder holds another campaign."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self._check(self.folder / SUMMARY)
         self._check(self.parts / IDENTITY)
@@ -102,7 +102,7 @@ class CampaignFolder:
             )
 
     def _take_over(self) -> None:
-        """Shares of a finished campaign count, so that more runs can be added to it; a damaged one is done again."""
+        """Take over the shares of a finished campaign, so that runs can be added; repeat a damaged one."""
         import polars as pl
 
         table, summary = self.folder / TABLE, self.folder / SUMMARY
@@ -117,7 +117,7 @@ class CampaignFolder:
                 self.keep(share, rows.filter(pl.col("run").is_between(share.start, share.stop - 1)).to_dict())
 
     def _kept(self) -> dict[range, Path]:
-        """The sound file of each share that has one: its name ends with the digest of what is in it."""
+        """Return the sound file of each share that has one: its name ends with the digest of what is in it."""
         shares = {_name(share): share for share in self.shares()}
         kept: dict[range, Path] = {}
         for path in sorted(self.parts.glob("*.parquet")):

@@ -17,7 +17,7 @@ RESUMABLE = "what is done is kept, and the same command goes on from there"
 
 
 def connect(address: str, timeout: float = 10.0) -> Any:
-    """A client of the scheduler at tcp://host:port. Raises InputError when there is no Dask here or none there."""
+    """Return a client of the scheduler at tcp://host:port. Raises InputError where Dask is missing here or there."""
     try:
         from distributed import Client
     except ImportError:
@@ -31,7 +31,7 @@ def connect(address: str, timeout: float = 10.0) -> Any:
 
 
 def cluster(task: Task, shares: Sequence[range], client: Any) -> Iterator[tuple[range, dict[str, list[Any]]]]:
-    """Results of the shares, in the order in which the client's workers finish them.
+    """Yield results of the shares, in the order in which the client's workers finish them.
 
     The scheduler does the shares of a lost worker again.
     """

@@ -19,7 +19,7 @@ DEATHS = 3  # workers that a share may take with it before it is the share's fau
 
 
 def here(task: Task, shares: Sequence[range]) -> Iterator[tuple[range, dict[str, list[Any]]]]:
-    """Results of the shares, computed one after the other in this process."""
+    """Yield results of the shares, computed one after the other in this process."""
     for share in shares:
         yield share, compute(task, share)
 
@@ -27,7 +27,7 @@ def here(task: Task, shares: Sequence[range]) -> Iterator[tuple[range, dict[str,
 def processes(
     task: Task, shares: Sequence[range], workers: int, work: Work = compute
 ) -> Iterator[tuple[range, dict[str, list[Any]]]]:
-    """Results of the shares, in the order in which `workers` processes finish them.
+    """Yield results of the shares, in the order in which `workers` processes finish them.
 
     Raises InputError when one share keeps ending its worker.
     """
@@ -68,7 +68,7 @@ def _pooled(
 
 
 def _begin() -> None:
-    """A worker leaves Ctrl-C to its parent, and does not outlive it, nor does the server that forked it."""
+    """Leave Ctrl-C to the parent of a worker, and end the worker with it and with the server that forked it."""
     signal(SIGINT, SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
 

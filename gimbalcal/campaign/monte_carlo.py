@@ -83,7 +83,7 @@ def _spell(seconds: float) -> str:
 
 
 def summarise(rows: Any) -> dict[str, Any]:
-    """Per parameter: runs, mean and RMS error, predicted sigma (RMS), their ratio; and what did not work out."""
+    """Return for each parameter runs, mean and RMS error, predicted RMS sigma and their ratio; and what failed."""
     import polars as pl
 
     good = rows.filter(pl.col("parameter") != "")

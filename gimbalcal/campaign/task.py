@@ -45,12 +45,12 @@ class Task:
 
     @property
     def direction(self) -> str:
-        """Whether the estimated coefficients turn readings (here pulses) into physics, or physics into readings."""
+        """Return whether coefficients turn readings (here pulses) into physics, or physics into readings."""
         return "pulses to physics" if self.kind in PULSES else "physics to readings"
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What must agree for a stopped campaign to go on: everything that a run depends on."""
+        """Return what must agree for a stopped campaign to go on: everything that a run depends on."""
         from gimbalcal import __version__
 
         parts = asdict(self) | {"text": sha256(self.text.encode()).hexdigest(), "version": __version__}
@@ -99,7 +99,7 @@ def _check_pulses(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def _turntable(content: Mapping[str, Any], where: str) -> float:
-    """One-sigma turntable error [rad]."""
+    """Return the one-sigma turntable error [rad]."""
     from gimbalcal.quantities import check
     from gimbalcal.units import to_si
 
@@ -114,7 +114,7 @@ def _turntable(content: Mapping[str, Any], where: str) -> float:
 
 
 def compute(what: Task, runs: range) -> dict[str, list[Any]]:
-    """Columns (see COLUMNS) of these runs; runs that fail carry a sentence in `outcome` and no estimate."""
+    """Return columns (see COLUMNS) of these runs; runs that fail carry a sentence in `outcome` and no estimate."""
     from threadpoolctl import threadpool_limits
 
     if what.effects:
@@ -161,7 +161,7 @@ def _pulses(what: Task, runs: range) -> dict[str, list[Any]]:
 
 
 def seed_of(seed: int, run: int) -> int:
-    """The seed of one run: 63 bits from the campaign's seed and the number of the run."""
+    """Return the seed of one run: 63 bits from the campaign's seed and the number of the run."""
     return int(np.random.SeedSequence([seed, run]).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
@@ -211,7 +211,7 @@ def _failed(run: int, why: str) -> dict[str, list[Any]]:
 
 
 def _on_the_clock(truth: Array, wanted: Sequence[Parameter], recording: Recording, start: float) -> Array:
-    """Truth (p,) counted from S_t as an estimate counts it: its constant is what the platform gimbal reads on average.
+    """Return the truth (p,) with S_t counted as in an estimate: its constant is the mean of the platform gimbal.
 
     A platform that is turned by phi_0 against the true S_t is turned by R(phi_0) R_z(delta) against this one.
     """
@@ -229,7 +229,7 @@ def _on_the_clock(truth: Array, wanted: Sequence[Parameter], recording: Recordin
 
 
 def _comparable(effects: Sequence[Effect], wanted: Sequence[Parameter], method: str) -> Array:
-    """Truth (p,) in the convention of the estimate: without angles the triad's rotation is fixed by its first axes.
+    """Return the truth (p,) in the convention of the estimate: without angles the first axes fix the triad's rotation.
 
     The accelerometers' frame so turned is that of the gyroscopes too; to first order in the misalignments.
     """

@@ -61,19 +61,19 @@ def _uniform(rngs: list[np.random.Generator], low: float, high: float) -> Array:
 
 
 def tipped(directions: Array, tips: Array) -> Array:
-    """Unit vectors (..., 3) turned by the rotation vectors `tips` [rad]."""
+    """Return unit vectors (..., 3) turned by the rotation vectors `tips` [rad]."""
     return apply_matrix(exponential(-tips), directions)
 
 
 def accelerometer_truth(rngs: list[np.random.Generator]) -> Pulses:
-    """Triads drawn as Table 2 says, in SI (1 g = 9.80665 m/s^2)."""
+    """Return triads drawn as Table 2 says, in SI (1 g = 9.80665 m/s^2)."""
     scales = ((1e-6, 5e-6), (-5e-15, 5e-15), (-5e-21, 5e-21), (-1e-2, 1e-2))
     K1, K2, K3, bias = (_uniform(rngs, low, high) * G0 for low, high in scales)
     return Pulses(K1, K2, K3, bias, _uniform(rngs, -5e-4, 5e-4))
 
 
 def accelerometers(seed: int, runs: range, tilt: float, order: int = 3) -> Trials:
-    """Table 2: fifteen positions tipped by `tilt` [rad, one sigma per axis], counted, averaged and fitted."""
+    """Return Table 2: fifteen positions tipped by `tilt` [rad, one sigma per axis], counted, averaged and fitted."""
     rngs = generators(seed, runs)
     truth = accelerometer_truth(rngs)
     force = tipped(POSITIONS, tilt * _stack(rngs, POSITIONS.shape)) * G0
@@ -85,14 +85,14 @@ def accelerometers(seed: int, runs: range, tilt: float, order: int = 3) -> Trial
 
 
 def gyroscope_truth(rngs: list[np.random.Generator]) -> Pulses:
-    """Triads drawn as Table 3 says, in SI (rad)."""
+    """Return triads drawn as Table 3 says, in SI (rad)."""
     degree = np.pi / 180
     K1, K2 = (_uniform(rngs, a * degree, b * degree) for a, b in ((1e-7, 5e-7), (-5e-17, 5e-17)))
     return Pulses(K1, K2, 0 * K1, _uniform(rngs, -5e-6 * degree, 5e-6 * degree), _uniform(rngs, -5e-4, 5e-4))
 
 
 def gyroscope_revolutions(truth: Pulses, rngs: list[np.random.Generator], tilt: float) -> Revolutions:
-    """Counts of nine revolutions both ways and of fifteen rests, turntable tipped by `tilt` [rad], Earth turning."""
+    """Return counts of nine revolutions both ways and of fifteen dwells; turntable tipped by `tilt` [rad], Earth on."""
     axes = tipped(REVOLUTION_AXES, tilt * _stack(rngs, REVOLUTION_AXES.shape))
     duration = REVOLUTIONS * 2 * np.pi / SPEED
     one, other = (_revolution(truth, axes, sign, duration, rngs) for sign in (1.0, -1.0))
@@ -104,14 +104,14 @@ def gyroscope_revolutions(truth: Pulses, rngs: list[np.random.Generator], tilt: 
 
 
 def gyroscopes(seed: int, runs: range, tilt: float, *, both_senses: bool = True) -> Trials:
-    """Table 3: nine revolutions each way and fifteen rests, counted and fitted."""
+    """Return Table 3: nine revolutions each way and fifteen rests, counted and fitted."""
     rngs = generators(seed, runs)
     truth = gyroscope_truth(rngs)
     return Trials(truth, gyroscope_pulses(gyroscope_revolutions(truth, rngs, tilt), both_senses=both_senses))
 
 
 def _revolution(truth: Pulses, axes: Array, sign: float, duration: float, rngs: list[np.random.Generator]) -> Array:
-    """Integrals of N and N^2 (r, k, 2, 3) over the revolutions about each axis (r, k, 3), which points up."""
+    """Return integrals of N and N^2 (r, k, 2, 3) over the revolutions about each axis (r, k, 3), which points up."""
     phase = sign * 2 * np.pi * (np.arange(BLOCKS) + 0.5) / BLOCKS
     across = normal_to(axes)
     third = np.cross(axes, across)
@@ -125,7 +125,7 @@ def _revolution(truth: Pulses, axes: Array, sign: float, duration: float, rngs: 
 
 
 def _earth_at_rest(up: Array) -> Array:
-    """Earth's rate (r, m, 3) [rad/s] in a unit with vertical `up`, headings spread by the golden angle."""
+    """Return Earth's rate (r, m, 3) [rad/s] in a unit with vertical `up`, headings spread by the golden angle."""
     across = normal_to(up)
     heading = np.pi * (3 - np.sqrt(5)) * np.arange(up.shape[-2])[:, None]
     north = np.cos(heading) * across + np.sin(heading) * np.cross(up, across)

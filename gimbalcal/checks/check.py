@@ -19,7 +19,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwell_means
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
 
-POSITIONS, STATIC, ROTATION, SIGHTINGS = ("multi-position",), ("static-run",), ("rotation",), ("pointing",)
+POSITIONS, STATIC, ROTATION, SIGHTINGS = ("in_positions",), ("stabilised",), ("rotating",), ("sighting",)
 EVERY = (*POSITIONS, *STATIC, *ROTATION, *SIGHTINGS)
 T = TypeVar("T")
 SOME_ROWS, THINNED_ROWS = 5000, 500  # rows of a recording that show its usual force; of a static run
@@ -33,24 +33,24 @@ class Examined:
 
     @cached_property
     def rests(self) -> Recording:
-        """The means of the dwells; of a static run some of its rows."""
+        """Return the means of the dwells; of a static run some of its rows."""
         r = self.recording
         return r.select(slice(None, None, max(1, len(r.time) // THINNED_ROWS))) if r.kind.stabilised else dwell_means(r)
 
     @cached_property
     def force(self) -> Array:
-        """Force (n, 3) [m/s^2] at the rests."""
+        """Return force (n, 3) [m/s^2] at the rests."""
         return self.rests.triad(FORCE)
 
     @cached_property
     def some_force(self) -> Array:
-        """Force (n, 3) [m/s^2] of some rows, at rest or not."""
+        """Return force (n, 3) [m/s^2] of some rows, at rest or not."""
         f = self.recording.triad(FORCE)
         return f[:: max(1, len(f) // SOME_ROWS)]
 
     @cached_property
     def step(self) -> float:
-        """The usual step of the clock [s]."""
+        """Return the usual step of the clock [s]."""
         return float(np.median(np.diff(self.recording.time))) if len(self.recording.time) > 1 else 0.0
 
     @property
@@ -95,7 +95,10 @@ class Examined:
 
 @dataclass(frozen=True)
 class Check:
-    """A check: for recordings of which kinds, with which quantities (`Examined.has`); a question is only a remark."""
+    """A check for recordings with one of some properties of `Kind`, and with some quantities (`Examined.has`).
+
+    A question is only a remark.
+    """
 
     test: Callable[[Examined], str]
     kinds: tuple[str, ...]
@@ -104,7 +107,8 @@ class Check:
 
     def applies(self, examined: Examined) -> bool:
         """Return whether the check can be made."""
-        return examined.recording.kind in self.kinds and all(map(examined.has, self.requires))
+        suits = any(getattr(examined.recording.kind, name) for name in self.kinds)
+        return suits and all(map(examined.has, self.requires))
 
 
 def examine(recording: Recording, checks: Iterable[Check]) -> tuple[str, ...]:

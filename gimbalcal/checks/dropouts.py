@@ -69,12 +69,12 @@ class Dropouts:
 
     @property
     def missing(self) -> NDArray[np.int64]:
-        """Rows of the file that are left out."""
+        """Return rows of the file that are left out."""
         return _joined(self.left_out)
 
     @property
     def kept(self) -> NDArray[np.int64]:
-        """Numbers in the file of the rows that are kept."""
+        """Return numbers in the file of the rows that are kept."""
         return np.delete(np.arange(self.rows), self.missing)
 
     def remarks(self) -> tuple[str, ...]:

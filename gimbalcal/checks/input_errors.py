@@ -44,17 +44,17 @@ class AxisPermutation:
 
     @property
     def matrix(self) -> Array:
-        """M (3, 3)."""
+        """Return M (3, 3)."""
         return np.eye(3)[list(self.order)] * np.array(self.signs, dtype=float)[:, None]
 
     @property
     def handed(self) -> int:
-        """1 where a right-handed triad remains one, -1 where it becomes left-handed."""
+        """Return 1 where a right-handed triad remains one, -1 where it becomes left-handed."""
         return round(float(np.linalg.det(self.matrix)))
 
     @property
     def complexity(self) -> tuple[int, int]:
-        """Number of errors that lead to it, and how many of them are in the order."""
+        """Return the number of errors that lead to it, and how many of them are in the order."""
         moved = sum(a != b for a, b in enumerate(self.order))
         flipped = 1 if self.signs == (-1, -1, -1) else sum(s < 0 for s in self.signs)  # all three: one convention
         return moved + flipped, moved

@@ -24,7 +24,7 @@ MIN_JITTER = 0.02  # of a step: less is below what any turn shows
 MAX_ROUGHNESS = 0.9  # times the roughness with the stamps: white noise alone gives 1
 GAP = 3.0  # steps; a longer one is a pause, and a clock of its own begins
 MIN_ROWS = 100  # rows from one pause to the next to fit a clock to
-MAX_STRAY_STEPS = 2.0  # steps that a stamp may be off the regular clock, but for one in a hundred
+MAX_DEVIATION_STEPS = 2.0  # by which a stamp may be off the regular clock, but for one in a hundred
 ROWS_ASIDE = 10  # rows on each side of a long step that tell whether what comes later stays late: then rows were lost
 
 
@@ -32,7 +32,7 @@ ROWS_ASIDE = 10  # rows on each side of a long step that tell whether what comes
 class Jitter:
     """Scatter of the steps over the usual one, roughness on the regular clock over that with the stamps, rate [Hz].
 
-    clock (n,) s: the regular clock, None where the stamps stray too far from any.
+    clock (n,) s: the regular clock, None where the stamps are too far from any.
     """
 
     scatter: float
@@ -65,7 +65,7 @@ def jitter_of(time: Array, row: Array, channels: Sequence[Array]) -> Jitter | No
 
 
 def regular(time: Array, row: Array, stated: bool = False) -> Array | None:
-    """Return the regular clock (n,) [s] through the stamps, a line from pause to pause; None where they stray.
+    """Return the regular clock (n,) [s] through the stamps, a line from pause to pause; None where it misses them.
 
     `stated`: the clock is known to be regular, however coarse the stamps are; None then if it runs backwards.
     """
@@ -76,15 +76,15 @@ def regular(time: Array, row: Array, stated: bool = False) -> Array | None:
     coarse = float(dt[dt > 0].min()) if np.median(dt) == 0 else 0.0
     pause = np.maximum(np.maximum(GAP * np.diff(row), 10.0) * step, GAP * coarse)
     edges = [0, *(np.flatnonzero(dt > pause) + 1), len(time)]
-    out, stray = np.array(time, dtype=float), []
+    out, deviations = np.array(time, dtype=float), []
     for start, stop in pairwise(edges):
         if stop - start >= (3 if stated else MIN_ROWS):
             k, t = row[start:stop] - row[start], time[start:stop] - time[start]
             k = k if stated else k + _lost(t, k)
             out[start:stop] = time[start] + np.polyval(np.polyfit(k, t, 1), k)
-            stray.append(np.abs(out[start:stop] - time[start:stop]) / step)
-    astray = not stated and bool(stray) and np.quantile(np.concatenate(stray), 0.99) > MAX_STRAY_STEPS
-    if not stray or astray or np.any(np.diff(out) <= 0):
+            deviations.append(np.abs(out[start:stop] - time[start:stop]) / step)
+    irregular = not stated and bool(deviations) and np.quantile(np.concatenate(deviations), 0.99) > MAX_DEVIATION_STEPS
+    if not deviations or irregular or np.any(np.diff(out) <= 0):
         return None
     return out
 

@@ -258,7 +258,7 @@ class EarthRate:
 
     @cached_property
     def without(self) -> float:
-        """The rms [rad/s] that rates of zero leave."""
+        """Return the rms [rad/s] that rates of zero leave."""
         return self.residual(scaled(RATE, AXES, 0.0, ""))
 
     def agrees(self, correction: Correction) -> bool:

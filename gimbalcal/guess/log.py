@@ -29,7 +29,7 @@ class Guess:
 
     @property
     def in_words(self) -> str:
-        """Quantity, axis and unit."""
+        """Return quantity, axis and unit."""
         return " ".join(filter(None, [self.quantity.replace("_", " "), self.axis, f"[{self.unit}]" * bool(self.unit)]))
 
 
@@ -58,17 +58,17 @@ class Log:
 
     @property
     def clock(self) -> str:
-        """The name of the column of time."""
+        """Return the name of the column of time."""
         return self.names("time")[0]
 
     @property
     def seconds(self) -> Array:
-        """The time (n,) [s]."""
+        """Return the time (n,) [s]."""
         return np.asarray(to_si(self.columns[self.clock], self.guesses[self.clock].unit))
 
     @property
     def unknown(self) -> dict[str, Array]:
-        """Columns about which there is no guess."""
+        """Return columns about which there is no guess."""
         return {name: x for name, x in self.columns.items() if name not in self.guesses}
 
     def including(self, guesses: Mapping[str, Guess], columns: Mapping[str, Array] | None = None) -> Log:

@@ -69,7 +69,7 @@ class StatedPlace:
 
     @property
     def site(self) -> dict[str, tuple[float, str]]:
-        """The section [site] of a recording.toml; a height without a latitude says nothing."""
+        """Return the section [site] of a recording.toml; a height without a latitude says nothing."""
         if self.latitude is None:
             return {}
         return {"latitude": (self.latitude, "deg"), **({"height": (self.height, "m")} if self.height else {})}

@@ -52,23 +52,23 @@ class Comparison:
 
     @property
     def agree(self) -> bool:
-        """Whether no change exceeds the sigmas."""
+        """Return whether no change exceeds the sigmas."""
         return not any(c.moved for c in self.histories) and not self.significant
 
     @property
     def significant(self) -> tuple[CalibrationStep, ...]:
-        """Significant steps."""
+        """Return the significant steps."""
         return tuple(s for s in self.steps if not s.shared and s.p_value < SIGNIFICANCE / len(self.steps))
 
     @property
     def due(self) -> datetime | None:
-        """When the first parameter will exceed its allowed change."""
+        """Return when the first parameter will exceed its allowed change."""
         first = min((c.due for c in self.histories if np.isfinite(c.due)), default=None)
         return None if first is None else _date(first)
 
     @property
     def in_words(self) -> str:
-        """Summary: whether the unit changed, which parameters most, and when to calibrate."""
+        """Return a summary: whether the unit changed, which parameters most, and when to calibrate."""
         n, of = len(self.calibrations), f" of {self.unit}" if self.unit else ""
         ordered = self.calibrations
         first, last = (day_of(d.date, ordered) for d in (ordered[0], ordered[-1]))
@@ -116,7 +116,7 @@ class Comparison:
         return ""
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of compare.json; numbers in printed units."""
+        """Return the content of compare.json; numbers in printed units."""
         return {
             "format": 1,
             "unit": self.unit,

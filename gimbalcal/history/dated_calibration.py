@@ -25,7 +25,7 @@ class DatedCalibration:
 
     @property
     def hashes(self) -> frozenset[str]:
-        """Hashes of its samples; headers may be equal."""
+        """Return the hashes of its samples; headers may be equal."""
         files = self.calibration.provenance.get("recordings", ())
         return frozenset(
             str(f["sha256"]) for f in files if f.get("sha256") and Path(str(f.get("path", ""))).name != HEADER

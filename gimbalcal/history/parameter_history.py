@@ -54,17 +54,17 @@ class ParameterHistory:
 
     @property
     def moved(self) -> bool:
-        """Whether its changes exceed the sigmas."""
+        """Return whether its changes exceed the sigmas."""
         return bool(self.jumps or self.outliers or self.drifts or self.scatters)
 
     @property
     def scatters(self) -> bool:
-        """Whether it varies between calibrations by far more than the sigmas, without a pattern."""
+        """Return whether it varies between calibrations by far more than the sigmas, without a pattern."""
         return bool(self.scatter > CLEAR_SIGMAS * np.median(self.sigma)) and not self.jumps and not self.outliers
 
     @property
     def clear(self) -> float:
-        """Largest change between successive calibrations, or the drift, in sigmas."""
+        """Return the largest change between successive calibrations, or the drift, in sigmas."""
         steps = np.abs(np.diff(self.value)) / np.hypot(self.sigma[1:], self.sigma[:-1])
         return float(max(steps.max(), abs(self.rate) / self.rate_sigma if self.rate_sigma > 0 else 0.0))
 

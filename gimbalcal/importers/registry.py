@@ -26,7 +26,7 @@ class Importer:
 
     @property
     def summary(self) -> str:
-        """The first line of the function's docstring: which files and options are wanted."""
+        """Return the first line of the function's docstring: which files and options are wanted."""
         return (self.read.__doc__ or "").strip().partition("\n")[0]
 
     def refuse(self, files: Sequence[Path], options: Mapping[str, str]) -> None:

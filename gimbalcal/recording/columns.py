@@ -65,7 +65,7 @@ class Column:
 
     @property
     def key(self) -> Key:
-        """The channel that the column becomes."""
+        """Return the channel that the column becomes."""
         return self.quantity, self.axis
 
 
@@ -187,7 +187,7 @@ def _resolution(where: str, name: str, quantity: str, value: object) -> float:
 
 
 def _check_attitude(document: Document, columns: list[Column]) -> None:
-    """An attitude is a quaternion or three Euler angles, all of it, beside a unit that moves."""
+    """Raise InputError unless an attitude is a quaternion or three Euler angles, complete."""
     own = [c for c in columns if c.quantity == "attitude"]
     if not own:
         return
@@ -205,7 +205,7 @@ def _check_attitude(document: Document, columns: list[Column]) -> None:
 
 
 def _check_increments(document: Document, columns: list[Column]) -> None:
-    """A sensor logs increments or their mean over the interval, not both."""
+    """Raise InputError where a sensor logs increments and also their mean over the interval."""
     for increment, rate in RATE_OF.items():
         for each in columns:
             twin = next((c for c in columns if c.quantity == rate and c.sensor == each.sensor), None)

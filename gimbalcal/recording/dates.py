@@ -53,18 +53,18 @@ class Dates:
 
     @property
     def start(self) -> str:
-        """The day that the seconds are counted from, in words."""
+        """Return the day that the seconds are counted from, in words."""
         if not self.midnight:
             return "midnight"  # cells without a date
         return f"{np.datetime64(self.midnight, 'D')} 00:00{' UTC' if self.zoned else ', no zone named'}"
 
     @property
     def day(self) -> str:
-        """The day of the clock's zero, ISO 8601; empty where the cells are times of an unnamed day."""
+        """Return the day of the clock's zero, ISO 8601; empty where the cells are times of an unnamed day."""
         return str(np.datetime64(self.midnight, "D")) if self.midnight else ""
 
     def seconds(self, cells: pl.Series) -> Array:
-        """Seconds (n,); NaN where a cell is empty. Raises InputError for a cell that is no date, with its number."""
+        """Return seconds (n,), NaN where a cell is empty. Raises NoDateError for a cell that is no date."""
         import polars as pl
 
         if cells.dtype.is_temporal():
@@ -97,7 +97,7 @@ class Dates:
         return self._since_midnight(days, of_day)
 
     def _of_numbers(self, cells: pl.Series) -> Array:
-        """Dates of Parquet, exact to a nanosecond."""
+        """Return dates of Parquet, exact to a nanosecond."""
         import polars as pl
 
         self.zoned = getattr(cells.dtype, "time_zone", None) is not None

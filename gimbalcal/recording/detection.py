@@ -38,7 +38,7 @@ TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's ra
 def detect(
     time: Array, channels: Mapping[str, Array], rates: Mapping[str, Array] | None = None, raw: bool = False
 ) -> NDArray[np.int64]:
-    """Position of each row, (n,): 1, 2, ... in order of time within rests, 0 elsewhere.
+    """Return the position of each row, (n,): 1, 2, ... in order of time within rests, 0 elsewhere.
 
     time (n,) s; channels (n,) each, in any unit: only ratios of variances count. Accelerometers find the rests: in the
     hand, a gyroscope finds none at all; `rates` (n,) each, in rad/s or `raw`, say which of them are none. All rows are
@@ -65,7 +65,7 @@ def detect(
 
 
 def _threshold(m: int) -> float:
-    """`THRESHOLD`, or what white noise alone reaches in windows of few samples, once in ten million.
+    """Return `THRESHOLD`, or what white noise alone reaches in windows of few samples, once in ten million.
 
     The variance of m samples is chi^2 of m - 1 degrees of freedom; quantiles as of Wilson and Hilferty (1931).
     """
@@ -74,7 +74,7 @@ def _threshold(m: int) -> float:
 
 
 def _restlessness(x: Array, m: int) -> Array:
-    """Variance in a window of m samples about each sample, over its floor; the ends repeat the nearest window."""
+    """Return the variance in a window of m samples about each, over its floor; the ends repeat the nearest window."""
     variance = _windows(x, m)[1]
     floor = float(np.quantile(variance, FLOOR))
     ratio: Array = variance / floor if floor > 0 else np.where(variance > 0, np.inf, 1.0)
@@ -82,7 +82,7 @@ def _restlessness(x: Array, m: int) -> Array:
 
 
 def _turned(rates: Mapping[str, Array], rest: NDArray[np.bool_], m: int, raw: bool) -> NDArray[np.bool_]:
-    """Rows (n,) in which a gyroscope is shaken or turns, measured against what it does in the rows of `rest`."""
+    """Return rows (n,) in which a gyroscope is shaken or turns, measured against what it does in the rows of `rest`."""
     turned = np.zeros(len(rest), dtype=bool)
     for x in rates.values() if rest.any() else ():
         mean, variance = _windows(x - np.median(x[rest]), m)
@@ -96,7 +96,7 @@ def _turned(rates: Mapping[str, Array], rest: NDArray[np.bool_], m: int, raw: bo
 
 
 def _windows(x: Array, m: int) -> tuple[Array, Array]:
-    """Mean and variance (n - m + 1,) of x (n,) in every window of m samples.
+    """Return the mean and variance (n - m + 1,) of x (n,) in every window of m samples.
 
     Sums are taken over `SUMMED` windows at a time, about their own mean: over an hour at 100 Hz they would drown 1 ug.
     """
@@ -120,7 +120,7 @@ def _windows(x: Array, m: int) -> tuple[Array, Array]:
 
 
 def _eroded(quiet: NDArray[np.bool_], m: int) -> NDArray[np.bool_]:
-    """Quiet samples that have only quiet ones within half a window; the ends of the recording are no move."""
+    """Return which samples (n,) have only quiet ones within half a window; the ends of the recording are no move."""
     n, half = len(quiet), m // 2
     loud = np.zeros(n + 1, dtype=np.int64)
     np.cumsum(~quiet, out=loud[1:])
@@ -132,7 +132,7 @@ def _eroded(quiet: NDArray[np.bool_], m: int) -> NDArray[np.bool_]:
 
 
 def _stretches(flags: NDArray[np.bool_], cut: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Begins and ends of runs of flags; none goes on over a row that is `cut` from the one before."""
+    """Return begin and end of the runs of flags; none goes on over a row that is `cut` from the one before."""
     before, after = np.concatenate([[False], flags[:-1]]), np.concatenate([flags[1:], [False]])
     cut_after = np.concatenate([cut[1:], [True]])
     return np.flatnonzero(flags & (~before | cut)), np.flatnonzero(flags & (~after | cut_after)) + 1

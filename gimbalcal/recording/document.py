@@ -22,7 +22,7 @@ LARGEST = 1e100  # nothing that is measured comes near; its square is still a nu
 
 
 def _too_long(content: Any, key: str = "") -> Iterator[str]:
-    """Keys of whole numbers that TOML does not have; some have so many digits that nobody can print them."""
+    """Yield keys of whole numbers that TOML does not have; some have so many digits that nobody can print them."""
     if isinstance(content, dict | list):
         for name, value in content.items() if isinstance(content, dict) else enumerate(content, start=1):
             yield from _too_long(value, f"{key}.{name}".lstrip("."))
@@ -61,7 +61,7 @@ class Document:
 
     @classmethod
     def of(cls, content: Mapping[str, Any], path: Path) -> Document:
-        """A document that is no file: its content as TOML would give it, called `path` in sentences."""
+        """Return a document that is no file: its content as TOML would give it, called `path` in sentences."""
         document = cls.__new__(cls)
         document.path, document.lines, document.remarks, document.content = path, [], (), dict(content)
         return document
@@ -80,7 +80,7 @@ class Document:
         return tuple(remarks)
 
     def where(self, table: str = "", key: str = "") -> str:
-        """``path, line n`` of `key` in `table`, or of the table itself where the key is not there."""
+        """Return ``path, line n`` of `key` in `table`, or of the table itself where the key is not there."""
         inside, table_line = not table, 0
         for i, line in enumerate(self.lines, start=1):
             heading = re.match(r"\s*\[+\s*([^\]]+?)\s*\]+", line)
@@ -92,7 +92,7 @@ class Document:
         return f"{self.path}, line {table_line}" if table_line else f"{self.path}"
 
     def table(self, name: str) -> dict[str, Any]:
-        """The table `name`, empty where the file has none."""
+        """Return the table `name`, empty where the file has none."""
         value = self.content.get(name, {})
         if not isinstance(value, dict):
             raise InputError(f"{self.where('', name)}: {name} must be a table, write [{name}]")
@@ -108,7 +108,7 @@ class Document:
                 )
 
     def number(self, table: str, key: str, entry: object, quantity: str) -> float:
-        """A number with a unit, ``{ value = 40.0, unit = "deg" }``, in SI."""
+        """Return a number with a unit, ``{ value = 40.0, unit = "deg" }``, in SI."""
         where = self.where(table, key)
         if not isinstance(entry, dict) or set(entry) != {"value", "unit"}:
             raise InputError(
@@ -120,7 +120,7 @@ class Document:
         return to_si(float(value), self.unit(where, key, unit, quantity))
 
     def unit(self, where: str, name: str, unit: object, quantity: str) -> str:
-        """`unit`, if it is one of `quantity`."""
+        """Return `unit`, if it is one of `quantity`."""
         if not isinstance(unit, str):
             raise InputError(f'{where}: the unit of {name} must be a text such as unit = "m/s^2", got {unit!r}')
         try:
@@ -131,5 +131,5 @@ class Document:
 
 
 def shortened(text: str, most: int = 60) -> str:
-    """`text`, less its middle where it is long: a message shows what was written, not all of it."""
+    """Return `text`, less its middle where it is long: a message shows what was written, not all of it."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 4 :]}"

@@ -28,12 +28,12 @@ class Dwell:
 
     @property
     def rows(self) -> slice:
-        """The rows, to index an array with."""
+        """Return the rows, to index an array with."""
         return slice(self.start, self.stop)
 
 
 def dwells(recording: Recording) -> tuple[Dwell, ...]:
-    """The visits of `recording` in order of time; a position may be visited more than once, 0 is no visit.
+    """Return the visits of `recording` in order of time; a position may be visited more than once, 0 is no visit.
 
     A recording without positions (a static run) is one visit of position 1.
     """
@@ -54,7 +54,7 @@ def rests_are_means(recording: Recording) -> bool:
 
 
 def whole_means(recording: Recording) -> Recording:
-    """The rows of rests that stand for as many samples as most of their rest do: these all weigh alike."""
+    """Return the rows of rests that stand for as many samples as most of their rest do: these all weigh alike."""
     kept = np.zeros(len(recording.time), dtype=bool)
     for d in dwells(recording):
         weight = recording.weight[d.rows]
@@ -63,7 +63,7 @@ def whole_means(recording: Recording) -> Recording:
 
 
 def usual_step(recording: Recording) -> float:
-    """The usual time from row to row [s]: on the way, where the rows of rests are means."""
+    """Return the usual time from row to row [s]: on the way, where the rows of rests are means."""
     p = recording.position
     several = p is not None and np.count_nonzero(p == 0) > 1
     way = p == 0 if p is not None and several and rests_are_means(recording) else slice(None)

@@ -33,7 +33,7 @@ def from_frame(
     noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
     called: str = "arrays", date: str = "",
 ) -> Recording:  # fmt: skip
-    """A recording whose rows are those of a data frame, or of any mapping of names to columns.
+    """Return a recording whose rows are those of a data frame, or of any mapping of names to columns.
 
     columns: for each name what it holds, ``"specific_force x [g]"``, ``"time [s]"``, ``"position"`` (without a unit:
     SI), or as a table of recording.toml, ``{"quantity": "time", "unit": "s"}``. site and noise: numbers with their
@@ -66,7 +66,7 @@ def from_arrays(
     noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
     date: str = "", **quantities: Any,
 ) -> Recording:  # fmt: skip
-    """A recording from arrays: time (n,) and quantities by their names in recording.toml.
+    """Return a recording from arrays: time (n,) and quantities by their names in recording.toml.
 
     Triads (specific_force, angular_rate, ...) are (n, 3) for x, y, z; quantities of axes (gimbal_angle, covariate) are
     mappings from axis to (n,); others (temperature, position, weight) are (n,). units: by quantity, SI where absent,
@@ -88,7 +88,7 @@ def from_arrays(
 
 
 def by_axis(quantity: str, values: Any, rows: str = "n") -> Iterator[tuple[str, Any]]:
-    """Axis and column (n,) of each channel of a quantity: a triad (n, 3), a mapping from axis, or (n,) without an axis.
+    """Yield axis and column (n,) of each channel of a quantity: a triad (n, 3), a mapping from axis, or (n,).
 
     Raises InputError for another shape; `rows` is n as the sentence says it.
     """

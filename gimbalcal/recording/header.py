@@ -42,7 +42,7 @@ class Header:
     instant: bool = False  # whether forces and rates are those of the row's time, not means over the interval before it
 
     def column(self, quantity: str) -> Column | None:
-        """The first column of `quantity`."""
+        """Return the first column of `quantity`."""
         return next((c for c in self.columns if c.quantity == quantity), None)
 
 
@@ -68,7 +68,7 @@ def read_header(folder: Path) -> Header:
 
 
 def foreign_header(path: Path, samples: Path, skip: int = 0, clock_needed: bool = True) -> Header:
-    """The header that the TOML file `path` gives to rows that are in another program's file, `samples`.
+    """Return the header that the TOML file `path` gives to rows that are in another program's file, `samples`.
 
     Where no clock is needed, because rows are counted instead, the columns may be without one.
     """
@@ -82,7 +82,7 @@ def foreign_header(path: Path, samples: Path, skip: int = 0, clock_needed: bool 
 
 
 def header_of(content: Mapping[str, Any], name: Path) -> Header:
-    """The header with this content of a recording.toml, for rows that are in no file; sentences call them `name`."""
+    """Return the header with this content of a recording.toml, for rows in no file; sentences call them `name`."""
     return _header(Document.of(content, name), name)
 
 

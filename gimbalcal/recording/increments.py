@@ -33,7 +33,7 @@ class Increments:
         self.intervals: list[Array] = []
 
     def rates(self, stream: Iterable[Batch]) -> Iterator[Batch]:
-        """The batches with means over the interval in place of increments."""
+        """Yield the batches with means over the interval in place of increments."""
         clock = self.given.column("time")
         for batch in stream:
             if clock is None or not self.names or not len(batch[clock.name]):
@@ -58,11 +58,11 @@ class Increments:
 
     @property
     def interval(self) -> Array:
-        """The interval (n,) [s] that ends at each row so far."""
+        """Return the interval (n,) [s] that ends at each row so far."""
         return np.concatenate(self.intervals)
 
     def on_clock(self, table: dict[str, Array], time: Array) -> None:
-        """Puts the means in `table` right where their rows turn out to belong to other times (n,) [s]."""
+        """Correct the means in `table` where their rows turn out to belong to other times (n,) [s]."""
         if self.names:
             before, self.last = self.interval, np.nan
             after = self._interval(time)
@@ -70,7 +70,7 @@ class Increments:
                 table[name] = table[name] * before / after
 
     def whole(self, column: Callable[[str], Array]) -> Callable[[str], Array]:
-        """The same of one complete column, as it stands in the file."""
+        """Return a function that converts one complete column, as it stands in the file."""
 
         def converted(name: str) -> Array:
             values = column(name)

@@ -87,7 +87,7 @@ def _cells(text: str) -> list[str]:
 
 
 def place(path: Path, start: int, stop: int | None = None, skip: int = 0, named: bool = True) -> str:
-    """Rows `start` up to `stop` (from 0) in words: the lines of a CSV, the rows of others counted from 1.
+    """Return rows `start` up to `stop` (from 0) in words: the lines of a CSV, the rows of others counted from 1.
 
     `skip` lines stand before the line of column names, which is not there unless `named`.
     """

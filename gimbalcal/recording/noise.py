@@ -19,7 +19,7 @@ COARSE = 3.0  # octaves between the time constants of a flicker: its spectrum is
 
 
 def stated(recording: Recording) -> Mapping[str, Noise]:
-    """Processes by quantity, SI, that the header states.
+    """Return processes by quantity, SI, that the header states.
 
     White noise of one raw sample; of gimbals that are set and left, the setting repeatability of a visit.
     """
@@ -32,7 +32,7 @@ def stated(recording: Recording) -> Mapping[str, Noise]:
 
 
 def coloured(recording: Recording, shortest: float, longest: float) -> Mapping[str, Noise]:
-    """Processes by quantity, SI, that the header states beside the white noise; flicker between two periods [s].
+    """Return processes by quantity, SI, stated in addition to white noise; flicker between two periods [s].
 
     A Gauss-Markov process whose time constant is not stated has `TAU`.
     """

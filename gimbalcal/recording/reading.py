@@ -34,7 +34,7 @@ _DETECTED = Column(" position", "position", "", "1")  # a name that no header ca
 
 
 def read(folder: str | Path, average_s: float | None = None, most: int | None = None) -> Recording:
-    """The recording in `folder`, in SI; with `average_s`, means over blocks of that many seconds.
+    """Return the recording in `folder`, in SI; with `average_s`, means over blocks of that many seconds.
 
     Blocks never reach across a gap or a change of position; `weight` says how many samples each row stands for. The
     rests of a multi-position recording of more than `most` rows come as means over so many rows that `SHARE_KEPT` of
@@ -58,7 +58,7 @@ RESTS = "{path}: so many rows that each rest is kept as means over {rows} rows; 
 
 
 def rows_of_a_mean(header: Header, most: int) -> int:
-    """Rows over which rests are averaged so that a recording of more than `most` rows fits; 1 where it need not be.
+    """Return the rows over which dwells are averaged so that a recording of more than `most` rows fits; 1 if it does.
 
     Rests that are still to be found need every row.
     """
@@ -69,7 +69,7 @@ def rows_of_a_mean(header: Header, most: int) -> int:
 
 
 def dated(recording: Recording, header: Header, dates: Dates) -> Recording:
-    """The recording with its day, and with a remark, where the clock held dates: what its seconds are counted from."""
+    """Return the recording with its day and a remark on the zero of its seconds, where the clock held dates."""
     clock = header.column("time")
     if clock is None or dates.zoned is None:
         return recording
@@ -89,7 +89,7 @@ def assemble(
     made_from: tuple[Source, ...] | None = None,
     rests: int = 1,
 ) -> Recording:
-    """The recording whose rows are `stream`, checked; `whole` gives one complete column for a second look.
+    """Return the recording whose rows are `stream`, checked; `whole` gives one complete column for a second look.
 
     made_from: what the rows came from, if not from the files of the header; rests: rows in a mean of a rest.
     """
@@ -132,7 +132,7 @@ def assemble(
 
 
 def _by_sensor(columns: Sequence[Column]) -> dict[str, tuple[Column, ...]]:
-    """The columns of each sensor: its own, and of the quantities that it lacks those that no sensor is named for."""
+    """Return the columns of each sensor: its own, and of the quantities that it lacks those without a sensor."""
     names = list(dict.fromkeys(c.sensor for c in columns))
     triads = [c for c in columns if c.quantity in ("specific_force", "angular_rate")]
     several = {c.quantity for c in triads if c.sensor}

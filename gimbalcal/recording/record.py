@@ -74,7 +74,7 @@ class Source:
 
     @classmethod
     def of(cls, path: Path, called: str = "") -> Source:
-        """The file at `path` as it is now, called by its name if not otherwise."""
+        """Return the file at `path` as it is now, called by its name if not otherwise."""
         with path.open("rb") as file:
             return cls(called or path.name, hashlib.file_digest(file, "sha256").hexdigest())
 
@@ -130,7 +130,7 @@ class Recording:
                 raise ValueError(f"`{name}` must have one value per row of `time` ({n}), got {size}")
 
     def __str__(self) -> str:
-        """Summary in a few lines: kind, rows, rests, channels with their units, remarks."""
+        """Return a summary in a few lines: kind, rows, dwells, channels with their units, remarks."""
         p = self.position
         visits = 0 if p is None else int(np.count_nonzero((np.diff(p, prepend=0) != 0) & (p > 0)))
         span = float(np.ptp(self.time)) if len(self.time) else 0.0
@@ -146,7 +146,7 @@ class Recording:
 
     @property
     def elapsed(self) -> Array:
-        """Time (n,) [s] since the first row, or since the first of its session where their separation is unknown."""
+        """Return the time (n,) [s] since the first row, or the first of the session where the separation is unknown."""
         if not self.restarts:
             return np.asarray(self.time - self.time[0])
         _, first, session = np.unique(self.session, return_index=True, return_inverse=True)
@@ -154,17 +154,17 @@ class Recording:
 
     @property
     def session(self) -> NDArray[np.int64]:
-        """Number, from 0, of the session that each row (n,) belongs to, where their separation is unknown."""
+        """Return the number, from 0, of the session of each row (n,), where the separation of sessions is unknown."""
         return np.searchsorted(np.asarray(self.restarts), self.time, side="right")
 
     @property
     def label(self) -> str:
-        """The file that the recording comes from, else its title: a refusal begins with it."""
+        """Return the file that the recording comes from, else its title: a refusal begins with it."""
         return self.source[0].path if self.source else f"recording {self.title!r}"
 
     @property
     def files(self) -> list[dict[str, str]]:
-        """The files behind it and their SHA-256, for a provenance."""
+        """Return the files behind it and their SHA-256, for a provenance."""
         return [{"path": s.path, "sha256": s.sha256} for s in self.source]
 
     def has(self, quantity: str) -> bool:
@@ -180,11 +180,11 @@ class Recording:
         return any(q == quantity and axis in ("", a) for q, a in self.channels)
 
     def axes(self, quantity: str) -> tuple[str, ...]:
-        """The axes of `quantity` that were logged, in the order of the file."""
+        """Return the axes of `quantity` that were logged, in the order of the file."""
         return tuple(a for q, a in self.channels if q == quantity)
 
     def triad(self, quantity: str, axes: tuple[str, ...] = ("x", "y", "z")) -> Array:
-        """The channels of `quantity` as columns, (n, 3); `InputError` if one of them was not logged."""
+        """Return the channels of `quantity` as columns, (n, 3); `InputError` if one of them was not logged."""
         missing = [axis for axis in axes if (quantity, axis) not in self.channels]
         if missing:
             raise InputError(
@@ -198,12 +198,12 @@ class Recording:
         return any(is_raw(u) for (q, _), u in self.units.items() if q == quantity)
 
     def angles(self) -> Array:
-        """Gimbal readouts [rad], (n, k) in the order of the platform's axes; an axis without a readout is at 0."""
+        """Return gimbal readouts (n, k) [rad] in the order of the platform's axes; one without a readout is at 0."""
         readings = {axis: self.channels["gimbal_angle", axis] for axis in self.axes("gimbal_angle")}
         return self.platform.angles(readings, (len(self.time),))
 
     def sigma(self, sensor: str) -> float | None:
-        """Noise of one raw sample of `sensor`: as the header states it, else as the rows scatter, else None.
+        """Return the noise of one raw sample of `sensor`: as the header states it, else as the rows scatter, else None.
 
         A setting repeatability cannot be seen in the readout of its gimbal, so it is never taken from the scatter.
         """
@@ -215,7 +215,7 @@ class Recording:
         return float(np.sqrt(np.mean(np.square(shown))))
 
     def select(self, rows: NDArray[Any] | slice) -> Recording:
-        """The same recording with only `rows` (a mask, indices or a slice)."""
+        """Return the same recording with only `rows` (a mask, indices or a slice)."""
         return replace(
             self,
             time=self.time[rows],
@@ -227,7 +227,7 @@ class Recording:
 
     @property
     def sensors(self) -> tuple[Recording, ...]:
-        """Itself and those beside it, each alone."""
+        """Return itself and those of other sensors in the same rows, each alone."""
         return (replace(self, beside=()), *self.beside)
 
 

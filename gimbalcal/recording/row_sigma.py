@@ -26,7 +26,7 @@ WEIGHT = Column(" weight", "weight", "", "1")  # a name that no header can hold
 
 
 def by_sigma(header: Header, stream: Iterable[Batch], dropouts: Dropouts) -> tuple[Header, Iterator[Batch]]:
-    """The header and rows with a weight in place of a sigma column, if there is one.
+    """Return the header and rows with a weight in place of a sigma column, if there is one.
 
     Raises InputError for a sigma that is not positive, of a quantity without columns, or stated in [noise] too.
     """
@@ -68,5 +68,5 @@ def by_sigma(header: Header, stream: Iterable[Batch], dropouts: Dropouts) -> tup
 
 
 def _sensor(of: str) -> str:
-    """The word of [noise] that speaks of a quantity; the noise of a star is that of its readout."""
+    """Return the word of [noise] that speaks of a quantity; the noise of a star is that of its readout."""
     return next((name for name, quantity in SENSORS.items() if quantity == of), "gimbal_angle")

@@ -30,7 +30,7 @@ class AllRows:
         self.rows = after
 
     def table(self) -> dict[str, Array]:
-        """All columns, whole."""
+        """Return all columns, whole."""
         return {name: column[: self.rows] for name, column in self.columns.items()}
 
 
@@ -80,7 +80,7 @@ class Blocks:
         return new
 
     def _starts(self, t: Array, begins: Array) -> Array:
-        """Time of the last row that began anew, for each row."""
+        """Return the time of the last row that began anew, for each row."""
         if not self.sums:
             self.t0 = float(t[0])
         if not begins.any():

@@ -37,7 +37,7 @@ SILENCE = 1.0  # s without a message after which the threads of an engine that p
 def batches(
     path: Path, names: Sequence[str], clock: Column | None = None, dates: Dates | None = None, end: bool = False
 ) -> Iterator[Batch]:
-    """The columns `names` of the samples file, as float64 arrays of some `ROWS` rows, in the order of the file.
+    """Yield the columns `names` of the samples file, as float64 arrays of some `ROWS` rows, in the order of the file.
 
     An empty cell is a NaN; blank rows at the end of the file are left out unless its `end` is asked for. A `clock` of
     dates becomes seconds, in its unit, counted by `dates`. Names that are all
@@ -78,7 +78,7 @@ def batches(
 
 
 def _next(frames: Iterator[pl.DataFrame], path: Path, rows: int) -> pl.DataFrame | None:
-    """The next of the frames after these rows.
+    """Return the next of the frames after these rows.
 
     What the engine prints of a panic of its own goes nowhere: the user has a sentence. An engine that panics at a
     damaged page ends the rows there and raises nothing; a file of Parquet says how many it has.
@@ -103,7 +103,7 @@ def _next(frames: Iterator[pl.DataFrame], path: Path, rows: int) -> pl.DataFrame
 
 @contextmanager
 def quiet() -> Iterator[int]:
-    """Nothing that compiled code writes to stderr is seen; it goes to an unnamed file, whose descriptor this gives."""
+    """Redirect what compiled code writes to stderr to an unnamed file, and yield its descriptor."""
     sys.stderr.flush()
     kept = os.dup(2)
     with tempfile.TemporaryFile() as messages:
@@ -129,7 +129,7 @@ def column(path: Path, name: str, clock: Column | None = None) -> Array:
 
 
 def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
-    """The file, less the blanks around its names; columns that are called by number get their number for a name."""
+    """Return the file, less the blanks around its names; columns called by number are named by it."""
     import polars as pl
 
     if path.suffix == ".parquet":
@@ -198,7 +198,7 @@ def _blank(frame: pl.DataFrame | None) -> bool:
 
 
 def _arrays(frame: pl.DataFrame, whole: bool) -> Batch:
-    """The arrays of `frame`, all or less blank lines at its end, which editors like to leave there."""
+    """Return the arrays of `frame`, all or less blank lines at its end, which editors like to leave there."""
     n = frame.height
     while not whole and n and all(value is None for value in frame.row(n - 1)):
         n -= 1

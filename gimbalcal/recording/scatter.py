@@ -23,7 +23,7 @@ ENOUGH = 8192
 
 
 def differences(x: Array, begins: Array, weight: Array, order: int = 3, turn: float = 0.0) -> Array:
-    """Differences (m, C) of rows x (n, C) that follow each other, scaled to the noise of one raw sample.
+    """Return differences (m, C) of rows x (n, C) that follow each other, scaled to the noise of one raw sample.
 
     begins (n,): the row does not continue the one before; weight (n,): raw samples behind each row; turn: size of a
     full turn of angles that may jump by one.
@@ -82,7 +82,7 @@ class Scatter:
 def pooled(
     time: Array, position: Array | None, channels: Mapping[Key, Array], weight: Array | None = None
 ) -> dict[Key, float]:
-    """Scatter of rows that are in memory, one sigma of a raw sample by channel, from the rows at rest.
+    """Return the scatter of rows that are in memory, one sigma of a raw sample by channel, from the rows at rest.
 
     weight (n,): raw samples behind each row, one where it is left out.
     """

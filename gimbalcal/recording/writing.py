@@ -52,7 +52,7 @@ class _Written:
 
 
 def _columns(recording: Recording) -> dict[str, _Written]:
-    """Every column but time, position and weight, by its name: those of all sensors, what they share once."""
+    """Return every column but time, position and weight, by its name: those of all sensors, what they share once."""
     out = {}
     for key, name in _names(recording).items():
         shared = all(_same(recording, other, key) for other in recording.beside)
@@ -69,7 +69,7 @@ def _same(one: Recording, other: Recording, key: Key) -> bool:
 
 
 def _names(recording: Recording) -> dict[Key, str]:
-    """A column name for each channel: the axis where it is a gimbal's, else quantity and axis."""
+    """Return a column name for each channel: the axis where it is a gimbal's, else quantity and axis."""
     names: dict[Key, str] = {}
     for quantity, axis in recording.channels:
         short = "_".join(part for part in (_SHORT.get(quantity, quantity), axis) if part)
@@ -131,7 +131,7 @@ def _site(site: Site) -> list[str]:
 
 
 def platform_toml(platform: Platform, kind: str = "multi-position") -> list[str]:
-    """The lines of [platform]: a name, and its axes where it is not known by that name."""
+    """Return the lines of [platform]: a name, and its axes where it is not known by that name."""
     if known(platform.name, kind) == platform:
         return ["[platform]", f"name = {toml_text(platform.name)}"]
     lines = ["[platform]", f"name = {toml_text(platform.name)}"]
@@ -146,7 +146,7 @@ def _key(name: str) -> str:
 
 
 def toml_text(text: str) -> str:
-    """A text as TOML has it, in quotes."""
+    """Return a text as TOML has it, in quotes."""
     # A JSON string is a TOML basic string, but for surrogate pairs (so not in ASCII) and DEL (to be escaped).
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 

@@ -32,7 +32,7 @@ class Schedule:
 
     @property
     def angles(self) -> Array:
-        """Gimbal angles (m, k) [rad] of the holds."""
+        """Return gimbal angles (m, k) [rad] of the holds."""
         return np.array([hold.angles for hold in self.holds], dtype=float).reshape(len(self.holds), -1)
 
     def gravity_directions(self) -> Array:

@@ -28,7 +28,7 @@ class Swing:
 
     @property
     def corners(self) -> Array:
-        """It has none: all is smooth."""
+        """Return no times: the motion is smooth."""
         return np.zeros(0)
 
     def moving(self, start: Array, stop: Array) -> Array:

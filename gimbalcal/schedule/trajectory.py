@@ -31,7 +31,7 @@ class Path(Protocol):
 
     @property
     def corners(self) -> Array:
-        """Times [s] at which the angular acceleration jumps, in order."""
+        """Return times [s] at which the angular acceleration jumps, in order."""
 
     def moving(self, start: Array, stop: Array) -> Array:
         """Return whether the unit turns at any time between start and stop (n,) [s]."""
@@ -57,7 +57,7 @@ class Trajectory:
 
     @property
     def corners(self) -> Array:
-        """Times [s] at which the angular acceleration jumps, in order."""
+        """Return times [s] at which the angular acceleration jumps, in order."""
         end = self.begin + self.length
         return np.unique(np.concatenate([self.begin, self.begin + self.ramp, end - self.ramp, end]))
 

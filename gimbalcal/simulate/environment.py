@@ -12,7 +12,7 @@ from gimbalcal.simulate.scenario import QuantityHistory
 KNOT_STEP_S = 60.0  # s between the knots of a random temperature
 
 
-def course(weather: QuantityHistory, last: float, rng: np.random.Generator) -> Callable[[Array], Array]:
+def sample_path(weather: QuantityHistory, last: float, rng: np.random.Generator) -> Callable[[Array], Array]:
     """Return a quantity of the environment as a function of time [s]."""
     knots = np.arange(0.0, last + 2 * KNOT_STEP_S, KNOT_STEP_S)
     if weather.shape == "random-walk":

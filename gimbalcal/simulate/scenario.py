@@ -262,7 +262,7 @@ class Scenario(_Section):
 
     @property
     def ramp(self) -> float:
-        """Time [s] in which a slew comes to speed; gyroscopes do not see a rate that jumps."""
+        """Return the time [s] in which a slew comes to speed; gyroscopes do not see a rate that jumps."""
         return float(self.turning) if self.schedule.ramp is None else self.schedule.ramp
 
 

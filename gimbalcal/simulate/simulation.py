@@ -22,7 +22,7 @@ from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Key
 from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.trajectory import Path as Course
-from gimbalcal.simulate.environment import course
+from gimbalcal.simulate.environment import sample_path
 from gimbalcal.simulate.scenario import Scenario, check_content, load
 from gimbalcal.simulate.sensor_noise import coloured, noises, of_rates, stated
 from gimbalcal.simulate.times import row_times, turned_times
@@ -78,7 +78,7 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
     around = {("covariate", name): history for name, history in scenario.environment.covariates.items()}
     if scenario.environment.temperature is not None:
         around["temperature", ""] = scenario.environment.temperature
-    environment = {key: course(history, float(time[-1]), weather_rng) for key, history in around.items()}
+    environment = {key: sample_path(history, float(time[-1]), weather_rng) for key, history in around.items()}
     check_shown(effects, scenario, environment)
     return Run(scenario, platform, site, effects, table, time, setting, environment, read, seed, path)
 

@@ -272,7 +272,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("at_rest", "Channel.to_dict", "(2 * np.sqrt(self.model))", "np.sqrt(self.model)"),
     ),
     "simulate/test_simulate.py::test_a_temperature_walks_by_the_root_of_time": (
-        ("simulate.environment", "course", "np.sqrt(KNOT_STEP_S / 3600)", "(KNOT_STEP_S / 3600)"),
+        ("simulate.environment", "sample_path", "np.sqrt(KNOT_STEP_S / 3600)", "(KNOT_STEP_S / 3600)"),
     ),
 }  # fmt: skip
 

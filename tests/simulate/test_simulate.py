@@ -18,7 +18,7 @@ from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.recording import dwells, read
 from gimbalcal.simulate import check_content, simulate, simulate_to
-from gimbalcal.simulate.environment import course
+from gimbalcal.simulate.environment import sample_path
 from gimbalcal.simulate.scenario import QuantityHistory
 
 TEN_S = {"value": 10.0, "unit": "s"}
@@ -247,7 +247,7 @@ def test_a_scenario_that_is_not_there_is_told_with_those_that_are(tmp_path: Path
 
 
 def test_a_temperature_walks_by_the_root_of_time() -> None:
-    walk = course(QuantityHistory(shape="random-walk", walk=2.0), 3600.0 * 4000, np.random.default_rng(3))
+    walk = sample_path(QuantityHistory(shape="random-walk", walk=2.0), 3600.0 * 4000, np.random.default_rng(3))
     for hours in (1, 16):
         steps = np.diff(walk(3600.0 * np.arange(0, 4001, hours)))
         assert np.std(steps) == pytest.approx(2.0 * np.sqrt(hours), rel=4 / np.sqrt(2 * len(steps)))
