@@ -22,7 +22,6 @@ from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.rows.baseline import by_triad, carried
 from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
-from gimbalcal.diagnose.rows.slews import view_of_slews
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.relinearise import about_first_cause
@@ -49,6 +48,7 @@ from gimbalcal.units import from_si
 from gimbalcal.views.core import View
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS, pointing
+from gimbalcal.views.slews import view_of_slews
 from gimbalcal.views.tilting_table import tilting_table
 from gimbalcal.words import diagnosis_sentences
 

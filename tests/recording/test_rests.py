@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gimbalcal.diagnose.rows.slews import view_of_slews
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.rests import rests
 from gimbalcal.methods import calibrate
@@ -16,6 +15,7 @@ from gimbalcal.recording import Recording, read, write
 from gimbalcal.recording.dwell import whole_means
 from gimbalcal.recording.memory_limit import rows_in
 from gimbalcal.recording.rows import AllRows
+from gimbalcal.views.slews import view_of_slews
 from tests.diagnose.rows.test_slews import IDEAL, QUICK, unit
 from tests.diagnose.turned_plant import gimballed, turned
 from tests.recording.folders import HEADER, folder, text

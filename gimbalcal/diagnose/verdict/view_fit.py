@@ -7,7 +7,6 @@ from contextlib import suppress
 import numpy as np
 
 from gimbalcal.diagnose.result import Delay, RmsMisfit, RowNoise, SearchStep, Shift, ViewFit
-from gimbalcal.diagnose.rows.slews import lateness
 from gimbalcal.diagnose.search.stepwise import SearchResult
 from gimbalcal.diagnose.verdict.findings import sizes
 from gimbalcal.errors import InputError
@@ -15,6 +14,7 @@ from gimbalcal.inference.algebra import basis
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
+from gimbalcal.views.slews import lateness
 
 
 def row_sigma(end: Fit) -> Array:

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.diagnose.rows.slews import lateness, view_of_slews
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, diagnosis_of
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import View
+from gimbalcal.views.slews import lateness, view_of_slews
 from tests.diagnose.turned_plant import ARCSEC, DEG, G, Unit, gimballed, turned
 from tests.estimate.gyroscopes.test_rate_table import RATES, run
 

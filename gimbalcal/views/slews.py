@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.rows.motion import FEWEST, Motion, by_hand, on_gimbals, slews
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.effects.history import integral, slope
@@ -40,6 +39,7 @@ from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import View, recording_fields
 from gimbalcal.views.noise import NoiseModel
+from gimbalcal.views.slew_motion import FEWEST, Motion, by_hand, on_gimbals, slews
 
 LATENCIES = ("time_tag_latency", "gyro_latency", "readout_latency")
 KEPT = 1e-3  # of the power of T that Q must leave
