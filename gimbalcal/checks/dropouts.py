@@ -194,7 +194,7 @@ class Dropouts:
             raise InputError(
                 f"{self._place(row)}, column {name}: "
                 f"{kept[unsure[0]]:.6g} leaps away for a row or two and back while the motion changes, so that its "
-                "neighbours do not tell what it was; correct it, or cut the recording there"
+                "neighbours do not show what it was; correct it, or cut the recording there"
             )
         out[spiked] = predicted_by_neighbours(kept, rows)
         return out

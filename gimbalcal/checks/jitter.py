@@ -25,7 +25,7 @@ MAX_ROUGHNESS = 0.9  # times the roughness with the stamps: white noise alone gi
 GAP = 3.0  # steps; a longer one is a pause, and a clock of its own begins
 MIN_ROWS = 100  # rows from one pause to the next to fit a clock to
 MAX_DEVIATION_STEPS = 2.0  # by which a stamp may be off the regular clock, but for one in a hundred
-ROWS_ASIDE = 10  # rows on each side of a long step that tell whether what comes later stays late: then rows were lost
+ROWS_ASIDE = 10  # rows on each side of a long step that show whether later stamps stay late: then rows were lost
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-r"""Checks of a unit turned in its place: triads exchanged or logged twice, units, and triads apart in time.
+r"""Checks of a unit turned in its place: triads exchanged or logged twice, units, and a delay between triads.
 
 A unit that stays in its place feels gravity, however it turns. So the norm of its force is that of gravity in every
 row, and the force f, fixed to the Earth, turns in the unit's axes as its gyroscopes read,

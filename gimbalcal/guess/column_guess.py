@@ -113,7 +113,7 @@ def _in_seconds(log: Log, table: Table) -> Log:
 
 
 def _by_values(log: Log, elsewhere: Set[str]) -> Log:
-    """Return the log with triads and a clock among the columns that names did not tell."""
+    """Return the log with triads and a clock among the columns that no name identified."""
     if not log.has(RATE):
         log = log.including(body_rates({name: plain(name) for name in log.unknown}))
     if FORCE not in elsewhere:
@@ -183,7 +183,7 @@ def _with_row_clock(path: Path, log: Log, rate: float, dwell_rows: bool) -> Log:
 
 
 def _with_units(log: Log) -> Log:
-    """Return the log with the units that no name tells, from the numbers."""
+    """Return the log with the units that no name states, from the numbers."""
     for quantity, unit_of in ((FORCE, unit_of_force), (RATE, unit_of_rate)):
         names = log.names(quantity)
         if names and not all(is_unit_of(quantity, log.guesses[n].unit) for n in names):

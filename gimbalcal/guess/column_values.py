@@ -124,14 +124,14 @@ def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
             return unit, f"at rest the three together are {length:.4g}, and gravity is {size:.4g} {unit}"
     if _are_counts(triad) and length > MIN_COUNT:
         return "count", f"whole numbers, {length:.4g} together: counts, whose scale the calibration finds"
-    return "m/s^2", f"nothing tells: together they are {length:.4g}, which gravity is in no common unit"
+    return "m/s^2", f"nothing shows it: together they are {length:.4g}, which gravity is in no common unit"
 
 
 def unit_of_rate(triad: Sequence[Array]) -> tuple[str, str]:
     """Return the unit of gyroscopes x, y, z (n,) by how fast a hand turns, and why: to be tried on the turns."""
     fastest = max(float(np.abs(x - np.median(x)).max(initial=0.0)) for x in triad)
     if _are_counts(triad) and fastest > MIN_COUNT:
-        return "count", f"whole numbers up to {fastest:.4g}: counts, whose scale the turns tell"
+        return "count", f"whole numbers up to {fastest:.4g}: counts, whose scale the turns show"
     if fastest > MAX_RATE:
         return "deg/s", f"up to {fastest:.4g}, more than any hand turns in rad/s"
     return "rad/s", f"up to {fastest:.4g}"

@@ -1,4 +1,4 @@
-"""Dates as people and spreadsheets write them, as ISO 8601: 14.06.2026 8:05, 6/14/2026 8:05 PM, day and time apart."""
+"""Dates as people and spreadsheets write them, as ISO 8601: 14.06.2026 8:05, 6/14/2026 8:05 PM, or two columns."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def is_stamp(cell: str) -> bool:
 def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
     """Return days and times of rows as ISO 8601; what is neither is empty.
 
-    A day in the middle or in front is told by the rows themselves, a number beyond 12; else by dots (the day first) and
+    A number beyond 12 shows which of two is the day; else it follows from dots (the day first) and
     slashes (the month first).
     """
     matches = [DAY.fullmatch(_in_numbers(day)) for day in days]

@@ -57,7 +57,7 @@ def gimbal_chain(angles: Mapping[str, Array], force: Array) -> GimbalChain:
     m = len(force)
     first = usual_platform(frozenset(angles))
     if m < MIN_DWELLS and first is not None:
-        return GimbalChain(first, (), f"by the names of its axes; {m} rests do not tell whether gravity agrees")
+        return GimbalChain(first, (), f"by the names of its axes; {m} rests do not show whether gravity agrees")
     unit = force / np.linalg.norm(force, axis=1, keepdims=True)
     varied = np.linalg.norm(unit - unit[0], axis=1).max() > MAX_DEVIATION_RAD  # else z up may be taken for a reversal
     most = 0

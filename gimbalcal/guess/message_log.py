@@ -35,7 +35,7 @@ _COMMENT = ("#", "!", "//")
 
 @dataclass(frozen=True)
 class _Kind:
-    """The rows of one kind of message, without the word that tells it, and what its columns are called, or nothing."""
+    """The rows of one kind of message, without its keyword, and what its columns are called, or nothing."""
 
     names: tuple[str, ...]
     rows: list[list[str]]

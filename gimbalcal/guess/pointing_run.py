@@ -1,6 +1,6 @@
 """A pointing run in a table that nobody described: pairs of angles, or angles and offsets, of any telescope or antenna.
 
-What numbers cannot tell is the sign: offsets turned round are another mount that fits as well. So the words of the file
+Numbers do not determine the sign: offsets turned round are another mount that fits as well. So the words of the file
 are looked at, and where they are silent the usual sense, measured minus commanded, is taken and said.
 """
 
@@ -59,7 +59,7 @@ ASSUMED_SENSE = "measured minus commanded, as most write it: nothing in the file
 
 @dataclass(frozen=True)
 class AngleColumn:
-    """A column of angles: its axis, what of it, its unit as far as the name tells, and whether it is on the sky."""
+    """A column of angles: its axis, what of it, its unit as far as the name states it, and whether it is on the sky."""
 
     name: str
     axis: str
@@ -93,7 +93,7 @@ def angles_in(table: Table) -> tuple[AngleColumn, ...]:
 def _one_offset(columns: list[AngleColumn]) -> list[AngleColumn]:
     """Return the columns of an axis, an error together with an offset as the sigma of the offset.
 
-    Raises InputError for several offsets of which no name tells the one.
+    Raises InputError for several offsets of which no name identifies the one.
     """
     offsets = [s for s in columns if s.role == "offset"]
     named = [s for s in offsets if not _ERROR.intersection(plain(s.name).split("_"))]
@@ -129,7 +129,7 @@ def pointing_proposal(
 ) -> PointingRun:
     """Return the run whose angles are `columns`; latitude [rad] and height [m] where they are known.
 
-    Raises InputError for an equatorial mount whose latitude nobody says, and where readouts are not told from angles.
+    Raises InputError for an equatorial mount without a latitude, and where nothing distinguishes readouts from angles.
     """
     axes = next(pair for pair in _PAIRS if all(any(s.axis == a for s in columns) for a in pair))
     notes: dict[str, str] = {}
@@ -260,7 +260,7 @@ def _offset(table: Table, s: AngleColumn, axis: str, notes: dict[str, str]) -> A
         return np.radians(x / 240)
     size = float(np.nanmax(np.abs(x)))
     unit = "arcsec" if size > MAX_OFFSET_DEG else "deg"
-    notes["unit"] = f"offsets are taken in {unit}: they go up to {size:.3g} and no name tells their unit"
+    notes["unit"] = f"offsets are taken in {unit}: they go up to {size:.3g} and no name states their unit"
     return np.asarray(to_si(x, unit))
 
 

@@ -276,7 +276,7 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     if platform is None:
         notes["signs"] = (
             "an axis that points up is taken to read +g, as accelerometers do; where a log holds gravity itself, write "
-            "sign = -1 at all three: no rest tells it"
+            "sign = -1 at all three: no rest shows it"
         )
     if rests < 2:
         notes["kind"] = (

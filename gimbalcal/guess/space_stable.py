@@ -62,7 +62,7 @@ def static_run(log: Log, latitude: float | None) -> tuple[Log, str] | None:
     if latitude is None:
         raise InputError(
             "the force goes round once in a sidereal day: a space-stable platform that was left alone, a static run; "
-            "what it tells hangs on the place, so give --latitude DEG and --height M"
+            "what it shows depends on the place, so give --latitude DEG and --height M"
         )
     guesses = {n: log.guesses[n] for n in log.guesses if n in log.names("time", FORCE, "temperature")}
     guesses |= {n: log.guesses[n] for n in log.names("gimbal_angle") if log.guesses[n].axis in AXES}

@@ -23,7 +23,7 @@ from gimbalcal.recording.lines import comment_words
 if TYPE_CHECKING:
     import polars as pl
 
-HEAD_LINES, MIN_COLUMNS = 200, 3  # lines that tell how a log is written, and columns of one that holds a triad
+HEAD_LINES, MIN_COLUMNS = 200, 3  # lines that show how a log is written, and columns of one that holds a triad
 SEXAGESIMAL = re.compile(
     r"\s*[-+]?\d{1,3}\s*[°hd]\s*\d{1,2}([.,]\d*)?\s*['′m]\s*|"
     r"\s*[-+]?\d{1,3}\s*[:°hd ]\s*\d{1,2}\s*[:'′m ]\s*\d{1,2}([.,]\d*)?\s*[\"″s]?\s*"

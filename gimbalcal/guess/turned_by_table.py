@@ -1,4 +1,4 @@
-"""Gyroscopes logged with the angle, or the rate, of the table that turned them, where gravity tells nothing of it.
+"""Gyroscopes logged with the angle, or the rate, of the table that turned them, where gravity shows nothing of it.
 
 Without accelerometers, or about the vertical, the gyroscopes determine axis and sense of the table. Their readings are
 compared with every column of unknown content, as angle or rate in its usual units, and every chain of those axes.
@@ -118,8 +118,8 @@ def gravity_is_constant(log: Log) -> bool:
 def orientation_note(log: Log) -> str:
     """Return how the orientation of the table on the Earth follows, as an aside."""
     if log.has(FORCE):
-        return " about the vertical: --method rate-table; the accelerometers tell which way is up"
-    return "; without accelerometers nothing tells how it stands on the Earth"
+        return " about the vertical: --method rate-table; the accelerometers show which way is up"
+    return "; without accelerometers nothing shows how it stands on the Earth"
 
 
 def missing_table(log: Log, parts: bool) -> str:

@@ -153,7 +153,7 @@ def _stretches(path: Path) -> list[_Stretch]:
 def _header_value(path: Path, header: str, name: str, what: str) -> float:
     match = re.search(rf"\b{name}{_NUMBER}", header)
     if not match:
-        raise InputError(f"{path}: the session does not tell its {name}, {what}; log with the mount connected")
+        raise InputError(f"{path}: the session does not state its {name}, {what}; log with the mount connected")
     return float(match[1])
 
 

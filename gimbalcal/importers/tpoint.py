@@ -56,7 +56,7 @@ class _File:
     """What a file holds: its site, whether its mount is alt-azimuth, and the numbers of each star."""
 
     site: Site
-    air: float  # refraction against that at 1010 hPa and 10 degC; 0 where the file tells no pressure
+    air: float  # refraction against that at 1010 hPa and 10 degC; 0 where the file states no pressure
     upright: bool
     rows: Array
 
@@ -238,7 +238,7 @@ def _site(path: Path, line: int, numbers: Sequence[str]) -> Site:
     dated = 1800 <= year <= 2200 and 1 <= month <= 12 and 1 <= day < 32
     if not (dated and abs(d) <= 90 and 0 <= m < 60 and 0 <= s < 60) or len(numbers) >= _BY_STARS:
         raise InputError(
-            f"{path}, line {line}: the first line of numbers tells the site, its latitude in degrees, minutes and "
+            f"{path}, line {line}: the first line of numbers states the site, its latitude in degrees, minutes and "
             f"seconds and then year, month and day; got {' '.join(numbers[:6])}"
         )
     air = [float(word) for word in numbers[6:9]]

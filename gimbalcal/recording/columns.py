@@ -42,7 +42,7 @@ RATE_OF = {"velocity_increment": "specific_force", "angle_increment": "angular_r
 """The rate that each increment, over the interval that ends at its row, is the integral of."""
 SIGNED = ("specific_force", "angular_rate", *RATE_OF, "gimbal_angle")
 OF_A_SENSOR = ("specific_force", "angular_rate", *RATE_OF, "temperature")
-"""Quantities of which a recording may hold several triads, told apart by `sensor`."""
+"""Quantities of which a recording may hold several triads, distinguished by `sensor`."""
 OF_A_ROW = ("specific_force", "angular_rate", "gimbal_angle", "true_angle")
 """Quantities of which a column may give one sigma, row by row."""
 

@@ -48,7 +48,7 @@ class Increments:
         if not self.usual:
             step = np.diff(time)
             self.usual = float(np.median(step)) if len(step) else 1.0
-            if not self.usual > 0:  # a clock too coarse to tell rows apart
+            if not self.usual > 0:  # a clock too coarse to distinguish rows
                 self.usual = max(float(time[-1] - time[0]) / max(len(step), 1), np.finfo(float).tiny)
         self.last = float(time[-1])
         # a regular clock stays one, so that equal increments stay equal: a frozen channel, the steps of a converter

@@ -76,7 +76,7 @@ def _refuse_unlike(first: Recording, other: Recording) -> None:
         )
     if abs(other.site.gravity / first.site.gravity - 1) > ALIKE or first.site.latitude != other.site.latitude:
         raise InputError(
-            f"{pair} are told to be at different places (gravity {first.site.gravity:.6g} and "
+            f"{pair} state different places (gravity {first.site.gravity:.6g} and "
             f"{other.site.gravity:.6g} m/s^2); write one [site] into both, or give each alone"
         )
     if (first.position is None) != (other.position is None):
@@ -126,7 +126,7 @@ def _clock(sessions: Sequence[Recording]) -> tuple[Sequence[Recording], Array, t
 
 UNKNOWN = (
     "how long passed between the sessions is not recorded: what drifts or warms up is taken to begin anew in each, and "
-    "nothing that changed from one to the next is told as a drift; write when each was recorded, as in "
+    "nothing that changed from one to the next is reported as a drift; write when each was recorded, as in "
     "date = 2026-11-18T05:33, into its recording.toml"
 )
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from gimbalcal.errors import InputError
 
 HALF = 0.5  # of the memory of this machine for one file
-START = 1 << 20  # bytes of a text that tell how long its lines are
+START = 1 << 20  # bytes of a text that show how long its lines are
 PACKED, LARGE = 50, 500_000_000  # times its file, and bytes: readings of sensors are noise and do not pack so well
 
 

@@ -52,7 +52,7 @@ def coloured(recording: Recording, shortest: float, longest: float) -> Mapping[s
 
 
 def sample_sigma(recording: Recording, channels: Sequence[Key], value: Array) -> Array:
-    """One sigma (C,) of one raw sample: the header's, else what neighbouring rows show; 0 where neither tells.
+    """Return one sigma (C,) of one raw sample: the header's, else what neighbouring rows show; 0 without either.
 
     value (n, C): the rows of the channels, or what a model leaves of them; angles must not jump by a turn.
     """

@@ -116,7 +116,7 @@ def quiet() -> Iterator[int]:
 
 
 def column(path: Path, name: str, clock: Column | None = None) -> Array:
-    """One whole column, blank lines at its end too: alone it does not tell what others have there."""
+    """Return one whole column, with blank lines at its end: other columns may have values there."""
     dated = clock if clock and name == clock.name else None
     parts = [batch[name] for batch in batches(path, [name], dated, end=True)]
     at = sum(map(len, parts))

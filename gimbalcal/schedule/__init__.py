@@ -1,4 +1,4 @@
-"""What a platform is told to do: holds in order, the published schedules, and their files."""
+"""Commands to a platform: holds in order, the published schedules, and their files."""
 
 from gimbalcal.schedule.published import (
     EIGHTEEN_ANGLES,

@@ -1,4 +1,4 @@
-"""What the platform is told to do: an ordered list of holds.
+"""Commands to the platform: an ordered list of holds.
 
 A schedule has no clock and no state; the simulator gives it both.
 """

@@ -68,11 +68,11 @@ def of_rates(noise: Noise, time: Array, rng: np.random.Generator, states: dict[t
 def stated(scenario: Scenario) -> dict[str, float]:
     """Return the noise that the header states: white noise of one sample and the setting repeatability."""
     every = noises(scenario)
-    told = {
+    processes = {
         sensor: [p for p in every.get(q, ()) if isinstance(p, WhiteNoise | SettingError)]
         for sensor, q in SENSORS.items()
     }
-    out = {sensor: one_sigma(noise) for sensor, noise in told.items() if noise}
+    out = {sensor: one_sigma(noise) for sensor, noise in processes.items() if noise}
     if scenario.schedule.turns:
         out.pop("gimbal_angle", None)  # no gimbal is logged
         out |= {key: size for key in COLOURED if (size := getattr(scenario.noise, key)) and _there(scenario, key)}

@@ -68,7 +68,9 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
         path = flown(scenario.schedule, sigma, setting_rng, site)
     elif not scenario.recording_kind.stabilised:
         table = timetable(planned(scenario), scenario.schedule, scenario.faults, scenario.ramp)
-        read = tuple(name for name, column in zip(platform.axis_names, table.told.T, strict=True) if np.any(column))
+        read = tuple(
+            name for name, column in zip(platform.axis_names, table.commanded.T, strict=True) if np.any(column)
+        )
     else:
         read = tuple(name for name in platform.axis_names if name != "inner")  # redundant, held at zero
     effects = true_effects(scenario.truth, scenario.kind, platform.axis_names, read, truth_rng)
@@ -188,7 +190,7 @@ def _nominal(run: Run, time: Array) -> Recording:
         position = np.where(run.table.moving(time), 0, run.table.position[run.table.visit(time)])
     channels: dict[Key, Array] = {("gimbal_angle", name): angle[:, i] for i, name in enumerate(run.platform.axis_names)}
     if not run.platform.axes and run.path is None:
-        raise InputError(f"platform.name: {run.platform.name!r} has no gimbals, so nothing can be told to it")
+        raise InputError(f"platform.name: {run.platform.name!r} has no gimbals, so no angle can be commanded")
     channels |= {key: history(time) for key, history in run.environment.items()}
     at_table_holds = (
         run.path is None and run.scenario.recording_kind.rotating
@@ -225,8 +227,8 @@ def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Gene
     if run.path is not None:
         return _reference(run.path, run.scenario, time, rng)
     if run.table is not None:
-        told = run.table.angles(time, run.table.told)
-        return {("gimbal_angle", name): told[:, names.index(name)] for name in run.read}
+        commanded = run.table.angles(time, run.table.commanded)
+        return {("gimbal_angle", name): commanded[:, names.index(name)] for name in run.read}
     angle, attitude = one_sigma(noise["gimbal_angle"]), one_sigma(noise["attitude_error"])
     for name in run.read:
         reading = out["gimbal_angle"][:, names.index(name)] + angle * rng.standard_normal(len(time))

@@ -1,4 +1,4 @@
-"""From a schedule to a clock: when the platform stands where, truly and as told."""
+"""From a schedule to a clock: when the platform stands where, truly and as commanded."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ SLEW_RATE = float(np.deg2rad(6.0))  # rad/s, of a table or platform from hold to
 
 @dataclass(frozen=True)
 class Timetable:
-    """Visits of a run in order: their position, gimbal angles as told and as they truly are (m, k) [rad], and times.
+    """Visits of a run in order: position, commanded and true gimbal angles (m, k) [rad], and times.
 
     `start`, `stop` (m,) [s] bound each visit. Between two of them the gimbals turn at a constant rate; with a `ramp`
     [s] their rate rises and falls as sin^2 in that time, and all is still for `settle` [s] before the next visit.
     """
 
     position: Array
-    told: Array
+    commanded: Array
     true: Array
     start: Array
     stop: Array
@@ -94,14 +94,14 @@ def platform_of(scenario: Scenario) -> Platform:
 def timetable(schedule: Schedule, motion: ScheduleSection, faults: FaultsSection, ramp: float = 0.0) -> Timetable:
     """Return times of all visits: dwell, turn at the finite slew rate, settle, dwell again."""
     holds = list(schedule.holds) * motion.sweeps
-    told = np.tile(schedule.angles, (motion.sweeps, 1))
+    commanded = np.tile(schedule.angles, (motion.sweeps, 1))
     dwell = np.array([motion.dwell or hold.duration for hold in holds])
-    turn = np.abs(np.diff(told, axis=0)).max(axis=1, initial=0.0) / (motion.slew_rate or SLEW_RATE)
+    turn = np.abs(np.diff(commanded, axis=0)).max(axis=1, initial=0.0) / (motion.slew_rate or SLEW_RATE)
     turn = np.maximum(turn, ramp) + ramp + motion.settle  # a short turn does not come to speed
     start = np.concatenate([[0.0], np.cumsum(dwell[:-1] + turn)])
     position = np.tile(np.arange(1, len(schedule.holds) + 1), motion.sweeps)
-    true = _with_faults(told, position, schedule.platform, faults)
-    return Timetable(position, told, true, start, start + dwell, ramp, motion.settle)
+    true = _with_faults(commanded, position, schedule.platform, faults)
+    return Timetable(position, commanded, true, start, start + dwell, ramp, motion.settle)
 
 
 def sidereal(motion: ScheduleSection, latitude: float, platform: Platform, time: Array) -> Array:
@@ -120,12 +120,12 @@ def _hold(platform: Platform, hold: dict[str, float], i: int) -> Hold:
     return Hold(tuple(float(np.deg2rad(hold.get(axis, 0.0))) for axis in platform.axis_names))
 
 
-def _with_faults(told: Array, position: Array, platform: Platform, faults: FaultsSection) -> Array:
+def _with_faults(commanded: Array, position: Array, platform: Platform, faults: FaultsSection) -> Array:
     """Return the true path of the platform: interchanged positions, then gimbals set wrong."""
-    true = told.copy()
+    true = commanded.copy()
     for first, second in faults.interchange:
         a, b = _rows(position, first, "interchange"), _rows(position, second, "interchange")
-        true[a], true[b] = told[b], told[a]
+        true[a], true[b] = commanded[b], commanded[a]
     for i, blunder in enumerate(faults.blunders):
         if blunder.gimbal not in platform.axis_names:
             raise InputError(f"faults.blunders.{i}.gimbal: the platform has no axis {blunder.gimbal!r}")

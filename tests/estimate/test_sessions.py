@@ -184,7 +184,7 @@ def test_a_diagnosis_of_two_sessions_says_whether_they_agree() -> None:
     ("change", "sentence"),
     [
         (lambda r: replace(r, kind="rotation"), "sessions of one instrument are of one kind; give each alone"),
-        (lambda r: replace(r, site=Site(None, 0.0, 9.79)), "are told to be at different places"),
+        (lambda r: replace(r, site=Site(None, 0.0, 9.79)), "state different places"),
         (lambda r: replace(r, units=dict.fromkeys(r.units, "count")), "have specific_force in counts and in a phys"),
         (lambda r: replace(r, source=session(15).source), "'samples.csv' is given twice"),
         (lambda r: replace(r, position=None), "has positions and the other has none"),

@@ -255,7 +255,7 @@ def test_phd2_faults(tmp_path: Path) -> None:
         import_files("phd2", [log], {"latitude": "51", "stretch": "2"})
     told = log.read_text().replace("Hour angle = -2.00 hr", "Hour angle = N/A hr")
     log.write_text(told)
-    with pytest.raises(InputError, match="does not tell its Alt, or else its Hour angle"):
+    with pytest.raises(InputError, match="does not state its Alt, or else its Hour angle"):
         import_files("phd2", [log], {"latitude": "51"})
     north, east, down = line_of_sight(np.radians(60.0), np.radians(-30.0), np.radians(51.0))
     elevation, around = np.degrees(np.arcsin(-down)), np.degrees(np.arctan2(east, north))
@@ -263,7 +263,7 @@ def test_phd2_faults(tmp_path: Path) -> None:
     made = import_files("phd2", [log], {"latitude": "51"})
     assert np.degrees(made.channels["gimbal_angle", "hour_angle"][0]) == pytest.approx(-30.0, abs=1e-6)
     log.write_text(log.read_text().replace("Pixel scale", "Scale"))
-    with pytest.raises(InputError, match="does not tell its Pixel scale, in arc-sec/px"):
+    with pytest.raises(InputError, match="does not state its Pixel scale, in arc-sec/px"):
         import_files("phd2", [log], {"latitude": "51"})
     log.write_text("nothing\n")
     with pytest.raises(InputError, match="is not a PHD2 guide log"):
@@ -278,7 +278,7 @@ def test_phd2_faults(tmp_path: Path) -> None:
         ('3,2.000,"Mount"', 'e,2.000,"Mount"', "line 12 is no frame as PHD2 writes them"),
         ("3,2.000,", "3,0.500,", "line 12: the time does not go on"),
         (",E,", ",Q,", "line 10: a pulse of 0 ms to 'Q' in RA, where PHD2 writes a duration and W or E"),
-        ("Pixel scale = 2.00", "Pixel scale = 2,00", "does not tell its Pixel scale"),
+        ("Pixel scale = 2.00", "Pixel scale = 2,00", "does not state its Pixel scale"),
         ("Dec = 60.0 deg", "Dec = 160.0 deg", "a declination of 160 deg"),
     ],
 )
