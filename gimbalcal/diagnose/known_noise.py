@@ -17,7 +17,7 @@ from gimbalcal.diagnose.answer import Curves, in_print, plotted_against
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import settle
-from gimbalcal.diagnose.laws.law_claims import Lawful, lawful, misheld
+from gimbalcal.diagnose.laws.law_claims import Lawful, beyond_walk, lawful, misheld
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import Estimate, Finding, Shape, Shift, StatedNoiseFit
@@ -51,7 +51,6 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline
-from gimbalcal.words.diagnosis_sentences import repeat_advice
 from gimbalcal.words.naming import spaced
 
 DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not to be linearised at
@@ -69,12 +68,9 @@ def diagnose_known_noise(
     held = without_single_walks(s)
     d, walk = decide_with_walk(s, held, bar(clean))
     if walk is not None and d.verdict == "adequate":  # unless a formula is as likely: a walk has none
-        none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
-        law = lawful([held], [none.shapes[:1]], held, none.verdict, seed, tell) if none.shapes else Lawful()
-        likelier = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
-        law = law if likelier > -CLAIM else Lawful(recommend=law.recommend or repeat_advice(s.fit.view.kind.stabilised))
+        none, law, odds = beyond_walk([held], held, walk, seed, tell)
         made = _report(held, none, clean, rng, seed, tell, calibration, law)
-        return made if likelier > CLAIM else made.with_walk(walk, only=likelier < -CLAIM)
+        return made if odds > CLAIM else made.with_walk(walk, only=odds < -CLAIM)
     made = _report(s, d, clean, rng, seed, tell, calibration)
     if walk is not None:
         return made.with_walk(walk, only=False)

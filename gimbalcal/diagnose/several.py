@@ -17,7 +17,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import constants, measured, printed, searched, shape
-from gimbalcal.diagnose.laws.law_claims import APART, Lawful, lawful
+from gimbalcal.diagnose.laws.law_claims import APART, Lawful, beyond_walk, lawful
 from gimbalcal.diagnose.of_recording import has_gyroscopes, has_unstated_noise
 from gimbalcal.diagnose.result import (
     Finding,
@@ -33,11 +33,12 @@ from gimbalcal.diagnose.rows.baseline import unfit
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
-from gimbalcal.diagnose.verdict.decide import Decision, bar, decide
+from gimbalcal.diagnose.verdict.decide import Decision, bar
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
 from gimbalcal.diagnose.verdict.manoeuvres import advise, sentence
 from gimbalcal.diagnose.verdict.mismatch_scan import LISTED, Scan, mismatches
 from gimbalcal.diagnose.verdict.pooled_sizes import Part, agreement_on_size, common_constants, parts, pooled
+from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
 from gimbalcal.diagnose.verdict.threshold import clean_evidence_jointly
 from gimbalcal.effects import CATALOGUE
@@ -58,6 +59,7 @@ class Share:
 
     part: Part
     alone: Decision
+    walk: RandomWalkFinding | None  # of a single accelerometer, by this recording alone
     needed: float
     before: Scan
     fit: StatedNoiseFit
@@ -81,13 +83,31 @@ def diagnose_several(
     c = combine(searches)
     tell("sending simulated clean recordings of these designs through the same comparison")
     clean, alone = clean_evidence_jointly(c, rng)
-    d = decide(c, bar(clean))
+    steady = [without_single_walks(s) for s in searches]
+    held = c if all(a is b for a, b in zip(steady, searches, strict=True)) else combine(steady)
+    d, walk = decide_with_walk(c, held, bar(clean))
+    separate = [decide_with_walk(s, h, bar(x)) for s, h, x in zip(searches, steady, alone, strict=True)]
+    odds = 0.0
+    if walk is not None and d.verdict == "adequate":
+        c = held
+        d, law, odds = beyond_walk(steady, held, walk, seed, tell)
+    else:
+        law = lawful(c.searches, [c.within(d.shapes, k)[:1] for k in range(len(searches))], c, d.verdict, seed, tell)
     tell("locating the mismatch and checking held-out data")
-    law = lawful(c.searches, [c.within(d.shapes, k)[:1] for k in range(len(searches))], c, d.verdict, seed, tell)
-    shares = _with_law(_shares(c, d, alone, rng), law)
+    shares = _with_law(_shares(c, d, separate, alone, rng), law)
     options = {"baseline": [list(i) for i in ids], "seed": seed}
     tell("the model with what was found, as a calibration")
-    return _report(c, d, clean, shares, options, calibration, law)
+    made = _report(c, d, clean, shares, options, calibration, law)
+    return made if walk is None or odds > CLAIM else _with_walk(made, walk, only=odds < -CLAIM)
+
+
+def _with_walk(made: Diagnosis, walk: RandomWalkFinding, only: bool) -> Diagnosis:
+    """Return the diagnosis with the walk of a sensor in one recording as the `only` explanation, or as another one."""
+    words = diagnosis_sentences.walk_as_explanation(walk, only)
+    return replace(
+        made, unexplained=(walk.shape, *made.unexplained), in_words=f"{made.in_words} {words}.",
+        outcome="; ".join(filter(None, [words, made.outcome])),
+    )  # fmt: skip
 
 
 def _with_law(shares: tuple[Share, ...], law: Lawful) -> tuple[Share, ...]:
@@ -128,7 +148,10 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if r.kind in CATALOGUE[i].kinds)]))
 
 
-def _shares(c: CombinedRanking, d: Decision, clean: Sequence[Array], rng: np.random.Generator) -> tuple[Share, ...]:
+def _shares(
+    c: CombinedRanking, d: Decision, separate: Sequence[tuple[Decision, RandomWalkFinding | None]],
+    clean: Sequence[Array], rng: np.random.Generator,
+) -> tuple[Share, ...]:  # fmt: skip
     members = d.hypothesis.members if d.hypothesis else ()
     out = []
     for k, part in enumerate(parts(c, members)):
@@ -136,8 +159,8 @@ def _shares(c: CombinedRanking, d: Decision, clean: Sequence[Array], rng: np.ran
         seen = part.fit
         if not members and (shapes := c.within(d.shapes, k)):
             seen = fit_causes(s, shapes[:1])  # the noise as it is once the shape is allowed for
-        needed = bar(clean[k])
-        out.append(Share(part, decide(s, needed), needed, *measured(part.search, part.fit, seen, rng)))
+        verdict, walk = separate[k]
+        out.append(Share(part, verdict, walk, bar(clean[k]), *measured(part.search, part.fit, seen, rng)))
     return tuple(out)
 
 
@@ -167,6 +190,9 @@ def _report(
     made, between = _calibrated(c, d, shares, diagnosis_sentences.reservation(d.verdict, named, unexplained), known)
     fitted = replace(fitted, constants=between)
     verdict, differ, recommend = d.verdict, between.in_words, law.recommend
+    if verdict == "adequate" and (only := _shown_by_one(c, shares)):
+        verdict, unexplained = "unexplained", only
+        words.insert(0, "What one recording shows by itself is contradicted by the others.")
     if differ:
         recommend = recommend or APART
         words.insert(0, differ)
@@ -277,12 +303,17 @@ def _sums(shares: Sequence[Share], lead: int) -> StatedNoiseFit:
 def _row(c: CombinedRanking, k: int, x: Share) -> RecordingFit:
     """One recording in `fit`: what it is, its numbers, and what it alone would have said."""
     s = c.searches[k]
-    alone = SeparateVerdict(x.alone.verdict, _called(x.alone), round(s.ln_total, 3), round(x.needed, 3))
+    walks = x.walk is not None and x.alone.verdict == "adequate"
+    verdict = "unexplained" if walks else x.alone.verdict
+    alone = SeparateVerdict(verdict, _called(x), round(s.ln_total, 3), round(x.needed, 3))
     return RecordingFit(k + 1, s.fit.view.source.title, s.fit.view.kind, x.fit, alone)
 
 
-def _called(d: Decision) -> str:
-    """Return a verdict in a few words."""
+def _called(x: Share) -> str:
+    """Return the verdict on one recording by itself in a few words."""
+    d = x.alone
+    if x.walk is not None and d.verdict == "adequate":
+        return diagnosis_sentences.walk_in_words(x.walk)
     if d.verdict == "adequate":
         return "nothing is missing"
     if d.hypothesis is None:
@@ -292,7 +323,17 @@ def _called(d: Decision) -> str:
     )
 
 
+def _shown_by_one(c: CombinedRanking, shares: Sequence[Share]) -> tuple[Shape, ...]:
+    """Return, as shapes, what recordings show by themselves beyond the odds that one of so many shows it by chance."""
+    odds = float(np.log(len(shares)))
+    return tuple(
+        Shape(f"recording {k + 1}", _called(x), (k + 1,))
+        for k, x in enumerate(shares)
+        if x.alone.verdict != "adequate" and c.searches[k].ln_total > x.needed + odds
+    )
+
+
 def _each_alone(shares: Sequence[Share]) -> str:
     """One sentence: what each recording would have said by itself."""
-    verdicts = "; ".join(f"recording {k + 1}: {_called(x.alone)}" for k, x in enumerate(shares))
+    verdicts = "; ".join(f"recording {k + 1}: {_called(x)}" for k, x in enumerate(shares))
     return f"With this model each alone would have said: {verdicts}."

@@ -297,7 +297,8 @@ MAX_LIMITS = 3  # detection limits that a sentence names
 def walk_in_words(walk: RandomWalkFinding) -> str:
     """Return the sensor that walks, and the size of its walk."""
     size = f"{digits(walk.walk)} +- {digits(walk.sigma)} {walk.unit}"
-    return f"{SENSOR_OF_WALK[walk.quantity]} {walk.axis} wanders, a random walk of {size}"
+    where = f" in recording {walk.recording}" if walk.recording else ""
+    return f"{SENSOR_OF_WALK[walk.quantity]} {walk.axis} wanders{where}, a random walk of {size}"
 
 
 def walk_as_explanation(walk: RandomWalkFinding, only: bool) -> str:

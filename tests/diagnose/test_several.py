@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -12,9 +13,10 @@ from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.several import baseline_of
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
+from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from tests.diagnose import static_plant
-from tests.diagnose.plant import UG, known, record
+from tests.diagnose.plant import UG, Bench, known, on, record
 from tests.diagnose.small import telescope
 
 BASE = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
@@ -79,3 +81,15 @@ def test_what_is_of_another_unit_or_kind_is_refused() -> None:
     ):
         with pytest.raises(InputError, match=why):
             diagnose([r, other])
+
+
+@pytest.mark.parametrize(("law", "size", "shown"), [(lambda b: np.sin(2 * b.T), 10.0, "a random walk"),
+                                                    (lambda b: b.T - 20, 40.0, "bias temperature")])  # fmt: skip
+def test_two_recordings_never_say_less_than_one(law: Callable[[Bench], Array], size: float, shown: str) -> None:
+    """A law in one recording, and none in the other: alone the first lacks something, and so do both together."""
+    first = record(np.random.default_rng(40), lambda b: on(1, law(b)), size * UG, unit=np.random.default_rng(5))
+    second = record(np.random.default_rng(50), unit=np.random.default_rng(5))
+    assert diagnose([first]).verdict != "adequate"
+    both = diagnose([first, second])
+    assert both.verdict != "adequate"
+    assert shown in both.in_words or shown in str(both.unexplained)

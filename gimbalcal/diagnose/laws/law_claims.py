@@ -22,18 +22,21 @@ from gimbalcal.diagnose.laws.law_search import Ground, Law, same
 from gimbalcal.diagnose.laws.model_comparison import compared
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
+from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.refit import fitted_columns
 from gimbalcal.diagnose.verdict.agreement import inverse_of, mean_of
-from gimbalcal.diagnose.verdict.decide import strained
+from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
 from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, scan
+from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
 from gimbalcal.diagnose.verdict.verify import Verification, residual_rows, verify
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit
+from gimbalcal.words.diagnosis_sentences import repeat_advice
 from gimbalcal.words.naming import spaced
 
 MOST = 3  # laws of one view
@@ -124,6 +127,22 @@ def lawful(
     nodes = [fit_causes(s, tuple(own)).projection.node for s, own in zip(searches, shapes, strict=True)]
     law = law_of_searches(searches, nodes, ranked, np.random.default_rng(seed), instead)
     return law if law.laws or not fault else Lawful(recommend=AGAIN)  # no position is held wrongly twice by chance
+
+
+def beyond_walk(
+    searches: Sequence[Search], held: Ranking, walk: RandomWalkFinding, seed: int, tell: Tell
+) -> tuple[Decision, Lawful, float]:
+    """Return the shapes and the formula that compete with the walk of one sensor, and ln odds of the formula to it.
+
+    searches: those of `held`, without noises in which a single sensor walks. A walk has no formula.
+    """
+    none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
+    shapes = [held.within(none.shapes, k)[:1] if isinstance(held, CombinedRanking) else none.shapes[:1]
+              for k in range(len(searches))]  # fmt: skip
+    law = lawful(searches, shapes, held, none.verdict, seed, tell) if none.shapes else Lawful()
+    odds = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
+    advice = law.recommend or repeat_advice(searches[0].fit.view.kind.stabilised)
+    return none, law if odds > -CLAIM else Lawful(recommend=advice), odds
 
 
 def misheld(s: Search, verdict: str) -> str:

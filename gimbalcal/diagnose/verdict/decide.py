@@ -65,7 +65,7 @@ def decide(s: Ranking, threshold: float = CLAIM) -> Decision:
     return d.scaled(lambda p: UNSURE * p)
 
 
-def unnamed(s: Search) -> Decision:
+def unnamed(s: Ranking) -> Decision:
     """Return the verdict that no cause of the catalogue explains it, with the shapes that are likeliest."""
     return Decision("unexplained", shapes=_shapes(s), unknown=s.unknown)
 

@@ -12,13 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK, Node
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.diagnose.search.ranking import Search, ranked
+from gimbalcal.diagnose.search.combine import CombinedRanking
+from gimbalcal.diagnose.search.ranking import Ranking, Search, ranked
 from gimbalcal.diagnose.verdict.decide import Decision, decide
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
@@ -43,6 +45,7 @@ class RandomWalkFinding:
     ln_odds: float
     ln_total: float
     quantity: str = "specific_force"
+    recording: int = 0  # the number of the one of several that shows it, else 0
 
     @property
     def unit(self) -> str:
@@ -52,34 +55,55 @@ class RandomWalkFinding:
     @property
     def shape(self) -> Shape:
         """The walk as an entry of `unexplained`."""
-        return Shape(f"{self.quantity} {self.axis}".strip(), SHAPE)
+        channel = f"{self.quantity} {self.axis}".strip()
+        if not self.recording:
+            return Shape(channel, SHAPE)
+        return Shape(f"{channel} of recording {self.recording}", SHAPE, recordings=(self.recording,))
 
     def share_of(self, probability: float) -> float:
         """Return what the walk leaves of the probability of a cause."""
         return float(probability / (1 + np.exp(self.ln_odds)))
 
 
-def decide_with_walk(s: Search, held: Search, needed: float) -> tuple[Decision, RandomWalkFinding | None]:
+def decide_with_walk(s: Ranking, held: Ranking, needed: float) -> tuple[Decision, RandomWalkFinding | None]:
     """Return the verdict, and the accelerometer that walks alone where that has a part in it.
 
-    `held` is the same search without such noises, `needed` the ln Bayes factor that clean recordings of this design
-    reach.
+    `held` is the same search, or those of several recordings, without such noises; `needed` the ln Bayes factor that
+    clean recordings of this design reach.
     """
     d = decide(s, needed)
-    single = np.array([bool(p.node.single_walk) for p in s.projections])
-    if d.hypothesis is not None or not single.any():
+    walk = None if d.hypothesis is not None else single_walk(s, held)
+    if walk is None:
         return d, None
-    total = float(logsumexp(s.null[single]) - logsumexp(s.null[~single]))
-    weight = np.exp(s.null - s.null[single].max()) * single
-    walk = likeliest_walk(
-        [p.node for p in s.projections], weight, _units(s), "specific_force", total - held.ln_total, total
-    )
     if d.verdict != "adequate":  # a shape beside a walk, or instead of it
         return (replace(d, verdict="adequate"), walk) if walk.ln_odds > CLAIM else (d, None)
     other = decide(held, needed)
     if other.hypothesis is None or walk.ln_odds > CLAIM:
         return d, walk
     return replace(other.scaled(walk.share_of), verdict="not-identifiable"), walk
+
+
+def single_walk(s: Ranking, held: Ranking) -> RandomWalkFinding | None:
+    """Return the likeliest walk of a single accelerometer; of several recordings that of the one which shows it most.
+
+    Walks of several recordings are independent, so that their ln Bayes factors add up.
+    """
+    if isinstance(s, CombinedRanking) and isinstance(held, CombinedRanking):
+        each = [single_walk(*both) for both in zip(s.searches, held.searches, strict=True)]
+        shown = {k: w for k, w in enumerate(each) if w is not None}
+        if not shown:
+            return None
+        k, clearest = max(shown.items(), key=lambda item: item[1].ln_total)
+        total = sum(max(w.ln_total, 0.0) for w in shown.values())
+        return replace(clearest, ln_total=total, ln_odds=total - held.ln_total, recording=k + 1)
+    one = cast("Search", s)
+    single = np.array([bool(p.node.single_walk) for p in one.projections])
+    if not single.any():
+        return None
+    total = float(logsumexp(one.null[single]) - logsumexp(one.null[~single]))
+    weight = np.exp(one.null - one.null[single].max()) * single
+    nodes = [p.node for p in one.projections]
+    return likeliest_walk(nodes, weight, _units(one), "specific_force", total - held.ln_total, total)
 
 
 def without_single_walks(s: Search) -> Search:
