@@ -48,7 +48,7 @@ def diagnose(
     recordings: Source | Sequence[Source], calibration: Calibration | None = None, baseline: Sequence[str] = (),
     seed: int = 1, grade: str = "", tell: Tell = silent,
 ) -> Diagnosis:  # fmt: skip
-    """What the model of one recording or several of one unit misses, as `gimbalcal diagnose` says it."""
+    """Return what the model of one recording, or of several of one unit, misses, as `gimbalcal diagnose` says it."""
     from gimbalcal.report.console import diagnosis_in_words
 
     made = run_diagnosis(load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)

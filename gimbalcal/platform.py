@@ -62,7 +62,7 @@ class Platform:
 
     @property
     def sense(self) -> tuple[int, ...]:
-        """Of each axis 1 where its readout grows as on the drawing that is known by this name, -1 where it falls.
+        """Return for each axis 1 where its readout grows as on the drawing of this name, -1 where it falls.
 
         A platform that is not known by name is its own drawing.
         """

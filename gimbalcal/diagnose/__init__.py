@@ -32,7 +32,7 @@ class _Callable(ModuleType):
     """`gimbalcal.diagnose(recordings)`, beside `gimbalcal.calibrate(recordings)`, although a package has the name."""
 
     def __call__(self, *args: Any, **options: Any) -> Diagnosis:
-        """What `gimbalcal.api.diagnose` returns."""
+        """Return what `gimbalcal.api.diagnose` does."""
         from importlib import import_module
 
         answer: Diagnosis = import_module("gimbalcal.api").diagnose(*args, **options)

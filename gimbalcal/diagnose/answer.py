@@ -51,7 +51,7 @@ def in_print(channels: Sequence[tuple[str, str]], sigma: Array) -> tuple[Array, 
 
 
 def plotted_against(s: Stimulus) -> dict[str, Array]:
-    """What a residual may follow, in printed units: temperature, other logged channels, readouts that move."""
+    """Return what a residual may follow, in printed units: temperature, other logged channels, readouts that move."""
     told = {} if s.temperature is None else {"temperature [°C]": s.temperature}
     told |= {f"{name.replace('_', ' ')} (as logged)": v for name, v in s.covariates.items()}
     told |= {f"{name.replace('_', ' ')} [°]": np.degrees(s.readout[:, i]) for i, name in enumerate(s.axis_names)}

@@ -68,7 +68,7 @@ def reservations(recording: Recording, baseline: Sequence[str] = ()) -> list[str
 
 
 def _slips(recording: Recording) -> list[str]:
-    """What the calibration of a unit turned in its place names as the likeliest slip, where it does."""
+    """Return the likeliest input error by the calibration of a unit turned in its place, where it names one."""
     if not turned_in_place(recording):
         return []
     slips = _said(lambda: [systematic(recording, "30").outcome.partition("; ")[2]])
@@ -76,7 +76,7 @@ def _slips(recording: Recording) -> list[str]:
 
 
 def _said(ask: Callable[[], list[str]]) -> list[str]:
-    """What an estimator says; nothing where it does not take the recording."""
+    """Return what an estimator reports; nothing where it does not take the recording."""
     try:
         return ask()
     except InputError:
@@ -84,7 +84,7 @@ def _said(ask: Callable[[], list[str]]) -> list[str]:
 
 
 def _of_positions(recording: Recording) -> list[str]:
-    """What `three-stage` says of positions at known angles in the stated noise."""
+    """Return the caveats of `three-stage` on positions at known angles in the stated noise."""
     found = trusted_positions(recording)
     solution = found.fit.solution
     larger = larger_noise_in_words(found.problem, found.fit)
@@ -92,7 +92,7 @@ def _of_positions(recording: Recording) -> list[str]:
 
 
 def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[str]:
-    """What `multiposition` says of the norm of the force, and of the gyroscopes between the same rests."""
+    """Return the caveats of `multiposition` on the norm of the force, and on gyroscopes between the same dwells."""
     made = multiposition(recording, terms)
     options = made.provenance["options"]
     times, excess = options["excess_over_noise"], options["excess_scatter"]

@@ -74,7 +74,7 @@ def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent
 
 
 def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
-    """How the unit of these recordings is calibrated and navigated; None where no navigator can be run."""
+    """Return how the unit of these recordings is calibrated and navigated; None where no navigator can be run."""
     first, made = recordings[0], d.calibration
     assert made is not None
     named = list(dict.fromkeys(f.effect for f in d.findings))
@@ -178,7 +178,7 @@ def _swung(base: Recording, recordings: Sequence[Recording]) -> Recording:
 
 
 def _run(unit: _Unit) -> tuple[Recording, tuple[str, ...]]:
-    """What is navigated, and the effects whose cost it shows: not those that follow a channel which it does not have.
+    """Return what is navigated, and the effects whose cost it shows: none that follow a channel which it lacks.
 
     It is the static run that was diagnosed, or a still base whose sensors err as was found.
     """

@@ -167,7 +167,7 @@ def _constants_of(s: Search, f: FittedCauses, joint: JointCovariance, j: int) ->
 def measured(
     s: Search, f: FittedCauses, seen: FittedCauses, rng: np.random.Generator
 ) -> tuple[Scan, StatedNoiseFit, Curves]:
-    """Where one recording is off before anything is added, the numbers of its fit, and its residuals.
+    """Return where one recording is off before anything is added, the numbers of its fit, and its residuals.
 
     `f` is the fit of what was found, `seen` the same or that of a shape, whose noise counts.
     """
@@ -231,7 +231,7 @@ def constants(c: Candidate, values: Sequence[tuple[str, float, float]]) -> list[
 
 
 def moved(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
-    """How far each calibration constant moves once what was found is in the model."""
+    """Return how far each calibration constant moves once the findings are in the model."""
     before, after, sigma = calibration_fit(s, f)
     out = []
     for p, b, a, e in zip(s.fit.parameters, before, after, sigma, strict=True):
@@ -242,5 +242,5 @@ def moved(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
 
 
 def shape(c: Candidate) -> Shape:
-    """What is left unexplained, as the contract wants it."""
+    """Return what remains unexplained."""
     return Shape(f"{c.channel} {c.axis}".strip(), c.rival)

@@ -219,7 +219,7 @@ def _calibrated(
 
 
 def _mismatch(shares: Sequence[Share], lead: int) -> tuple[Mismatch, ...]:
-    """Where each recording is off, the one that is off most first."""
+    """Return where each recording is off, the one that is off most first."""
     out = []
     for k in sorted(range(len(shares)), key=lambda k: k != lead):
         for m in mismatches(shares[k].before, at_least=int(k == lead)):
@@ -229,7 +229,7 @@ def _mismatch(shares: Sequence[Share], lead: int) -> tuple[Mismatch, ...]:
 
 
 def _findings(c: CombinedRanking, d: Decision, shares: Sequence[Part]) -> tuple[Finding, ...]:
-    """What is named, with the size that all recordings give it and the size that each gives it."""
+    """Return the findings, with the size by all recordings and the size by each."""
     members = d.hypothesis.members if d.hypothesis else ()
     counts = [len(c.library.candidates[m].parameters) for m in members]
     x, C = pooled(shares, counts)
@@ -265,7 +265,7 @@ def _agreement(shares: Sequence[Part], slot: int, found: Finding) -> SizeAgreeme
 
 
 def _advice(c: CombinedRanking, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
-    """What would tell a member from the cause most like it, in the recording that shows it best and could show both."""
+    """Return what would separate a member from the cause most like it, in the recording that shows it best."""
     for fits in d.judgements[slot].alike[:1]:
         alike = next(i for i, one in enumerate(c.library.candidates) if one is fits)
         both = [k for k in c.sees(alike) if slot in shares[k].slots]

@@ -206,7 +206,7 @@ class ViewsFit:
 
     @property
     def determined(self) -> bool:
-        """Whether the rows determine every parameter, nuisances included, far above rounding."""
+        """Whether rows determine every parameter, nuisances included, far above rounding."""
         return independent(self.whitened[0])
 
     @property

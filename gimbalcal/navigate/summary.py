@@ -58,7 +58,7 @@ class NavigationSummary:
 
     @property
     def increased(self) -> bool:
-        """Whether a calibration increases the position error."""
+        """Return whether a calibration increases the position error."""
         first, *others = self.position
         return any(p.max_nmi > first.max_nmi for p in others)
 

@@ -63,7 +63,7 @@ class Panel:
 
     @property
     def changed(self) -> bool:
-        """Whether before and after differ."""
+        """Return whether before and after differ."""
         return not np.array_equal(self.before, self.after, equal_nan=True)
 
 

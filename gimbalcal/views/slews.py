@@ -218,7 +218,7 @@ class _Onto:
         return np.array(out)
 
     def _misfits(self, X: Array, span: slice) -> list[Array]:
-        """Of the samples of a slew (n, 3 q + 3, p): what stands against T, (n, 3, p) for each of `late`."""
+        """Return what stands against T, (n, 3, p) for each of `late`, of the samples of a slew (n, 3 q + 3, p)."""
         m = self.motion
         out = []
         rate = X[:, 3 * self.read.index(RATE) :][:, :3] if RATE in self.read else 0 * X[:, :3]
@@ -260,7 +260,7 @@ class _Onto:
         return p.reshape(T.shape), U, float(p @ p) / max(float(t @ t), 1e-300)
 
     def usable(self) -> NDArray[np.bool_]:
-        """Which slews say something of a delay: the unit turned, and not only as other causes would have it."""
+        """Return which slews determine a delay: the unit turned, and not only as other causes would have it."""
         power = np.array([[np.linalg.norm(p) * (share > KEPT) for p, _, share in (
             self._along(q, s) for q in self.late)] for s in self.motion.spans])  # fmt: skip
         return np.asarray(np.all(power > FAINT * power.max(axis=0), axis=1))

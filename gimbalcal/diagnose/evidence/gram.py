@@ -34,7 +34,7 @@ class Gram:
         return empty.grown(G)
 
     def grown(self, more: Array) -> Gram:
-        """With further columns, of which nothing is taken: their products (p, P + p) with all, put behind its own."""
+        """Return the matrix with further columns, whose products (p, P + p) with all are put behind its own."""
         P = len(self.taken)
         for i, row in enumerate(more, P):
             self.triangle[size(i) : size(i + 1)] = row[: i + 1]

@@ -58,6 +58,6 @@ class Node:
 
     @property
     def coloured(self) -> int:
-        """How many of the reduced rows are other than white: all of a device test, the slowest of a static run."""
+        """The number of reduced rows that are not white: all of a device test, the slowest of a static run."""
         root = self.inverse_root
         return root.rows if isinstance(root, Whitening) else len(root)

@@ -153,7 +153,7 @@ def extended(p: Projection, rows: ReducedRows, X: Array) -> Projection:
 
 
 def rows_like(rows: ReducedRows, X: Array, low: int = 0) -> ReducedRows:
-    """The same calibration and data with other columns, `low` rows or more of them coloured."""
+    """Return the same calibration and data with other columns, `low` rows or more of them coloured."""
     Q = rows.Q
     X = X - Q @ (Q.T @ X)
     A = np.concatenate([Q, X, rows.y], axis=1)
@@ -220,7 +220,7 @@ def at_best(p: Projection, layout: Layout) -> Array:
 
 
 def condition(p: Projection, columns: Array, size: float) -> Projection:
-    """The same projection given that these columns are in the model with prior size s."""
+    """Return the projection given that these columns are in the model with prior size s."""
     lam, V = eigh(p.G.block(columns))
     lam = np.maximum(lam, 0.0)  # of columns that are alike
     root = V / np.sqrt(lam + 1 / size**2)

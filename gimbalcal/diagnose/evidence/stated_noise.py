@@ -66,7 +66,7 @@ def settle(o: Fit) -> Fit:
 
 
 def _fast(o: Fit) -> Array:
-    """What varies from row to row inside a block (n', C), unit gain for white noise."""
+    """Return what varies from row to row inside a block (n', C), unit gain for white noise."""
     begins = np.zeros(len(o.residual), dtype=bool)
     if not o.view.kind.stabilised:
         begins[o.view.noise.starts] = True
@@ -172,7 +172,7 @@ def _states(o: Fit, blocks: _Blocks, noise: Mapping[str, Noise], alone: str) -> 
 
 
 def curved(o: Fit) -> bool:
-    """Whether gimbals are set so loosely that it shows along the force, of second order."""
+    """Return whether gimbals are set so loosely that it shows along the force, of second order."""
     return _shows(_blocks(o).along, SettingError((max(SETTING) * o.view.noise.setting) ** 2))
 
 
@@ -201,14 +201,14 @@ def _block_time(o: Fit) -> Array:
 
 
 def coloured(o: Fit, among: Sequence[Node] = ()) -> int:
-    """How many of the reduced rows can be other than white, in the grid and `among` further noises."""
+    """Return how many of the reduced rows may not be white, in the grid and `among` further noises."""
     C = o.residual.shape[1]
     rows = slow_modes(o, 0.0) if o.view.kind.stabilised else len(o.view.noise.starts)
     return max([rows * C, *(n.coloured for n in among)])
 
 
 def slow_modes(o: Fit, walk: float) -> int:
-    r"""How many modes of each channel of a static run show a walk; its share in white noise falls as 1 / k^2.
+    r"""Return how many modes of each channel of a static run show a walk; its share in white noise falls as 1 / k^2.
 
     Beyond mode K it has :math:`\epsilon_k = T w^2 / (\pi k)^2` of the white variance, T in h; taken for white, they
     cost the likelihood :math:`\sum \epsilon_k^2 / 4 = (T w^2 / \pi^2)^2 / 12 K^3` nats.

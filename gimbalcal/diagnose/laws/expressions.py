@@ -43,7 +43,7 @@ class Form:
 
     @property
     def smooth(self) -> bool:
-        """Whether the constant can be refined between the values of its grid."""
+        """Return whether the constant can be refined between the values of its grid."""
         return bool(self.constant) and self.of != "whole" and self.key != "above"
 
 
@@ -125,7 +125,7 @@ class Expression:
 
     @property
     def variables(self) -> tuple[Variable, ...]:
-        """What it follows."""
+        """The variables that it follows."""
         return tuple(t.variable for t in self.terms)
 
     def on(self, s: Stimulus) -> Expression:

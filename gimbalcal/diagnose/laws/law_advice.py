@@ -37,7 +37,7 @@ def _varied(o: Fit, law: Law) -> Iterator[Array]:
 
 
 def _columns(o: Fit, law: Law, e: Expression) -> Array:
-    """What a unit of each coefficient does to the reduced rows of a recording, (R, m)."""
+    """Return what a unit of each coefficient adds to the reduced rows of a recording, (R, m)."""
     stage = Stage[STAGES[law.place.channel]]
     names = o.view.stimulus.axis_names if stage is Stage.ENCODER else "xyz"
     return np.asarray(o.reduced(o.rows.added(stage, names.index(law.place.axis), e.on(o.rows.seen[stage]).columns)))

@@ -88,12 +88,12 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
 
 
 def free(law: Law) -> int:
-    """How many numbers of a law are fitted: of two that are one in a recording, the one with more is no other law."""
+    """Return the fitted numbers of a law: of two that are one in a recording, the one with more is no other law."""
     return law.expression.columns.shape[1] + sum(t.form.smooth for t in law.expression.terms)
 
 
 def undetermined(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: str) -> str:
-    """What would determine a law where these data do not, in a sentence."""
+    """Return what would determine a law where these data do not, in a sentence."""
     s = g.places[0].stimulus
     if others and laws:
         alike = "; ".join(dict.fromkeys(printed(law) for law in [laws[0], *others][:3]))
@@ -160,7 +160,7 @@ def misheld(s: Search, verdict: str) -> str:
 def law_of_searches(
     searches: Sequence[Search], nodes: Sequence[Node], ranked: Ranking, rng: np.random.Generator, instead: bool = False
 ) -> Lawful:
-    """What is told of recordings of known attitude of one unit that nothing known explains.
+    """Seek a law in recordings of known attitude of one unit that nothing known explains.
 
     nodes: the likeliest noise of each; ranked: all other hypotheses. instead: of causes that leave a rest; the law then
     has to be 20 times as likely as these.
@@ -240,7 +240,7 @@ def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> 
 
 
 def laws_of_view(m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
-    """What is told of a view that nothing known explains, `sigma` (n, C) being its noise; and the model with the laws.
+    """Seek laws in a view that nothing known explains, in noise of `sigma` (n, C); return the model with them too.
 
     One law after the other, until nothing is left: all of them, or none. What is held out is told by the caller, who
     has the numbers of the view.

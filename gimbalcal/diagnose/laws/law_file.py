@@ -215,7 +215,7 @@ def _class(law: Law, told: Stated, made: LawResult, title: str) -> str:
 
 
 def is_found(path: Path) -> bool:
-    """Whether a file is the law.py of a diagnosis as it was written, and nobody's own."""
+    """Return whether a file is the law.py of a diagnosis as it was written, not a user's own."""
     try:
         return path.read_bytes().startswith(HEAD.encode())
     except OSError:

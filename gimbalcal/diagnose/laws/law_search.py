@@ -94,7 +94,7 @@ class Screen:
 
 
 def screen(g: Ground, place: Place) -> Screen:
-    """What the calibration and the likeliest noise make of even additions over blocks."""
+    """Return the response of the whitened rows, calibration removed, to even additions over blocks."""
     count = np.bincount(place.block).astype(float)
     M = g.whiten(place.columns((place.block[:, None] == np.arange(len(count))).astype(float)))
     left = M - g.Q @ (g.Q.T @ M)
@@ -117,7 +117,7 @@ class Law:
 
     @property
     def columns(self) -> Array:
-        """What a unit of each coefficient does to the rows, (n', C, m)."""
+        """The rows (n', C, m) that a unit of each coefficient adds."""
         return self.place.columns(self.expression.columns)
 
     def spread(self, term: Term) -> float:
@@ -182,7 +182,7 @@ def _best(place: Place, *of: Gains) -> list[tuple[float, Place, Expression]]:
 
 
 def _screened(seen: Screen, every: Sequence[Expression]) -> Gains:
-    """What each expression takes away of the misfit, less what its coefficients and its grid cost."""
+    """Return what each expression explains of the misfit, less the cost of its coefficients and its grid."""
     out: Gains = []
     for e in every:
         width = e.columns.shape[1]
@@ -195,7 +195,7 @@ def _paid(coefficients: int, tried: int) -> float:
 
 
 def _paired(seen: Screen, pairs: Sequence[tuple[Term, list[Term]]]) -> Gains:
-    """The same of products: of each term the best partner of each family."""
+    """Return the same for products: for each term the best partner of each family."""
     out: Gains = []
     for t, others in pairs:
         for width in {o.columns.shape[1] for o in others}:
@@ -268,7 +268,7 @@ def _step(t: Term) -> float:
 
 
 def same(g: Ground, one: Law, other: Law) -> bool:
-    """Whether two laws are one in this recording: each explains the columns of the other, calibration taken out."""
+    """Return whether two laws are one here: each explains the columns of the other, calibration removed."""
 
     def fit(law: Law) -> Array:
         X = g.whiten(law.columns)

@@ -175,7 +175,7 @@ def spans(J: Array) -> Array:
 
 
 def _beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
-    """Which of the columns X (n, C, p) are more than what Q (n C, q) spans."""
+    """Return which of the columns X (n, C, p) are more than what Q (n C, q) spans."""
     A = X.reshape(len(Q), -1)
     left = np.linalg.norm(A - Q @ (Q.T @ A), axis=0)
     return np.asarray(left > STILL * np.linalg.norm(A, axis=0))
@@ -208,7 +208,7 @@ def spanned(X: Array) -> Array:
 
 
 def powers(Q: Array, misfit: Array) -> Array:
-    """How much of a misfit (n, C) each of the sets of orthonormal columns Q (m, n, C, p) takes away by itself, (m,)."""
+    """Return the power (m,) of a misfit (n, C) in each of the sets of orthonormal columns Q (m, n, C, p)."""
     return np.asarray(((misfit.ravel() @ Q.reshape(len(Q), misfit.size, -1)) ** 2).sum(axis=1))
 
 

@@ -67,12 +67,12 @@ class Candidate:
 
     @property
     def key(self) -> tuple[str, str, str, str]:
-        """What makes two candidates the same cause in different libraries."""
+        """The key by which candidates of different libraries are the same cause."""
         return self.effect, self.axis, self.source, self.mechanism
 
     @property
     def once(self) -> bool:
-        """Whether it belongs to one recording, as a mistake at one position or a step at one moment does."""
+        """Whether it is part of one recording, as a mistake at one position or a step at one moment does."""
         return not self.rival and any(kind(f).once for f in constants(CATALOGUE[self.effect]))
 
 
@@ -85,7 +85,7 @@ class Library:
 
     @cached_property
     def layout(self) -> Layout:
-        """Where the variants of the candidates stand."""
+        """The positions of the variants of the candidates."""
         return layout_of(self.candidates)
 
 
@@ -103,7 +103,7 @@ class Layout:
 
 
 def layout_of(candidates: Sequence[Candidate]) -> Layout:
-    """Where the variants of candidates stand."""
+    """Return the positions of the variants of candidates."""
     starts = np.cumsum([0, *(len(c.variants) for c in candidates)])[:-1]
     share = [np.array([v.weight for v in c.variants]) / c.tried for c in candidates]
     spans = [v.index for c in candidates for v in c.variants]
@@ -115,7 +115,7 @@ def layout_of(candidates: Sequence[Candidate]) -> Layout:
 def eligible(
     cls: type[Effect], recording_kind: str, s: Stimulus, stages: Container[Stage], *, known_noise: bool
 ) -> bool:
-    """Whether an effect could be the cause of what a recording shows at these stages.
+    """Return whether an effect could be the cause of what a recording shows at these stages.
 
     Where the noise is not known, a drift that wanders is a cause like others, and its course has to last as long as
     the effect says.

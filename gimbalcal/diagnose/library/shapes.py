@@ -78,7 +78,7 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
 
 
 def _outputs(o: Fit) -> list[tuple[str, Array]]:
-    """What one unit (a sigma of a row) added to each accelerometer that was logged does to all channels, (n, C)."""
+    """Return the response (n, C) of all channels to one sigma of a row added to each logged accelerometer."""
     S = o.rows.sensitivity[Stage.ACCELEROMETER]
     out = []
     for k, (quantity, axis) in enumerate(o.view.channels):
@@ -115,7 +115,7 @@ def _of_gimbal(o: Fit, i: int, effect: str, words: str, bases: Sequence[Array], 
 
 
 def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: int) -> tuple[Candidate, ...]:
-    """What is no cause, its columns (n, C, p), per rms of the misfit (n, C), appended to `blocks`.
+    """Return shapes of no cause; their columns (n, C, p), per rms of the misfit (n, C), are appended to `blocks`.
 
     Smooth in time, fast in time, along the temperature; smooth in the direction of gravity, or harmonics of the gimbal
     angles. In each channel; the norm of the force shows an accelerometer as far as it lies along the force, the sky
@@ -166,7 +166,7 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
 
 
 def _turning(v: View) -> Iterator[Shape]:
-    """What a sensor of a unit that is turned may follow."""
+    """Yield what a sensor of a unit that is turned may follow."""
     s = v.stimulus
     t = s.time / (s.time[-1] or 1.0)
     yield "time", "a smooth function of time", np.cos(np.pi * np.outer(t, SLOW))
@@ -194,13 +194,13 @@ def _beyond(X: Array, Q: Array) -> Array:
 
 
 def _outer_axis(v: View) -> Array:
-    """What a turn of the outer axis moves across the line of sight (n, 1)."""
+    """Return the motion across the line of sight (n, 1) by a turn of the outer axis."""
     inner = v.stimulus.true_angle
     return np.ones((len(v), 1)) if inner is None else np.cos(inner[:, :1])
 
 
 def _of_view(v: View) -> Iterator[Shape]:
-    """What a channel may follow as it is."""
+    """Yield what a channel may follow as it is."""
     yield "time", "a smooth function of time", _course(v, SLOW)
     if v.name in ("rest rates", "pointing"):
         yield "fast time", "a pattern in time", _course(v, FAST)
@@ -213,7 +213,7 @@ def _of_view(v: View) -> Iterator[Shape]:
 
 
 def _of_accelerometers(v: View) -> Iterator[Shape]:
-    """What each accelerometer may follow: a course in time or temperature, or a curve of the force along it."""
+    """Yield what each accelerometer may follow: a course in time or temperature, or a curve of the force along it."""
     u = _along(v)
     for i, axis in enumerate("xyz"):
         along = u[:, i : i + 1]

@@ -37,17 +37,17 @@ class Variable:
 
 
 def variables(s: Stimulus, still: bool = False) -> tuple[Variable, ...]:
-    """What varies in a recording, or stands `still` too, and may be the argument of a law."""
+    """Return what varies in a recording, or stands `still` too, and may be the argument of a law."""
     return tuple(v for v in _every(s) if still or varies(v))
 
 
 def varies(v: Variable) -> bool:
-    """Whether a variable is more than a constant in its rows."""
+    """Return whether a variable is more than a constant in its rows."""
     return bool(np.ptp(v.x) > LEAST.get(v.group, 0.0))
 
 
 def joined(each: Sequence[Sequence[Variable]]) -> tuple[Variable, ...]:
-    """What several recordings have in common, their rows one after the other; a channel's origin is that of all."""
+    """Return the variables that recordings share, rows one after the other; a channel's origin is that of all."""
     by_name = [{v.name: v for v in own} for own in each]
     shared = [[own[name] for own in by_name] for name in by_name[0] if all(name in own for own in by_name)]
     out = []

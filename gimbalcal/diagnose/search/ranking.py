@@ -54,7 +54,7 @@ class Hypothesis:
     ln_weight: float
 
     def unknown(self, candidates: Sequence[Candidate]) -> bool:
-        """Whether a shape without a cause is among the members."""
+        """Return whether a shape without a cause is among the members."""
         return any(candidates[i].rival for i in self.members)
 
 
@@ -124,12 +124,12 @@ def log_priors(candidates: Sequence[Candidate], recording_kind: str = "") -> Arr
 
 
 def is_usual(c: Candidate, recording_kind: str) -> bool:
-    """Whether every rig of the kind has this, at some size."""
+    """Return whether every rig of the kind has this, at some size."""
     return not c.rival and recording_kind in CATALOGUE[c.effect].role.textbook_kinds
 
 
 def needed(s: Ranking, best: Hypothesis) -> Hypothesis:
-    """Without what is not claimed itself: each member has to make what stands beside it 20 times likelier."""
+    """Return the hypothesis without members that are not claimed: each must make the others 20 times likelier."""
     for h in sorted(s.hypotheses, key=lambda h: -h.ln_weight):
         if set(h.members) < set(best.members) and h.ln_weight > best.ln_weight - CLAIM:
             return needed(s, h)
@@ -244,7 +244,7 @@ def pairs(candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float
 
 
 def same(candidates: Sequence[Candidate], i: int, j: int) -> bool:
-    """Whether two candidates are one effect on all its axes and on one of them."""
+    """Return whether two candidates are one effect on all its axes and on one of them."""
     return candidates[i].effect == candidates[j].effect and ("," in candidates[i].axis or "," in candidates[j].axis)
 
 

@@ -73,7 +73,7 @@ def _range(v: View, wanted: Sequence[Parameter]) -> Array:
 
 
 def _left(r: Array, J: Array) -> Array:
-    """What a linear model with columns J (n, C, p) leaves of the misfit (n, C)."""
+    """Return what a linear model with columns J (n, C, p) leaves of the misfit (n, C)."""
     U, S, _ = np.linalg.svd(J.reshape(r.size, -1), full_matrices=False)
     U = U[:, S > 1e-9 * S.max(initial=0.0)]
     return np.asarray(r - (U @ (U.T @ r.ravel())).reshape(r.shape))

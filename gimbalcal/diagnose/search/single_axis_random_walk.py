@@ -56,7 +56,7 @@ def wandering(s: Search) -> tuple[Node, ...]:
 
 
 def _walks(s: Search) -> bool:
-    """Whether the noises of the grid in which all accelerometers walk are likelier than those in which none does."""
+    """Return whether noises in which all accelerometers walk are likelier than those in which none does."""
     walk = np.array([
         any(q.N > 0 for q in p.node.noise["specific_force"] if isinstance(q, RandomWalk)) for p in s.projections
     ])  # fmt: skip

@@ -136,7 +136,7 @@ def _element(axis: str, rows: Sequence[Estimate]) -> str:
 
 
 def _advice(j: Judgement) -> str:
-    """What the cards say would show the one and not the other."""
+    """Return what would show the one and not the other, by the cards of the effects."""
     if not j.confounded:
         return ""
 

@@ -41,7 +41,7 @@ class Part:
     slots: tuple[int, ...]
 
     def span(self, slot: int) -> slice:
-        """Where a member's parameters stand in the fit."""
+        """Return the slice of a member's parameters in the fit."""
         counts = [len(c.parameters) for c in self.search.library.candidates]
         j = self.slots.index(slot)
         return slice(sum(counts[:j]), sum(counts[: j + 1]))
@@ -68,7 +68,7 @@ def _slots(c: CombinedRanking, members: Sequence[int], recording: int) -> tuple[
 
 
 def _shared(c: CombinedRanking, member: int) -> bool:
-    """Whether a cause has constants that several recordings tell."""
+    """Return whether a cause has constants that several recordings determine."""
     found = c.library.candidates[member]
     return len(c.sees(member)) > 1 and bool(found.variants[0].constants) and CATALOGUE[found.effect].linear
 

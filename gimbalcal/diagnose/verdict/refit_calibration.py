@@ -146,7 +146,7 @@ def calibrated(
 
 
 def origin(recordings: Sequence[Recording], causes: Sequence[str]) -> dict[str, Any]:
-    """Where a calibration of a diagnosis comes from."""
+    """Return the provenance of a calibration of a diagnosis."""
     return {
         "recordings": [file for r in recordings for file in r.files],
         "version": gimbalcal.__version__,
@@ -168,14 +168,14 @@ class _Share:
 
     @property
     def wanted(self) -> tuple[Parameter, ...]:
-        """What is fitted: the constants of the model, and the causes."""
+        """The parameters that are fitted: constants of the model, and causes."""
         causes = [p for i in self.which for p in self.found.causes[i].parameters]
         causes += [p for i, p in self.found.continuous if i in self.which]
         return tuple(dict.fromkeys([*self.fit.parameters, *causes]))
 
     @property
     def own(self) -> tuple[Parameter, ...]:
-        """What of it is this recording's own and not carried."""
+        """The parameters that are this recording's own and not carried."""
         once = {self.found.causes[i].effect for i in self.which if self.found.causes[i].once}
         stood = {p for p in self.fit.parameters if CATALOGUE[p.effect].stage not in UNIT}
         return tuple(p for p in self.wanted if p.effect in once or p in stood)
@@ -194,7 +194,7 @@ class _Share:
         return effects
 
     def information(self, effects: Sequence[Effect]) -> Information:
-        """What the rows say of the wanted parameters, linearised at effects; without what is this recording's own."""
+        """Return the information of the rows on the wanted parameters, linearised at effects, its own eliminated."""
         rows = self.fit.view.evaluate(effects).over(self.fit.sigma)
         A = self.node.whiten(self.fit.reduced(rows.jacobian(self.wanted)))
         r = self.node.whiten(self.fit.reduced(rows.residual[:, :, None]))[:, 0]

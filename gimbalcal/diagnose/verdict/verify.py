@@ -85,7 +85,7 @@ def _whitened(s: Search, f: FittedCauses, physical: Array) -> tuple[Array, Array
 
 
 def _inside_dwell(s: Search, f: FittedCauses) -> bool:
-    """Whether what was found lives at one place or instant, which no other position can predict."""
+    """Return whether a finding is at one place or instant, which no other position can predict."""
     return any(s.library.candidates[m].once for m in f.members)
 
 

@@ -46,7 +46,7 @@ class Fitted(Protocol):
 
     @property
     def residual(self) -> Array:
-        """What is left (n, C), SI."""
+        """The residual (n, C), SI."""
 
 
 @dataclass(frozen=True)

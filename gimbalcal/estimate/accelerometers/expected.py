@@ -31,7 +31,7 @@ def planned(schedule: Schedule, samples: float = 1.0, site: Site | None = None) 
 
 
 def lost(p: Problem, noise: Noise, solution: Solution) -> str:
-    """In a sentence, what positions of a published schedule that the recording skips would have added."""
+    """Return in a sentence what skipped positions of a published schedule would have added."""
     schedule = next((s for s in SCHEDULES.values() if _follows(p, s)), None)
     missing = sorted(set(range(1, len(schedule.holds) + 1)) - {int(q) for q in p.positions}) if schedule else []
     if schedule is None or not missing:

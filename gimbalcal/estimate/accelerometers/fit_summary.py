@@ -60,7 +60,7 @@ def misfit_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
 
 
 def excess_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
-    """In a list, how far a residual is above its noise, and which larger noise explains it; empty for chance."""
+    """Return, as a list, how far a residual is above its noise and which larger noise explains it; empty for chance."""
     if acceptable(chi2, dof):
         return []
     excess = f"chi^2 = {chi2:.4g} for {dof} degrees of freedom, p = {probability(chi2, dof):.1g}"

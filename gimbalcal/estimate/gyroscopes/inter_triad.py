@@ -41,7 +41,7 @@ def euler(C: Array) -> Array:
 
 
 def from_turns(before: Array, after: Array, turns: Array, sigma: float) -> InterTriad:
-    """From unit force before and after (m, 3) in p and the turns R^q (m, 3, 3) between, from identity.
+    """Estimate the rotation from unit force before and after (m, 3) in p and the turns R^q (m, 3, 3) between.
 
     sigma [rad]: error of one pair per component. Raises InputError where the turns do not determine the rotation.
     """

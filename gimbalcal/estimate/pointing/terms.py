@@ -49,7 +49,7 @@ def _of_effect(platform: Platform, axes: Sequence[str], effect: str) -> list[Par
 
 
 def _about_outer_axis(platform: Platform, axes: Sequence[str]) -> str:
-    """Of north, east, down the one nearest to the outermost read axis: a turn about it is that axis' zero."""
+    """Return which of north, east, down is nearest to the outermost read axis: a turn about it is that axis' zero."""
     i = platform.axis_names.index(axes[-1])
     outside = Platform(platform.name, platform.axes[i + 1 :]).attitude(np.zeros(len(platform.axes) - i - 1))
     along = outside["xyz".index(platform.axes[i].direction)]

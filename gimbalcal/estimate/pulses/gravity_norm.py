@@ -104,7 +104,7 @@ def _residuals(p: Array, u: Array, sigma: float, free: Array) -> tuple[Array, Ar
 
 
 def _in_si(found: LeastSquaresMinimum, free: Array, K0: Array, gravity: float) -> PulseFit:
-    """From the dimensionless problem (force in g, counts in g of the rough scale) to SI per pulse."""
+    """Convert the dimensionless problem (force in g, counts in g of the rough scale) to SI per pulse."""
     one = np.ones_like(K0)
     unit = np.concatenate([K0, K0**2 / gravity, K0**3 / gravity**2, gravity * one, one], axis=-1)
     full = np.zeros((len(K0), 15, 15))

@@ -50,7 +50,7 @@ class Pulses:
 
     @classmethod
     def from_vector(cls, x: Array) -> Pulses:
-        """From x (..., 15) in the order K1, K2, K3, bias, E."""
+        """Return the triad of x (..., 15) in the order K1, K2, K3, bias, E."""
         return cls(*np.split(np.asarray(x), 5, axis=-1))
 
     def vector(self) -> Array:
@@ -87,7 +87,7 @@ class Pulses:
 
 
 def truncated(pulses: Pulses, order: int) -> Pulses:
-    """The same triad with scale terms above `order` (1, 2 or 3) set to zero."""
+    """Return the triad with scale terms above `order` (1, 2 or 3) set to zero."""
     return replace(
         pulses,
         K2=pulses.K2 if order >= 2 else 0 * pulses.K2,
