@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.history.test_parameter_history import of
+from tests.mutation.chosen import ROOMS, chosen
 from tests.mutation.rewrite import mistaken
 
 COURSE = "gimbalcal.history.parameter_history"
@@ -30,3 +31,10 @@ def test_a_mistake_is_made_and_taken_back() -> None:
 def test_a_mistake_that_has_no_place_is_named(module: str, function: str, before: str, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         mistaken(module, function, before, "x")
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_listed_mistake_can_still_be_made(room: str) -> None:
+    outdated: list[str] = []
+    assert list(chosen(room, outdated))
+    assert outdated == []

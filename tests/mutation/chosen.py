@@ -25,7 +25,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "history/test_compare.py": (
         ("history.compare", "compare", "at, time[at], x", "at, time[: len(at)], x"),
         ("history.compare", "_step", "b.values[j] - a.values[i]", "b.values[j] + a.values[i]"),
-        ("history.compare", "_moved", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
+        ("history.compare", "_change", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
     ),
     "history/test_unit_store.py": (
         ("history.dated_calibration", "day_of", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
@@ -138,11 +138,11 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("guess.celestial", "_days", "- 0.5 + x / 86400", "+ x / 86400"),
     ),
     "navigate/test_static_run.py": (
-        ("navigate.static_run", "_errors", "course.latitude - site.latitude", "site.latitude - course.latitude"),
+        ("navigate.static_run", "_errors", "output.latitude - site.latitude", "site.latitude - output.latitude"),
         ("navigate.static_run", "_errors", "- site.phase - EARTH_RATE *", "- site.phase + EARTH_RATE *"),
         ("navigate.static_run", "_errors", "= -navigator_attitude_error", "= navigator_attitude_error"),
         ("navigate.static_run", "horizontal", "M, N = radii", "N, M = radii"),
-        ("navigate.static_run", "_given", "1 + shortening", "1 - shortening"),
+        ("navigate.static_run", "_navigator_input", "1 + shortening", "1 - shortening"),
         ("navigate.uncertainty", "_sampled", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
         ("navigate.summary", "_position", "run.position / NAUTICAL_MILE", "run.position"),
         ("navigate.summary", "_position", "np.mean(error**2)", "np.mean(error)"),
@@ -174,8 +174,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.verdict.agreement", "_differences", "np.hypot(after.sigma[j], before.sigma[i])",
          "after.sigma[j]"),
         ("diagnose.verdict.agreement", "agreement_on_constants", "2 * min(p, rarest", "min(p, rarest"),
-        ("diagnose.verdict.agreement", "ConstantsAgreement.in_words", "recording {self.odd + 1}",
-         "recording {self.odd}"),
+        ("words.diagnosis_sentences", "constants_disagreement", "recording {odd + 1}", "recording {odd}"),
     ),
     "diagnose/search/test_combine.py::test_order_does_not_matter_and_singles_add_up": (
         ("diagnose.search.combine", "combine", "np.where(rival, np.log(UNKNOWN), np.log(SINGLE))",
@@ -190,7 +189,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "1 + np.exp(-self.ln_odds)"),
         ("diagnose.verdict.random_walk", "decide_with_walk", "None or walk.ln_odds > CLAIM",
          "None or walk.ln_odds > -CLAIM"),
-        ("diagnose.verdict.random_walk", "decide_with_walk", "total - held.ln_total, total",
+        ("diagnose.verdict.random_walk", "single_walk", "total - held.ln_total, total",
          "held.ln_total - total, total"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "from_si(np.exp(mean)", "from_si(mean"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "spread * walk, ln_odds", "spread, ln_odds"),
@@ -218,7 +217,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "diagnose/search/test_relinearise.py::test_about_the_angles_of_each_visit_nothing_is_curved": (
         ("diagnose.search.relinearise", "_settings", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),
-        ("diagnose.search.relinearise", "_at", "there.value + added", "there.value - added"),
+        ("views.known_attitude", "view_of_readings", "there.value + moved", "there.value - moved"),
     ),
     "diagnose/search/test_stepwise.py::test_the_first_step_takes_away_most": (
         ("diagnose.search.stepwise", "ordered", "np.argmin([m.rms", "np.argmax([m.rms"),
