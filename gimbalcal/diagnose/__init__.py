@@ -1,21 +1,20 @@
 """Say where a model and a recording differ, which physics was left out, and how sure that is.
 
-`entry.diagnose` looks at the recordings and sends them down one of four roads; all return an `answer.Diagnosis`.
+`entry.diagnose` checks the recordings, and `of_recording` says which views one has and diagnoses them in order:
 
-    known_noise     attitude and noise are known: 18 positions, a static run
-    several         several such recordings of one unit
-    both_triads     the same with gyroscopes: accelerometers first, then the gyroscopes
-    unknown_noise   nobody states the noise: telescopes, units turned by hand, tilting tables
+    known_noise      the noise is known: forces at known attitude, 18 positions or a static run
+    view_diagnosis   the scale of the noise is not known: stars, units turned by hand, gyroscopes, tilting tables
+    joint_diagnosis  joins the diagnoses of the views of a recording
+    several          several recordings of one unit whose noise is known
 
-A road walks down five rooms, each of which reads only those below it:
+They share six packages, each of which reads only those below it:
 
-    rows        what is explained: residuals of a recording about its baseline, and their derivatives
-    library     with what: every cause of the catalogue as columns, and the shapes that are no cause
-    evidence    how strongly: closed forms, the noise or its scale and memory integrated over; `odds`: priors and bars
-    search      which combination: singles, pairs, thirds; constants refined; refit and search again
-    verdict     what is claimed: decision, what stands together, held-out check, where it is off, what would tell more
-
-`gimbalcal.words.diagnosis_sentences` has the sentences that the roads share.
+    laws        a formula for what no cause explains
+    verdict     what is claimed: decision, alternatives, held-out check, where it is off, separating experiment
+    search      which combination of causes: singles, pairs, thirds; constants refined; refit and search again
+    evidence    how strongly: closed forms, integrated over the noise or its scale and memory
+    library     every cause of the catalogue as columns, and shapes that are no cause
+    rows        views that need an estimate first: rates at rest and turns of a unit with accelerometers
 """
 
 import sys
@@ -29,7 +28,7 @@ __all__ = ["Diagnosis", "diagnose"]
 
 
 class _Callable(ModuleType):
-    """`gimbalcal.diagnose(recordings)`, beside `gimbalcal.calibrate(recordings)`, although a package has the name."""
+    """`gimbalcal.diagnose(recordings)`, as `gimbalcal.calibrate(recordings)`, although a package has the name."""
 
     def __call__(self, *args: Any, **options: Any) -> Diagnosis:
         """Return what `gimbalcal.api.diagnose` does."""

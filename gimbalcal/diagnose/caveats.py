@@ -40,9 +40,7 @@ def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Se
     if not said:
         return d
     outcome = joined(said)
-    words = (
-        "No cause of the catalogue is called for, but the model explains these data only in a larger noise than stated"
-    )
+    words = "No catalogued cause is significant, but the residuals exceed the stated noise"
     return replace(d, outcome=outcome, in_words=f"{words}. {outcome}.")
 
 

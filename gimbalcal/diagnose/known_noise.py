@@ -53,7 +53,7 @@ from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline
 from gimbalcal.words.naming import spaced
 
-DRAGGED = 100.0  # reduced chi^2 of the model from which its constants are not to be linearised at
+MAX_CHI2_TO_LINEARISE = 100.0  # reduced chi^2 above which rows are linearised about nominal constants
 
 
 def diagnose_known_noise(
@@ -67,7 +67,7 @@ def diagnose_known_noise(
     clean = clean_evidence(s, rng)
     held = without_single_walks(s)
     d, walk = decide_with_walk(s, held, bar(clean))
-    if walk is not None and d.verdict == "adequate":  # unless a formula is as likely: a walk has none
+    if walk is not None and d.verdict == "adequate":  # unless a deterministic law is as probable as the random walk
         none, law, odds = beyond_walk([held], held, walk, seed, tell)
         made = _report(held, none, clean, rng, seed, tell, calibration, law)
         return made if odds > CLAIM else made.with_walk(walk, only=odds < -CLAIM)
@@ -87,13 +87,13 @@ def searched(recording: Recording, calibration: Calibration | None, baseline: tu
     tell(f"fitting the model: {', '.join(spaced(i) for i in baseline)} (another: --baseline)")
     start = carried(calibration, baseline)
     o = settle(fit_baseline(recording, baseline, start))
-    dragged = o.view.kind.stabilised and _misfit(o) > DRAGGED
-    if dragged:
+    nominal = o.view.kind.stabilised and _misfit(o) > MAX_CHI2_TO_LINEARISE
+    if nominal:
         o = settle(fit_baseline(recording, baseline, start, steps=0))
     o = about_settings(o)
     tell("comparing every cause of the catalogue, alone and in pairs")
     s = search(o, library(o), noises(o))
-    if dragged:
+    if nominal:
         tell("again, about the constants that belong to what was found")
         o = about_causes(s)
         s = search(o, library(o), noises(o))

@@ -24,9 +24,7 @@ from gimbalcal.diagnose.rows.baseline import by_triad, carried
 from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.search.relinearise import about_first_cause
-from gimbalcal.diagnose.search.stepwise import stepwise
-from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, diagnose_view, diagnosis_of
+from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, diagnose_view
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect
 from gimbalcal.effects.baseline_effects import BASELINE
@@ -75,16 +73,15 @@ def diagnose_recording(
     recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
 ) -> Diagnosis:
     """Diagnose every view of a recording, and return one diagnosis. Raises InputError where nothing is to compare."""
-    if not has_unstated_noise(recording):
-        gimballed = has_gyroscopes(recording) or recording.kind.in_positions
-        if not gimballed:
-            return joint_diagnosis(recording, [diagnose_known_noise(recording, calibration, baseline, seed, tell)],
-                                   [], baseline, seed)  # fmt: skip
+    notes: list[str] = []
+    if recording.kind.stabilised:
+        parts = [diagnose_known_noise(recording, calibration, baseline, seed, tell)]
+    elif not has_unstated_noise(recording):
         means = recording.kind.rotating and not recording.instant
         recording = _with_rests(recording)
         parts, notes = of_gimballed_unit(recording, calibration, baseline, seed, tell, means)
     elif recording.kind.sighting or recording.kind.rotating:
-        parts, notes = without_norm_outliers(recording, calibration, baseline, tell)
+        parts, notes = of_single_view(recording, calibration, baseline, tell)
     else:
         parts, notes = of_triads(recording, calibration, baseline, tell)
     if not parts:
@@ -95,17 +92,15 @@ def diagnose_recording(
     return joint_diagnosis(recording, parts, notes, baseline, seed)
 
 
-def without_norm_outliers(
-    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell
-) -> Parts:
-    """Diagnose the one view of a recording without outlying stars, and note each star that was omitted.
+def of_single_view(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> Parts:
+    """Diagnose a recording of one view; of stars without those that are outliers, with a note on each.
 
     One star that is nine sigma off makes half of the scatter of eighty, and hides what is as large as that scatter.
     """
     notes: list[str] = []
     while True:
         v = single_view(recording, calibration, baseline, tell)
-        d = diagnosis_of(about_first_cause(stepwise(v, tell), tell), tell)
+        d = diagnose_view(v, tell)
         n = len(v)
         sought = recording.kind.sighting and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS
         off = strays(d.curves.after) if sought else []
@@ -159,7 +154,7 @@ def of_triads(recording: Recording, calibration: Calibration | None, baseline: S
     moving = view_of_turns(recording, made, found_at_rest(still))
     if moving is None or made is None:
         return told, [diagnosis_sentences.motion_not_analysed("too few turns were logged to say how the unit turned")]
-    told.append(diagnosis_of(stepwise(moving, tell), tell))
+    told.append(diagnose_view(moving, tell))
     turns = told[-1].model
     late, notes = of_slews(recording, made, turns.effects if turns else (), tell)
     return [*told, *late], notes
@@ -171,7 +166,7 @@ def of_slews(recording: Recording, made: Calibration, gyro: Sequence[Effect], te
     if isinstance(v, str):
         return [], [diagnosis_sentences.motion_not_analysed(v)]
     tell("the slews: do all channels agree in time")
-    return [diagnosis_of(stepwise(v, tell), tell)], []
+    return [diagnose_view(v, tell)], []
 
 
 def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:

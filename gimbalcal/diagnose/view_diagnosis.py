@@ -20,6 +20,7 @@ from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import Finding, FitSummary, LawResult, Mismatch, Shape
 from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
 from gimbalcal.diagnose.search.refit import with_constants
+from gimbalcal.diagnose.search.relinearise import about_first_cause
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
 from gimbalcal.diagnose.search.stepwise import SearchResult, refined, result_of, stepwise
 from gimbalcal.diagnose.verdict.decide import capped
@@ -75,8 +76,8 @@ class ViewDiagnosis:
 
 
 def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
-    """Return the diagnosis of a view, in which one sensor may walk alone."""
-    c = stepwise(v, tell)
+    """Return the diagnosis of a view whose noise has no stated scale, in which one sensor may walk alone."""
+    c = about_first_cause(stepwise(v, tell), tell)
     steady = diagnosis_of(c, tell)
     if c.start.exact:
         return steady

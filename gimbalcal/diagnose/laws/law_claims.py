@@ -42,17 +42,17 @@ from gimbalcal.words.naming import spaced
 MOST = 3  # laws of one view
 MANY = 4  # laws that fit as well and are others: with more of them none is named
 SOUGHT = "nothing known explains it: looking for a formula in what was recorded"
-INSTEAD = "what was named leaves a rest: looking for a formula that leaves none"
+INSTEAD = "what was named leaves a residual: looking for a formula that leaves none"
 AGAIN = "record the positions again that were not held where the readouts say: a law is sought when they are"
 APART = (
-    "diagnose each recording alone, and look for what was changed between them: no formula in what was recorded stands "
-    "for constants that differ"
+    "diagnose each recording alone, and look for what was changed between them: a formula cannot describe constants "
+    "that differ between recordings"
 )
 NOWHERE = (
     "make the same turns again, slower and faster, with whole minutes of rest between them: of what shows only while "
     "the unit turns no formula is sought"
 )
-LEAVES = "log what else varies: the formula that fits best, {law}, leaves a rest"
+LEAVES = "log what else varies: the formula that fits best, {law}, leaves a significant residual"
 NONE = (
     "log what may be behind it ({lacking}), or take {more} that spread angles, time and temperature independently of "
     "each other: no small formula in what was recorded explains it"

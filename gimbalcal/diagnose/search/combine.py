@@ -1,4 +1,4 @@
-r"""Several recordings of one unit, judged together: the cheapest power there is.
+r"""Combine the evidence of several recordings of one unit.
 
 .. math:: \ln BF(h) = \sum_k \ln BF_k(h)
 
@@ -9,7 +9,7 @@ factor of one.
 
 What happens once (a wrong position, a step) belongs to one recording and says nothing is missing in the others. A shape
 without a cause may belong to one, or to all that show it: what no catalogue holds comes back with the unit too, and
-would otherwise lose to a poor likeness that adds up.
+would otherwise lose to a wrong cause whose evidence accumulates.
 """
 
 from __future__ import annotations

@@ -83,8 +83,8 @@ def capped(probability: float) -> float:
 def strained(s: Search, members: Sequence[int]) -> float:
     """Return the ln likelihood that another noise than the stated one gains once these causes are in the model.
 
-    A law much like the truth leaves a rest, and a larger noise takes it up; what was stated does not. The noise may
-    well be larger, so the cause stays named, but it is not sure.
+    A nearly correct model leaves a residual, which a larger noise variance absorbs; the stated one does not. The noise
+    may well be larger, so the cause stays named, but it is not sure.
     """
     likelihood = []
     for p, ln in zip(s.projections, s.null, strict=True):

@@ -77,7 +77,7 @@ def judgement(s: Ranking, member: int, others: Sequence[int], scores: Array, wit
 def _share(s: Ranking, p: Array, alike: Sequence[int], with_rest: bool = False) -> float:
     """Return the probability of all hypotheses that contain one of these causes: without a shape, or with one.
 
-    A law that leaves a rest may be another law much like it, so with a rest no cause is sure.
+    A law that leaves a residual may be another law much like it, so with a residual no cause is sure.
     """
     candidates = s.library.candidates
     named = {candidates[i].effect for i in alike}

@@ -60,7 +60,7 @@ class Seen:
 def calibrated_views(
     recording: Recording, seen: Sequence[Seen], causes: Sequence[str], outcome: str, forces: Calibration | None = None
 ) -> Calibration:
-    """The calibration of all views together; `forces`: what another road says of the accelerometers."""
+    """The calibration of all views together; `forces`: the calibration of the accelerometers at known attitude."""
     blocks = [_block(s, recording.platform.axis_names) for s in seen]
     if forces is not None:
         blocks.insert(0, (forces.effects, forces.parameters, forces.covariance))

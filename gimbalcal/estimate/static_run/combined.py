@@ -1,4 +1,4 @@
-r"""The fifteen combined coefficients of a static run, by two roads, and what they say about the parameters.
+r"""The fifteen combined coefficients of a static run, by two methods, and what they say about the parameters.
 
 Five of the specific-force error (Eqs. (21)-(25)) and five each of roll and pitch error (Eqs. (34)-(38), (29)-(33)) of
 Wu et al. (2018). The first road is the paper's: filter and Fourier fit of each channel by itself. The second puts the
@@ -127,7 +127,7 @@ def combined(
     """Coefficients of a run's departures from `effects`, and what the joint fit (`fitted`, `solution`) makes of them.
 
     J (n, c, p): the Jacobian that the solution was found with. The joint fit's value is the difference of two exact
-    predictions through the same operators, so the two roads differ by noise and by nothing else, with variance
+    predictions through the same operators, so the two methods differ by noise and by nothing else, with variance
     covariance - fit_covariance.
     """
     d = run.residual(effects)

@@ -4,7 +4,7 @@ Specific force, gimbal readouts and attitude error of a run are fitted together 
 nine combinations of the twelve linear residual parameters of Wu et al. (2018), section 5, and no evaluation of the
 same channels can see more: the bias of x and its lean towards the pole, for one, pull the constant part of f_x alike.
 Those combinations come back by name. The paper's own road, squared norm and Fourier coefficients, is in
-`force_filter`, `harmonics` and `combined`; both roads must agree.
+`force_filter`, `harmonics` and `combined`; both methods must agree.
 """
 
 from __future__ import annotations
