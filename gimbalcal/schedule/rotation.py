@@ -102,3 +102,17 @@ def standing(start: tuple[str, str, str]) -> Array:
 def direction(v: Array) -> str:
     """Return which of `DIRECTIONS` a vector (3,) points along; empty where it is along none."""
     return next((name for name, d in DIRECTIONS.items() if np.allclose(v, d, atol=1e-9)), "")
+
+
+def contradictions(schedule: RotationSchedule) -> tuple[str, ...]:
+    """Return the differences between what the source prints and what the moves do, one sentence for each row."""
+    out, C = [], schedule.attitudes()
+    for i, move in enumerate(schedule.moves):
+        there = direction(C[i] @ schedule.axis(i, C[i]))
+        if move.along and there != move.along:
+            out.append(f"row {i + 1}: {move.axis} points {there or 'between'} by the rows above, printed {move.along}")
+    for i, printed in enumerate(schedule.stated, start=1):
+        attitude = tuple(direction(column) for column in C[i].T)
+        if attitude != printed:
+            out.append(f"row {i}: the move leads to {', '.join(attitude)}, printed {', '.join(printed)}")
+    return tuple(out)

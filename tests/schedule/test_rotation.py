@@ -9,22 +9,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.rotation import exponential
 from gimbalcal.schedule import ROTATIONS, Move, RotationSchedule
 from gimbalcal.schedule.file import is_rotation, read_rotation, read_schedule, rotation_toml
-from gimbalcal.schedule.rotation import direction
+from gimbalcal.schedule.rotation import contradictions
 from gimbalcal.schedule.trajectory import trajectory
-
-
-def contradictions(schedule: RotationSchedule) -> tuple[str, ...]:
-    """Return the differences between what the source prints and what the moves do, one sentence for each row."""
-    out, C = [], schedule.attitudes()
-    for i, move in enumerate(schedule.moves):
-        there = direction(C[i] @ schedule.axis(i, C[i]))
-        if move.along and there != move.along:
-            out.append(f"row {i + 1}: {move.axis} points {there or 'between'} by the rows above, printed {move.along}")
-    for i, printed in enumerate(schedule.stated, start=1):
-        attitude = tuple(direction(column) for column in C[i].T)
-        if attitude != printed:
-            out.append(f"row {i}: the move leads to {', '.join(attitude)}, printed {', '.join(printed)}")
-    return tuple(out)
 
 
 @pytest.mark.parametrize("name", ROTATIONS)

@@ -31,7 +31,6 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, v
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.number import Array
-from gimbalcal.readings import readings
 from gimbalcal.recording import Recording, when_recorded
 from gimbalcal.views.core import Fit, absent_effect
 
@@ -265,7 +264,7 @@ def _rms(here: Sequence[_Share], effects: Sequence[Effect]) -> dict[str, float]:
     out: dict[str, float] = {}
     for s in here:
         mine = {p.effect for p in s.wanted} | {e.id for e in s.fit.effects}
-        left = readings(s.fit.view.source).residual([e for e in effects if e.id in mine])
+        left = s.fit.view.evaluate([e for e in effects if e.id in mine]).residual
         for (quantity, axis), column in zip(s.fit.view.channels, left.T, strict=True):
             out.setdefault(f"{quantity}:{axis}", float(np.sqrt(np.mean(column**2))))
     return out

@@ -21,7 +21,9 @@ def test_each_term_that_a_refusal_offers_is_one_that_the_recording_can_show() ->
     assert not {"bias_temperature", "bias_covariate", "pressure", "magnetic_field"} & set(offered)
     for term in offered[::4]:
         multiposition(recording, (term,))
-    for term, missing in (("bias_temperature", "temperature"), ("vibration_rectification", "covariate:vibration"),
-                          ("magnetic_field", "attitude"), ("pressure", "covariate:pressure")):  # fmt: skip
+    for term, missing in (
+        ("bias_temperature", "temperature"), ("vibration_rectification", "covariate:vibration"),
+        ("magnetic_field", "gimbals, which say where north is"), ("pressure", "covariate:pressure"),
+    ):  # fmt: skip
         with pytest.raises(InputError, match=f"--terms names {term}, which needs {missing}"):
             multiposition(recording, (term,))
