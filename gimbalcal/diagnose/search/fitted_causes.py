@@ -114,10 +114,16 @@ def joint_covariance(s: Search, f: FittedCauses) -> JointCovariance:
     if k:
         G = project(f.projection.node, rows_like(s.rows, np.concatenate(columns, axis=1))).G.whole
         G[range(p, p + k), range(p, p + k)] += 1.0
-        joint, held = (np.linalg.pinv(A, rcond=1e-10, hermitian=True) for A in (G, G[:p, :p]))
+        joint, held = (inverse_of_information(A) for A in (G, G[:p, :p]))
         C += joint
         C[:p, :p] -= held
     return JointCovariance(tuple(of), C * np.outer(scale, scale))
+
+
+def inverse_of_information(G: Array) -> Array:
+    """Return the inverse of an information matrix, scaled so that a weak combination keeps its large variance."""
+    scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    return np.asarray(np.linalg.pinv(G / np.outer(scale, scale), rcond=1e-13, hermitian=True) / np.outer(scale, scale))
 
 
 def fitted_effects(s: Search, f: FittedCauses) -> list[tuple[Effect, Candidate]]:

@@ -20,7 +20,8 @@ from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, absent_effect
 from gimbalcal.views.known_attitude import restimulated
 
-ROUNDS = 3  # refinements of a constant, each narrowing its range fourfold
+ROUNDS = 6  # refinements of a constant, each narrowing its range fourfold
+FLAT = 1.0  # nats between the best and the worst value of a refinement: these are closer than half a sigma then
 FINE = 7  # values of a constant in one refinement
 CLOSE = 25.0  # nats behind the best within which a cause is worth refining
 SECANTS = 8  # steps of size and calibration together; they settle in three or four
@@ -67,18 +68,21 @@ def _narrowed(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tu
     made: list[tuple[Variant, Array]] = []
     best, share = float(max(score)), start.weight
     for _ in range(ROUNDS):
-        before = best
+        flat = True
         for f in fields:
+            tried = []
             for value in np.clip(between(f, *ranges[f.name], FINE + 2)[1:-1], *limits(f, o.view.stimulus)):
                 there = {**here, f.name: float(value)}
                 X = columns_at(o, c, tuple(there.items()))
                 ln = float(any_size(extended(p, rows, X), np.arange(X.shape[1])))
                 made.append((Variant(tuple(there.items()), (), share / FINE), X))
+                tried.append(ln)
                 if ln > best:
                     best, here = ln, there
             ranges[f.name] = _shrunk(ranges[f.name], here[f.name])
+            flat = flat and float(np.ptp(tried or [0.0])) < FLAT
         share /= 3
-        if best - before < 0.3:
+        if flat:
             break
     return made
 

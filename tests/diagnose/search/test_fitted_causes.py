@@ -8,7 +8,13 @@ from scipy.stats import multivariate_normal
 
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.library.assemble import columns_at
-from gimbalcal.diagnose.search.fitted_causes import calibration_fit, constant_value, fit_causes, joint_covariance
+from gimbalcal.diagnose.search.fitted_causes import (
+    calibration_fit,
+    constant_value,
+    fit_causes,
+    inverse_of_information,
+    joint_covariance,
+)
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.effect import constants
@@ -159,3 +165,11 @@ def test_sizes_and_lag_have_one_covariance() -> None:
     assert joint.sigma_of(0) == {"tau": pytest.approx(np.sqrt(reference[1, 1]), rel=1e-3)}
     assert joint.covariance[0, 0] > 1.02 * f.covariance[0, 0] * scale[0] ** 2
     assert p.label.endswith("tau")
+
+
+def test_a_combination_that_nothing_determines_keeps_its_variance() -> None:
+    """Of a decay that is shorter than the means only size times time constant shows: a cut-off made it sure."""
+    G = np.array([[0.776, 1038.8], [1038.8, 1.0388**2 * 1e6 / 0.776 * (1 + 1e-6)]])
+    joint, held = inverse_of_information(G), inverse_of_information(G[:1, :1])
+    np.testing.assert_allclose(joint @ G, np.eye(2), atol=1e-3)
+    assert joint[0, 0] > 1e5 * held[0, 0]
