@@ -67,7 +67,7 @@ STATIC_NOT_CHECKED = "the gyroscopes of a static run are not looked at"
 
 
 @dataclass(frozen=True, eq=False)
-class Turns:
+class MeasuredTurns:
     """Readings (n, 3) of each turn less their level at rest, steps (n,) [s], and the reference before and after.
 
     The reference is a direction (3,) or, from gimbals, an attitude (3, 3) whose columns turn alike.
@@ -105,7 +105,7 @@ class Turns:
         return agree(self, P @ self._of_factor[factor] @ P.T)
 
 
-def turns_of(recording: Recording) -> Turns | None:
+def turns_of(recording: Recording) -> MeasuredTurns | None:
     """Return the turns that move the reference most, gravity's direction or else the gimbals; None for too few."""
     visits = dwells(recording)
     y = recording.triad(RATE)
@@ -127,7 +127,7 @@ def turns_of(recording: Recording) -> Turns | None:
         averaged = [_means(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
                     for k, s in zip(order, spans, strict=True)]  # fmt: skip
         after = [k + 1 for k in order]
-        return Turns([r for r, _ in averaged], [t for _, t in averaged], at_rest[order], at_rest[after])
+        return MeasuredTurns([r for r, _ in averaged], [t for _, t in averaged], at_rest[order], at_rest[after])
     return None
 
 
@@ -169,7 +169,7 @@ def _means(time: Array, y: Array) -> tuple[Array, Array]:
     return mean, dt
 
 
-def rotations(turns: Turns, factor: Array) -> Array:
+def rotations(turns: MeasuredTurns, factor: Array) -> Array:
     """Return C (m, 3, 3) of every turn for readings times `factor` (3,)."""
     out = np.empty((len(turns.reading), 3, 3))
     for i, (w, dt) in enumerate(zip(turns.reading, turns.step, strict=True)):
@@ -181,7 +181,7 @@ def rotations(turns: Turns, factor: Array) -> Array:
     return out
 
 
-def agree(turns: Turns, C: Array) -> int:
+def agree(turns: MeasuredTurns, C: Array) -> int:
     """Return the number of turns that end where the reference does."""
     return int(np.count_nonzero(turns.deviation(C) < MAX_DEVIATION_RAD))
 
@@ -225,7 +225,7 @@ def turns_between_rests(e: Examined) -> str:
     return ""
 
 
-def _any_factor(recording: Recording, turns: Turns, stated: int) -> str:
+def _any_factor(recording: Recording, turns: MeasuredTurns, stated: int) -> str:
     """Name any other factor of all rates: a unit that is in no list."""
     n, agreeing = len(turns.reading), np.zeros(len(FACTORS), dtype=int)
     for i in np.flatnonzero(np.abs(np.log(FACTORS)) > np.log(MAX_SCALE_ERROR)):
@@ -334,7 +334,7 @@ def _size(correction: Correction) -> float:
     return correction.clock * float(correction.matrices[RATE][1][0, 0] if RATE in correction.matrices else 1.0)
 
 
-def _scales(recording: Recording, turns: Turns) -> list[Correction]:
+def _scales(recording: Recording, turns: MeasuredTurns) -> list[Correction]:
     """Return the rates as stated; of counts, guesses of the rad/s of a count."""
     if not recording.counted(RATE):
         return [AS_STATED]

@@ -44,12 +44,12 @@ def remember(store: Path | None, unit: str, kind: str, content: Mapping[str, Any
     """Keep a result in the store, if one is named; that of one sensor of several under the sensor's name."""
     if store is None:
         return
-    from gimbalcal.history import Entry, date_in, keep
+    from gimbalcal.history import StoredResult, date_in, keep
 
     origin = content.get("provenance", {})
     sensor = origin.get("options", {}).get("sensor", "")
     date = date_in(origin) or datetime.now(UTC).isoformat(timespec="seconds")
-    keep(store, Entry(" ".join(filter(None, [unit, sensor])), date, kind, content))
+    keep(store, StoredResult(" ".join(filter(None, [unit, sensor])), date, kind, content))
 
 
 @click.command(

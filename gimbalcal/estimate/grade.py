@@ -20,7 +20,7 @@ from gimbalcal.effects.sensor_grades import DEG_ROOT_H, GRADES, UG, Grade, grade
 from gimbalcal.errors import InputError
 from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
-from gimbalcal.recording.noise import resolution
+from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.views.norm import scaled_by_gravity
 
 AVERAGING_S = 1.0  # s of a mean; data sheets print the noise at this time

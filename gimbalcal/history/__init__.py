@@ -2,6 +2,16 @@
 
 from gimbalcal.history.compare import Comparison, compare
 from gimbalcal.history.dated_calibration import DatedCalibration, date_in, dated_file, of_store
-from gimbalcal.history.unit_store import Entry, keep, kept
+from gimbalcal.history.unit_store import StoredResult, keep, kept
 
-__all__ = ["Comparison", "DatedCalibration", "Entry", "compare", "date_in", "dated_file", "keep", "kept", "of_store"]
+__all__ = [
+    "Comparison",
+    "DatedCalibration",
+    "StoredResult",
+    "compare",
+    "date_in",
+    "dated_file",
+    "keep",
+    "kept",
+    "of_store",
+]

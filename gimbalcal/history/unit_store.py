@@ -47,7 +47,7 @@ create index parameters_of on parameters (name, axis, entry);
 
 
 @dataclass(frozen=True)
-class Entry:
+class StoredResult:
     """One calibration or diagnosis: unit, date, and the content of its JSON."""
 
     unit: str
@@ -56,7 +56,7 @@ class Entry:
     content: Mapping[str, Any]
 
 
-def keep(path: Path, entry: Entry) -> bool:
+def keep(path: Path, entry: StoredResult) -> bool:
     """Add an entry to the store, which is created if needed; return False if the same one exists already.
 
     The same recordings calibrated again by the same version, to the same numbers, are one entry.
@@ -81,7 +81,7 @@ def keep(path: Path, entry: Entry) -> bool:
     return bool(cursor.rowcount)
 
 
-def kept(path: Path, unit: str = "", kind: str = "") -> tuple[Entry, ...]:
+def kept(path: Path, unit: str = "", kind: str = "") -> tuple[StoredResult, ...]:
     """Return entries in order of their dates, of one unit or one kind if these are named.
 
     Raises InputError for no store, and for an entry that is not what was kept.
@@ -101,7 +101,7 @@ def kept(path: Path, unit: str = "", kind: str = "") -> tuple[Entry, ...]:
                 "damaged; take the file from a copy, or compare the calibration.json files themselves"
             )
         unit_, date, kind_ = named
-        entries.append(Entry(unit_, date, kind_, content))
+        entries.append(StoredResult(unit_, date, kind_, content))
     return tuple(e for e in entries if unit in ("", e.unit) and kind in ("", e.kind))
 
 

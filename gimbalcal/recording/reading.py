@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.columns import check_columns
+from gimbalcal.checks.column_checks import check_columns
 from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.checks.jitter import MAX_ROUGHNESS, jitter_of, regular
-from gimbalcal.checks.stream import StreamChecks
+from gimbalcal.checks.stream_checks import StreamChecks
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, UNITLESS, Column
@@ -25,9 +25,9 @@ from gimbalcal.recording.increments import Increments
 from gimbalcal.recording.memory_limit import rows_in
 from gimbalcal.recording.record import ANGLES, Recording, Source
 from gimbalcal.recording.row_sigma import by_sigma
-from gimbalcal.recording.rows import AllRows, Blocks, Rests
 from gimbalcal.recording.samples import Batch, batches, column
 from gimbalcal.recording.scatter import Scatter
+from gimbalcal.recording.streamed_rows import AllRows, Blocks, Rests
 from gimbalcal.units import celsius, from_si, is_raw, to_si
 
 _DETECTED = Column(" position", "position", "", "1")  # a name that no header can hold

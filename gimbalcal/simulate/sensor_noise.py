@@ -22,7 +22,10 @@ from gimbalcal.simulate.scenario import Scenario
 
 
 def noises(scenario: Scenario) -> Mapping[str, Noise]:
-    """Return the processes by quantity, SI; a header states white noise and setting (`recording.noise.stated`)."""
+    """Return the processes by quantity, SI; a header states white noise and setting.
+
+    See `recording.noise_levels.stated`.
+    """
     n, rate = scenario.noise, scenario.schedule.rate
     force = float(np.hypot(n.accelerometer, n.accelerometer_density * np.sqrt(rate)))
     spin = float(np.hypot(n.gyroscope, n.gyroscope_density * np.sqrt(rate)))

@@ -22,11 +22,9 @@ from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Key
 from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.trajectory import Path as Course
-from gimbalcal.simulate.environment import sample_path
-from gimbalcal.simulate.scenario import Scenario, check_content, load
+from gimbalcal.simulate.scenario import QuantityHistory, Scenario, check_content, load
 from gimbalcal.simulate.sensor_noise import coloured, noises, of_rates, stated
-from gimbalcal.simulate.times import row_times, turned_times
-from gimbalcal.simulate.timetable import Timetable, planned, platform_of, sidereal, timetable
+from gimbalcal.simulate.timetable import Timetable, planned, platform_of, row_times, sidereal, timetable, turned_times
 from gimbalcal.simulate.truth import check_shown, true_effects
 from gimbalcal.simulate.turned import flown, nodes, shaken, stimulus
 
@@ -34,6 +32,7 @@ BLOCK_ROWS = (
     1 << 17
 )  # rows made at once: some 100 MB of work space; fixed, so that a seed means the same rows everywhere
 HISTORY_STEP_S = 60.0  # s between the earlier rows that effects with a memory are given; the lag and integral are exact
+KNOT_STEP_S = 60.0  # s between the knots of a random temperature
 ATTITUDE = ("roll", "pitch", "yaw")
 PLACE = ("latitude", "longitude", "height")
 
@@ -268,3 +267,18 @@ def _units(channels: Mapping[Key, Array]) -> dict[Key, str]:
         "height": "m",
     }
     return {key: unit[key[0]] for key in channels if key[0] in unit}
+
+
+def sample_path(weather: QuantityHistory, last: float, rng: np.random.Generator) -> Callable[[Array], Array]:
+    """Return a quantity of the environment as a function of time [s]."""
+    knots = np.arange(0.0, last + 2 * KNOT_STEP_S, KNOT_STEP_S)
+    if weather.shape == "random-walk":
+        steps = weather.walk * np.sqrt(KNOT_STEP_S / 3600) * rng.standard_normal(len(knots))
+        path = np.cumsum(steps) - steps[0] + weather.mean
+        return lambda time: np.interp(time, knots, path)
+    if weather.shape == "table":
+        return lambda time: np.interp(time, 3600 * np.array(weather.time_h), weather.value)
+    if weather.shape == "sinusoid":
+        omega = 2 * np.pi / weather.period
+        return lambda time: weather.mean + weather.amplitude * np.sin(omega * time + weather.phase)
+    return lambda time: weather.mean + weather.rate * time / 3600

@@ -25,7 +25,7 @@ from gimbalcal.number import Array
 from gimbalcal.readings import SENSOR_OF, Readings, readings
 from gimbalcal.recording import Recording, block_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
-from gimbalcal.recording.noise import sample_sigma, stated
+from gimbalcal.recording.noise_levels import sample_sigma, stated
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import to_si
 from gimbalcal.views.core import Fit, View

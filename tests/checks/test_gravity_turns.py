@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.checks.input_errors import PERMUTATIONS
-from gimbalcal.checks.rates import Turns, agree, rotations, turns_of
+from gimbalcal.checks.rates import MeasuredTurns, agree, rotations, turns_of
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
@@ -22,14 +22,16 @@ def test_a_later_step_of_a_turn_is_about_the_axes_as_the_earlier_ones_left_them(
     due = np.eye(3)
     for a in axes:
         due = frame_rotation(a, RIGHT) @ due
-    made = rotations(Turns([w / 0.5], [np.full(steps, 0.5)], np.zeros((1, 3, 1)), np.zeros((1, 3, 1))), np.ones(3))
+    made = rotations(
+        MeasuredTurns([w / 0.5], [np.full(steps, 0.5)], np.zeros((1, 3, 1)), np.zeros((1, 3, 1))), np.ones(3)
+    )
     np.testing.assert_allclose(made[0], due, atol=1e-12)
 
 
 @pytest.mark.parametrize(("off", "close"), [(0.0, True), (14.0, True), (16.0, False), (170.0, False)])
 def test_a_turn_agrees_that_ends_within_fifteen_degrees_of_gravity(off: float, close: bool) -> None:
     before, after = (np.array([[[0.0], [np.sin(a)], [np.cos(a)]]]) for a in np.radians([0.0, 90.0]))
-    turn = Turns([], [], before, after)  # what lay along z lies along y: turned by 90 deg about x
+    turn = MeasuredTurns([], [], before, after)  # what lay along z lies along y: turned by 90 deg about x
     assert agree(turn, frame_rotation("x", np.radians(90.0 + off))[None]) == close
 
 

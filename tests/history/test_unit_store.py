@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.history import DatedCalibration, Entry, keep, kept, of_store
+from gimbalcal.history import DatedCalibration, StoredResult, keep, kept, of_store
 from gimbalcal.history.dated_calibration import day_of, when
 from tests.history.calibrations import SIGMA, START, calibration, history
 
@@ -28,19 +28,19 @@ WRITER = """
 import sys
 from pathlib import Path
 import numpy as np
-from gimbalcal.history import Entry, keep
+from gimbalcal.history import StoredResult, keep
 from tests.history.calibrations import calibration
 first, count, path = int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3])
 for k in range(first, first + count):
     content = calibration(100 + k * np.ones(6), k).to_dict()
-    keep(path, Entry("u", content["provenance"]["created"], "calibration", content))
+    keep(path, StoredResult("u", content["provenance"]["created"], "calibration", content))
     print(k, flush=True)
 """
 
 
-def entry(k: int, unit: str = "u", kind: str = "calibration") -> Entry:
+def entry(k: int, unit: str = "u", kind: str = "calibration") -> StoredResult:
     content = calibration(100.0 + np.arange(6), k).to_dict()
-    return Entry(unit, content["provenance"]["created"], kind, content)
+    return StoredResult(unit, content["provenance"]["created"], kind, content)
 
 
 def writer(first: int, count: int, path: Path) -> subprocess.Popen[str]:
@@ -58,7 +58,7 @@ def test_what_is_kept_comes_back_in_order(tmp_path: Path) -> None:
     assert not keep(path, made[0])
     again = dict(made[0].content)
     again["provenance"] = {**again["provenance"], "created": "2030-01-01"}
-    assert not keep(path, Entry("u", "2030-01-01", "calibration", again))
+    assert not keep(path, StoredResult("u", "2030-01-01", "calibration", again))
     assert [e.date for e in kept(path)] == sorted(e.date for e in made)
     assert [e.unit for e in kept(path, "v")] == ["v"]
     assert kept(path, kind="diagnosis")[0].content == made[3].content
@@ -76,7 +76,7 @@ def test_of_one_recording_the_last_counts_and_a_diagnosis_only_alone(tmp_path: P
         [("three-stage", 1, "a"), ("three-stage", 2, "a"), ("diagnosis", 3, "a"), ("diagnosis", 4, "b")]
     ):
         content = {**calibration(100.0 + np.arange(6), k, size, recording).to_dict(), "method": method}
-        keep(path, Entry("u", content["provenance"]["created"], "calibration", content))
+        keep(path, StoredResult("u", content["provenance"]["created"], "calibration", content))
     found, told = of_store(path)
     assert [(d.calibration.method, len(d.hashes)) for d in found] == [("three-stage", 1), ("diagnosis", 1)]
     assert [d.date for d in found] == [history(0)[1].date, history(0)[3].date]
@@ -86,7 +86,10 @@ def test_of_one_recording_the_last_counts_and_a_diagnosis_only_alone(tmp_path: P
 def test_of_one_recording_what_was_computed_last_counts_whenever_it_was_kept(tmp_path: Path) -> None:
     path = tmp_path / "units.db"
     for k in (2, 1):  # computed on days of their own, of a recording of one day
-        keep(path, Entry("u", "2024-02-01", "calibration", calibration(100.0 + k * np.ones(6), k, 1.0, "a").to_dict()))
+        keep(
+            path,
+            StoredResult("u", "2024-02-01", "calibration", calibration(100.0 + k * np.ones(6), k, 1.0, "a").to_dict()),
+        )
     (found,) = of_store(path)[0]
     np.testing.assert_allclose(found.calibration.values, 102.0 * SIGMA)
 

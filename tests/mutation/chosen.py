@@ -53,9 +53,9 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "recording/test_increments.py": (
         ("recording.increments", "Increments._interval", "prepend=self.last", "prepend=time[0]"),
     ),
-    "recording/test_noise.py": (
+    "recording/test_noise_levels.py": (
         ("recording.scatter", "differences", "comb(order, j) ** 2 / weight", "comb(order, j) / weight"),
-        ("recording.noise", "coloured", 'recording.noise.get(f"{key}_tau", TAU)', "TAU"),
+        ("recording.noise_levels", "coloured", 'recording.noise.get(f"{key}_tau", TAU)', "TAU"),
     ),
     "recording/test_row_sigma.py": (
         ("recording.row_sigma", "by_sigma", "before * (typical / sigma) ** 2", "before * (typical / sigma)"),
@@ -79,7 +79,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("checks.rates", "rotations", "C[1::2] @ C[: len(C) - len(C) % 2 : 2]",
          "C[: len(C) - len(C) % 2 : 2] @ C[1::2]"),
         ("checks.rates", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
-        ("checks.rates", "Turns.deviation", "2 * np.arcsin(", "np.arcsin("),
+        ("checks.rates", "MeasuredTurns.deviation", "2 * np.arcsin(", "np.arcsin("),
     ),
     "recording/test_gravity.py": (
         ("recording.site", "with_normal_gravity", "ANOMALY**2 + UNKNOWN_HEIGHT**2) ** 0.5",
@@ -271,7 +271,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("at_rest", "Channel.to_dict", "(2 * np.sqrt(self.model))", "np.sqrt(self.model)"),
     ),
     "simulate/test_simulate.py::test_a_temperature_walks_by_the_root_of_time": (
-        ("simulate.environment", "sample_path", "np.sqrt(KNOT_STEP_S / 3600)", "(KNOT_STEP_S / 3600)"),
+        ("simulate.simulation", "sample_path", "np.sqrt(KNOT_STEP_S / 3600)", "(KNOT_STEP_S / 3600)"),
     ),
 }  # fmt: skip
 

@@ -14,7 +14,7 @@ from gimbalcal.methods import calibrate
 from gimbalcal.recording import Recording, read, write
 from gimbalcal.recording.dwell import whole_means
 from gimbalcal.recording.memory_limit import rows_in
-from gimbalcal.recording.rows import AllRows
+from gimbalcal.recording.streamed_rows import AllRows
 from gimbalcal.views.slews import view_of_slews
 from tests.diagnose.rows.test_slews import IDEAL, QUICK, unit
 from tests.diagnose.turned_plant import gimballed, turned
@@ -137,7 +137,7 @@ def test_rows_are_kept_however_many_were_expected(expected: int) -> None:
 def test_a_frozen_channel_is_named_by_its_line_in_whatever_piece(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece: int
 ) -> None:
-    monkeypatch.setattr("gimbalcal.checks.columns.PIECE", piece)
+    monkeypatch.setattr("gimbalcal.checks.column_checks.PIECE", piece)
     table = turned_twice()
     table[125:150, 3] = table[125, 3]
     with pytest.raises(InputError, match=r"lines 127 to 151, column accel_y: all 25 rows read"):
@@ -145,7 +145,7 @@ def test_a_frozen_channel_is_named_by_its_line_in_whatever_piece(
 
 
 def test_readings_in_coarse_steps_are_not_frozen_in_any_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gimbalcal.checks.columns.PIECE", 40)
+    monkeypatch.setattr("gimbalcal.checks.column_checks.PIECE", 40)
     table = turned_twice()
     table[:, 3] += 0.004 * (table[:, 1] == 2)  # it stands still in each rest, and is alive
     table[:, 2:5] = np.round(table[:, 2:5] * 500) / 500

@@ -18,8 +18,8 @@ from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.recording import dwells, read
 from gimbalcal.simulate import check_content, simulate, simulate_to
-from gimbalcal.simulate.environment import sample_path
 from gimbalcal.simulate.scenario import QuantityHistory
+from gimbalcal.simulate.simulation import sample_path
 
 TEN_S = {"value": 10.0, "unit": "s"}
 ONE_HZ = {"value": 1.0, "unit": "Hz"}

@@ -12,7 +12,7 @@ from gimbalcal.estimate.accelerometers.noise import RESIDUAL, deviance, fit_with
 from gimbalcal.estimate.accelerometers.position_outliers import acceptable
 from gimbalcal.estimate.term_selection import MAX_SCATTER_RATIO
 from gimbalcal.recording import Recording, dwell_means
-from gimbalcal.recording.noise import resolution
+from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 

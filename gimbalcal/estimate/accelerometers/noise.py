@@ -28,7 +28,7 @@ from gimbalcal.inference.information import prior
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.noise import sample_sigma, stated
+from gimbalcal.recording.noise_levels import sample_sigma, stated
 from gimbalcal.recording.record import FORCE
 
 FIRST_SETTING_RAD = np.deg2rad(1 / 3600)  # rad, start of the search: what a good gimbal repeats to

@@ -14,7 +14,7 @@ from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
 from gimbalcal.number import Array
 from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording
-from gimbalcal.recording.noise import sample_sigma, stated
+from gimbalcal.recording.noise_levels import sample_sigma, stated
 from gimbalcal.views.core import View
 from gimbalcal.views.known_attitude import view_of_readings
 from gimbalcal.views.noise import NoiseModel

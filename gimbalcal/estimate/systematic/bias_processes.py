@@ -16,7 +16,7 @@ import numpy as np
 
 from gimbalcal.estimate.systematic.segments import CHANNELS, Segments
 from gimbalcal.number import Array
-from gimbalcal.recording.noise import coloured
+from gimbalcal.recording.noise_levels import coloured
 
 SHORTEST_PERIOD_S = 2.0  # flicker of shorter periods is below the white noise of any instrument
 

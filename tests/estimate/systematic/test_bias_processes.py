@@ -14,7 +14,7 @@ from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.systematic.segments import segment
 from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.recording import read, write
-from gimbalcal.recording.noise import coloured
+from gimbalcal.recording.noise_levels import coloured
 from gimbalcal.simulate import simulate
 from tests.estimate.systematic.table import MOVES, NOISE, turning_unit
 

@@ -14,7 +14,7 @@ from math import erf, log, sqrt
 
 import numpy as np
 
-from gimbalcal.checks.stream import GAP, STRIDE, StreamChecks
+from gimbalcal.checks.stream_checks import GAP, STRIDE, StreamChecks
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column

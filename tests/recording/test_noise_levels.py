@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects.process import Flicker, GaussMarkov, RandomWalk, SettingError, WhiteNoise
-from gimbalcal.recording.noise import coloured, sample_sigma, stated
+from gimbalcal.recording.noise_levels import coloured, sample_sigma, stated
 from gimbalcal.recording.scatter import differences, white_sigma
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import load
