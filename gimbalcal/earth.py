@@ -17,6 +17,7 @@ G0 = 9.80665
 
 HOUR = 3600.0  # s
 SOLAR_DAY = 24 * HOUR  # s, mean
+YEAR = 365.25 * SOLAR_DAY  # s, Julian
 SOLAR_RATE = 2 * np.pi / SOLAR_DAY  # rad/s
 
 SEMI_MAJOR_AXIS = 6378137.0  # m, Table 3.1

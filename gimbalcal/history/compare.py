@@ -18,11 +18,13 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration.gravity_uncertainty import common_gravity, without_gravity
-from gimbalcal.effects import CATALOGUE, Parameter, parameters
+from gimbalcal.earth import YEAR
+from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
-from gimbalcal.history.dated_calibration import DatedCalibration, day_of
-from gimbalcal.history.parameter_history import DAY, SIGNIFICANCE, YEAR, ParameterHistory, parameter_history
+from gimbalcal.history.dated_calibration import DatedCalibration
+from gimbalcal.history.parameter_history import SIGNIFICANCE, ParameterHistory, parameter_history
 from gimbalcal.units import from_si, parse, to_si
+from gimbalcal.words.history_sentences import comparison_in_words
 
 LATEST_S = 253402300799.0  # the last second of the year 9999
 FIXED_VALUE_SIGMAS = 1e-3  # a value nearer to zero was fixed there
@@ -69,51 +71,7 @@ class Comparison:
     @property
     def in_words(self) -> str:
         """Return a summary: whether the unit changed, which parameters most, and when to calibrate."""
-        n, of = len(self.calibrations), f" of {self.unit}" if self.unit else ""
-        ordered = self.calibrations
-        first, last = (day_of(d.date, ordered) for d in (ordered[0], ordered[-1]))
-        start = f"{n} calibrations{of} from {first} to {last}"
-        moved = sorted((c for c in self.histories if c.moved), key=lambda c: -c.clear)
-        if not moved and not self.significant:
-            text = f"{start} agree within their sigmas in all {len(self.histories)} parameters."
-        elif not moved:
-            worst = min(self.significant, key=lambda s: s.p_value)
-            names = [self.calibrations[k].name for k in (worst.before, worst.after)]
-            text = (
-                f"{start} do not agree: {names[0]} and {names[1]} differ in their parameters together "
-                f"(p = {worst.p_value:.2g}), though no parameter does by itself."
-            )
-        else:
-            more = f", and {len(moved) - 3} more" if len(moved) > 3 else ""
-            text = f"{start} do not agree: {'; '.join(_change(c, self.calibrations) for c in moved[:3])}{more}."
-            text += f" Next: {_next(moved[0], self.calibrations)}."
-        if any(s.shared for s in self.steps):
-            text += " Some were made from the same recording and are not held against each other."
-        if self.gravity:
-            text += (
-                f" All took the same gravity, good to {1e6 * self.gravity:.3g} ppm: that is in each scale factor, and "
-                "not in how they differ."
-            )
-        text += self._dates_in_words
-        if self.due is not None:
-            text += f" The next calibration is due by {self.due:%Y-%m-%d}."
-        return text
-
-    @property
-    def _dates_in_words(self) -> str:
-        """Remark on dates that are not those of the recordings; empty where they do not matter."""
-        dated = [d for d in self.calibrations if "recorded" in d.calibration.provenance]
-        write = "write date = 2026-11-18, say, into each recording.toml and calibrate again."
-        if dated and len(dated) < len(self.calibrations):
-            few = "one of them says" if len(dated) == 1 else f"{len(dated)} of them say"
-            return f" Only {few} when it was recorded; others stand at the day they were computed: {write}"
-        one_day = np.ptp([d.date.timestamp() for d in self.calibrations]) < DAY
-        if not dated and one_day and len(self.calibrations) > 2:
-            return (
-                " When they were recorded is not stated, and all were computed within a day: no drift is estimated; "
-                f"{write}"
-            )
-        return ""
+        return comparison_in_words(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of compare.json; numbers in printed units."""
@@ -223,56 +181,6 @@ def _limits(allowed: Mapping[str, str], known: Iterable[Parameter]) -> dict[str,
             raise InputError(f"--allow {name}={text}: give a positive number in {units[name]}")
         out[name] = float(to_si(value, unit))
     return out
-
-
-def _rounded(size: float, sigma: float) -> str:
-    """Return a signed size to the second digit of its sigma.
-
-    >>> _rounded(-11.4412, 0.7032), _rounded(1234.5, 432.1)
-    ('-11.44 +- 0.70', '+1234 +- 432')
-    """
-    places = max(0, 1 - int(np.floor(np.log10(sigma)))) if sigma > 0 else 3
-    return f"{size:+.{places}f} +- {sigma:.{places}f}"
-
-
-def _change(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
-    """Describe the change of one parameter."""
-    unit, called = c.parameter.unit, _called(c.parameter)
-    days = [day_of(ordered[k].date, ordered) for k in c.at]
-    when = [f" between {days[k - 1]} and {days[k]}" if len(ordered) > 2 else "" for k in c.jumps]
-    parts = [f"jumped by {_sized(size, unit)}{w}" for size, w in zip(c.sizes, when, strict=False)]
-    if c.drifts:
-        parts.append(f"drifts by {_sized((c.rate * YEAR, c.rate_sigma * YEAR), unit)} a year")
-    off = c.sizes[len(c.jumps) :]
-    parts += [
-        f"is off the others by {_sized(size, unit)} on {days[k]}" for k, size in zip(c.outliers, off, strict=True)
-    ]
-    if not parts:
-        size, sigma = (float(from_si(v, unit)) for v in (c.scatter, float(np.median(c.sigma))))
-        parts = [f"scatters by {size:.3g} {unit} beyond its sigma of {sigma:.2g}"]
-    return f"{called} {' and '.join(parts)}"
-
-
-def _sized(size: tuple[float, float], unit: str) -> str:
-    return f"{_rounded(*(float(from_si(v, unit)) for v in size))} {unit}"
-
-
-def _next(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
-    """Return what to do about a parameter that changed."""
-    if c.jumps:
-        after = day_of(ordered[c.at[c.jumps[-1]]].date, ordered)
-        return f"use the calibration of {after} and later for what was recorded since, and look for what happened then"
-    if c.drifts:
-        return "use the last one, as long as it holds"
-    if c.outliers:
-        return f"look at the report of {day_of(ordered[c.at[c.outliers[0]]].date, ordered)}, and leave it out"
-    return "count on this scatter from one switching-on to the next, not on the sigmas"
-
-
-def _called(p: Parameter) -> str:
-    """Return the name of a parameter's effect; its own name where the effect has several."""
-    several = p.effect not in CATALOGUE or len({q.name for q in parameters(CATALOGUE[p.effect], ("inner",))}) > 1
-    return f"{p.name if several else p.effect} {p.axis}".replace("_", " ").strip()
 
 
 def _row(c: ParameterHistory) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -81,9 +81,3 @@ def when(text: str, path: Path | None = None) -> datetime:
             raise InputError(f"{text!r} is not a date of ISO 8601, such as 2026-11-22") from None
         return datetime.fromtimestamp(path.stat().st_mtime, UTC)
     return date if date.tzinfo else date.replace(tzinfo=UTC)
-
-
-def day_of(date: datetime, among: Sequence[DatedCalibration]) -> str:
-    """Return a date, with its time where another calibration is of the same day."""
-    alone = sum(d.date.date() == date.date() for d in among) == 1
-    return f"{date:%Y-%m-%d}" if alone else f"{date:%Y-%m-%d %H:%M:%S}"

@@ -18,10 +18,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from gimbalcal.earth import SOLAR_DAY, YEAR
 from gimbalcal.effects import Parameter
 from gimbalcal.number import Array
 
-YEAR, DAY = 365.25 * 86400.0, 86400.0  # s; no drift is estimated within a day
 SIGNIFICANCE = 0.01  # false-alarm probability over all parameters and steps together
 MAX_JUMPS = 2  # of one parameter
 MIN_VALUES = 4  # to recognise an outlier
@@ -84,7 +84,7 @@ def parameter_history(
     t = time - time[0]
     clear, sure = (-float(ndtri(SIGNIFICANCE / 2 / n)) for n in (tried, max(1.0, tried / (len(at) - 1))))
     independent_pairs = [all(independent[a:b]) for a, b in pairwise(at)]
-    line = len(at) > 2 and np.ptp(t) > DAY
+    line = len(at) > 2 and np.ptp(t) > SOLAR_DAY  # no drift is estimated within a day
     constant = np.ones((len(t), 1))
     design = np.concatenate([constant, t[:, None] / YEAR], axis=1) if line else constant
     explained = _explained(design, x, sigma, clear, independent_pairs) if len(at) >= MIN_VALUES else None

@@ -10,13 +10,13 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from gimbalcal.earth import SOLAR_DAY
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
 
 Name = TypeVar("Name")
-DAY = 86400.0  # s
-PAUSE = DAY  # between sessions of unknown separation: it keeps them in order
+PAUSE = SOLAR_DAY  # between sessions of unknown separation: it keeps them in order
 SINCE_1970 = 1e9, 4e9  # s; a clock that shows so much counts from 1970 UTC, and shows the years 2001 to 2096
 ALIKE = 1e-6  # relative difference of gravity below which two sessions stand in one place
 
@@ -133,7 +133,7 @@ UNKNOWN = (
 
 def _follows(a: _Begun, r: Recording, b: _Begun) -> bool:
     """Return whether a session that began at b began after the end of one r that began at a."""
-    certain = (a.exact and b.exact) or a.at // DAY < b.at // DAY
+    certain = (a.exact and b.exact) or a.at // SOLAR_DAY < b.at // SOLAR_DAY
     return certain and a.at + float(r.time[-1] - r.time[0]) < b.at
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.history.parameter_history import YEAR
+from gimbalcal.earth import SOLAR_DAY, YEAR
 from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule, lasting
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.parameters import estimate, plus_minus
@@ -57,11 +57,11 @@ def _day(date: str) -> str:
 def _facts(content: Mapping[str, Any]) -> list[tuple[str, str]]:
     dates = [datetime.fromisoformat(c["date"]) for c in content["calibrations"]]
     seconds = (dates[-1] - dates[0]).total_seconds()
-    days = seconds / 86400
+    days = seconds / SOLAR_DAY
     p_values = [s["p_value"] for s in content["steps"] if s["p_value"] is not None]
     facts = [
         (str(len(dates)), "calibrations"),
-        (f"{significant(days / 365.25, 2)} years" if days > 365 else lasting(seconds), "from first to last"),
+        (f"{significant(seconds / YEAR, 2)} years" if days > 365 else lasting(seconds), "from first to last"),
         (f"{sum(bool(p['jumps']) for p in content['parameters'])} of {len(content['parameters'])}",
          "parameters that jumped"),
     ]  # fmt: skip
@@ -109,7 +109,7 @@ def _moved(p: Mapping[str, Any]) -> float:
 
 def _course(p: Mapping[str, Any], dates: Sequence[datetime], words: str) -> Chart:
     """Draw a parameter over the dates, with two sigmas, and its drift where that is significant."""
-    days = np.array([d.timestamp() for d in dates]) / 86400
+    days = np.array([d.timestamp() for d in dates]) / SOLAR_DAY
     t, x, sigma = days[list(p["calibrations"])], np.array(p["values"]), np.array(p["sigmas"])
     odd = np.isin(p["calibrations"], [*p["jumps"], *p["outliers"]])
     unit = naming.unit_in_print(p["unit"])
@@ -120,7 +120,7 @@ def _course(p: Mapping[str, Any], dates: Sequence[datetime], words: str) -> Char
         own = [n for n, c in zip(names, chosen, strict=True) if c]
         marks.append(Points(t[chosen], x[chosen], colour, shape, 3.6, 2 * sigma[chosen], own))  # type: ignore[arg-type]
     if p["due"]:
-        years = (t - t[0]) * 86400 / YEAR
+        years = (t - t[0]) * SOLAR_DAY / YEAR
         w = 1 / (sigma**2 + p["scatter"] ** 2)
         middle = float((w * (x - p["drift_per_year"] * years)).sum() / w.sum())
         marks.append(Line(t, middle + p["drift_per_year"] * years, "ink"))
@@ -133,4 +133,4 @@ def _dates(first: float, last: float) -> list[tuple[float, str]]:
     days = np.linspace(first, last, 4 if last - first >= 3 else 2)
     form = next(f for least, f in ((300, "%Y-%m"), (3, "%Y-%m-%d"), (0.05, "%m-%d %H:%M"), (-1, "%H:%M:%S"))
                 if last - first > least)  # fmt: skip
-    return [(float(d), datetime.fromtimestamp(86400 * float(d), UTC).strftime(form)) for d in days]
+    return [(float(d), datetime.fromtimestamp(SOLAR_DAY * float(d), UTC).strftime(form)) for d in days]

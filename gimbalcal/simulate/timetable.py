@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE
+from gimbalcal.earth import EARTH_RATE, YEAR
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform, known
@@ -16,7 +16,6 @@ from gimbalcal.schedule.trajectory import Path as Course
 from gimbalcal.simulate.scenario import FaultsSection, Scenario, ScheduleSection
 
 SLEW_RATE = float(np.deg2rad(6.0))  # rad/s, of a table or platform from hold to hold
-YEAR = 365.25 * 86400.0  # s
 MAX_DURATION_S = 10 * YEAR
 ROW_BYTES = 40  # bytes of memory that a row takes while all are counted
 

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gimbalcal.earth import YEAR
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.history import DatedCalibration, compare, date_in, dated_file
-from gimbalcal.history.compare import _called, flat
-from gimbalcal.history.parameter_history import YEAR
+from gimbalcal.history.compare import flat
 from gimbalcal.report.history_page import history_report
+from gimbalcal.words.history_sentences import _parameter_name
 from gimbalcal.words.naming import named
 from tests.history.calibrations import LABELS, SIGMA, START, R, calibration, history
 
@@ -259,7 +260,7 @@ def test_gravities_of_two_places_are_not_in_common() -> None:
 
 def test_the_console_calls_a_parameter_as_the_page_does() -> None:
     every = [p for effect in CATALOGUE.values() for p in parameters(effect, ("inner",))]
-    assert [p for p in every if _called(p) not in named(p.name, p.axis).replace("_", " ")] == []
-    told = {_called(p) for p in every}
+    assert [p for p in every if _parameter_name(p) not in named(p.name, p.axis).replace("_", " ")] == []
+    told = {_parameter_name(p) for p in every}
     assert {"bias temperature y", "cubic nonlinearity z", "misalignment xy"} <= told
     assert not told & {"b T y", "K3 z"}

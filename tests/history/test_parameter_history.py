@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from gimbalcal.earth import YEAR
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.history.compare import CalibrationStep, Comparison
-from gimbalcal.history.parameter_history import YEAR, ParameterHistory, parameter_history
+from gimbalcal.history.parameter_history import ParameterHistory, parameter_history
 
 BIAS = parameters(CATALOGUE["bias"])[0]
 TRIED = 42  # steps of six parameters over eight calibrations: one counts from 3.7 sigmas on

@@ -21,7 +21,8 @@ import pytest
 
 from gimbalcal.errors import InputError
 from gimbalcal.history import DatedCalibration, StoredResult, keep, kept, of_store
-from gimbalcal.history.dated_calibration import day_of, when
+from gimbalcal.history.dated_calibration import when
+from gimbalcal.words.history_sentences import day_of
 from tests.history.calibrations import SIGMA, START, calibration, history
 
 WRITER = """

@@ -25,10 +25,10 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "history/test_compare.py": (
         ("history.compare", "compare", "at, time[at], x", "at, time[: len(at)], x"),
         ("history.compare", "_step", "b.values[j] - a.values[i]", "b.values[j] + a.values[i]"),
-        ("history.compare", "_change", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
+        ("words.history_sentences", "_change", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
     ),
     "history/test_unit_store.py": (
-        ("history.dated_calibration", "day_of", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
+        ("words.history_sentences", "day_of", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
         ("history.dated_calibration", "of_store", 'e.content.get("provenance", {}).get("created") or e.date', "e.date"),
         ("history.dated_calibration", "when", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
         ("history.unit_store", "_digest", 'k != "created"', 'k != "recordings"'),
