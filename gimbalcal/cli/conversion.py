@@ -40,7 +40,7 @@ def apply(
     if folder.resolve() == recording.resolve():
         raise InputError(f"--out {folder} is the recording itself; give another folder")
     named = calibration.provenance.get("options", {}).get("sensor", "")
-    original = next((r for r in original.sensors if r.sensor == named), replace(original, beside=()))
+    original = next((r for r in original.sensors if r.sensor == named), replace(original, other_sensors=()))
     corrected = calibration.corrupt(original) if inverse else calibration.apply(original)
     samples = "samples.parquet" if (recording / "samples.parquet").is_file() else SAMPLES
     with staged_folder(folder, overwrite) as new:

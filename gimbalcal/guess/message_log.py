@@ -81,7 +81,7 @@ def _without_arrows(lines: Sequence[str]) -> list[str]:
     """Return times of arrival as the first cell of each line: "12:30:05.123 -> 1,2,3"."""
     marks = Counter(mark for line in lines for mark in ("\t", ";", ",") if _ARRIVED.match(line) and mark in line)
     mark = marks.most_common(1)[0][0] if marks else " "
-    return [_ARRIVED.sub(lambda found: found[1] + mark, line) for line in lines]
+    return [_ARRIVED.sub(lambda match: match[1] + mark, line) for line in lines]
 
 
 def _pairs(line: str) -> list[tuple[str, str]]:

@@ -107,15 +107,15 @@ def compare(
     if len(calibrations) < 2:
         raise InputError(f"to compare takes two calibrations, and {len(calibrations)} was given")
     ordered = tuple(sorted(calibrations, key=lambda d: d.date))
-    held: dict[str, list[int]] = {}
+    estimated_in: dict[str, list[int]] = {}
     named: dict[str, Parameter] = {}
     for k, d in enumerate(ordered):
         each = zip(d.calibration.parameters, d.calibration.values, d.calibration.sigmas, strict=True)
         for p, x, sigma in each:
             if sigma > 0 and abs(x) > FIXED_VALUE_SIGMAS * sigma:  # unobservable parameters keep zero
-                held.setdefault(p.label, []).append(k)
+                estimated_in.setdefault(p.label, []).append(k)
                 named[p.label] = p
-    common = {label: at for label, at in held.items() if len(at) > 1}
+    common = {label: at for label, at in estimated_in.items() if len(at) > 1}
     if not common:
         raise InputError("these calibrations have no parameter in common that both of them tell")
     limits = _limits(allowed or {}, named.values())
@@ -156,9 +156,9 @@ def _step(ordered: Sequence[DatedCalibration], k: int, shared: bool) -> Calibrat
     C = without_gravity(a, gravity)[np.ix_(i, i)] + without_gravity(b, gravity)[np.ix_(j, j)]
     size = np.sqrt(np.diag(C))
     lam, V = np.linalg.eigh(C / np.outer(size, size))
-    seen = lam > len(lam) * np.finfo(float).eps * lam[-1]  # a direction that both hold exactly has no difference
-    chi2 = float((((V.T @ (difference / size))[seen]) ** 2 / lam[seen]).sum())
-    dof = int(seen.sum())
+    different = lam > len(lam) * np.finfo(float).eps * lam[-1]  # not a direction that both hold exactly
+    chi2 = float((((V.T @ (difference / size))[different]) ** 2 / lam[different]).sum())
+    dof = int(different.sum())
     return CalibrationStep(k, k + 1, chi2, dof, float(chdtrc(dof, chi2)), shared)
 
 

@@ -72,7 +72,7 @@ def _means(run: Recording, dt: Array, begin: Array, steady: bool) -> Intervals:
     channels = {key: mean(values) for key, values in run.channels.items()}
     weight = np.add.reduceat(run.weight, begin)
     middle = mean(run.time - dt / 2)
-    rows = replace(run, time=middle, channels=channels, weight=weight, position=None, beside=())
+    rows = replace(run, time=middle, channels=channels, weight=weight, position=None, other_sensors=())
     return Intervals(rows, length, steady)
 
 

@@ -107,7 +107,7 @@ def _means(recording: Recording, stretches: Sequence[Dwell], position: NDArray[n
         position=position,
         channels={key: mean(values, key[0] in ANGLES) for key, values in recording.channels.items()},
         weight=np.array([recording.weight[d.rows].sum() for d in stretches]),
-        beside=tuple(_means(other, stretches, position) for other in recording.beside),
+        other_sensors=tuple(_means(other, stretches, position) for other in recording.other_sensors),
     )
 
 

@@ -49,7 +49,7 @@ def join(sessions: Sequence[Recording]) -> Recording:
         channels={key: np.concatenate([r.channels[key] for r in sessions]) for key in common},
         source=tuple(s for r in sessions for s in r.source),
         weight=np.concatenate([r.weight * share for r, share in zip(sessions, _shares(sessions, noise), strict=True)]),
-        beside=(),
+        other_sensors=(),
         units={key: unit for key, unit in first.units.items() if key in common},
         scatter=_shared([r.scatter for r in sessions]),
         remarks=(*(remark for r in sessions for remark in r.remarks), *remarks, remark),

@@ -77,8 +77,8 @@ def dated(recording: Recording, header: Header, dates: Dates) -> Recording:
     day = recording.date or dates.day
     known = dates.day or recording.date[:10]  # of times of a day the header may say which
     epoch = (date.fromisoformat(known) - date(1970, 1, 1)).total_seconds() if known else None
-    beside = tuple(replace(other, date=day, epoch=epoch) for other in recording.beside)
-    return replace(recording, remarks=(*recording.remarks, remark), date=day, epoch=epoch, beside=beside)
+    other_sensors = tuple(replace(other, date=day, epoch=epoch) for other in recording.other_sensors)
+    return replace(recording, remarks=(*recording.remarks, remark), date=day, epoch=epoch, other_sensors=other_sensors)
 
 
 def assemble(
@@ -128,7 +128,7 @@ def assemble(
         )
         for sensor, own in _by_sensor(measured).items()
     ]
-    return replace(recordings[0], beside=tuple(replace(other, remarks=()) for other in recordings[1:]))
+    return replace(recordings[0], other_sensors=tuple(replace(other, remarks=()) for other in recordings[1:]))
 
 
 def _by_sensor(columns: Sequence[Column]) -> dict[str, tuple[Column, ...]]:

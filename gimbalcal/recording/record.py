@@ -89,9 +89,10 @@ class Recording:
     sigma of one raw sample, by sensor (see `SENSORS`, and `COLOURED`); `scatter` is what the rows show, by channel, see
     `gimbalcal.recording.scatter`. `units` keeps the unit that each channel was logged in; in counts or pulses the
     numbers are left as they are, because their scale is not known. `remarks` are sentences for the user.
-    `sensor` is the name of the sensors where a recording holds several triads; the others are `beside`, a recording
-    each, in the same rows. `instant`: forces and rates are those of the row's time; else, where it matters, they are
-    means over the interval that ends there. `grade` says how large the usual imperfections of such sensors are. `date`
+    `sensor` is the name of the sensors where a recording holds several triads; the others are `other_sensors`,
+    a recording each, in the same rows. `instant`: forces and rates are those of the row's time; else, where it matters,
+    they are means over the interval that ends there. `grade` says how large the usual imperfections of such sensors
+    are. `date`
     is when it was recorded, ISO 8601, empty where unknown; `epoch` [s since 1970] is where a clock of dates has its
     zero. `restarts` are the times of rows at which a session begins an unknown time after the one before.
     """
@@ -110,7 +111,7 @@ class Recording:
     scatter: Mapping[Key, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     sensor: str = ""
-    beside: tuple[Recording, ...] = ()
+    other_sensors: tuple[Recording, ...] = ()
     instant: bool = False
     grade: Grade = GRADES["navigation"]
     date: str = ""
@@ -222,13 +223,13 @@ class Recording:
             position=None if self.position is None else self.position[rows],
             channels={key: values[rows] for key, values in self.channels.items()},
             weight=self.weight[rows],
-            beside=tuple(other.select(rows) for other in self.beside),
+            other_sensors=tuple(other.select(rows) for other in self.other_sensors),
         )
 
     @property
     def sensors(self) -> tuple[Recording, ...]:
         """Return itself and those of other sensors in the same rows, each alone."""
-        return (replace(self, beside=()), *self.beside)
+        return (replace(self, other_sensors=()), *self.other_sensors)
 
 
 def when_recorded(recordings: Iterable[Recording]) -> dict[str, str]:

@@ -34,11 +34,11 @@ def write(recording: Recording, folder: str | Path, samples: str = "samples.csv"
         raise InputError(f"samples = {samples!r} must be a plain file name that ends in .csv or .parquet")
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file: a recording is a folder, give another name")
-    with atomic.folder(folder, last=NAME) as made:  # the header last: it is what makes the folder a recording
+    with atomic.folder(folder, last=NAME) as new:  # the header last: it is what makes the folder a recording
         names = _columns(recording)
         text = "\n".join([*(f"# {line}".rstrip() for line in comment), *_header(recording, samples, names), ""])
-        (made / NAME).write_text(text, encoding="utf-8")
-        _write_rows(recording, names, made / samples)
+        (new / NAME).write_text(text, encoding="utf-8")
+        _write_rows(recording, names, new / samples)
     return folder
 
 
@@ -55,9 +55,9 @@ def _columns(recording: Recording) -> dict[str, _Written]:
     """Return every column but time, position and weight, by its name: those of all sensors, what they share once."""
     out = {}
     for key, name in _names(recording).items():
-        shared = all(_same(recording, other, key) for other in recording.beside)
+        shared = all(_same(recording, other, key) for other in recording.other_sensors)
         out[name] = _Written(recording, key, "" if shared else recording.sensor)
-    for other in recording.beside:
+    for other in recording.other_sensors:
         for key, name in _names(other).items():
             if not _same(recording, other, key):
                 out[f"{name}_{other.sensor}"] = _Written(other, key, other.sensor)
@@ -85,12 +85,12 @@ def _unit(recording: Recording, key: Key) -> str:
 
 
 def _header(recording: Recording, samples: str, names: dict[str, _Written]) -> list[str]:
-    title = recording.title.removesuffix(f" ({recording.sensor})") if recording.beside else recording.title
+    title = recording.title.removesuffix(f" ({recording.sensor})") if recording.other_sensors else recording.title
     lines = ["format = 1", f"kind = {toml_text(recording.kind)}", f"title = {toml_text(title)}"]
     lines += [f"date = {toml_text(recording.date)}"] if recording.date else []
     lines += [*([] if recording.instant else [f"samples = {toml_text(samples)}"]), "", *_site(recording.site), ""]
     lines += [*platform_toml(recording.platform, recording.kind), "", "[noise]", *_noise(recording)]
-    named = [r for r in recording.sensors if r.sensor and r.noise and recording.beside]
+    named = [r for r in recording.sensors if r.sensor and r.noise and recording.other_sensors]
     for r in named:
         lines += ["", f"[noise.{r.sensor}]", *_noise(r)]
     if recording.instant:
@@ -101,7 +101,7 @@ def _header(recording: Recording, samples: str, names: dict[str, _Written]) -> l
     for name, each in names.items():
         quantity, axis = each.key
         where = f", axis = {toml_text(axis)}" if axis else ""
-        where += f", sensor = {toml_text(each.sensor)}" if each.sensor and recording.beside else ""
+        where += f", sensor = {toml_text(each.sensor)}" if each.sensor and recording.other_sensors else ""
         unit = toml_text(_unit(each.recording, each.key))
         lines.append(f"{_key(name)} = {{ quantity = {toml_text(quantity)}{where}, unit = {unit} }}")
     if _is_averaged(recording):

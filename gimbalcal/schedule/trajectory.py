@@ -75,14 +75,14 @@ class Trajectory:
         u = np.clip(time - self.begin[i], 0.0, self.length[i])
         r, T = self.ramp[i], self.length[i]
         peak = np.divide(self.angle[i], T - r, out=np.zeros(len(time)), where=T > r)
-        near = np.minimum(u, T - u)
-        rise = np.minimum(near, r)
+        from_end = np.minimum(u, T - u)
+        rise = np.minimum(from_end, r)
         slope = np.divide(peak, r, out=np.zeros(len(time)), where=r > 0)
-        gone = slope * rise**2 / 2 + peak * (near - rise)
-        angle = np.where(u <= T / 2, gone, self.angle[i] - gone)
+        turned = slope * rise**2 / 2 + peak * (from_end - rise)
+        angle = np.where(u <= T / 2, turned, self.angle[i] - turned)
         turning = (u > 0) & (u < T)
-        speed = np.where(turning, np.where(near < r, slope * near, peak), 0.0)
-        speeding = np.where(turning & (near < r), np.where(u < T / 2, slope, -slope), 0.0)
+        speed = np.where(turning, np.where(from_end < r, slope * from_end, peak), 0.0)
+        speeding = np.where(turning & (from_end < r), np.where(u < T / 2, slope, -slope), 0.0)
         axis = self.axis[i]
         C = self.attitude[i] @ exponential(-angle[:, None] * axis)
         return C, speed[:, None] * axis, speeding[:, None] * axis

@@ -33,12 +33,12 @@ def simulate_to(
     samples = "samples.parquet" if len(run.time) > MIN_PARQUET_ROWS else "samples.csv"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file: a recording is a folder, give another name")
-    with atomic.folder(folder, last=NAME) as made:  # the header last: it is what makes the folder a recording
+    with atomic.folder(folder, last=NAME) as new:  # the header last: it is what makes the folder a recording
         if samples.endswith(".csv"):
-            write(joined(blocks(run)), made, samples)
+            write(joined(blocks(run)), new, samples)
         else:
-            _write_blocks(run, made, samples, tell)
-        (made / "truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
+            _write_blocks(run, new, samples, tell)
+        (new / "truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
     return truth
 
 

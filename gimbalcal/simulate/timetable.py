@@ -63,11 +63,11 @@ class Timetable:
         j = np.minimum(i + 1, len(self.start) - 1)
         r, full = self.ramp, np.where(j > i, self.start[j] - self.settle - self.stop[i], 2 * self.ramp)
         u = np.clip(time - self.stop[i], 0.0, full)
-        near = np.minimum(u, full - u)  # from the nearer end: both ramps are alike
-        x = np.pi * np.minimum(near, r) / r
-        gone = np.minimum(near, r) / 2 - r / (2 * np.pi) * np.sin(x) + np.maximum(near - r, 0.0)
+        from_end = np.minimum(u, full - u)  # from the nearer end: both ramps are alike
+        x = np.pi * np.minimum(from_end, r) / r
+        turned = np.minimum(from_end, r) / 2 - r / (2 * np.pi) * np.sin(x) + np.maximum(from_end - r, 0.0)
         speed = np.where(j > i, (1 - np.cos(x)) / 2 / (full - r), 0.0)
-        share = gone / (full - r)
+        share = turned / (full - r)
         return of[i], of[j] - of[i], np.where(u <= full / 2, share, 1 - share) * (j > i), speed
 
 

@@ -31,7 +31,7 @@ def two(seed: int, error: Callable[[Array], Array] = lambda f: f, moving: bool =
     f = error(clean @ MOUNTED.T) + to_si(1.0, "mg") * rng.standard_normal(clean.shape)
     own = {("specific_force", axis): f[:, i] for i, axis in enumerate("xyz")}
     b = replace(a, channels={**a.channels, **own}, sensor="b", noise={"accelerometer": 0.01}, title=f"{a.title} (b)")
-    return replace(a, sensor="a", title=f"{a.title} (a)", beside=(b,))
+    return replace(a, sensor="a", title=f"{a.title} (a)", other_sensors=(b,))
 
 
 def test_two_triads_go_into_a_folder_and_come_back(tmp_path: Path) -> None:
@@ -57,7 +57,7 @@ def test_unnamed_columns_are_a_sensor_of_their_own(tmp_path: Path) -> None:
 def test_rests_and_means_are_those_of_all() -> None:
     means = dwell_means(two(2))
     assert [len(r.time) for r in means.sensors] == [20, 20]
-    assert not np.allclose(means.triad("specific_force"), means.beside[0].triad("specific_force"))
+    assert not np.allclose(means.triad("specific_force"), means.other_sensors[0].triad("specific_force"))
 
 
 @pytest.mark.parametrize("seed", range(3))

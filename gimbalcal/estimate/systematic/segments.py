@@ -212,7 +212,7 @@ def _means(recording: Recording, begin: NDArray[np.int64], count: NDArray[np.int
     }
     return replace(
         recording, platform=BENCH, time=time, position=None, channels=channels,
-        weight=np.add.reduceat(recording.weight, begin), beside=(),
+        weight=np.add.reduceat(recording.weight, begin), other_sensors=(),
     )  # fmt: skip
 
 
@@ -299,5 +299,5 @@ def _as_means(recording: Recording) -> Recording:
     position = None if recording.position is None else recording.position[1:]
     return replace(
         recording, time=recording.time[1:], position=position, channels=channels, weight=recording.weight[1:],
-        instant=False, beside=(),
+        instant=False, other_sensors=(),
     )  # fmt: skip
