@@ -15,7 +15,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.exchange import FILES, export
 from gimbalcal.campaign.monte_carlo import run_campaign
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.history.unit_store import Entry, keep
+from gimbalcal.history.unit_store import StoredResult, keep
 from gimbalcal.methods import calibrate
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, read, write
@@ -94,7 +94,7 @@ def _kept(folder: Path, calibration: Calibration) -> None:
             row["value"] += row["sigma"] * rng.standard_normal()
         moved["provenance"]["created"] = f"2026-0{month}-01T12:00:00+00:00"
         moved["provenance"]["recordings"] = [{"path": f"{month}", "sha256": f"{month}" * 64}]
-        keep(folder / "unit.sqlite", Entry("a", moved["provenance"]["created"], "calibration", moved))
+        keep(folder / "unit.sqlite", StoredResult("a", moved["provenance"]["created"], "calibration", moved))
         (folder / f"month{month}.json").write_text(json.dumps(moved))
     mount, _ = calibrate([folder / "stars"])
     (folder / "mount.json").write_text(json.dumps(mount.to_dict()))
