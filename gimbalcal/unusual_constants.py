@@ -15,12 +15,12 @@ from itertools import islice
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.checks.input_errors import CLOCK_UNITS, SENSOR, Correction, other_units, scaled
+from gimbalcal.checks.input_errors import CLOCK_UNITS, SENSOR, Correction, other_units, scaled, trials
 from gimbalcal.checks.sidereal import measured_latitude
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.effects.sensor_grades import hurried
-from gimbalcal.errors import InputError, alternatives
+from gimbalcal.errors import alternatives
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
@@ -88,15 +88,14 @@ def in_words(made: Calibration, beyond: Sequence[int], limit: Limit, cause: str,
 
 def likeliest(made: Calibration, recordings: Sequence[Recording], limit: Limit, again: Again) -> str:
     """Return in words the corrections with which every constant is usual; empty for none."""
-    found = []
-    for correction in islice(corrections(made, recordings, limit), MAX_TRIALS):
-        try:
-            other = again([correction.corrected(r) for r in recordings])
-        except InputError:
-            continue
-        if not beyond_grade(other, limit) and not (other.outcome and not made.outcome):
-            found.append(correction.words)
-    return f"every constant is usual if {alternatives(found)}; correct recording.toml" if found else ""
+
+    def misfit(correction: Correction) -> int:
+        other = again([correction.corrected(r) for r in recordings])
+        return len(beyond_grade(other, limit)) + (bool(other.outcome) and not made.outcome)
+
+    tried = trials(islice(corrections(made, recordings, limit), MAX_TRIALS), misfit, most=MAX_TRIALS)
+    usual = [trial.candidate.words for trial in tried if not trial.misfit]
+    return f"every constant is usual if {alternatives(usual)}; correct recording.toml" if usual else ""
 
 
 def corrections(made: Calibration, recordings: Sequence[Recording], limit: Limit) -> Iterator[Correction]:

@@ -19,7 +19,7 @@ from math import pi
 import numpy as np
 
 from gimbalcal.checks.check import ROTATION, Check, Examined
-from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, Correction, other_units, permuted, scaled
+from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, Correction, other_units, permuted, scaled, trials
 from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -104,10 +104,14 @@ def rates_of_the_table(e: Examined) -> str:
     r, turn, scale = e.recording, e.once(_driven), None if e.recording.counted(RATE) else 1.0
     if not _shows(turn) or turn.misfit(r.platform, scale) < MAX_RESIDUAL:
         return ""
-    for c in _corrections(r, physical=scale is not None):
+
+    def misfit(c: Correction) -> float:
         corrected = _driven(c.corrected(r)) if ANGLE in c.matrices else turn.corrected(c)
-        if corrected.misfit(c.platform or r.platform, scale) < MAX_RESIDUAL:
-            return f"the gyroscopes feel the rig turn {c.words}: {c.remedy}"
+        return corrected.misfit(c.platform or r.platform, scale)
+
+    for best in trials(_corrections(r, physical=scale is not None), misfit, sufficient=MAX_RESIDUAL):
+        if best.misfit <= MAX_RESIDUAL:
+            return f"the gyroscopes feel the rig turn {best.candidate.words}: {best.candidate.remedy}"
     fastest = float(np.linalg.norm(turn.read, axis=1).max())
     aliased = scale is not None and fastest * usual_step(r) > pi
     half = "; the table turns by more than half a turn from row to row, so log it faster" if aliased else ""

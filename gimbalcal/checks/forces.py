@@ -26,10 +26,10 @@ from gimbalcal.checks.input_errors import (
     MIN_GAIN,
     PERMUTATIONS,
     Correction,
-    best,
     exchanged,
     permuted,
     scaled,
+    trials,
 )
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
@@ -71,10 +71,10 @@ def unit_of_some(e: Examined) -> str:
     """Refuse one or two accelerometers in another unit: with it the norm is gravity at every rest."""
     rests, force, g = e.rests, e.force, e.rests.site.gravity
 
-    def off(f: Array) -> float:
-        return float(np.sqrt(np.mean((np.linalg.norm(f, axis=1) / g - 1) ** 2)))
+    def misfit(correction: Correction) -> float:
+        return float(np.sqrt(np.mean((np.linalg.norm(correction.of(FORCE, force), axis=1) / g - 1) ** 2)))
 
-    stated = off(force)
+    stated = misfit(AS_STATED)
     if stated < MAX_NORM_ERROR or len(force) < FEWEST_RESTS:
         return ""
     few = [(a,) for a in AXES] + [*combinations(AXES, 2)]
@@ -83,13 +83,13 @@ def unit_of_some(e: Examined) -> str:
         for axes in few
         for unit, size in FORCE_UNITS.items()
     ]
-    negative_misfit, correction = best(corrections, lambda c: -off(c.of(FORCE, force)))
-    if -negative_misfit >= NORM_ERROR_EXPLAINED * min(stated, MAX_NORM_ERROR):
+    (best,) = trials(corrections, misfit)
+    if best.misfit >= NORM_ERROR_EXPLAINED * min(stated, MAX_NORM_ERROR):
         return ""
-    unit = correction.remedy
+    unit = best.candidate.remedy
     return (
         f"at rest the norm of the force differs from gravity by {100 * stated:.3g} % rms, and by "
-        f"{-100 * negative_misfit:.2g} % if accelerometer {correction.words} alone were in {unit}; write unit = "
+        f"{100 * best.misfit:.2g} % if accelerometer {best.candidate.words} alone were in {unit}; write unit = "
         f'"{unit}" for it in [columns]'
     )
 
@@ -171,19 +171,21 @@ def axes_by_angles(e: Examined) -> str:
     """Refuse a triad or gimbals for which a correction explains nearly every rest, and the statement does not."""
     rests, n = e.rests, len(e.force)
 
-    def agreeing(correction: Correction) -> int:
-        return as_predicted(rests.platform, correction.of(ANGLE, rests.angles()), correction.of(FORCE, e.force))
+    def misfit(correction: Correction) -> int:
+        angles, force = correction.of(ANGLE, rests.angles()), correction.of(FORCE, e.force)
+        return n - as_predicted(rests.platform, angles, force)
 
-    stated = agreeing(AS_STATED)
+    stated = n - misfit(AS_STATED)
     if n < FEWEST_RESTS or stated >= MIN_AGREEMENT * n:
         return ""
     rows = "positions" if rests.kind.in_positions else "rows"
-    most, correction = best(_corrections(rests), agreeing)
-    if most >= max(MIN_AGREEMENT * n, stated + MIN_GAIN):
-        remedy = f": {correction.remedy}" if correction.remedy else ""
+    (best,) = trials(_corrections(rests), misfit)
+    agreeing = n - int(best.misfit)
+    if agreeing >= max(MIN_AGREEMENT * n, stated + MIN_GAIN):
+        remedy = f": {best.candidate.remedy}" if best.candidate.remedy else ""
         return (
-            f"only {stated} of {n} {rows} have the force that the gimbal angles predict, and {most:.0f} "
-            f"if {correction.words}; correct [columns]{remedy}"
+            f"only {stated} of {n} {rows} have the force that the gimbal angles predict, and {agreeing} "
+            f"if {best.candidate.words}; correct [columns]{remedy}"
         )
     if stated >= 0.5 * n:
         return ""

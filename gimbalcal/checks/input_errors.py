@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import permutations, product
+from typing import Generic, TypeVar
 
 import numpy as np
 
+from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording.record import Recording
@@ -146,13 +148,49 @@ class Correction:
             scatter=scatter,
         )
 
+    def reversed(self, quantity: str) -> tuple[str, ...]:
+        """Return the axes whose columns are of the opposite sign."""
+        axes, M = self.matrices.get(quantity, ((), np.zeros((0, 0))))
+        return tuple(a for a, sign in zip(axes, np.diag(M), strict=True) if sign < 0)
+
 
 AS_STATED = Correction("")
+Candidate = TypeVar("Candidate")
 
 
-def best(corrections: Iterable[Correction], agreement: Callable[[Correction], float]) -> tuple[float, Correction]:
-    """Return the largest agreement and the first correction that has it; none, where there is no correction."""
-    return max(((agreement(c), c) for c in corrections), key=lambda trial: trial[0], default=(-np.inf, AS_STATED))
+@dataclass(frozen=True, eq=False)
+class Trial(Generic[Candidate]):
+    """A candidate, usually a `Correction`, and the misfit of the recording to physics under it, never negative."""
+
+    misfit: float
+    candidate: Candidate
+
+
+def trials(
+    candidates: Iterable[Candidate],
+    misfit: Callable[[Candidate], float],
+    sufficient: float = 0.0,
+    tolerance: float = 1.0,
+    most: int = 1,
+) -> tuple[Trial[Candidate], ...]:
+    """Try candidates in order, the simplest first, and return those under which the recording agrees with physics.
+
+    Those are the first `most` whose misfit is at most `sufficient`; the rest are not tried. Where there is none, it is
+    the first candidate whose misfit is at most `tolerance` times the least; nothing, where every one was refused
+    (`InputError`) or none was given.
+    """
+    sufficing: list[Trial[Candidate]] = []
+    others: list[Trial[Candidate]] = []
+    for candidate in candidates:
+        try:
+            trial = Trial(misfit(candidate), candidate)
+        except InputError:
+            continue
+        (sufficing if trial.misfit <= sufficient else others).append(trial)
+        if len(sufficing) == most:
+            break
+    least = min((trial.misfit for trial in others), default=np.inf)
+    return tuple(sufficing) or tuple(t for t in others if t.misfit <= tolerance * least)[:1]
 
 
 # --- what may be stated wrongly ---------------------------------------------------------------------------------------

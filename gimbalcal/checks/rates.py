@@ -35,9 +35,9 @@ from gimbalcal.checks.input_errors import (
     PERMUTATIONS,
     AxisPermutation,
     Correction,
-    best,
     other_units,
     scaled,
+    trials,
 )
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.number import Array
@@ -214,12 +214,13 @@ def turns_between_rests(e: Examined) -> str:
         lambda: (_in_some(c, few) for c in units for k in (1, 2) for few in combinations(AXES, k)),
     )
     for k, stage in enumerate(stages):  # one error before two
-        most, correction = best(stage(), turns.agreeing)
-        if most >= MIN_AGREEMENT * n:
-            return "" if most < stated + MIN_GAIN else (
-                f"only {stated} of {n} turns between rests are by {turns.reference} what the gyroscopes say, and "
-                f"{most:.0f} if {correction.words}"
-            )  # fmt: skip
+        for best in trials(stage(), lambda c: n - turns.agreeing(c)):
+            agreeing = n - int(best.misfit)
+            if agreeing >= MIN_AGREEMENT * n:
+                return "" if agreeing < stated + MIN_GAIN else (
+                    f"only {stated} of {n} turns between rests are by {turns.reference} what the gyroscopes say, and "
+                    f"{agreeing} if {best.candidate.words}"
+                )  # fmt: skip
         if k == 0 and units and (sentence := _any_factor(e.recording, turns, stated)):
             return sentence
     return ""
@@ -286,11 +287,12 @@ def earth_at_rest(e: Examined) -> str:
         return ""
     by_turns = e.once(turns_of) is not None  # turns confirm the gyroscopes with the accelerometers, but for all signs
     units = [AS_STATED, *(c for c in _units(r) if c.clock == 1 and not by_turns)]
-    trials = {_composed(u, p): (u, p) for u in units for p in PERMUTATIONS if not by_turns or p == REVERSED}
-    _, correction = best(trials, lambda c: -earth.residual(c))
+    composed = [(u, p) for u in units for p in PERMUTATIONS if not by_turns or p == REVERSED]
+    (best,) = trials(composed, lambda each: earth.residual(_composed(*each)))
+    unit, p = best.candidate
+    correction = _composed(unit, p)
     if not earth.agrees(correction):
         return ""
-    unit, p = trials[correction]
     named = [] if by_turns else [(p, RATE)]
     named += [] if _gimbals_read(r) else [(p.inverse(), FORCE)]
     south = "the latitude has the opposite sign, or " if p == REVERSED else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.checks.check import STATIC, Check, Examined
-from gimbalcal.checks.input_errors import PERMUTATIONS, Correction, permuted
+from gimbalcal.checks.input_errors import PERMUTATIONS, AxisPermutation, permuted, trials
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
@@ -92,16 +92,16 @@ def axes_against_the_earth(e: Examined) -> str:
     if EARTH_RATE * np.ptp(time) < MIN_TURN_RAD or np.cos(latitude) < np.sin(MIN_TURN_RAD):
         return ""
 
-    def circles(correction: Correction) -> bool:
-        f = correction.of(FORCE, e.force)
+    def misfit(permutation: AxisPermutation) -> float:
+        f = permuted(FORCE, permutation).of(FORCE, e.force)
         phase = np.unwrap(np.arctan2(f[:, 1], f[:, 0]))
-        rate = float(np.polyfit(time - time[0], phase, 1)[0])
-        return abs(latitude_of(f) - latitude) < MAX_LATITUDE_ERROR_RAD and abs(rate / EARTH_RATE - 1) < MAX_RATE_ERROR
+        rate_error = abs(float(np.polyfit(time - time[0], phase, 1)[0]) / EARTH_RATE - 1)
+        return max(abs(latitude_of(f) - latitude) / MAX_LATITUDE_ERROR_RAD, rate_error / MAX_RATE_ERROR)
 
-    fitting = [p for p in PERMUTATIONS if circles(permuted(FORCE, p))]
+    fitting = [t.candidate for t in trials(PERMUTATIONS, misfit, sufficient=1.0, most=MAX_SHOWN) if t.misfit <= 1]
     if not fitting or fitting[0] == PERMUTATIONS[0]:
         return ""
-    words = ", or ".join(p.in_words(FORCE) for p in fitting[:MAX_SHOWN])
+    words = ", or ".join(p.in_words(FORCE) for p in fitting)
     handed = "; as stated they make a left-handed triad" if fitting[0].handed < 0 else ""
     return (
         f"the force does not circle the Earth's axis as it does at this latitude, and it does if "

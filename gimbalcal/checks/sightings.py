@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.checks.check import SIGHTINGS, Check, Examined
-from gimbalcal.checks.input_errors import AS_STATED, Correction, best, exchanged, scaled
+from gimbalcal.checks.input_errors import AS_STATED, Correction, exchanged, scaled, trials
 from gimbalcal.number import Array
 from gimbalcal.recording.record import ANGLE, Recording
 
@@ -96,14 +96,14 @@ def readouts_against_stars(e: Examined) -> str:
         f"{len(sky.read)}, zeros of both axes allowed for)"
     )
 
-    def gain(correction: Correction) -> float:  # angles that shrink come together and show nothing
+    def misfit(correction: Correction) -> float:  # angles that shrink come together and show nothing
         separation, size = sky.separation(correction)
-        return -separation / max(size, 1e-9)
+        return separation / max(size, 1e-9)
 
-    negative_ratio, correction = best(_corrections(sky), gain)
-    separation = sky.separation(correction)[0]
-    if -negative_ratio < distance / extent / MIN_GAIN and separation < MAX_SEPARATION_RAD:
-        return f"{stated}, and {np.degrees(separation):.2g} deg if {correction.words}; correct [columns]"
+    for best in trials(_corrections(sky), misfit):
+        separation = sky.separation(best.candidate)[0]
+        if best.misfit < distance / extent / MIN_GAIN and separation < MAX_SEPARATION_RAD:
+            return f"{stated}, and {np.degrees(separation):.2g} deg if {best.candidate.words}; correct [columns]"
     return (
         f"{stated}, and no other unit, sign or order of the columns brings them together; check [columns], and the "
         "axes and their sense in [platform]"

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations, pairwise, permutations, product
 from math import pi
 
 import numpy as np
 
 from gimbalcal.checks.forces import as_predicted
-from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, MIN_AGREEMENT
+from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, MIN_AGREEMENT, Correction, Trial, trials
 from gimbalcal.guess.column_names import ANGLES, plain, unit_written
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Axis, Platform
+from gimbalcal.recording.record import ANGLE, FORCE
 from gimbalcal.units import to_si
 
 MIN_DWELLS = 4  # that determine a platform
@@ -29,21 +30,8 @@ MAX_COLUMNS = 6  # that may be its angles
 AXIS_OF_LETTER = {"psi": "platform", "theta": "inner", "phi": "middle"}  # Table 1 of Wu et al. (2018)
 ENCODER_BITS = range(12, 25)
 QUARTER_TURNS = (0.0, pi / 2, pi, -pi / 2)
-AXES = "these axes turn it"
+KNOWN_CHAIN = "these axes turn it"
 CHAIN = "this chain turns it, found among all chains of its axes"
-
-
-@dataclass(frozen=True)
-class GimbalChain:
-    """A platform, the readouts that run against it, and why it is proposed; no platform where none agrees.
-
-    reversed: whether the forces are of the opposite sign, because the log holds gravity.
-    """
-
-    platform: Platform | None
-    backwards: tuple[str, ...]
-    why: str
-    reversed: bool = False
 
 
 def usual_platform(names: frozenset[str]) -> Platform | None:
@@ -52,30 +40,37 @@ def usual_platform(names: frozenset[str]) -> Platform | None:
     return min(fitting, key=lambda p: len(p.axes), default=None)
 
 
-def gimbal_chain(angles: Mapping[str, Array], force: Array) -> GimbalChain:
-    """Return the platform of gimbal angles (m,) [rad] by name at m dwells, and force (m, 3) there in any unit."""
-    m = len(force)
-    first = usual_platform(frozenset(angles))
+def gimbal_chain(angles: Mapping[str, Array], force: Array) -> Correction:
+    """Return the platform of gimbal angles (m,) [rad] by name at m dwells, and force (m, 3) there in any unit.
+
+    The correction also reverses readouts that run against the platform, and forces where the log holds gravity. Where
+    no platform agrees it has none; its words say why.
+    """
+    m, names = len(force), tuple(angles)
+    first = usual_platform(frozenset(names))
     if m < MIN_DWELLS and first is not None:
-        return GimbalChain(first, (), f"by the names of its axes; {m} rests do not show whether gravity agrees")
+        return Correction(f"by the names of its axes; {m} rests do not show whether gravity agrees", platform=first)
     unit = force / np.linalg.norm(force, axis=1, keepdims=True)
     varied = np.linalg.norm(unit - unit[0], axis=1).max() > MAX_DEVIATION_RAD  # else z up may be taken for a reversal
-    most = 0
-    for chain in _candidates(tuple(angles), first, varied):
-        assert chain.platform is not None
-        readouts = {name: -x if name in chain.backwards else x for name, x in angles.items()}
-        sign = -1.0 if chain.reversed else 1.0
-        agreeing = as_predicted(chain.platform, chain.platform.angles(readouts, (m,)), sign * force)
-        most = max(most, 0 if chain.reversed else agreeing)
-        if agreeing >= MIN_AGREEMENT * m:
-            return replace(chain, why=f"gravity at {agreeing} of {m} rests is where {chain.why}")
-    why = f"no chain of these axes turns gravity as it was felt (the best at {most} of {m} rests)"
-    return GimbalChain(None, (), f"gimbal angles are left out: {why}")
+    read = np.stack([angles[name] for name in names], axis=-1)
+
+    def misfit(c: Correction) -> int:
+        platform = c.platform or Platform("own", ())
+        readouts = dict(zip(names, c.of(ANGLE, read).T, strict=True))
+        return m - as_predicted(platform, platform.angles(readouts, (m,)), c.of(FORCE, force))
+
+    sufficient = m - MIN_AGREEMENT * m
+    best = next(iter(trials(_candidates(names, first, varied), misfit, sufficient)), Trial(m, Correction("")))
+    if best.misfit <= sufficient:
+        words = f"gravity at {m - int(best.misfit)} of {m} rests is where {best.candidate.words}"
+        return replace(best.candidate, words=words)
+    why = f"no chain of these axes turns gravity as it was felt (the best at {m - int(best.misfit)} of {m} rests)"
+    return Correction(f"gimbal angles are left out: {why}")
 
 
 def chain_among(
     columns: Mapping[str, Array], dwells: Sequence[slice], force: Array
-) -> tuple[GimbalChain, dict[str, tuple[str, str]]] | None:
+) -> tuple[Correction, dict[str, tuple[str, str]]] | None:
     """Return the chain whose angles are among columns (n,) of unknown content, with axis and unit of each of these.
 
     They stand still in each dwell, and gravity goes as they say; axes are called as `plain` has the columns' names.
@@ -139,27 +134,33 @@ def _without_unit(words: str) -> str:
     return first if first and unit_written(last) else words
 
 
-def _candidates(names: tuple[str, ...], first: Platform | None, varied: bool) -> Iterator[GimbalChain]:
+def _candidates(names: tuple[str, ...], first: Platform | None, varied: bool) -> Iterator[Correction]:
     """Yield platforms that are known by name, with readouts or all forces reversed, then chains of the axes.
 
     varied: the forces differ, so that a reversal of all three would show.
     """
     known = [KNOWN[name] for name in TABLES if set(names) <= set(KNOWN[name].axis_names)]
     known = sorted(known, key=lambda p: p is not first)
-    flips = [tuple(n for n, f in zip(names, each, strict=True) if f) for each in product((0, 1), repeat=len(names))]
-    for of_gravity, backwards in product((False, True) if varied else (False,), sorted(flips, key=len)):
-        why = f"these axes turn it, the {' and the '.join(backwards)} readout backwards" if backwards else AXES
-        why += ", all three accelerometers reversed (the log holds gravity)" * of_gravity
-        yield from (GimbalChain(p, backwards, why, of_gravity) for p in known)
+    for of_gravity, signs in product((False, True) if varied else (False,), _signs(len(names))):
+        backwards = [n for n, sign in zip(names, signs, strict=True) if sign < 0]
+        words = f"{KNOWN_CHAIN}, the {' and the '.join(backwards)} readout backwards" if backwards else KNOWN_CHAIN
+        words += ", all three accelerometers reversed (the log holds gravity)" * of_gravity
+        matrices = {ANGLE: (names, np.diag(signs)), **({FORCE: (AXES, -np.eye(3))} if of_gravity else {})}
+        yield from (Correction(words, matrices=matrices, platform=p) for p in known)
     several = len(names) == MAX_AXES
     offsets = [(0.0, pi) if several else QUARTER_TURNS] * len(names)
     for p in (
         chains((names, names[::-1]) if several else permutations(names), offsets) if len(names) <= MAX_AXES else ()
     ):
-        yield GimbalChain(p, (), CHAIN)
+        yield Correction(CHAIN, platform=p)
         if len(names) == 1:  # what it stands on is fixed, and may be upright, lie, or be turned over
             bases = (Axis("base", direction, 1, z) for direction in "xy" for z in QUARTER_TURNS[1:])
-            yield from (GimbalChain(Platform("own", (*p.axes, base)), (), CHAIN) for base in bases)
+            yield from (Correction(CHAIN, platform=Platform("own", (*p.axes, base))) for base in bases)
+
+
+def _signs(count: int) -> list[tuple[float, ...]]:
+    """Return the signs of so many readouts, those with the fewest negative ones first."""
+    return sorted(product((1.0, -1.0), repeat=count), key=lambda signs: sum(sign < 0 for sign in signs))
 
 
 def chains(orders: Iterable[Sequence[str]], offsets: Sequence[Sequence[float]]) -> Iterator[Platform]:

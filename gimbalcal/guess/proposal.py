@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.input_errors import MIN_AGREEMENT
+from gimbalcal.checks.input_errors import MIN_AGREEMENT, Correction
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon
 from gimbalcal.guess.column_guess import guessed
 from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
-from gimbalcal.guess.gimbal_chain import GimbalChain, chain_among, encoder_angles, gimbal_chain
+from gimbalcal.guess.gimbal_chain import chain_among, encoder_angles, gimbal_chain
 from gimbalcal.guess.log import FORCE, Guess, Log
 from gimbalcal.guess.merged_logs import are_parts, concatenated, on_one_clock, slowest_first
 from gimbalcal.guess.novatel import rawimu
@@ -41,6 +41,7 @@ from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.frames import Entry
+from gimbalcal.recording.record import ANGLE
 
 SELF_DESCRIBING = {"TPOINT's observations": import_tpoint, "a pointing run of the MMT": import_mmt}
 NOISE_FROM_ROWS = "taken from the rows, where nothing is stated"
@@ -257,14 +258,15 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     reversed_columns: list[str] = []
     if chain is not None:
         log = log.including(gimbals)
-        platform, notes["platform"] = chain.platform, chain.why
+        platform, notes["platform"] = chain.platform, chain.words
         column_of = {log.guesses[n].axis: n for n in log.names("gimbal_angle")}
         if len(column_of) == 1:
             notes["platform"] += (
                 "; turns about one axis show few errors: mount the unit otherwise too for the others; steady turns "
                 "calibrate gyroscopes, --method rate-table, all mountings together"
             )
-        reversed_columns = [column_of[axis] for axis in chain.backwards] + (log.names(FORCE) if chain.reversed else [])
+        reversed_columns = [column_of[axis] for axis in chain.reversed(ANGLE) if axis in column_of]
+        reversed_columns += log.names(FORCE) if chain.reversed(FORCE) else []
     used = replace(log, guesses={name: g for name, g in log.guesses.items() if name not in outside})
     recording = context.recording(used, _platform_entry(platform), reversed_columns)
     rests = len(dwells(recording))
@@ -306,7 +308,7 @@ def _angle_candidates(log: Log) -> dict[str, Array]:
     return {n: x for n, x in log.unknown.items() if np.all(np.isfinite(x)) and not estimated(n)}
 
 
-def _rig(log: Log, context: _Context) -> tuple[GimbalChain | None, dict[str, Guess], tuple[str, ...]]:
+def _rig(log: Log, context: _Context) -> tuple[Correction | None, dict[str, Guess], tuple[str, ...]]:
     """Return the rig, gimbals that are found by their content, and columns called gimbals that no platform has."""
     named = log.names("gimbal_angle")
     unknown, chain = _angle_candidates(log), None

@@ -13,6 +13,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from gimbalcal.checks.driven_rates import MAX_RESIDUAL, DrivenTurn, driven_turn
+from gimbalcal.checks.input_errors import trials
 from gimbalcal.effects.history import integral
 from gimbalcal.guess.column_names import axis_word, commanded, estimated, plain, rate_word, unit_written
 from gimbalcal.guess.column_values import changes_direction
@@ -178,7 +179,7 @@ def _fit(time: Array, readings: Array, columns: Mapping[str, Array], scale: floa
                     fits.append(TableFit(chain[0], own, chain[1]))
         least = min((f.misfit for f in fits), default=np.inf)
         if least < (MAX_MISFIT_RATIO * best.misfit if best else np.inf):
-            best = next(f for f in fits if f.misfit <= EQUAL_MISFIT_RATIO * least)
+            best = trials(fits, lambda f: f.misfit, tolerance=EQUAL_MISFIT_RATIO)[0].candidate
     return best
 
 
@@ -188,10 +189,8 @@ def _best_chain(turns: DrivenTurn, scale: float | None) -> tuple[float, Platform
     known = [usual] if usual is not None and set(usual.axis_names) == set(turns.names) else []
     offsets = [*[QUARTER_TURNS] * (len(turns.names) - 1), (0.0,)]  # what the outermost stands on turns nothing
     platforms = (*known, *chains(permutations(turns.names), offsets))
-    misfits = [(turns.residual(p, scale), p) for p in platforms]
-    least = min(misfit for misfit, _ in misfits)
-    misfit, platform = next((m, p) for m, p in misfits if m <= EQUAL_MISFIT_RATIO * least)
-    return (misfit, platform) if turns.misfit(platform, scale) < MAX_RESIDUAL else None
+    (best,) = trials(platforms, lambda p: turns.residual(p, scale), tolerance=EQUAL_MISFIT_RATIO)
+    return (best.misfit, best.candidate) if turns.misfit(best.candidate, scale) < MAX_RESIDUAL else None
 
 
 def _axis(name: str) -> str:
