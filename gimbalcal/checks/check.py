@@ -1,7 +1,7 @@
-"""A check of a recording: the kinds that it is for, the quantities that it needs, and the test, which is a sentence.
+"""A check: the kinds of recording that it is for, the quantities that it needs, and the test, which is a sentence.
 
-A test takes an `Examined` and returns the sentence that follows the name of the recording in the refusal, empty where
-the recording passes. Of a question the sentence is a remark instead.
+A test takes what is examined, rows that are being read or a whole recording (`Examined`), and returns the sentence of
+the refusal, empty where it passes. Of a question the sentence is a remark instead.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from gimbalcal.checks.input_errors import AXES
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwell_means
+from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
 
 POSITIONS, STATIC, ROTATION, SIGHTINGS = ("in_positions",), ("stabilised",), ("rotating",), ("sighting",)
@@ -25,11 +26,36 @@ T = TypeVar("T")
 SOME_ROWS, THINNED_ROWS = 5000, 500  # rows of a recording that show its usual force; of a static run
 
 
+class Examinable(Protocol):
+    """What a check may look at: its kind, what it holds, and what a sentence on it begins with."""
+
+    @property
+    def kind(self) -> Kind:
+        """Return the kind of the recording."""
+
+    @property
+    def label(self) -> str:
+        """Return the name that precedes the sentence of a refusal; empty where sentences name their place."""
+
+    def has(self, item: str, /) -> bool:
+        """Return whether a quantity, or another thing that checks require by a word, is there."""
+
+
 @dataclass(frozen=True)
 class Examined:
     """A recording, and what several checks derive from it, computed once."""
 
     recording: Recording
+
+    @property
+    def kind(self) -> Kind:
+        """Return the kind of the recording."""
+        return self.recording.kind
+
+    @property
+    def label(self) -> str:
+        """Return the file that the recording comes from, else its title."""
+        return f"{self.recording.label}: "
 
     @cached_property
     def rests(self) -> Recording:
@@ -73,7 +99,8 @@ class Examined:
     def has(self, item: str) -> bool:
         """Return whether a triad is complete, another quantity logged, or "dwells", "latitude", "attitude" known.
 
-        "physical X": a triad in physical units; "any X": some of its axes; "no X": not so.
+        "physical X": a triad in physical units; "any X": some of its axes; "no X": not so. "driven": only the angles of
+        a table show what the gyroscopes on it feel.
         """
         r = self.recording
         word, _, rest = item.partition(" ")
@@ -89,6 +116,7 @@ class Examined:
             "latitude": r.site.latitude is not None,
             "attitude": self.attitude_known,
             "dwells": r.position is not None and bool(r.position.any()),
+            "driven": r.kind.rotating and self.attitude_known and self.has(RATE) and not r.has(FORCE),
         }
         return known[item] if item in known else r.has(item)
 
@@ -100,23 +128,22 @@ class Check:
     A question is only a remark.
     """
 
-    test: Callable[[Examined], str]
+    test: Callable[[Any], str]
     kinds: tuple[str, ...]
     requires: tuple[str, ...] = ()
     question: bool = False
 
-    def applies(self, examined: Examined) -> bool:
+    def applies(self, examined: Examinable) -> bool:
         """Return whether the check can be made."""
-        suits = any(getattr(examined.recording.kind, name) for name in self.kinds)
-        return suits and all(map(examined.has, self.requires))
+        return any(getattr(examined.kind, name) for name in self.kinds) and all(map(examined.has, self.requires))
 
 
-def examine(recording: Recording, checks: Iterable[Check]) -> tuple[str, ...]:
+def examine(examined: Examinable, checks: Iterable[Check]) -> tuple[str, ...]:
     """Make the checks that apply, in order; return the remarks. `InputError` with one sentence at the first refusal."""
-    examined, remarks = Examined(recording), []
+    remarks = []
     for check in checks:
         sentence = check.test(examined) if check.applies(examined) else ""
         if sentence and not check.question:
-            raise InputError(f"{recording.label}: {sentence}")
+            raise InputError(f"{examined.label}{sentence}")
         remarks += [sentence] if sentence else []
     return tuple(remarks)

@@ -14,8 +14,8 @@ from math import erf, log, sqrt
 
 import numpy as np
 
+from gimbalcal.checks.check import EVERY, POSITIONS, SIGHTINGS, STATIC, Check
 from gimbalcal.checks.stream_checks import GAP, STRIDE, StreamChecks
-from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.record import SENSORS
@@ -36,84 +36,18 @@ SMOOTH = 1e-7  # of the largest value: what third differences leave of a siderea
 DISTINCT = 0.9  # share of rows that hardly repeat a value
 
 
-def check_columns(s: StreamChecks, scatter: Mapping[str, float]) -> None:
-    """Raise `InputError` where a column as a whole cannot be right; `scatter` is one sigma by name, in its unit."""
-    if s.n == 0:
-        what = "a line of column names" if s.header.samples.suffix == ".csv" else "columns"
-        raise InputError(f"{s.header.samples} has {what} and no rows")
-    _check_clock_within_dwells(s)
-    _check_angle_units(s)
-    for c in s.sensors:
-        _check_largest(s, c, MAX_READING[c.quantity], "any sensor can read", everywhere=True)
-    if s.header.kind.stabilised or s.numbered:  # on the move, a knock may be anything
-        for c in (c for c in s.sensors if c.quantity in MAX_READING_AT_REST):
-            _check_largest(s, c, MAX_READING_AT_REST[c.quantity], "a unit at rest can read")
-    for c in (*s.sensors, *s.turning):
-        many = _many(min(s.n, PIECE))
-        clipped = any(count >= many for (name, _), (_, count) in s.extremes.items() if name == c.name)
-        if c.name in s.standing or clipped:
-            x = s.whole(c.name)
-            pieces = [x[start : start + PIECE] for start in range(0, len(x), PIECE)]
-            _check_alive(s, c, pieces, _noise(s, c, scatter), clipped)
+def no_rows(s: StreamChecks) -> str:
+    """Refuse a file without rows."""
+    if s.n:
+        return ""
+    what = "a line of column names" if s.header.samples.suffix == ".csv" else "columns"
+    return f"{s.header.samples} has {what} and no rows"
 
 
-def _many(n: int) -> float:
-    return max(MIN_ROWS, MIN_SHARE_CLIPPED * n)
-
-
-def _refuse(s: StreamChecks, start: int, stop: int | None, c: Column, why: str) -> None:
-    raise InputError(f"{s.place(start, stop)}, column {c.name}: {why}")
-
-
-def _noise(s: StreamChecks, c: Column, scatter: Mapping[str, float]) -> float:
-    """Return the scatter of the triad, or the header's noise where that is less or nothing scatters at all."""
-    sensor = next(name for name, quantity in SENSORS.items() if quantity == c.quantity)
-    own = [other for other in s.sensors if other.sensor == c.sensor]
-    triad = [other for other in own if other.quantity == c.quantity] or [c]  # a gimbal stands for itself
-    if s.header.kind.rotating and all(0.5 < STRIDE * s.repeats[t.name] / s.n < 0.95 for t in triad):
-        return 0.0  # a simulation without noise: what scatters is the motion
-    sigma = max(to_si(scatter.get(t.name, 0.0), t.unit) for t in triad)
-    largest = max(abs(to_si(s.extremes[t.name, k][0], t.unit)) for t in triad for k in (1, -1))
-    shown = sigma if sigma > SMOOTH * largest else 0.0
-    stated = s.header.noise.get(sensor, shown)
-    return from_si(min(stated, shown) if shown else stated, c.unit)
-
-
-def _check_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float, clipped: bool) -> None:
-    quantum, levels = resolution(pieces)
-    if sigma <= quantum or (c in s.turning and levels == 1):
-        return
-    first = 0
-    for x in pieces if clipped else ():
-        _check_clipped(s, c, x, first)
-        first += len(x)
-    start, stop, usual = longest_run(pieces)
-    n = sum(map(len, pieces))
-    probability = erf(quantum / (2 * sqrt(2) * sigma))
-    needed = 1 + log(MIN_PROBABILITY / n) / log(probability) if probability else 0.0
-    if stop - start >= usual * max(MIN_ROWS, needed):
-        value = f"{s.whole(c.name)[start]:.10g} {c.unit}"
-        why = f"all {stop - start} rows read {value} although the noise is {sigma:.2g} {c.unit}, so the channel is "
-        cure = "dead; leave its column" if stop - start == n else "frozen; leave those rows"
-        _refuse(s, start, stop, c, f"{why}{cure} out, or correct [noise]")
-
-
-def _check_clipped(s: StreamChecks, c: Column, x: Array, first: int) -> None:
-    """Refuse rows (n,) of a sensor, from `first` on, of which many read the largest or smallest value."""
-    for sign, word in (1, "largest"), (-1, "smallest"):
-        rows = at_maximum(sign * x)
-        if len(rows) >= _many(len(x)):
-            why = (
-                f"{x[rows[0]]:.10g} {c.unit} is the {word} value of the channel and stands in {len(rows)} of its "
-                f"{len(x)} rows, so it is clipped; raise the range of the sensor, or leave those rows out"
-            )
-            _refuse(s, first + int(rows[0]), None, c, why)
-
-
-def _check_clock_within_dwells(s: StreamChecks) -> None:
+def clock_within_dwells(s: StreamChecks) -> str:
     """Refuse a clock that jumps forward within one position."""
     changes = set(s.changes)
-    inside = [(row, dt) for row, dt in s.gaps if row not in changes] if s.numbered else []
+    inside = [(row, dt) for row, dt in s.gaps if row not in changes]
     step = np.diff(s.whole(s.clock.name), prepend=np.nan) if inside else np.zeros(0)
     edges = np.array([*s.changes, s.n])
     for row, dt in inside:
@@ -124,37 +58,124 @@ def _check_clock_within_dwells(s: StreamChecks) -> None:
         others = float(within.sum()) - dt
         if len(within) > 2 and dt > others and dt > GAP * np.median(within):
             unit = s.clock.unit
-            why = (
+            return s.place_of(s.clock, row) + (
                 f"the clock jumps forward by {dt:.6g} {unit} within one position, whose other rows span "
                 f"{others:.6g} {unit}; correct the clock, or give the second visit its own position number"
             )
-            _refuse(s, row, None, s.clock, why)
+    return ""
 
 
-def _check_angle_units(s: StreamChecks) -> None:
+def angles_in_degrees(s: StreamChecks) -> str:
     """Refuse angles beyond two turns in radians, most likely logged in degrees; a run may turn on and on."""
-    for c in () if s.header.kind.rotating else s.angles:
-        largest = max((abs(s.extremes[c.name, sign][0]) for sign in (1, -1)), default=0.0)
+    for c in s.angles:
+        largest = s.largest(c)
         what = f"{s.header.samples}, column {c.name}: angles up to {largest:g} {c.unit}"
         if to_si(largest, c.unit) > MAX_ANGLE_RAD:
-            raise InputError(f"{what} are no readout of a gimbal; correct them, or the unit in {s.header.path}")
-        goes_on = s.header.kind.stabilised and c.axis == "platform"
+            return f"{what} are no readout of a gimbal; correct them, or the unit in {s.header.path}"
+        goes_on = s.kind.stabilised and c.axis == "platform"
         if not goes_on and "rad" in c.unit and to_si(largest, c.unit) > MAX_ANGLE_IN_RADIANS:
-            raise InputError(f'{what} look like degrees; write unit = "deg" for it in {s.header.path}')
+            return f'{what} look like degrees; write unit = "deg" for it in {s.header.path}'
+    return ""
 
 
-def _check_largest(s: StreamChecks, c: Column, most: float, what: str, everywhere: bool = False) -> None:
-    """Refuse a few rows that read more than `most` in SI, at rest or everywhere; if most do, the unit is wrong."""
-    limit = from_si(most, c.unit)
-    if is_raw(c.unit) or max(abs(s.extremes[c.name, sign][0]) for sign in (1, -1)) <= limit:
-        return
-    x = s.whole(c.name)
-    still = s.whole(s.position.name) > 0 if s.position and not everywhere else np.ones(len(x), dtype=bool)
-    rows = np.flatnonzero(still & (np.abs(x) > limit))
-    if 0 < len(rows) < 0.5 * len(x):
-        others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
-        why = f"{x[rows[0]]:.6g} {c.unit} is beyond anything that {what}{others}; leave such rows out"
-        _refuse(s, int(rows[0]), None, c, why)
+def beyond_any_sensor(s: StreamChecks) -> str:
+    """Refuse a few rows that read more than any sensor can."""
+    return _beyond(s, MAX_READING, "any sensor can read")
+
+
+def beyond_rest(s: StreamChecks) -> str:
+    """Refuse a few rows that read more than a unit at rest can; on the move, a knock may be anything."""
+    return _beyond(s, MAX_READING_AT_REST, "a unit at rest can read", s.position)
+
+
+def _beyond(s: StreamChecks, limits: Mapping[str, float], what: str, position: Column | None = None) -> str:
+    """Refuse a few rows beyond a limit in SI (at rest, by a position column, if given); of most, the unit is wrong."""
+    for c in (c for c in s.sensors if c.quantity in limits and not is_raw(c.unit)):
+        limit = from_si(limits[c.quantity], c.unit)
+        if s.largest(c) <= limit:
+            continue
+        x = s.whole(c.name)
+        rows = np.flatnonzero((np.abs(x) > limit) & (s.whole(position.name) > 0 if position else True))
+        if 0 < len(rows) < 0.5 * len(x):
+            others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
+            why = f"{x[rows[0]]:.6g} {c.unit} is beyond anything that {what}{others}; leave such rows out"
+            return s.place_of(c, int(rows[0])) + why
+    return ""
+
+
+def frozen_or_clipped(s: StreamChecks) -> str:
+    """Refuse a channel that repeats one value, or its largest, more often than chance allows."""
+    for c in (*s.sensors, *s.turning):
+        many = _many(min(s.n, PIECE))
+        clipped = any(count >= many for (name, _), (_, count) in s.extremes.items() if name == c.name)
+        if c.name not in s.standing and not clipped:
+            continue
+        x = s.whole(c.name)
+        pieces = [x[start : start + PIECE] for start in range(0, len(x), PIECE)]
+        if sentence := _not_alive(s, c, pieces, _noise(s, c), clipped):
+            return sentence
+    return ""
+
+
+def _many(n: int) -> float:
+    return max(MIN_ROWS, MIN_SHARE_CLIPPED * n)
+
+
+def _noise(s: StreamChecks, c: Column) -> float:
+    """Return the scatter of the triad, or the header's noise where that is less or nothing scatters at all."""
+    sensor = next(name for name, quantity in SENSORS.items() if quantity == c.quantity)
+    own = [other for other in s.sensors if other.sensor == c.sensor]
+    triad = [other for other in own if other.quantity == c.quantity] or [c]  # a gimbal stands for itself
+    if s.kind.rotating and all(0.5 < STRIDE * s.repeats[t.name] / s.n < 0.95 for t in triad):
+        return 0.0  # a simulation without noise: what scatters is the motion
+    sigma = max(to_si(s.scatter.get(t.name, 0.0), t.unit) for t in triad)
+    shown = sigma if sigma > SMOOTH * max(to_si(s.largest(t), t.unit) for t in triad) else 0.0
+    stated = s.header.noise.get(sensor, shown)
+    return from_si(min(stated, shown) if shown else stated, c.unit)
+
+
+def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float, clipped: bool) -> str:
+    quantum, levels = resolution(pieces)
+    if sigma <= quantum or (c in s.turning and levels == 1):
+        return ""
+    first = 0
+    for x in pieces if clipped else ():
+        if sentence := _clipped(s, c, x, first):
+            return sentence
+        first += len(x)
+    start, stop, usual = longest_run(pieces)
+    n = sum(map(len, pieces))
+    probability = erf(quantum / (2 * sqrt(2) * sigma))
+    needed = 1 + log(MIN_PROBABILITY / n) / log(probability) if probability else 0.0
+    if stop - start < usual * max(MIN_ROWS, needed):
+        return ""
+    value = f"{s.whole(c.name)[start]:.10g} {c.unit}"
+    why = f"all {stop - start} rows read {value} although the noise is {sigma:.2g} {c.unit}, so the channel is "
+    cure = "dead; leave its column" if stop - start == n else "frozen; leave those rows"
+    return f"{s.place_of(c, start, stop)}{why}{cure} out, or correct [noise]"
+
+
+def _clipped(s: StreamChecks, c: Column, x: Array, first: int) -> str:
+    """Refuse rows (n,) of a sensor, from `first` on, of which many read the largest or smallest value."""
+    for sign, word in (1, "largest"), (-1, "smallest"):
+        rows = at_maximum(sign * x)
+        if len(rows) >= _many(len(x)):
+            return s.place_of(c, first + int(rows[0])) + (
+                f"{x[rows[0]]:.10g} {c.unit} is the {word} value of the channel and stands in {len(rows)} of its "
+                f"{len(x)} rows, so it is clipped; raise the range of the sensor, or leave those rows out"
+            )
+    return ""
+
+
+CHECKS = (
+    Check(no_rows, EVERY),
+    Check(clock_within_dwells, POSITIONS, ("position",)),
+    Check(angles_in_degrees, (*POSITIONS, *STATIC, *SIGHTINGS)),
+    Check(beyond_any_sensor, EVERY),
+    Check(beyond_rest, STATIC),
+    Check(beyond_rest, POSITIONS, ("position",)),
+    Check(frozen_or_clipped, EVERY),
+)
 
 
 # --- values of a column -----------------------------------------------------------------------------------------------

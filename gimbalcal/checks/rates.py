@@ -378,8 +378,8 @@ def _in_words(named: Sequence[tuple[AxisPermutation, str]], unit: str, handed: s
 
 MOVED = (*POSITIONS, *ROTATION)
 CHECKS = (
-    Check(turns_between_rests, MOVED, (RATE,)),
-    Check(earth_at_rest, MOVED, (RATE,)),
-    Check(rates_not_checked, MOVED, (RATE,), question=True),
+    Check(turns_between_rests, MOVED, (RATE, "no driven")),
+    Check(earth_at_rest, MOVED, (RATE, "no driven")),
+    Check(rates_not_checked, MOVED, (RATE, "no driven"), question=True),
     Check(static_rates_not_checked, STATIC, (f"any {RATE}",), question=True),
 )

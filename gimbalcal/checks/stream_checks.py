@@ -19,6 +19,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, Column
 from gimbalcal.recording.document import LARGEST
 from gimbalcal.recording.header import Header
+from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import celsius, is_raw, to_si
 
@@ -69,6 +70,8 @@ VALUE_CHECKS = (
 class StreamChecks:
     """Check the rows as they go by, and remember what the checks of whole columns need."""
 
+    label = ""  # sentences begin with the file and the line
+
     def __init__(self, header: Header, whole: Callable[[str], Array], dropouts: Dropouts) -> None:
         self.header, self.dropouts = header, dropouts
         self.whole = lambda name: dropouts.whole(whole(name))  # `whole` fetches one column for a second look
@@ -84,6 +87,7 @@ class StreamChecks:
         self.turning = self.angles if header.kind.stabilised else []
         self.values = [(c, check) for check in VALUE_CHECKS for c in header.columns if c.quantity in check.quantities
                        and not (c.quantity == "temperature" and is_raw(c.unit))]  # fmt: skip
+        self.scatter: dict[str, float] = {}  # one sigma by column, once all rows went by
         self.n = 0
         self.step = 0.0  # usual step in time
         self.last_time, self.last_position = np.nan, np.nan
@@ -117,9 +121,26 @@ class StreamChecks:
         self.n += len(begins)
         return begins
 
+    @property
+    def kind(self) -> Kind:
+        """Return the kind of the recording that is read."""
+        return self.header.kind
+
+    def has(self, item: str) -> bool:
+        """Return whether a column holds a quantity."""
+        return self.header.column(item) is not None
+
+    def largest(self, c: Column) -> float:
+        """Return the largest absolute value of a column, in its unit."""
+        return max(abs(self.extremes.get((c.name, sign), (0.0, 0))[0]) for sign in (1, -1))
+
     def place(self, start: int, stop: int | None = None) -> str:
         """Return where rows `start` up to `stop` stand in the file."""
         return self.dropouts.place(start, stop)
+
+    def place_of(self, c: Column, start: int, stop: int | None = None) -> str:
+        """Return where rows of a column stand, as a refusal begins."""
+        return f"{self.place(start, stop)}, column {c.name}: "
 
     def _refuse(self, row: int, name: str, why: str) -> None:
         """Raise InputError for a row of the batch: every refusal of a value begins with its line and column."""

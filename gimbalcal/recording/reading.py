@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.column_checks import check_columns
+from gimbalcal.checks import column_checks
+from gimbalcal.checks.check import examine
 from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.checks.jitter import MAX_ROUGHNESS, jitter_of, regular
 from gimbalcal.checks.stream_checks import StreamChecks
@@ -230,8 +231,9 @@ def _gather(
         still = batch[position] > 0 if position else np.ones(len(begins), dtype=bool)
         scatter.add(batch, begins, batch[weight] if weight else np.ones(len(begins)), still)
         kept.add(batch, begins)
-    check_columns(checks, scatter.sigma())
-    return kept.table(), scatter.sigma()
+    checks.scatter = scatter.sigma()
+    examine(checks, column_checks.CHECKS)
+    return kept.table(), checks.scatter
 
 
 def _weight(columns: tuple[Column, ...], table: dict[str, Array]) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.checks.check import examine
+from gimbalcal.checks.check import Examined, examine
 from gimbalcal.checks.input_errors import PERMUTATIONS, AxisPermutation
 from gimbalcal.checks.rates import CHECKS
 from gimbalcal.earth import EARTH_RATE
@@ -58,14 +58,14 @@ def changed(recording: Recording, M: Array, quantity: str = RATE) -> Recording:
 
 def said(recording: Recording) -> str:
     with pytest.raises(InputError) as caught:
-        examine(recording, CHECKS)
+        examine(Examined(recording), CHECKS)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_errors_that_a_calibration_takes_pass(seed: int) -> None:
-    assert examine(in_the_hand(seed=seed), CHECKS) == ()
+    assert examine(Examined(in_the_hand(seed=seed)), CHECKS) == ()
 
 
 @pytest.mark.parametrize("change", PERMUTATIONS[1:], ids=str)
@@ -111,7 +111,7 @@ def test_counts_are_tried_too(M: Array) -> None:
     raw = changed(in_the_hand(), 5000.0 * M)
     raw = replace(raw, units={key: "count" if key[0] == RATE else u for key, u in raw.units.items()})
     if M[0, 0] > 0:
-        assert examine(raw, CHECKS) == ()
+        assert examine(Examined(raw), CHECKS) == ()
     else:
         assert "every gyroscope has the wrong sign" in said(raw)
 
@@ -127,14 +127,14 @@ def test_turns_about_the_vertical_are_told_by_gimbals() -> None:
     assert table is not None
     channels = {(q, table.axis_names[0] if q == "gimbal_angle" else a): x for (q, a), x in channels.items()}
     right = Recording("multi-position", "test", table, Site(), {}, STEP * np.arange(len(rate)), position, channels)
-    assert examine(right, CHECKS) == ()
+    assert examine(Examined(right), CHECKS) == ()
     assert "by the gimbals" in said(changed(right, -np.eye(3)))
 
 
 def test_nothing_is_refused_and_it_is_said_where_nothing_turns() -> None:
     still = in_the_hand()
     rows = (still.position is not None) & (still.position == 1)
-    (sentence,) = examine(still.select(rows), CHECKS)
+    (sentence,) = examine(Examined(still.select(rows)), CHECKS)
     assert "were not checked" in sentence
 
 
@@ -142,7 +142,7 @@ def test_nothing_is_refused_and_it_is_said_where_nothing_turns() -> None:
 def test_the_earth_at_rest_tells_where_no_turn_was_logged(M: Array) -> None:
     whole = in_the_hand(latitude=np.radians(50.0), level=1e-7)
     rests = whole.select(np.asarray(whole.position) > 0)
-    assert examine(rests, CHECKS) == ()
+    assert examine(Examined(rests), CHECKS) == ()
     assert "miss the Earth's rate along the vertical, 11.52 deg/h" in said(changed(rests, M))
 
 
@@ -150,4 +150,4 @@ def test_accelerometers_that_are_all_reversed_show_only_in_the_earths_rate() -> 
     seen = in_the_hand(latitude=np.radians(50.0), level=1e-7)
     message = said(changed(seen, -np.eye(3), FORCE))
     assert "if the latitude has the opposite sign, or every accelerometer has the wrong sign" in message
-    assert examine(changed(in_the_hand(), -np.eye(3), FORCE), CHECKS) == ()
+    assert examine(Examined(changed(in_the_hand(), -np.eye(3), FORCE)), CHECKS) == ()
