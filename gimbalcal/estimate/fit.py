@@ -13,10 +13,12 @@ import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, values, with_values
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import limits
@@ -143,17 +145,16 @@ def chi2(info: Information, x: Array) -> float:
 class ViewsFit:
     """Fit of views that share all parameters: effects with the estimates, and the solution.
 
-    The solution is that of the effects' parameters and, behind them, of the nuisances. excess: sigma [SI] beyond the
-    known noise of the rows, in units of `NoiseModel.parts_of_variance`, of_channels (1,) or (C,) that of each channel;
-    steps: 0 where the fit did not converge; min_signal: as in `solve`.
+    The solution is that of the effects' parameters and, behind them, of the nuisances. excesses: for each view the
+    sigma [SI] of all channels (1,) or of each (C,) beyond the known noise of the rows, in units of
+    `NoiseModel.parts_of_variance`; steps: 0 where the fit did not converge; min_signal: as in `solve`.
     """
 
     views: tuple[View, ...]
     absent: tuple[Effect, ...]  # the effects that the fit began with, before their parameters were estimated
     effects: tuple[Effect, ...]
     solution: Solution
-    excess: float
-    of_channels: Array
+    excesses: tuple[Array, ...]
     steps: int
     min_signal: float = MIN_SIGNAL_TO_NOISE
 
@@ -177,15 +178,37 @@ class ViewsFit:
         """One standard deviation (p,) of each parameter, SI."""
         return self.solution.sigma[: len(self.parameters)]
 
+    @property
+    def unobservable(self) -> tuple[dict[str, Any], ...]:
+        """Directions of the effects' parameters that the rows do not determine, or not apart from a nuisance."""
+        own, out = {p.label for p in self.parameters}, dict[frozenset[str], dict[str, Any]]()
+        for u in self.solution.unobservable:
+            direction = {label: weight for label, weight in u.direction.items() if label in own}
+            if direction:
+                out.setdefault(frozenset(direction), {"direction": direction, "why": u.why})
+        return tuple(out.values())
+
+    def calibration(self, method: str, residual: Residual, **fields: Any) -> Calibration:
+        """Return the effects, parameters, covariance and unobservable directions with further fields as a result."""
+        return Calibration(
+            **{"method": method, "effects": self.effects, "parameters": self.parameters, "covariance": self.covariance,
+               "unobservable": self.unobservable, "residual": residual, **fields}
+        )  # fmt: skip
+
     def nuisance(self, name: str) -> tuple[Array, Array]:
         """Return estimates and sigmas of the nuisance parameters of a name, SI."""
         at = [i for i, p in enumerate(self.solution.parameters) if not p.effect and p.name == name]
         return self.solution.x[at], self.solution.sigma[at]
 
     @property
+    def excess(self) -> float:
+        """The largest excess of any channel, SI."""
+        return float(max(e.max() for e in self.excesses))
+
+    @property
     def sigma(self) -> tuple[Array, ...]:
         """One sigma (n, C) of each row, SI."""
-        return tuple(_sigma(v, self.of_channels) for v in self.views)
+        return tuple(map(_sigma, self.views, self.excesses))
 
     @cached_property
     def residual(self) -> tuple[Array, ...]:
@@ -202,7 +225,7 @@ class ViewsFit:
     @cached_property
     def whitened(self) -> tuple[Array, Array]:
         """Jacobian (q, p) and misfit (q,) of all rows about the estimate, in units of their noise."""
-        return whitened(self.views, self.effects, self.solution.parameters, self.of_channels, self.solution.x)
+        return whitened(self.views, self.effects, self.solution.parameters, self.excesses, self.solution.x)
 
     @property
     def determined(self) -> bool:
@@ -218,11 +241,12 @@ class ViewsFit:
 
     @property
     def dof_of_scatter(self) -> float:
-        """Least degrees of freedom of a channel's scatter; infinite where the known noise explains all of it."""
-        if not np.any(self.of_channels > 0):
+        """Least degrees of freedom of a scale of the noise; infinite where the known noise explains all of it."""
+        if not self.excess > 0:
             return np.inf
-        J, k = self.whitened[0][:, : len(self.parameters)], len(self.of_channels)
-        return float(min(_free(J[c::k]) for c in range(k)))
+        rows = np.concatenate([self.whitened[0], _prior_rows(self.solution.parameters)[0]])
+        kind, _ = _scales(self.views)
+        return float(_dof(_basis(rows)[: len(kind)], kind, kind >= 0).min())
 
     @cached_property
     def left_out(self) -> tuple[tuple[Array, ...], Array]:
@@ -287,12 +311,14 @@ def fit(
     .. math:: \sum_i \frac{r_i^2}{\sigma_i^2 + w_i \sigma_e^2} = \nu
 
     determines the excess sigma_e of rows with a known variance sigma_i^2 (that of their samples, or zero), nu being
-    the degrees of freedom, for all rows together or for each channel; a known noise is only widened where chi^2 is
-    `significance` sigmas above nu. Nuisances of a view are fitted within their priors. absent: effects that the fit
-    begins with, their constants among them; start (p + m,): where the iteration begins (default: at these effects, with
-    nuisances of zero). others: what other recordings tell, as a function of the effects; their parameters come first.
+    their degrees of freedom, the number of these rows less the sum of their leverages. Views of one kind have one
+    excess, or one of each channel; a known noise is only widened where chi^2 is `significance` sigmas above nu.
+    Nuisances of a view are fitted within their priors. absent: effects that the fit begins with, their constants among
+    them; start (p + m,): where the iteration begins (default: at these effects, with nuisances of zero). others: what
+    other recordings tell, as a function of the effects; their parameters come first.
     """
-    names, scales = views[0].stimulus.axis_names, len(views[0].channels) if views[0].noise.of_each_channel else 1
+    names = views[0].stimulus.axis_names
+    kind, of_views = _scales(views)
     shared = tuple(wanted) if others is None else tuple(dict.fromkeys((*others.about(absent).parameters, *wanted)))
     nuisances = [replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)]  # each is another
     every, local = (*shared, *nuisances), (*wanted, *nuisances)
@@ -313,7 +339,7 @@ def fit(
         if x.tobytes() not in last:
             last.clear()
             last[x.tobytes()] = _about(views, effects_at(x), local, x[at])
-        (J, r), sigma = last[x.tobytes()], np.sqrt(known + shape * np.resize(excess, len(known)) ** 2)
+        (J, r), sigma = last[x.tobytes()], np.sqrt(known + shape * excess[kind] ** 2)
         return np.concatenate([J / sigma[:, None], priors]), np.concatenate([r / sigma, -priors @ x[at]])
 
     def linearise(x: Array) -> Information:
@@ -331,22 +357,19 @@ def fit(
         if not np.any(shape > 0):
             return excess
         J, r = rows(x)
-        unit = J / (np.linalg.norm(J, axis=0) + 1e-300)
-        best, _, rank, _ = np.linalg.lstsq(unit, r, rcond=MIN_RELATIVE_SIGNAL)
-        e, J, out = (r - unit @ best)[: len(known)], J[: len(known), : len(wanted)], excess.copy()
-        w = np.where(shape > 0, shape, 1.0)
-        own = np.where(shape > 0, known / w, np.inf)
-        for c in range(scales):
-            of = slice(c, None, scales)
-            free = _free(J[of]) if scales > 1 else len(r) - int(rank)
-            if excess[c] > 0 or e[of] @ e[of] > free + significance * np.sqrt(2 * free):
-                si = e[of] * np.sqrt((known[of] + shape[of] * excess[c] ** 2) / w[of])
-                out[c] = max(excess_sigma(si, own[of], max(free, 1)), min_excess)
+        Q, out = _basis(J), excess.copy()
+        e = (r - Q @ (Q.T @ r))[: len(known)]
+        free, w = _dof(Q[: len(known)], kind, shape > 0), np.where(shape > 0, shape, 1.0)
+        for k, nu in enumerate(free):
+            of = (kind == k) & (shape > 0)
+            if excess[k] > 0 or e[of] @ e[of] > nu + significance * np.sqrt(2 * nu):
+                si = e[of] * np.sqrt((known[of] + shape[of] * excess[k] ** 2) / w[of])
+                out[k] = max(excess_sigma(si, known[of] / w[of], max(nu, 1.0)), min_excess)
         return out
 
     x = start if start is not None else np.append(values(absent, shared), np.zeros(len(nuisances)))
-    excess = np.full(scales, float(not known.all()))
-    if excess[0]:
+    excess = np.array([float(not known[kind == k].all()) for k in range(kind.max() + 1)])
+    if np.any(excess > 0):
         excess = widened(x)
     for _ in range(MAX_SCALE_ROUNDS):
         steps = itertools.count()
@@ -357,8 +380,8 @@ def fit(
             break
         excess = new
     solution = replace(found.solution, parameters=every)
-    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, float(excess.max()), excess, found.steps,
-                    min_signal)  # fmt: skip
+    excesses = tuple(excess[k] for k in of_views)
+    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, found.steps, min_signal)
 
 
 def fixed_nuisances(found: ViewsFit, views: Sequence[View]) -> ViewsFit:
@@ -370,7 +393,7 @@ def fixed_nuisances(found: ViewsFit, views: Sequence[View]) -> ViewsFit:
     """
     p = len(found.parameters)
     wanted = (*found.parameters, *(replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)))
-    J, _ = whitened(views, found.effects, wanted, found.of_channels, np.append(found.x, np.zeros(len(wanted) - p)))
+    J, _ = whitened(views, found.effects, wanted, found.excesses, np.append(found.x, np.zeros(len(wanted) - p)))
     N = J[:, p:] * prior(wanted)[1][p:]
     size = np.linalg.norm(J[:, :p], axis=0)
     A = np.linalg.lstsq(J[:, :p] / size, N, rcond=None)[0] / size[:, None]
@@ -385,21 +408,19 @@ def independent(J: Array) -> bool:
     return not len(size) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] > MIN_SINGULAR_RATIO)
 
 
-def information_of(
-    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excess: float = 0.0
-) -> Information:
-    """Return the information of views about the wanted parameters, linearised at effects; values are full ones."""
+def information_of(views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Information:
+    """Return the information of views of stated noise about the wanted parameters, linearised at effects."""
     x = values(effects, wanted)
-    J, r = whitened(views, effects, wanted, np.array([excess]), x)
+    J, r = whitened(views, effects, wanted, [np.zeros(1)] * len(views), x)
     return information(J, r + J @ x, wanted)
 
 
 def whitened(
-    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excess: Array, x: Array
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excesses: Sequence[Array], x: Array
 ) -> tuple[Array, Array]:
     """Return Jacobian (q, p) and misfit (q,) of the rows of views about x (p,), in units of their noise."""
     J, r = _about(views, effects, wanted, x)
-    sigma = np.concatenate([_sigma(v, excess).ravel() for v in views])
+    sigma = np.concatenate([_sigma(v, e).ravel() for v, e in zip(views, excesses, strict=True)])
     return J / sigma[:, None], r / sigma
 
 
@@ -441,9 +462,27 @@ def _prior_rows(every: Sequence[Parameter]) -> tuple[Array, Array]:
     return (np.eye(len(every)) / scale)[known], scale
 
 
-def _free(J: Array) -> int:
-    """Degrees of freedom that parameters leave of the rows J (q, p) of a channel."""
-    return len(J) - int(np.any(J != 0, axis=0).sum())
+def _scales(views: Sequence[View]) -> tuple[NDArray[np.int64], list[NDArray[np.int64]]]:
+    """Return the ordinal of the scale of each row of views, and those of the channels, (1,) or (C,), of each view."""
+    ordinals: dict[str, NDArray[np.int64]] = {}
+    for v in views:
+        new = np.arange(len(v.channels) if v.noise.of_each_channel else 1) + sum(map(len, ordinals.values()))
+        ordinals.setdefault(v.name, new)
+    of_views = [ordinals[v.name] for v in views]
+    return np.concatenate(
+        [np.resize(k, len(v) * len(v.channels)) for k, v in zip(of_views, views, strict=True)]
+    ), of_views
+
+
+def _basis(J: Array) -> Array:
+    """Return an orthonormal basis (q, rank) of what columns J (q, p) make of rows."""
+    U, S, _ = np.linalg.svd(J / (np.linalg.norm(J, axis=0) + 1e-300), full_matrices=False)
+    return np.asarray(U[:, MIN_RELATIVE_SIGNAL * S.max(initial=0.0) < S])
+
+
+def _dof(Q: Array, kind: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:
+    """Return the degrees of freedom that a basis Q (q, rank) leaves of those rows of each scale that are named."""
+    return np.bincount(kind[rows], (1 - (Q**2).sum(axis=1))[rows], minlength=kind.max(initial=-1) + 1)
 
 
 def excess_sigma(r: Array, own: Array, dof: int) -> float:

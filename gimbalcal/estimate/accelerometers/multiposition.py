@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -136,9 +135,8 @@ def _calibration(
     from gimbalcal import __version__
 
     solution = best.solution
-    unobservable: list[dict[str, Any]] = [u.to_dict() for u in solution.unobservable]
-    if any(q.effect == "misalignment" for q in solution.parameters):
-        unobservable += rotations_of_the_triad()
+    turned = any(q.effect == "misalignment" for q in best.parameters)
+    unobservable = rotations_of_the_triad() if turned else []
     unobservable += [{"direction": {q.label: 1.0 for q in unknowns([t])}, "why": why} for t, why in declined]
     sample, left_out = sample_sigma(best.views[0]), left_out_rms(best)
     own = noise_of_a_mean(recording, sample, counts)
@@ -154,13 +152,10 @@ def _calibration(
     }
     if counts is not None:
         options["nominal"] = {"scale": list(counts.scale), "offset": list(counts.offset)}
-    return Calibration(
-        method="multiposition",
-        effects=best.effects,
-        parameters=solution.parameters,
-        covariance=solution.covariance,
-        unobservable=tuple(unobservable),
-        residual=Residual(solution.chi2, solution.dof, {FORCE: best.rms}),
+    return best.calibration(
+        "multiposition",
+        Residual(solution.chi2, solution.dof, {FORCE: best.rms}),
+        unobservable=(*best.unobservable, *unobservable),
         outcome=_outcome(recording, best, own),
         provenance={"recordings": recording.files,
                     "version": __version__, "noise": noise_record(noise), "options": options},

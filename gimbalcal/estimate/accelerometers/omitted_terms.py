@@ -32,7 +32,7 @@ def covariance_of_omitted_terms(made: ViewsFit, terms: Sequence[str]) -> Array:
     if not omitted:
         return np.zeros((n, n))
     every = (*solution.parameters, *omitted)
-    both, r = whitened([view], made.effects, every, made.of_channels, values(made.effects, every))
+    both, r = whitened([view], made.effects, every, made.excesses, values(made.effects, every))
     J, C = both[:, :n], both[:, n:]
     Q = np.linalg.qr(J)[0]
     C_left, r_left = C - Q @ (Q.T @ C), r - Q @ (Q.T @ r)

@@ -126,9 +126,8 @@ def _calibration(recording: Recording, found: ViewsFit, M: Array, lag: float, kn
         f"its frame turned by {angle:.3g} deg; each attitude scatters by {from_si(noise, 'arcmin'):.2g} arcmin"
     )
     dof, labels = max(3 * m - len(found.solution.x), 1), tuple(p.label for p in found.parameters)
-    return Calibration(
-        "attitude", found.effects, found.parameters, found.covariance, (),
-        Residual(float(dof), dof, {"attitude": noise}),
+    return found.calibration(
+        "attitude", Residual(float(dof), dof, {"attitude": noise}),
         provenance={"recordings": recording.files, "version": __version__, "limits": _left_out(known),
                     "options": {"direction": "physics to reading", "reference": reference, "in_words": words,
                                 "frame": "x along the first input axis, y in the plane of the first two"}},

@@ -173,9 +173,9 @@ def _calibration(recordings: Sequence[Recording], best: ViewsFit, unseen: Sequen
     told = tuple(p.label for p in best.parameters)
     usual = tuple(recordings[0].grade.at_power_on(p) for p in best.parameters)  # no fit here has a prior
     files = [f for r in recordings for f in r.files]
-    return Calibration(
-        "rate-table", best.effects, usual, best.covariance, tuple(dark),
-        Residual(chi2, dof, {RATE: best.rms}), outcome=_unsteady(sample, best.residual[0]),
+    return best.calibration(
+        "rate-table", Residual(chi2, dof, {RATE: best.rms}), parameters=usual,
+        unobservable=(*best.unobservable, *dark), outcome=_unsteady(sample, best.residual[0]),
         provenance={"recordings": files, "version": __version__, "noise": {"from": SAMPLES}, "options": options,
                     "limits": [mounted]},
         stages=(StageResult("against the table", told, best.x, best.sigmas, best.rms, words),),

@@ -110,9 +110,9 @@ def _calibration(recording: Recording, best: ViewsFit) -> Calibration:
         "north": {"east_of_north_deg": east, "sigma_deg": off},
     }  # fmt: skip
     labels = tuple(p.label for p in best.parameters)
-    return Calibration(
-        "two-position", best.effects, best.parameters, covariance, _unobservable(recording),
-        Residual(chi2, dof, {RATE: best.rms}), outcome=outcome,
+    return best.calibration(
+        "two-position", Residual(chi2, dof, {RATE: best.rms}), outcome=outcome, covariance=covariance,
+        unobservable=(*best.unobservable, *_unobservable(recording)),
         provenance={"recordings": recording.files, "version": __version__, "options": options},
         stages=(StageResult("two positions", labels, best.x, np.sqrt(np.diag(covariance)), best.rms, words),),
         readout=Readout(gimbals=recording.platform.axis_names),

@@ -45,7 +45,7 @@ def fit_terms(
             f"the terms of {runs[0].title!r} do not settle: star and readout disagree by too much for small errors; "
             "check units, signs and the sense of the axes in [platform]"
         )
-    return replace(found, excess=sigma or found.excess)
+    return replace(found, excesses=tuple(np.array([sigma]) for _ in views)) if sigma else found
 
 
 def _of_noise(v: View, sigma: float) -> View:

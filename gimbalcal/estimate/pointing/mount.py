@@ -54,13 +54,9 @@ def pointing_calibration(
     several = by_night(found, stated)
     left = pattern(found, axes)
     latitude = next((r.site.latitude for r in recordings if r.site.latitude is not None), None)
-    made = Calibration(
-        method="pointing",
-        effects=found.effects,
-        parameters=found.solution.parameters,
-        covariance=found.solution.covariance,
-        unobservable=tuple(u.to_dict() for u in found.solution.unobservable),
-        residual=_residual(found),
+    made = found.calibration(
+        "pointing",
+        _residual(found),
         outcome=" ".join(filter(None, [_misfit(found, stated), _differ(several)])),
         provenance={
             "noise": {

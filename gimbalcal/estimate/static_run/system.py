@@ -60,13 +60,9 @@ def static(
     found = fit([static_view(run, wanted)], wanted, start)
     solution, effects = found.solution, found.effects
     J = run.jacobian(effects, solution.parameters)
-    return Calibration(
-        method="static-run",
-        effects=effects,
-        parameters=solution.parameters,
-        covariance=solution.covariance,
-        unobservable=tuple(u.to_dict() for u in solution.unobservable),
-        residual=Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
+    return found.calibration(
+        "static-run",
+        Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
         outcome=outcome(solution),
         provenance={
             "recordings": recording.files,
