@@ -10,7 +10,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 import gimbalcal
-from gimbalcal.calibration import Calibration
+from gimbalcal.calibration import DIRECTION, Calibration, Provenance
 from gimbalcal.calibration.content_checks import refuse_not_finite
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
@@ -101,14 +101,14 @@ def calibrate_each(
     if len(made) == 1:
         return tuple(made)
     checks = cross_checks(made, tell)
-    words = [check.in_words for check in checks]
+    words = tuple(check.in_words for check in checks)
     off = [check.in_words for check in checks if not check.agree]
     return tuple(
         (
             replace(
                 c,
                 outcome=". ".join(filter(None, [c.outcome, "; ".join(off)])),
-                provenance={**c.provenance, "options": {**c.provenance["options"], "cross_check": words}},
+                provenance=c.provenance.with_options(cross_check=words),
             ),
             group,
         )
@@ -166,8 +166,7 @@ def _estimated(
         also = extra_effects(more, recordings, (*LINEAR, *GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS))
         alone = len(recordings) == 1
         made = inertial_unit(recordings[0], terms, also) if alone else unit_of_sessions(recordings, terms, also)
-        for told in made.provenance["options"].get("sessions", ()):
-            tell(f"{told['title']}: {told['in_words']}")
+        _tell_sessions(made, tell)
         for words in _left_out(made):
             tell(f"note: {words}")
     elif method == "systematic":
@@ -176,12 +175,12 @@ def _estimated(
         if terms or more:
             raise InputError("--method rate-table has its own terms; leave --terms and --with out")
         made = gyroscopes_on_a_table(graded(recordings).of(recordings))
-        tell(made.provenance["options"]["in_words"])
+        tell(made.provenance.options.in_words or "")
     elif method in GYROSCOPE_METHODS:
         if len(recordings) > 1 or terms or more:
             raise InputError(f"--method {method} takes one recording and has its own terms; give it alone")
         made = GYROSCOPE_METHODS[method](recordings[0])
-        tell(made.provenance["options"]["in_words"])
+        tell(made.provenance.options.in_words or "")
     elif terms:
         raise InputError(
             f"--terms {','.join(terms)} goes with --method multiposition; three-stage has its own, leave it out"
@@ -193,8 +192,7 @@ def _estimated(
                 "the three stages calibrate accelerometers; --method multiposition takes both triads, and "
                 "--method rate-table holds gyroscopes against the angles of the table that turns them"
             )
-            options = {**made.provenance.get("options", {}), "gyroscopes": why}
-            made = replace(made, provenance={**made.provenance, "options": options})
+            made = replace(made, provenance=made.provenance.with_options(gyroscopes=why))
             tell(f"note: the gyroscopes stay out: {why}")
     return made
 
@@ -211,9 +209,13 @@ def _navigated(
     if len(recordings) == 1:
         return systematic(recordings[0], asked, extra_effects(more, recordings), tell)
     made = calibrate_jointly(recordings, asked, extra_effects(more, recordings), tell)
-    for told in made.provenance["options"]["sessions"]:
-        tell(f"{told['title']}: {told['in_words']}")
+    _tell_sessions(made, tell)
     return made
+
+
+def _tell_sessions(made: Calibration, tell: Tell) -> None:
+    for session in made.provenance.options.sessions or ():
+        tell(f"{session.title}: {session.in_words}")
 
 
 def _modelled(recordings: Sequence[Recording]) -> tuple[str, ...]:
@@ -223,33 +225,33 @@ def _modelled(recordings: Sequence[Recording]) -> tuple[str, ...]:
 
 def _left_out(made: Calibration) -> list[str]:
     """Return what was requested and is not part of the result, and why."""
-    options = made.provenance["options"]
-    declined = ", ".join({**options.get("declined", {}), **options.get("gyro_declined", {})}).replace("_", " ")
+    options = made.provenance.options
+    both = [each.declined or {} for each in (options, options.gyro) if each]
+    declined = ", ".join(dict.fromkeys(term for terms in both for term in terms)).replace("_", " ")
     told = [f"these data do not show {declined}, so they are left out; why, and how large each may be, says the report"]
-    gyroscopes = [f"the gyroscopes stay out: {options['gyroscopes']}"] if "gyroscopes" in options else []
+    gyroscopes = [f"the gyroscopes stay out: {options.gyroscopes}"] if options.gyroscopes else []
     return [*(told if declined else []), *gyroscopes]
 
 
 def provenance(
     recordings: Sequence[Recording], made: Calibration, terms: Sequence[str], more: Sequence[str] = ()
-) -> dict[str, object]:
+) -> Provenance:
     """Return the provenance of a calibration: files with their hashes, version, options, time, and remarks."""
-    defined = outside({p.effect for p in made.parameters})
-    return {
-        **made.provenance,
-        "recordings": [file for r in recordings for file in r.files],
-        **({"effects": defined} if defined else {}),
-        "version": gimbalcal.__version__,
-        "seed": None,  # nothing in a calibration is drawn
-        "options": {
-            "direction": "physics to reading",
-            **made.provenance.get("options", {}),
-            **({"sensor": recordings[0].sensor} if recordings[0].sensor else {}),
-            "method": made.method,
-            "terms": list(terms),
-            **({"with": list(more)} if more else {}),
-        },
-        **when_recorded(recordings),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "remarks": [remark for r in recordings for remark in r.remarks],
-    }
+    options = replace(
+        made.provenance.options,
+        direction=DIRECTION,
+        sensor=recordings[0].sensor or None,
+        method=made.method,
+        terms=tuple(terms),
+        with_=tuple(more) or None,
+    )
+    return replace(
+        made.provenance,
+        recordings=tuple(file for r in recordings for file in r.source),
+        effects=outside({p.effect for p in made.parameters}) or None,
+        version=gimbalcal.__version__,
+        options=options,
+        recorded=when_recorded(recordings),
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        remarks=tuple(remark for r in recordings for remark in r.remarks),
+    )

@@ -77,8 +77,7 @@ def three_stage(
     unit = graded(recordings, grade)
     tell(unit.in_words)
     made = _three_stages(unit.of(recordings), tell, more, judged)
-    options = {**made.provenance.get("options", {}), "grade": unit.to_dict()}
-    return replace(made, provenance={**made.provenance, "options": options})
+    return replace(made, provenance=made.provenance.with_options(grade=unit.origin))
 
 
 def _three_stages(

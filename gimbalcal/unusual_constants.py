@@ -54,9 +54,8 @@ def with_question(
         return made
     cause = likeliest(made, recordings, limit, again)
     question = in_words(made, beyond, limit, cause, f"{unit.grade.name} grade: {unit.source}")
-    options = {**made.provenance.get("options", {}), "question": question}
     outcome = "; ".join(filter(None, [question, made.outcome]))
-    return replace(made, outcome=outcome, provenance={**made.provenance, "options": options})
+    return replace(made, outcome=outcome, provenance=made.provenance.with_options(question=question))
 
 
 def largest_usual(unit: Graded, lasted: float, p: Parameter) -> float:

@@ -9,13 +9,18 @@ from gimbalcal.calibration.calibration import (
     from_dict,
     read,
 )
+from gimbalcal.calibration.provenance import DIRECTION, AssumedNoise, Options, Provenance
 from gimbalcal.calibration.readout import Counts, Readout
 
 __all__ = [
+    "DIRECTION",
     "FORMAT",
+    "AssumedNoise",
     "Calibration",
     "Counts",
+    "Options",
     "ParameterEstimate",
+    "Provenance",
     "Readout",
     "Residual",
     "StageResult",

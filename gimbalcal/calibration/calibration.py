@@ -15,15 +15,18 @@ from gimbalcal.atomic import write_json
 from gimbalcal.calibration.arrays import correct_arrays
 from gimbalcal.calibration.content_checks import (
     refuse_misfit,
-    refuse_origin,
+    refuse_mount,
     refuse_other_definitions,
     refuse_unsound,
 )
 from gimbalcal.calibration.correction import correct, corrupt
+from gimbalcal.calibration.provenance import Provenance
 from gimbalcal.calibration.readout import Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import stated_law
+from gimbalcal.entries import entry_from, plain
 from gimbalcal.errors import InputError
+from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording
@@ -110,10 +113,10 @@ class Calibration:
     effects: tuple[Effect, ...]
     parameters: tuple[Parameter, ...]
     covariance: Array  # (p, p) SI, order of `parameters`
-    unobservable: tuple[Mapping[str, Any], ...]  # {"direction": {label: weight}, "why": sentence}
+    unobservable: tuple[Unobservable, ...]
     residual: Residual
     outcome: str = ""
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Provenance = field(default_factory=Provenance)
     stages: tuple[StageResult, ...] = ()
     readout: Readout = field(default_factory=Readout)
     printer: Callable[[Calibration], str] | None = field(default=None, compare=False)  # of str(calibration)
@@ -137,10 +140,10 @@ class Calibration:
         )
 
     @property
-    def null_directions(self) -> tuple[Mapping[str, Any], ...]:
+    def null_directions(self) -> tuple[Unobservable, ...]:
         """Entries of `unobservable` among the estimated parameters; the others concern parameters that were fixed."""
         labels = {p.label for p in self.parameters}
-        return tuple(u for u in self.unobservable if labels.issuperset(u["direction"]))
+        return tuple(u for u in self.unobservable if labels.issuperset(u.direction))
 
     def __str__(self) -> str:
         """Return the text of the console; without a printer parameters, unobservable directions and outcome."""
@@ -152,11 +155,11 @@ class Calibration:
                  for n, e in zip(names, self.estimates, strict=True)]  # fmt: skip
         labels = {p.label for p in self.parameters}
         fixed: dict[str, list[str]] = {}
-        for label in (label for u in self.unobservable for label in u["direction"] if label not in labels):
+        for label in (label for u in self.unobservable for label in u.direction if label not in labels):
             fixed.setdefault(label.partition(":")[0], []).append(label.partition(":")[2])
         estimated = {p.label.partition(":")[0] for p in self.parameters}
         named = [f"{name} {', '.join(axes)}" if name in estimated else name for name, axes in fixed.items()]
-        remarks = [f"not determined separately: {', '.join(d)}" for d in (u["direction"] for u in self.null_directions)]
+        remarks = [f"not determined separately: {', '.join(d)}" for d in (u.direction for u in self.null_directions)]
         remarks += [f"not estimated: {'; '.join(named)}"] if fixed else []
         return "\n".join([f"{self.method} calibration", *table, *remarks, *filter(None, [self.outcome])])
 
@@ -216,7 +219,7 @@ class Calibration:
             "parameters": rows,
             "model": [stated_law(CATALOGUE[i]) for i in dict.fromkeys(p.effect for p in self.parameters)],
             "covariance": np.asarray(self.covariance).tolist(),
-            "unobservable": [dict(u) for u in self.unobservable],
+            "unobservable": plain(self.unobservable),
             "residual": residual,
             "stages": [
                 {
@@ -229,7 +232,7 @@ class Calibration:
                 for s in self.stages
             ],
             "readout": self.readout.to_dict(),
-            "provenance": dict(self.provenance),
+            "provenance": self.provenance.to_dict(),
         }
 
     def write(self, path: Path) -> None:
@@ -256,8 +259,10 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
     gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r["name"], r["axis"]) for r in rows])
     known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
     missing = [f"{r['name']}:{r['axis']}" for r in rows if (r["name"], r["axis"]) not in known]
-    refuse_origin(content["provenance"])
-    refuse_other_definitions([r["effect"] for r in rows if "effect" in r], content["provenance"])
+    origin = Provenance.read(content["provenance"])
+    if origin.mount:
+        refuse_mount(origin.mount)
+    refuse_other_definitions([r["effect"] for r in rows if "effect" in r], origin.effects or ())
     if missing:
         raise InputError(f"the calibration has parameters that this version does not know: {', '.join(missing)}")
     chosen = tuple(known[r["name"], r["axis"]] for r in rows)
@@ -277,10 +282,10 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
         effects=tuple(_with_covariate(e, covariates[e.id]) if e.id in covariates else e for e in effects),
         parameters=chosen,
         covariance=np.array(content["covariance"], dtype=float),
-        unobservable=tuple(content["unobservable"]),
+        unobservable=entry_from(tuple[Unobservable, ...], content["unobservable"], "unobservable"),
         residual=Residual(residual["chi2"], residual["dof"], residual["rms"], residual.get("navigation", {})),
         outcome=content["outcome"],
-        provenance=content["provenance"],
+        provenance=origin,
         stages=stages,
         readout=readout,
     )

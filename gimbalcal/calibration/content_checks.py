@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.calibration.provenance import MountAxes
 from gimbalcal.effects import CATALOGUE, Parameter
-from gimbalcal.effects.loading import outside
+from gimbalcal.effects.loading import EffectFile, outside
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
@@ -83,54 +84,37 @@ def refuse_misfit(residual: Mapping[str, Any]) -> None:
             raise InputError(f"residual / {name} must be a finite number of zero or more, got {_short(number)}")
 
 
-def refuse_origin(provenance: Mapping[str, Any]) -> None:
-    """Raise InputError where recordings, options or mount of a calibration.json have the wrong types."""
-    _refuse_definitions(provenance)
-    files = provenance.get("recordings", [])
-    sound = isinstance(files, list) and all(isinstance(f, dict) for f in files)
-    if not sound or not all(isinstance(f.get(key, ""), str) for f in files for key in ("path", "sha256")):
-        raise InputError("provenance / recordings must be a list of files, each with its path and sha256")
-    for name, kind in (("options", dict), ("mount", dict), ("stars", int), ("created", str), ("recorded", str)):
-        if not isinstance(provenance.get(name, kind()), kind):
-            raise InputError(f"provenance / {name} cannot be {_short(provenance[name])}")
-    mount = provenance.get("mount", {})
-    axes, latitude = mount.get("axes", []), mount.get("latitude_deg", 0.0)
-    named = isinstance(axes, list) and all(isinstance(a, str) for a in axes)
-    if not named or len(axes) != len(MOUNT_AXES.get(mount.get("kind", ""), axes)):
-        raise InputError(f"provenance / mount / axes cannot be {_short(axes)} on a mount {_short(mount.get('kind'))}")
-    if not (_finite(latitude) and abs(latitude) <= 90):
-        raise InputError(f"provenance / mount / latitude_deg must lie between -90 and 90, got {_short(latitude)}")
+def refuse_mount(mount: MountAxes) -> None:
+    """Raise InputError where the axes or the latitude of a mount cannot be those of its kind."""
+    if len(mount.axes) != len(MOUNT_AXES.get(mount.kind, mount.axes)):
+        axes = _short(list(mount.axes))
+        raise InputError(f"provenance / mount / axes cannot be {axes} on a mount {mount.kind!r}")
+    latitude = mount.latitude_deg
+    if latitude is not None and not abs(latitude) <= 90:
+        raise InputError(f"provenance / mount / latitude_deg must lie between -90 and 90, got {latitude}")
 
 
-def refuse_other_definitions(ids: Sequence[str], provenance: Mapping[str, Any]) -> None:
+def refuse_other_definitions(ids: Sequence[str], files: Sequence[EffectFile]) -> None:
     """Raise InputError where the catalogue lacks an effect of `ids`, or defines it in another text than when fitted.
 
-    provenance: of a calibration.json; its "effects" {path, sha256, effects} are files of a user.
+    files: those of a user's own effects, as a calibration.json states them.
     """
-    stated = {i: row for row in provenance.get("effects", ()) for i in row["effects"]}
-    loaded = {i: row for row in outside() for i in row["effects"]}
+    stated = {i: file for file in files for i in file.effects}
+    loaded = {i: file for file in outside() for i in file.effects}
     for i in ids:
         row, now = stated.get(i), loaded.get(i)
         if i not in CATALOGUE:
-            file = f"{row['path']} (its SHA-256 was {row['sha256'][:SHA_DIGITS]}...)" if row else "FILE.py"
+            file = f"{row.path} (its SHA-256 was {row.sha256[:SHA_DIGITS]}...)" if row else "FILE.py"
             raise InputError(
                 f"calibration holds the effect {i!r}, which the catalogue does not have; give the file that "
                 f"defines it with --effects {file}"
             )
-        if row and now and now["sha256"] != row["sha256"]:
+        if row and now and now.sha256 != row.sha256:
             raise InputError(
-                f"calibration holds the effect {i!r} of {row['path']} (SHA-256 {row['sha256'][:SHA_DIGITS]}...), and "
-                f"{now['path']} defines it differently ({now['sha256'][:SHA_DIGITS]}...), so its numbers may "
+                f"calibration holds the effect {i!r} of {row.path} (SHA-256 {row.sha256[:SHA_DIGITS]}...), and "
+                f"{now.path} defines it differently ({now.sha256[:SHA_DIGITS]}...), so its numbers may "
                 "have another meaning; give the original file, or calibrate again"
             )
-
-
-def _refuse_definitions(provenance: Mapping[str, Any]) -> None:
-    """Raise InputError where the files of effects in a calibration.json have the wrong types."""
-    rows = provenance.get("effects", [])
-    sound = isinstance(rows, list) and all(isinstance(r, dict) and isinstance(r.get("effects"), list) for r in rows)
-    if not sound or not all(isinstance(x, str) for r in rows for x in (r.get("path"), r.get("sha256"), *r["effects"])):
-        raise InputError("provenance / effects must be a list of files, each with its path, sha256 and effects")
 
 
 def refuse_not_finite(content: Mapping[str, Any], title: str) -> None:

@@ -13,14 +13,15 @@ before and after it from the angles; without angles from the reading itself, wit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from gimbalcal.calibration.mount_correction import Mount, mount, with_readouts
+from gimbalcal.calibration.provenance import Provenance
 from gimbalcal.calibration.readout import SI, Readout, in_counts, in_si, with_noise
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.effect import GIMBALS, happens_once, lacking
@@ -52,7 +53,7 @@ class Calibrated(Protocol):
         """Nominal scales of a unit whose output is in counts."""
 
     @property
-    def provenance(self) -> Mapping[str, Any]:
+    def provenance(self) -> Provenance:
         """Recordings that it was estimated from."""
 
 
@@ -221,7 +222,7 @@ def _columns(quantity: str, v: Array) -> dict[Key, Array]:
 
 def _of(calibration: Calibrated, recording: Recording) -> tuple[Effect, ...]:
     """Return the effects of a recording: single events only where the calibration was estimated from it."""
-    estimated_from = {file["sha256"] for file in calibration.provenance.get("recordings", ()) if "sha256" in file}
+    estimated_from = {file.sha256 for file in calibration.provenance.recordings}
     own = {file.sha256 for file in recording.source}
     elsewhere = bool(estimated_from and own) and not estimated_from & own
     return tuple(e for e in calibration.effects if not (elsewhere and happens_once(type(e))))

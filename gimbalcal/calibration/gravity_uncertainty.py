@@ -10,7 +10,7 @@ so the covariance grows by :math:`\sigma_e^2 u u^T` with u the scale factors SF 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,6 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 
 SCALED = "scale_factor"
-GRAVITY, SHARE = "gravity", "gravity_sigma_ppm"  # options of a calibration: m/s^2, and its sigma as a share
 MAX_DIFFERENCE = 1e-9  # of gravity and its sigma at one site
 
 
@@ -30,8 +29,8 @@ def with_gravity(c: Calibration, recordings: Sequence[Recording]) -> Calibration
     u = scaled(c)
     if e == 0.0 or not u.any():
         return c
-    options = {**c.provenance.get("options", {}), GRAVITY: g, SHARE: 1e6 * e}
-    return replace(c, covariance=c.covariance + e**2 * np.outer(u, u), provenance={**c.provenance, "options": options})
+    origin = c.provenance.with_options(gravity=g, gravity_sigma_ppm=1e6 * e)
+    return replace(c, covariance=c.covariance + e**2 * np.outer(u, u), provenance=origin)
 
 
 def scaled(c: Calibration) -> Array:
@@ -44,14 +43,10 @@ def common_gravity(a: Calibration, b: Calibration) -> float:
 
     Calibrations with the same gravity and sigma are of one site: the error cancels in their difference.
     """
-    options = [c.provenance.get("options", {}) for c in (a, b)]
-    if any(not isinstance(t, Mapping) or not {GRAVITY, SHARE} <= t.keys() for t in options):
-        return 0.0
-    pairs = [(t[GRAVITY], t[SHARE]) for t in options]
-    if any(isinstance(x, bool) or not isinstance(x, (int, float)) or not np.isfinite(x) for p in pairs for x in p):
-        return 0.0
-    same = all(abs(x - y) <= MAX_DIFFERENCE * abs(x) for x, y in zip(*pairs, strict=True))
-    return 1e-6 * float(pairs[0][1]) if same and pairs[0][1] > 0 else 0.0
+    options = [c.provenance.options for c in (a, b)]
+    one, other = (np.array([o.gravity, o.gravity_sigma_ppm], dtype=float) for o in options)  # nan of what is absent
+    same = bool(np.all(np.abs(one - other) <= MAX_DIFFERENCE * np.abs(one)))
+    return 1e-6 * float(one[1]) if same and 0 < one[1] < np.inf else 0.0
 
 
 def without_gravity(c: Calibration, e: float) -> Array:

@@ -112,7 +112,7 @@ def calibrate(
     if len(each) > 1:
         content["beside"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
     sentences = [(f"{r[0].title}: " if len(each) > 1 else "") + calibration_in_words(c) for c, r in each]
-    checks = each[0][0].provenance["options"].get("cross_check", ())
+    checks = each[0][0].provenance.options.cross_check or ()
     if not (as_json or quiet):
         print("\n\n".join(f"{r[0].title}\n{parameters_table(c)}" for c, r in each), end="\n\n")
     words = " ".join([*sentences, *(f"{check[0].upper()}{check[1:]}." for check in checks)])

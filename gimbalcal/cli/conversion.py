@@ -39,7 +39,7 @@ def apply(
     folder = out or Path(f"{recording.name}-{'corrupted' if inverse else 'corrected'}")
     if folder.resolve() == recording.resolve():
         raise InputError(f"--out {folder} is the recording itself; give another folder")
-    named = calibration.provenance.get("options", {}).get("sensor", "")
+    named = calibration.provenance.options.sensor or ""
     original = next((r for r in original.sensors if r.sensor == named), replace(original, other_sensors=()))
     corrected = calibration.corrupt(original) if inverse else calibration.apply(original)
     samples = "samples.parquet" if (recording / "samples.parquet").is_file() else SAMPLES

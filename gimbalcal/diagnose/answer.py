@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.result import Finding, FitSummary, LawResult, Mismatch, Shape, plain
+from gimbalcal.diagnose.result import Finding, FitSummary, LawResult, Mismatch, Shape
 from gimbalcal.effects import Stimulus
+from gimbalcal.entries import plain
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si

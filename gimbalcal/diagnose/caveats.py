@@ -92,9 +92,8 @@ def _of_positions(recording: Recording) -> list[str]:
 def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[str]:
     """Return the caveats of `multiposition` on the norm of the force, and on gyroscopes between the same dwells."""
     made = multiposition(recording, terms)
-    options = made.provenance["options"]
-    times, excess = options["excess_over_noise"], options["excess_scatter"]
-    forces = scatter_in_words(recording, excess, excess / times) if times else ""
+    times, excess = made.provenance.options.excess_over_noise, made.provenance.options.excess_scatter
+    forces = scatter_in_words(recording, excess, excess / times) if times and excess and times > 0 else ""
     return list(filter(None, [forces, *(_said(lambda: [_of_gyroscopes(recording, made)]) if both else [])]))
 
 

@@ -20,6 +20,7 @@ from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.loading import outside
+from gimbalcal.entries import plain
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.mount import pointing_calibration
@@ -67,14 +68,19 @@ def diagnose(
     if all(r.kind.sighting for r in recordings):
         refuse_for_mounts(grade)
         found = _judged(recordings, asked)
-        return _defined(replace(found, provenance={**found.provenance, **when_recorded(recordings)}))
+        return _defined(replace(found, provenance={**found.provenance, **_date(recordings)}))
     unit = graded(recordings, grade)
     tell(unit.in_words)
     found = _judged(unit.of(recordings), asked)
     found = _questioned(found, recordings, unit)
     return _defined(
-        replace(found, provenance={**found.provenance, **when_recorded(recordings), "grade": unit.to_dict()})
+        replace(found, provenance={**found.provenance, **_date(recordings), "grade": unit.origin.to_dict()})
     )
+
+
+def _date(recordings: Sequence[Recording]) -> dict[str, str]:
+    date = when_recorded(recordings)
+    return {"recorded": date} if date else {}
 
 
 def _defined(found: Diagnosis) -> Diagnosis:
@@ -82,9 +88,10 @@ def _defined(found: Diagnosis) -> Diagnosis:
     if not (compared := outside()):
         return found
     made = found.calibration
-    if made is not None and (held := outside({p.effect for p in made.parameters})):
-        made = replace(made, provenance={**made.provenance, "effects": held})
-    return replace(found, calibration=made, provenance={**found.provenance, "effects": compared})
+    if made is not None:
+        held = outside({p.effect for p in made.parameters}) or None
+        made = replace(made, provenance=replace(made.provenance, effects=held))
+    return replace(found, calibration=made, provenance={**found.provenance, "effects": plain(compared)})
 
 
 def _questioned(found: Diagnosis, recordings: Sequence[Recording], unit: Graded) -> Diagnosis:
@@ -95,7 +102,7 @@ def _questioned(found: Diagnosis, recordings: Sequence[Recording], unit: Graded)
         return found
     made = with_gravity(found.calibration, recordings)
     asked = with_question(made, recordings, unit, _again, {f.effect for f in found.findings})
-    question = asked.provenance.get("options", {}).get("question", "") if asked is not made else ""
+    question = asked.provenance.options.question if asked is not made else ""
     if not question:
         return replace(found, calibration=made)
     return replace(
@@ -174,7 +181,7 @@ def _held_together(made: Diagnosis, each: str, alike: str, ask: Callable[[], Cal
     except InputError as problem:
         return replace(made, in_words=f"{made.in_words} Whether the {each}s {alike} cannot be told: {problem}.")
     words = (told.outcome or f"the {each}s {alike}").rstrip(".")
-    listed = {**told.provenance, **told.provenance.get("options", {})}.get(f"{each}s", [])
+    listed = plain(told.provenance.nights or told.provenance.options.sessions or ())
     return replace(
         made,
         in_words=f"{made.in_words} {words[0].upper()}{words[1:]}.",

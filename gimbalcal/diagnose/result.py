@@ -7,33 +7,11 @@ Each part is one entry of diagnosis.json: its fields carry the names of the file
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.effect import stated_law
-
-
-class Entry:
-    """Base of the parts of a diagnosis: a frozen dataclass that is written to diagnosis.json field by field."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry as it stands in diagnosis.json."""
-        every = {f.name.rstrip("_"): getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
-        return {key: plain(value) for key, value in every.items() if value is not None}
-
-    def __getitem__(self, key: str) -> Any:
-        """Return a field by its name in diagnosis.json."""
-        return self.to_dict()[key]
-
-
-def plain(value: Any) -> Any:
-    """Return a value in the types of JSON."""
-    if isinstance(value, Entry):
-        return value.to_dict()
-    if isinstance(value, Mapping):
-        return {key: plain(one) for key, one in value.items()}
-    return [plain(one) for one in value] if isinstance(value, (tuple, list)) else value
+from gimbalcal.entries import Entry, Json
 
 
 @dataclass(frozen=True)
@@ -102,7 +80,7 @@ class Finding(Entry):
         """The finding without the effects that are confounded with it."""
         return replace(self, twins=())
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the entry with the physics, the equation and the reference temperature of the effect's card."""
         return {**super().to_dict(), "physics": self.physics, **stated_law(CATALOGUE[self.effect])}
 
@@ -113,7 +91,7 @@ class Mismatch(Entry):
 
     channel: str
     axis: str
-    where: Mapping[str, Any]
+    where: Json
     statistic: float
     p_value: float
     in_words: str
@@ -152,7 +130,7 @@ class LawResult(Entry):
     beside: tuple[str, ...]
     source: str = ""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the entry; its class goes to law.py."""
         entry = super().to_dict()
         del entry["source"]
@@ -296,7 +274,7 @@ class RecordingFit(Entry):
     fit: FitSummary
     alone: SeparateVerdict
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the entry, the numbers of the fit among its own."""
         entry = super().to_dict()
         return {**entry.pop("fit"), **entry}

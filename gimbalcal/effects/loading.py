@@ -11,6 +11,7 @@ import dataclasses
 import sys
 import traceback
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -30,6 +31,7 @@ from gimbalcal.effects.effect import (
     parameters,
     with_values,
 )
+from gimbalcal.entries import Entry
 from gimbalcal.errors import InputError
 from gimbalcal.number import STEP, Array
 from gimbalcal.units import parse
@@ -92,17 +94,26 @@ def load_installed() -> None:
             _installed[str(file)] = file.read_text(encoding="utf-8") if file.is_file() else point.value, new
 
 
-def outside(ids: Collection[str] | None = None) -> list[dict[str, Any]]:
-    """Return files that define effects which are not of this package: path, SHA-256 of the text that was run, ids.
+@dataclass(frozen=True)
+class EffectFile(Entry):
+    """A file of effects of a user's own: SHA-256 of the text that was run, and the ids that it defines."""
+
+    path: str
+    sha256: str
+    effects: tuple[str, ...]
+
+
+def outside(ids: Collection[str] | None = None) -> tuple[EffectFile, ...]:
+    """Return the files that define effects which are not of this package.
 
     ids: those that are asked for; all that are loaded where none are named.
     """
     rows = []
     for path, (text, defined) in (_loaded | _installed).items():
-        wanted = [i for i in defined if i in CATALOGUE and (ids is None or i in ids)]
+        wanted = tuple(i for i in defined if i in CATALOGUE and (ids is None or i in ids))
         if wanted:
-            rows.append({"path": path, "sha256": sha256(text.encode()).hexdigest(), "effects": wanted})
-    return rows
+            rows.append(EffectFile(path, sha256(text.encode()).hexdigest(), wanted))
+    return tuple(rows)
 
 
 def _entered(name: str, run: Callable[[], object]) -> tuple[str, ...]:

@@ -23,7 +23,15 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, values, wi
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import limits
 from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
-from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, information, prior, solve
+from gimbalcal.inference.information import (
+    MIN_SIGNAL_TO_NOISE,
+    Information,
+    Solution,
+    Unobservable,
+    information,
+    prior,
+    solve,
+)
 from gimbalcal.number import Array
 from gimbalcal.views.core import View
 
@@ -179,13 +187,13 @@ class ViewsFit:
         return self.solution.sigma[: len(self.parameters)]
 
     @property
-    def unobservable(self) -> tuple[dict[str, Any], ...]:
+    def unobservable(self) -> tuple[Unobservable, ...]:
         """Directions of the effects' parameters that the rows do not determine, or not apart from a nuisance."""
-        own, out = {p.label for p in self.parameters}, dict[frozenset[str], dict[str, Any]]()
+        own, out = {p.label for p in self.parameters}, dict[frozenset[str], Unobservable]()
         for u in self.solution.unobservable:
             direction = {label: weight for label, weight in u.direction.items() if label in own}
             if direction:
-                out.setdefault(frozenset(direction), {"direction": direction, "why": u.why})
+                out.setdefault(frozenset(direction), Unobservable(direction, u.why))
         return tuple(out.values())
 
     def calibration(self, method: str, residual: Residual, **fields: Any) -> Calibration:

@@ -62,7 +62,7 @@ def fuse(
         effects=with_values(before.effects, together.parameters, together.x, names),
         parameters=together.parameters,
         covariance=together.covariance,
-        unobservable=tuple(u.to_dict() for u in together.unobservable),
+        unobservable=together.unobservable,
         residual=Residual(together.chi2, together.dof, before.residual.rms),
         outcome=". ".join(filter(None, (before.outcome, outcome(alone[1]), contradiction(together, *alone)))),
         stages=(_gain(together, alone[0], before.stages[-1].rms if before.stages else 0.0),),

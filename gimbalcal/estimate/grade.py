@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.calibration import Readout
+from gimbalcal.calibration.provenance import AssumedGrade
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects.sensor_grades import DEG_ROOT_H, GRADES, UG, Grade, grade_named, grade_of_noise
 from gimbalcal.errors import InputError
@@ -43,9 +43,10 @@ class Graded:
         """One sentence."""
         return f"the unit is taken for {self.grade.name} grade: {self.source} (another: --grade)"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry of the provenance."""
-        return {"name": self.grade.name, "from": self.source}
+    @property
+    def origin(self) -> AssumedGrade:
+        """The entry of the provenance."""
+        return AssumedGrade(self.grade.name, self.source)
 
 
 def graded(recordings: Sequence[Recording], name: str = "") -> Graded:

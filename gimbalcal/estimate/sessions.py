@@ -31,12 +31,11 @@ def unit_of_sessions(
     taken = tuple(dict.fromkeys(p.effect for p in made.parameters if p.effect not in own))
     scaled = [in_si(r, made.readout) for r in sessions]  # counts of all by one nominal scale
     alone, compared = zip(*(_compared(scaled, k, taken, more) for k in range(len(sessions))), strict=True)
-    entries = [{**c.to_dict(), "rests": len(dwells(r))} for c, r in zip(compared, sessions, strict=True)]
-    options = {**made.provenance.get("options", {}), "sessions": entries}
+    entries = tuple(c.session(rests=len(dwells(r))) for c, r in zip(compared, sessions, strict=True))
     return replace(
         made,
         outcome=joined(list(filter(None, [_outcome(compared), made.outcome]))),
-        provenance={**made.provenance, "options": options},
+        provenance=made.provenance.with_options(sessions=entries),
         stages=(*made.stages, *(_stage(a, c) for a, c in zip(alone, compared, strict=True) if a)),
     )
 

@@ -16,11 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from math import nan
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.provenance import Session
 from gimbalcal.effects import Parameter
 from gimbalcal.inference.information import Solution
 from gimbalcal.inference.p_value import probability
@@ -73,10 +74,9 @@ class Comparison:
         agrees = "agrees" if self.agrees else "does not agree"
         return f"{agrees} with the others (p = {self.p_value:.2g}; {self.largest})"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry of the provenance."""
-        p_value = None if self.obstacle else self.p_value
-        return {"title": self.title, "p_value": p_value, "in_words": self.in_words}
+    def session(self, rests: int | None = None, stops: int | None = None) -> Session:
+        """Return the entry of the provenance, with the number of rests or stops of the recording."""
+        return Session(self.title, self.in_words, nan if self.obstacle else self.p_value, rests, stops)
 
 
 def disagreeing(comparisons: Sequence[Comparison]) -> list[int]:

@@ -50,11 +50,10 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
         return gyroscopes_from_revolutions(recording)
     recording, odd = without_norm_outliers(recording)
     made = _both(recording, terms, more)
-    told = {**made.provenance.get("options", {}), "left_out": [s.position for s in odd]}
     return replace(
         made,
         outcome=joined([*norm_outliers_in_words(odd), *filter(None, [made.outcome])]),
-        provenance={**made.provenance, "options": told if odd else made.provenance.get("options", {})},
+        provenance=made.provenance.with_options(left_out=tuple(s.position for s in odd) or None),
     )
 
 
@@ -72,9 +71,8 @@ def _both(recording: Recording, terms: Sequence[str], more: Sequence[ExtraEffect
     except InputError as problem:
         if of_rate or turning:
             raise
-        options = {**made.provenance.get("options", {}), "gyroscopes": str(problem)}
-        told = joined(list(filter(None, [made.outcome, f"the gyroscopes are not calibrated: {problem}"])))
-        return replace(made, outcome=told, provenance={**made.provenance, "options": options})
+        outcome = joined(list(filter(None, [made.outcome, f"the gyroscopes are not calibrated: {problem}"])))
+        return replace(made, outcome=outcome, provenance=made.provenance.with_options(gyroscopes=str(problem)))
 
 
 def with_gyroscopes(
@@ -95,8 +93,6 @@ def with_gyroscopes(
     n = len(accelerometers.parameters)
     covariance = np.zeros((n + len(g.parameters),) * 2)
     covariance[:n, :n], covariance[n:, n:] = accelerometers.covariance, g.covariance
-    mine, theirs = (c.provenance.get("options", {}) for c in (accelerometers, g))
-    named = {f"gyro_{k}" if not k.startswith("gyro_") else k: v for k, v in theirs.items()}
     return replace(
         accelerometers,
         effects=(*accelerometers.effects, *g.effects),
@@ -104,7 +100,7 @@ def with_gyroscopes(
         covariance=covariance,
         unobservable=(*accelerometers.unobservable, *g.unobservable),
         residual=replace(accelerometers.residual, rms={**accelerometers.residual.rms, **g.residual.rms}),
-        provenance={**accelerometers.provenance, "options": {**mine, **named}},
+        provenance=accelerometers.provenance.with_options(gyro=g.provenance.options),
         stages=(*accelerometers.stages, *g.stages),
         outcome=joined(list(filter(None, [accelerometers.outcome, g.outcome]))),
         readout=replace(accelerometers.readout, gyroscopes=g.readout.gyroscopes),
@@ -122,7 +118,8 @@ def _from_revolutions(recording: Recording, accelerometers: Calibration, terms: 
     try:
         return in_frame_of(g, between_triads(g, recording, accelerometers))
     except InputError as problem:
-        return replace(g, unobservable=({**g.unobservable[0], "why": f"{g.unobservable[0]['why']}; {problem}"},))
+        (turn,) = g.unobservable
+        return replace(g, unobservable=(replace(turn, why=f"{turn.why}; {problem}"),))
 
 
 def between_triads(gyroscopes: Calibration, recording: Recording, accelerometers: Calibration) -> InterTriad:
@@ -174,13 +171,13 @@ def in_frame_of(gyroscopes: Calibration, lie: InterTriad) -> Calibration:
     J = complex_step(referred, x)
     covariance = np.zeros((n + 3, n + 3))
     covariance[:n, :n], covariance[n:, n:] = gyroscopes.covariance, lie.covariance
-    told = {
-        "frame": "accelerometers",
-        "inter_triad_arcsec": [float(from_si(a, "arcsec")) for a in lie.angles],
-        "inter_triad_sigma_arcsec": [float(from_si(a, "arcsec")) for a in np.sqrt(np.diag(lie.covariance))],
-    }
-    options = {**gyroscopes.provenance["options"], **told}
+    angles, sigmas = (
+        tuple(float(from_si(a, "arcsec")) for a in rad) for rad in (lie.angles, np.sqrt(np.diag(lie.covariance)))
+    )
+    origin = gyroscopes.provenance.with_options(
+        frame="accelerometers", inter_triad_arcsec=angles, inter_triad_sigma_arcsec=sigmas
+    )
     return replace(
         gyroscopes, effects=with_values((), order, referred(x)), parameters=tuple(order),
-        covariance=J @ covariance @ J.T, unobservable=(), provenance={**gyroscopes.provenance, "options": options},
+        covariance=J @ covariance @ J.T, unobservable=(), provenance=origin,
     )  # fmt: skip

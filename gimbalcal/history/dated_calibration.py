@@ -26,16 +26,14 @@ class DatedCalibration:
     @property
     def hashes(self) -> frozenset[str]:
         """Return the hashes of its samples; headers may be equal."""
-        files = self.calibration.provenance.get("recordings", ())
-        return frozenset(
-            str(f["sha256"]) for f in files if f.get("sha256") and Path(str(f.get("path", ""))).name != HEADER
-        )
+        files = self.calibration.provenance.recordings
+        return frozenset(f.sha256 for f in files if f.sha256 and Path(f.path).name != HEADER)
 
 
 def dated_file(path: Path) -> DatedCalibration:
     """Read a calibration.json with its date, else that of the file. Raises InputError."""
     calibration = read_calibration(path)
-    return DatedCalibration(str(path), when(date_in(calibration.provenance), path), calibration)
+    return DatedCalibration(str(path), when(calibration.provenance.date, path), calibration)
 
 
 def date_in(provenance: Mapping[str, Any]) -> str:

@@ -9,13 +9,13 @@ directions are unobservable: they are named, held at the prior mean, and given t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.effects import Parameter
+from gimbalcal.entries import Entry
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -27,15 +27,16 @@ TIE_TOLERANCE = 1e-6  # relative difference of two values that count as equal: f
 
 
 @dataclass(frozen=True)
-class Unobservable:
+class Unobservable(Entry):
     """A combination of parameters that the data do not determine: label to weight in printed units, largest 1."""
 
     direction: dict[str, float]
     why: str
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry as it stands in a calibration."""
-        return {"direction": self.direction, "why": self.why}
+    @classmethod
+    def of(cls, wanted: Iterable[Parameter], why: str) -> Unobservable:
+        """Return parameters that the data do not determine together."""
+        return cls({p.label: 1.0 for p in wanted}, why)
 
 
 @dataclass(frozen=True)

@@ -232,7 +232,6 @@ class Recording:
         return (replace(self, other_sensors=()), *self.other_sensors)
 
 
-def when_recorded(recordings: Iterable[Recording]) -> dict[str, str]:
-    """Return the date of the last of some recordings, for a provenance; nothing where none is known."""
-    last = max((r.date for r in recordings), default="")
-    return {"recorded": last} if last else {}
+def when_recorded(recordings: Iterable[Recording]) -> str | None:
+    """Return the date of the last of some recordings, for a provenance; None where none is known."""
+    return max((r.date for r in recordings), default="") or None

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration
+from gimbalcal.calibration import AssumedNoise, Calibration
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import amount
@@ -36,7 +36,7 @@ def calibration_report(
     null_directions = c.null_directions
     context = {
         "title": "; ".join(r.title for r in recordings) or "no recording available",
-        "date": str(c.provenance.get("created", ""))[:16].replace("T", " "),
+        "date": (c.provenance.created or "")[:16].replace("T", " "),
         "answer": calibration_sentences.calibration_in_words(c),
         "verdict": calibration_sentences.calibration_verdict(c),
         "facts": _facts(c, recordings),
@@ -45,7 +45,7 @@ def calibration_report(
         "nominal": nominal_in_words(c.readout),
         "unobservable": naming.directions(null_directions),
         "held": naming.directions(u for u in c.unobservable if u not in null_directions),
-        "lost": c.provenance.get("lost", ""),
+        "lost": c.provenance.lost or "",
         "tpoint": sections.named_terms(c),
         **sections.night_by_night(c),
         "checks": sections.navigation_checks(c),
@@ -165,26 +165,27 @@ NOISE_SOURCES = {"header": "stated in recording.toml", "samples": "from the scat
                  "residual": "from the residual"}  # fmt: skip
 
 
-def _noise_in_words(noise: Mapping[str, Any]) -> str:
+def _noise_in_words(noise: AssumedNoise) -> str:
     """Return the noise of each sensor that the calibration assumed, and its source."""
     parts = []
-    for sensor in (key.removesuffix("_from") for key in noise if key.endswith("_from")):
-        sizes = (
-            f" {significant(float(noise[key]), 3)} {naming.unit_in_print(unit)}"
-            for unit in ("ug", "arcsec") if noise.get(key := f"{sensor}_{unit}") is not None
-        )  # fmt: skip
-        source = str(noise[f"{sensor}_from"])
-        parts.append(f"{sensor.replace('_', ' ')}{next(sizes, '')}, {NOISE_SOURCES.get(source, source)}")
-    return "; ".join(parts) or naming.as_text(noise)
+    for sensor, sigma, unit, source in (
+        ("accelerometer", noise.accelerometer_ug, "ug", noise.accelerometer_from),
+        ("gimbal angle", noise.known_setting_arcsec, "arcsec", noise.gimbal_angle_from),
+    ):
+        if source:
+            size = "" if sigma is None else f" {significant(sigma, 3)} {naming.unit_in_print(unit)}"
+            parts.append(f"{sensor}{size}, {NOISE_SOURCES.get(source, source)}")
+    return "; ".join(parts) or naming.as_text(noise.to_dict())
 
 
 def _provenance(c: Calibration, recordings: Sequence[Recording]) -> dict[str, Any]:
     """Return pairs of term and text; the page folds long ones."""
-    given = {k: v for k, v in c.provenance.items() if k not in ("recordings", "effects", "lost")}
-    sources = naming.files(c.provenance, [file for r in recordings for file in r.files])
+    origin = c.provenance.to_dict()
+    given = {k: v for k, v in origin.items() if k not in ("recordings", "effects", "lost", "noise")}
+    sources = naming.files(origin, [file for r in recordings for file in r.files])
     pairs = [("method", c.method)]
-    if noise := _noise_in_words(given.pop("noise", {})):
-        pairs.append(("noise", noise))
+    if noise := c.provenance.noise:
+        pairs.append(("noise", _noise_in_words(noise)))
     pairs += [
         (str(key).replace("_", " "), naming.typeset(text))
         for key, value in given.items()

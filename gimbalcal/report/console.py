@@ -54,7 +54,7 @@ def _fixed(c: Calibration) -> list[str]:
     labels = {p.label for p in c.parameters}
     estimated = {label.partition(":")[0] for label in labels}
     axes: dict[str, dict[str, None]] = {}
-    for label in (label for u in c.unobservable for label in u["direction"] if label not in labels):
+    for label in (label for u in c.unobservable for label in u.direction if label not in labels):
         name, _, axis = label.partition(":")
         axes.setdefault(name, {})[naming.spaced(axis)] = None
     return [naming.named(n, ", ".join(of) if n in estimated else "") for n, of in axes.items()]
@@ -74,7 +74,7 @@ def findings_table(findings: Sequence[Finding]) -> str:
 
 def bounds_table(plan: Observability | PositionsDesign) -> str:
     """Return the bound of sigma of each parameter in a plan, and its usual size."""
-    undetermined = naming.unobservable_leading([u.to_dict() for u in plan.unobservable])
+    undetermined = naming.unobservable_leading(plan.unobservable)
     table = [
         (naming.label_in_words(r.parameter.label), "", significant(r.sigma, 3), naming.unit_in_print(r.parameter.unit),
          "*" if r.parameter.label in undetermined else f"usual {significant(r.prior_sigma, 2)}")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Readout
+from gimbalcal.calibration import AssumedNoise, Provenance, Readout
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.earth import G0
 from gimbalcal.effects import Effect, Stage
@@ -50,19 +49,19 @@ class ByPosition:
     gravity: Array  # (n, 3) unit vectors, platform axes
 
 
-def spread_of(recording: Recording, provenance: Mapping[str, Any]) -> Spread:
+def spread_of(recording: Recording, provenance: Provenance) -> Spread:
     """Return the noise that a calibration assumed, from its provenance, else from the recording."""
-    noise, options = provenance.get("noise", {}), provenance.get("options", {})
-    force, setting = noise.get("accelerometer_ug"), noise.get("gimbal_angle_arcsec")
+    noise = provenance.noise or AssumedNoise()
+    force, setting = noise.accelerometer_ug, noise.known_setting_arcsec
     return Spread(
         recording.sigma("accelerometer") if force is None else float(to_si(force, "ug")),
         recording.sigma("gimbal_angle") or 0.0 if setting is None else float(to_si(setting, "arcsec")),
-        options.get("excess_scatter") or 0.0,
+        provenance.options.excess_scatter or 0.0,
     )
 
 
 def by_position(
-    recording: Recording, effects: Sequence[Effect], provenance: Mapping[str, Any], readout: Readout
+    recording: Recording, effects: Sequence[Effect], provenance: Provenance, readout: Readout
 ) -> ByPosition:
     """Return position means of the accelerometers minus the model; minus g of their norm for a unit without gimbals."""
     means = in_si(dwell_means(recording), readout)

@@ -48,7 +48,7 @@ def plan_report(o: Observability) -> str:
         "verdict": "reserved" if unseen else "fits",
         "facts": [(f"{total - len(unseen)} of {total}", "combinations determined"), *facts],
         "picture": _sigmas(o.rows), "side_by_side": True,
-        "unobservable": _directions(unseen),
+        "unobservable": naming.directions(unseen),
         "remarks": [f"At its usual size {naming.named(effect)} would not be detected." for effect in hidden],
         "rows": _rows(o.rows, ()), "others": (),
         "confounded": [{"one": label_in_words(c.one), "other": label_in_words(c.other),
@@ -71,16 +71,8 @@ def headline(o: Observability) -> str:
     return text
 
 
-def _directions(unobservable: Sequence[Unobservable]) -> list[dict[str, str]]:
-    return naming.directions(u.to_dict() for u in unobservable)
-
-
-def _leading(unobservable: Sequence[Unobservable]) -> set[str]:
-    return naming.unobservable_leading([u.to_dict() for u in unobservable])
-
-
 def _precision(rows: Sequence[PredictedSigma], unobservable: Sequence[Unobservable]) -> str:
-    undetermined = _leading(unobservable)
+    undetermined = naming.unobservable_leading(unobservable)
     determined = [r for r in rows if r.parameter.label not in undetermined]
     return precision((r.parameter.name, r.sigma, r.parameter.unit) for r in determined)
 
@@ -135,7 +127,7 @@ def design_report(d: PositionsDesign | TurnsDesign) -> str:
 def _positions(d: PositionsDesign) -> dict[str, Any]:
     names = list(d.against)
     return {
-        "title": d.schedule.name, "picture": _drawn(d.schedule), "unobservable": _directions(d.unobservable),
+        "title": d.schedule.name, "picture": _drawn(d.schedule), "unobservable": naming.directions(d.unobservable),
         "facts": [(str(len(d.schedule.holds)), "positions"), (d.angles, "uncertainty of the angles"),
                   (CRITERIA[d.criterion], "minimised")],
         "remarks": [naming.answered(text) for text in d.remarks], "rows": _rows(d.rows, names), "others": names,
@@ -207,7 +199,7 @@ def _drawn_turns(schedule: RotationSchedule) -> Picture:
 def observability_report(o: TurningObservability) -> str:
     """Return the page of the observability of a schedule of turns."""
     worst = min(o.curves, key=lambda c: c.degree)
-    unseen, last, noise = _directions(o.bounds.unobservable), float(o.time[-1]), o.bounds.noise
+    unseen, last, noise = naming.directions(o.bounds.unobservable), float(o.time[-1]), o.bounds.noise
     return render("observability.html", {
         "title": o.bounds.schedule,
         "answer": turning_headline(o),
@@ -236,7 +228,7 @@ def observability_report(o: TurningObservability) -> str:
 def turning_headline(o: TurningObservability) -> str:
     """Return which errors a schedule of turns determines, how well, and what to do next."""
     total, unobservable = len(o.curves), o.bounds.unobservable
-    undetermined, unseen = _leading(unobservable), len(unobservable)
+    undetermined, unseen = naming.unobservable_leading(unobservable), len(unobservable)
     determined = [c for c in o.curves if c.parameter not in undetermined]
     low = [label_in_words(c.parameter) for c in determined if c.word != "high"]
     share = f"{total - unseen} of {total} combinations" if unseen else f"all {counted(total, 'error')}"

@@ -177,31 +177,30 @@ def _over_axes(at: Array, before: Array, after: Array, names: Sequence[str], tit
 def named_terms(c: Calibration) -> list[dict[str, str]]:
     """Return the terms as TPOINT names and signs them; none for another calibration."""
     rows = []
-    for term in c.provenance.get("tpoint", ()):
-        value, sigma = pdg(term["value"], term["sigma"])
-        rows.append({"words": term["term"], "value": minus(value), "sigma": sigma, "unit": term["unit"]})
+    for term in c.provenance.tpoint or ():
+        value, sigma = pdg(term.value, term.sigma)
+        rows.append({"words": term.term, "value": minus(value), "sigma": sigma, "unit": term.unit})
     return rows
 
 
 def night_by_night(c: Calibration) -> dict[str, Any]:
     """Return the terms of each night by name, and whether the nights agree; empty for a single night."""
-    nights = c.provenance.get("nights", ())
-    if not nights:
+    nights, p = c.provenance.nights, c.provenance.same_terms_every_night
+    if not nights or p is None:
         return {"nights": [], "night_rows": [], "nights_in_words": ""}
     rows = []
-    for label, first in nights[0]["terms"].items():
-        terms = [n["terms"][label] for n in nights]
+    for label, first in nights[0].terms.items():
+        terms = [n.terms[label] for n in nights]
+        changes = [(t.change or 0.0, t.change_sigma or 0.0) for t in terms[1:]]
         rows.append({
-            "words": label_in_words(label), "unit": unit_in_print(first["unit"]),
-            "cells": [plus_minus(t["value"], t["sigma"]) for t in terms],
-            "changes": [f"{'' if t['change'] < 0 else '+'}{plus_minus(t['change'], t['change_sigma'])}"
-                        for t in terms[1:]],
+            "words": label_in_words(label), "unit": unit_in_print(first.unit),
+            "cells": [plus_minus(t.value, t.sigma) for t in terms],
+            "changes": [f"{'' if change < 0 else '+'}{plus_minus(change, sigma)}" for change, sigma in changes],
         })  # fmt: skip
-    p = p_value(c.provenance["same_terms_every_night"])
     return {
-        "nights": [f"{n['title']}, {n['stars']} stars, {significant(n['rms_arcsec'], 3)} arcsec" for n in nights],
+        "nights": [f"{n.title}, {n.stars} stars, {significant(n.rms_arcsec, 3)} arcsec" for n in nights],
         "night_rows": rows,
-        "nights_in_words": f"The hypothesis that all nights share one set of terms has a p-value of {p}.",
+        "nights_in_words": f"The hypothesis that all nights share one set of terms has a p-value of {p_value(p)}.",
     }
 
 

@@ -34,30 +34,29 @@ def goodness_of_fit(chi2: float, dof: int) -> tuple[float, float, Fit]:
 
 def scaled_to_residual(c: Calibration) -> bool:
     """Return whether the noise was estimated from the residual itself, so that chi^2 does not test the fit."""
-    provenance = c.provenance
-    noise = provenance.get("noise", {})
-    sources = (noise.get("accelerometer_from"), noise.get("gimbal_angle_from"))
-    return "residual" in sources or bool(provenance.get("options", {}).get("excess_scatter"))
+    noise, options = c.provenance.noise, c.provenance.options
+    sources = (noise.accelerometer_from, noise.gimbal_angle_from) if noise else ()
+    return "residual" in sources or bool(options.excess_scatter)
 
 
 def noise_is_stated(c: Calibration) -> bool:
     """Return whether recording.toml states the noise; otherwise it was estimated from the scatter of the samples."""
-    noise = c.provenance.get("noise", {})
-    return "samples" not in (noise.get("accelerometer_from"), noise.get("from"))
+    noise = c.provenance.noise
+    return noise is None or "samples" not in (noise.accelerometer_from, noise.from_)
 
 
 def calibration_verdict(c: Calibration) -> Fit:
     """Return what the residuals say of the model."""
     if c.outcome:
         return "reserved"
-    if c.provenance.get("pattern"):
+    if c.provenance.pattern:
         return "misfit"  # systematic residuals are no noise, whatever their size
     return goodness_of_fit(c.residual.chi2, c.residual.dof)[2]
 
 
 def calibration_in_words(c: Calibration) -> str:
     """Return a few sentences on a calibration: the fit, the parameters that are not determined, and what to do next."""
-    limits = "".join(f" {sentence(text)}" for text in c.provenance.get("limits", []))
+    limits = "".join(f" {sentence(text)}" for text in c.provenance.limits or ())
     if c.outcome:
         return typeset(sentence(c.outcome) + limits)
     residual = f"{capitalised(_residual(c))}.{_outliers(c)}"
@@ -77,7 +76,7 @@ def _next_of_calibration(c: Calibration) -> str:
 
 def _confounded(c: Calibration) -> list[str]:
     """Return the labels of the parameters that the data do not determine one by one."""
-    return list(dict.fromkeys(label for u in c.null_directions for label in leading(u["direction"])))
+    return list(dict.fromkeys(label for u in c.null_directions for label in leading(u.direction)))
 
 
 def _determined(c: Calibration) -> str:
@@ -121,15 +120,15 @@ def _scaled(c: Calibration) -> str:
     if star:
         size = float(f"{from_si(star, 'arcsec'):.3g}")
         text = f"the residuals of the stars are {size:g} arcsec rms on the sky, and every sigma is scaled to them"
-        if pattern := c.provenance.get("pattern"):
-            text += (f"; but they are not noise: the residual {pattern['channel']} follows the "
-                     f"{spaced(pattern['axis'])}, and `gimbalcal diagnose` looks for the cause")  # fmt: skip
+        if pattern := c.provenance.pattern:
+            text += (f"; but they are not noise: the residual {pattern.channel} follows the "
+                     f"{spaced(pattern.axis)}, and `gimbalcal diagnose` looks for the cause")  # fmt: skip
         return text
     size_of_force = ""
     if force:
         ug = float(from_si(force / sqrt(sum(channel.startswith("specific_force") for channel in rms)), "ug"))
         size_of_force = f" by {ug / 1e3:.3g} mg" if ug >= 1e3 else f" by {ug:.3g} ug"
-    excess = c.provenance.get("options", {}).get("excess_over_noise") or 0.0
+    excess = c.provenance.options.excess_over_noise or 0.0
     wandering = (f", {excess:.2g} times what the noise of the samples explains: the outputs change from position to "
                  "position") if excess >= MIN_EXCESS_SCATTER else ""  # fmt: skip
     return f"the readings scatter{size_of_force} about the calibration, and every sigma is scaled to that{wandering}"
@@ -137,13 +136,13 @@ def _scaled(c: Calibration) -> str:
 
 def _outliers(c: Calibration) -> str:
     """Return a sentence on stars far from all others; empty for none."""
-    stars = c.provenance.get("far_off", [])
+    stars = c.provenance.far_off or ()
     if not stars:
         return ""
-    worst = ", ".join(f"number {s['star']} of “{s['title']}” by {s['arcsec']:.3g} arcsec" for s in stars[:3])
+    worst = ", ".join(f"number {s.star} of “{s.title}” by {s.arcsec:.3g} arcsec" for s in stars[:3])
     one = len(stars) == 1
     which = "One star is an outlier" if one else f"{capitalised(counted(len(stars), 'star'))} are outliers"
-    why = stars[0].get("why", "mistaken or not centred")
+    why = stars[0].why
     omit = f"leave {'it' if one else 'them'} out"
     step = omit if why.startswith("mistaken") else "`gimbalcal diagnose` looks for the cause"
     return f" {which}, {worst}: {why}; {step}."

@@ -54,7 +54,7 @@ def comparison_in_words(c: Comparison) -> str:
 
 def _dates_in_words(c: Comparison) -> str:
     """Remark on dates that are not those of the recordings; empty where they do not matter."""
-    dated = [d for d in c.calibrations if "recorded" in d.calibration.provenance]
+    dated = [d for d in c.calibrations if d.calibration.provenance.recorded]
     write = "write date = 2026-11-18, say, into each recording.toml and calibrate again."
     if dated and len(dated) < len(c.calibrations):
         few = "one of them says" if len(dated) == 1 else f"{len(dated)} of them say"

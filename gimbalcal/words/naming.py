@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gimbalcal.words.rounding import significant
+
+if TYPE_CHECKING:
+    from gimbalcal.inference.information import Unobservable
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
@@ -85,9 +88,9 @@ def listed(items: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
 
 
-def unobservable_leading(unobservable: Sequence[Mapping[str, Any]]) -> set[str]:
+def unobservable_leading(unobservable: Iterable[Unobservable]) -> set[str]:
     """Return the labels that dominate the unobservable directions."""
-    return {label for u in unobservable for label in leading(u["direction"])}
+    return {label for u in unobservable for label in leading(u.direction)}
 
 
 def sentence(words: str) -> str:
@@ -157,20 +160,20 @@ def direction_in_words(direction: Mapping[str, float]) -> str:
     return text.strip().removeprefix("+ ")
 
 
-def why_in_words(unobservable: Mapping[str, Any]) -> str:
-    """Return the reason of an entry of `unobservable` with labels and effects in words."""
+def why_in_words(unobservable: Unobservable) -> str:
+    """Return the reason of an unobservable direction with labels and effects in words."""
     from gimbalcal.effects import CATALOGUE
 
-    text = str(unobservable["why"])
-    for label in sorted(unobservable["direction"], key=len, reverse=True):
+    text = unobservable.why
+    for label in sorted(unobservable.direction, key=len, reverse=True):
         text = text.replace(label, label_in_words(label))
     known = "|".join(sorted(CATALOGUE, key=len, reverse=True))
     return as_sentence(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda match: named(match[0]), text))
 
 
-def directions(unobservable: Iterable[Mapping[str, Any]]) -> list[dict[str, str]]:
-    """Return entries of `unobservable` as pairs of a combination and its reason, in words."""
-    return [{"direction": direction_in_words(u["direction"]), "why": why_in_words(u)} for u in unobservable]
+def directions(unobservable: Iterable[Unobservable]) -> list[dict[str, str]]:
+    """Return unobservable directions as pairs of a combination and its reason, in words."""
+    return [{"direction": direction_in_words(u.direction), "why": why_in_words(u)} for u in unobservable]
 
 
 def spoken(text: str) -> str:

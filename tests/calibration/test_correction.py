@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.calibration.provenance import Options, Provenance
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, with_values
 from gimbalcal.effects.accelerometer import Bias
@@ -47,7 +48,15 @@ def table_recording(seed: int) -> Recording:
 
 
 def calibration(effects: tuple[Effect, ...], **options: object) -> Calibration:
-    return Calibration("test", effects, (), np.zeros((0, 0)), (), Residual(0.0, 0, {}), provenance={"options": options})
+    return Calibration(
+        "test",
+        effects,
+        (),
+        np.zeros((0, 0)),
+        (),
+        Residual(0.0, 0, {}),
+        provenance=Provenance(options=Options(**options)),
+    )
 
 
 def drawn(effect_id: str, seed: int) -> Effect:

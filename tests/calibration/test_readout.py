@@ -16,6 +16,7 @@ from gimbalcal.calibration.readout import in_counts, in_si, with_noise
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.inference.information import Unobservable
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.platform import BENCH, KNOWN, SPACE_STABLE, Axis, Platform
 from gimbalcal.recording import Recording, Site
@@ -30,7 +31,7 @@ def calibration(platform: Platform, *zeros: float, **more: Any) -> Calibration:
     """Zeros [arcsec] of the first gimbals of a platform, correlated."""
     wanted = parameters(ZERO, platform.axis_names)[: len(zeros)]
     n = len(zeros)
-    unobservable = {"direction": {"gimbal_zero:platform": 0.6, "base_tilt:down": 0.8}, "why": ""}
+    unobservable = Unobservable({"gimbal_zero:platform": 0.6, "base_tilt:down": 0.8}, "")
     return Calibration(
         more.pop("method", "test"), with_values((), wanted, np.array(zeros) * ARCSEC, platform.axis_names), wanted,
         (np.eye(n) + 0.5) * ARCSEC**2, (unobservable,),

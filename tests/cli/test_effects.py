@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import gimbalcal
-from gimbalcal.calibration.content_checks import refuse_origin
+from gimbalcal.calibration import Provenance
 from gimbalcal.campaign.task import compute, task
 from gimbalcal.effects import CATALOGUE, loading
 from gimbalcal.effects.loading import breach, load_effects, load_installed
@@ -117,8 +117,8 @@ def test_a_result_says_which_definitions_it_was_made_with(
 
 @pytest.mark.parametrize("rows", [3, [3], [{"path": "a"}], [{"path": "a", "sha256": 1, "effects": []}]])
 def test_files_of_effects_that_are_none_are_refused(rows: Any) -> None:
-    with pytest.raises(InputError, match="provenance / effects must be a list of files"):
-        refuse_origin({"effects": rows})
+    with pytest.raises(InputError, match="provenance / effects"):
+        Provenance.read({"effects": rows})
 
 
 def changed(*pairs: str) -> str:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.calibration.exchange.tpoint_model import as_record, tpoint_terms
+from gimbalcal.calibration.exchange.tpoint_model import printed, tpoint_terms
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.errors import InputError
@@ -49,7 +49,7 @@ def test_a_calibration_says_which_terms_the_model_holds() -> None:
     known = pointing_calibration([night])
     assert diagnose([night], known).verdict == "adequate"
     assert diagnose([night]).verdict == "missing-physics"  # zeros, collimation and squareness alone
-    assert as_record(tpoint_terms(known)) == known.provenance["tpoint"]
+    assert printed(tpoint_terms(known)) == known.provenance.tpoint
 
 
 def test_a_night_given_twice_is_refused() -> None:

@@ -164,9 +164,9 @@ def test_nothing_turns_between_sessions() -> None:
     turns, level, _ = turns_between_rests(both, multiposition(both))
     assert len(level) == 24
     np.testing.assert_array_equal(turns.ends, [*range(1, 12), *range(13, 24)])
-    options = unit_of_sessions([a, b]).provenance["options"]
-    assert "gyroscopes" not in options  # they were calibrated too
-    assert all(s["p_value"] > 1e-3 for s in options["sessions"])
+    options = unit_of_sessions([a, b]).provenance.options
+    assert options.gyroscopes is None  # they were calibrated too
+    assert all((s.p_value or 0.0) > 1e-3 for s in options.sessions or ())
 
 
 def test_a_diagnosis_of_two_sessions_says_whether_they_agree() -> None:

@@ -6,10 +6,11 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.calibration import Calibration, Provenance, Residual
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.history import DatedCalibration
 from gimbalcal.number import Array
+from gimbalcal.recording import Source
 
 START = datetime(2024, 3, 1, 12, tzinfo=UTC)
 WANTED = tuple(p for i in ("bias", "scale_factor") for p in parameters(CATALOGUE[i]))
@@ -21,11 +22,8 @@ LABELS = [p.label for p in WANTED]
 def calibration(x: Array, k: int = 0, size: float = 1.0, recording: str = "") -> Calibration:
     """A calibration with these values (6,) in sigmas, made from a recording of its own."""
     effects = with_values((), WANTED, x * SIGMA)
-    files = [
-        {"path": "a/recording.toml", "sha256": "same"},
-        {"path": "a/samples.csv", "sha256": recording or f"{k:064x}"},
-    ]
-    origin = {"recordings": files, "created": (START + timedelta(days=90 * k)).isoformat()}
+    files = Source("a/recording.toml", "same"), Source("a/samples.csv", recording or f"{k:064x}")
+    origin = Provenance(recordings=files, created=(START + timedelta(days=90 * k)).isoformat())
     P = size**2 * R * np.outer(SIGMA, SIGMA)
     return Calibration("three-stage", effects, WANTED, P, (), Residual(1.0, 1, {}), provenance=origin)
 

@@ -14,7 +14,7 @@ import pytest
 from gimbalcal.earth import YEAR
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
-from gimbalcal.history import DatedCalibration, compare, date_in, dated_file
+from gimbalcal.history import DatedCalibration, compare, dated_file
 from gimbalcal.history.compare import flat
 from gimbalcal.report.history_page import history_report
 from gimbalcal.words.history_sentences import _parameter_name
@@ -144,15 +144,20 @@ def test_two_things_at_once_are_both_told(shape: Any, told: tuple[object, ...]) 
         assert np.isfinite(c.due) == c.drifts
 
 
+def recorded(d: DatedCalibration) -> DatedCalibration:
+    """The calibration with a day of its recordings."""
+    origin = replace(d.calibration.provenance, recorded="2024-03-01")
+    return replace(d, calibration=replace(d.calibration, provenance=origin))
+
+
 def test_calibrations_stand_at_the_day_of_their_recordings() -> None:
     made = [replace(d, date=START) for d in history(3, 4)]
     assert "all were computed within a day: no drift is estimated; write date = " in compare(made).in_words
-    for d in made[1:]:
-        d.calibration.provenance["recorded"] = "2024-03-01"
+    made[1:] = map(recorded, made[1:])
     assert "Only 3 of them say when it was recorded; others stand at the day" in compare(made).in_words
-    made[0].calibration.provenance["recorded"] = "2024-03-01"
+    made[0] = recorded(made[0])
     assert "write date" not in compare(made).in_words
-    assert date_in(made[0].calibration.provenance) == "2024-03-01"
+    assert made[0].calibration.provenance.date == "2024-03-01"
 
 
 def test_a_parameter_stands_at_the_dates_of_those_that_tell_it() -> None:
@@ -236,9 +241,10 @@ def placed(k: int, moved: float, gravity: float = 9.8, seed: int = 3, last: int 
     x = 100 + np.linalg.cholesky(R) @ rng.standard_normal(6) + moved * np.isin(np.arange(6), range(3, last + 1))
     made = calibration(x, k)
     u = np.where(np.arange(6) < 3, 0.0, 1 + made.values)
-    options = {"gravity": gravity, "gravity_sigma_ppm": 500.0}
     P = made.covariance + 5e-4**2 * np.outer(u, u)
-    made = replace(made, covariance=P, provenance={**made.provenance, "options": options})
+    made = replace(
+        made, covariance=P, provenance=made.provenance.with_options(gravity=gravity, gravity_sigma_ppm=500.0)
+    )
     return DatedCalibration(f"{k}.json", START + timedelta(days=90 * k), made)
 
 

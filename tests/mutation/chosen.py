@@ -260,7 +260,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("report.sections", "innovations_by_leg", '(~stop, "ring"', '(stop, "ring"'),
         ("report.noise_page", "_chart", 'np.array(c["tau_s"]), np.array(c["deviation"])',
          'np.array(c["deviation"]), np.array(c["tau_s"])'),
-        ("report.sections", "night_by_night", "t['change'], t['change_sigma']", "t['value'], t['sigma']"),
+        ("report.sections", "night_by_night", "t.change or 0.0, t.change_sigma or 0.0", "t.value, t.sigma"),
         ("report.navigation_page", "budget_report", "100 * budget.share[i]", "budget.share[i]"),
         ("report.sections", "pointing_picture", "np.sqrt((x**2).sum(axis=1).mean())", "(x**2).sum(axis=1).mean()"),
     ),

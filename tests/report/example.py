@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
+from gimbalcal.calibration import Calibration, Options, Provenance, Readout, Residual, StageResult
 from gimbalcal.earth import EARTH_RATE, G0
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.forward import jacobian, predict
@@ -91,12 +91,12 @@ def example() -> tuple[Calibration, tuple[Recording, Recording], dict[str, float
         effects=with_values((), wanted, x, names),
         parameters=wanted,
         covariance=solution.covariance,
-        unobservable=tuple(u.to_dict() for u in solution.unobservable),
+        unobservable=solution.unobservable,
         residual=Residual(solution.chi2, solution.dof, {"specific_force:x": rms}),
-        provenance={
-            "recordings": [{"path": r.source[0].path, "sha256": r.source[0].sha256} for r in both],
-            "version": "0.1.0", "seed": 1, "options": {"method": "three-stage"}, "created": "2026-11-21T10:00:00Z",
-        },
+        provenance=Provenance(
+            recordings=tuple(r.source[0] for r in both), version="0.1.0", seed=1,
+            options=Options(method="three-stage"), created="2026-11-21T10:00:00Z",
+        ),
         stages=tuple(stages),
         readout=Readout(gimbals=names),
     )  # fmt: skip

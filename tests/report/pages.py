@@ -113,7 +113,7 @@ def pointing_page() -> str:
     elevation[16] += np.radians(0.025)
     night = replace(night, channels={**night.channels, ("true_angle", "elevation"): elevation})
     calibration = pointing_calibration([night])
-    origin = dict(calibration.provenance) | {"created": "", "recordings": []}
+    origin = replace(calibration.provenance, created=None, recordings=())
     return calibration_report(replace(calibration, provenance=origin), [night])
 
 

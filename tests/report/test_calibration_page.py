@@ -6,7 +6,7 @@ from hashlib import sha256
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
+from gimbalcal.calibration import Calibration, Counts, Provenance, Readout, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters, with_values
 from gimbalcal.forward import accelerometers, linearise
 from gimbalcal.kinematics import stimulus_from_readings
@@ -48,8 +48,8 @@ def test_what_a_user_wrote_is_escaped() -> None:
     calibration, _, _ = example()
     hostile = dataclasses.replace(
         calibration, outcome="<script>alert(1)</script> & so on",
-        provenance=dict(calibration.provenance) | {"options": {"note": '"><img src=x onerror=alert(1)>'}},
-        unobservable=(dict(calibration.unobservable[0]) | {"why": "<b>bold</b>"},),
+        provenance=calibration.provenance.with_options(in_words='"><img src=x onerror=alert(1)>'),
+        unobservable=(dataclasses.replace(calibration.unobservable[0], why="<b>bold</b>"),),
     )  # fmt: skip
     text = calibration_report(hostile)
     assert "<script>alert" not in text
@@ -99,7 +99,7 @@ def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
     _, (still, _), _ = example()
     s = stimulus_from_readings(still)
     turned = {("specific_force", a): f for a, f in zip("xyz", accelerometers(s.force, s, effects).T, strict=True)}
-    e = by_position(dataclasses.replace(still, platform=BENCH, channels=turned), effects, {}, Readout())
+    e = by_position(dataclasses.replace(still, platform=BENCH, channels=turned), effects, Provenance(), Readout())
     assert e.axes == ("|f| − g",)
     assert np.abs(e.before).max() > 1000  # ug: the errors are ten times the prior, 5000 ppm
     assert np.abs(e.after).max() < 1e-6  # ug: what rounding of 9.8 leaves
@@ -137,7 +137,7 @@ def test_readings_in_counts_are_judged_in_si() -> None:
     units = {("specific_force", a): "count" for a in "xyz"}
     raw = dataclasses.replace(still, channels=channels, noise=noise, units=units)
     readout = Readout(Counts(tuple(scale), tuple(offset)))
-    e, expected = by_position(raw, effects, {}, readout), by_position(still, effects, {}, Readout())
+    e, expected = by_position(raw, effects, Provenance(), readout), by_position(still, effects, Provenance(), Readout())
     assert e.after == pytest.approx(expected.after, abs=1e-6)  # ug: rounding of 9.8 m/s^2 in counts
     assert e.sigma == pytest.approx(expected.sigma, rel=1e-12)
     text = calibration_report(dataclasses.replace(calibration, readout=readout))

@@ -23,7 +23,7 @@ from tests.golden import Golden, page_text
 def test_the_page_of_a_systematic_calibration(golden: Golden) -> None:
     recording = turning_unit(stop=10.0)
     c = systematic(recording, "30")
-    origin = dict(c.provenance) | {"recordings": [], "created": "2026-11-22T10:00:00+00:00"}
+    origin = replace(c.provenance, recordings=(), created="2026-11-22T10:00:00+00:00")
     golden("pages/systematic", page_text(calibration_report(replace(c, provenance=origin), (recording,))))
     n = copy.deepcopy(dict(c.residual.navigation))
     changed = replace(c, residual=replace(c.residual, navigation=n))

@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration, Residual, StageResult
+from gimbalcal.calibration import Calibration, Provenance, Residual, StageResult
+from gimbalcal.calibration.provenance import Night, NightTerm
 from gimbalcal.design.budget import Budget
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.report import figures
@@ -163,11 +164,10 @@ def test_a_chart_of_noise_has_averaging_time_below() -> None:
 
 
 def test_a_night_tells_its_terms_and_how_they_changed() -> None:
-    first = {"value": 10.0, "sigma": 1.0, "unit": "arcsec"}
-    second = {"value": 4.0, "sigma": 1.0, "change": -6.0, "change_sigma": 2.0, "unit": "arcsec"}
-    nights = [{"title": t, "stars": 9, "rms_arcsec": 2.0, "terms": {"base_tilt:north": term}}
-              for t, term in (("a", first), ("b", second))]  # fmt: skip
-    told = night_by_night(replace(CALIBRATED, provenance={"nights": nights, "same_terms_every_night": 0.01}))
+    first = NightTerm(10.0, 1.0, "arcsec")
+    second = NightTerm(4.0, 1.0, "arcsec", change=-6.0, change_sigma=2.0)
+    nights = tuple(Night(t, 0.0, 9, 2.0, {"base_tilt:north": term}) for t, term in (("a", first), ("b", second)))
+    told = night_by_night(replace(CALIBRATED, provenance=Provenance(nights=nights, same_terms_every_night=0.01)))
     (row,) = told["night_rows"]
     assert (row["cells"], row["changes"]) == (["10.0 ± 1.0", "4.0 ± 1.0"], ["−6.0 ± 2.0"])
 

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.calibration import AssumedNoise, Calibration, Options, Provenance, Residual
+from gimbalcal.calibration.provenance import ResidualPattern
 from gimbalcal.design.position_observability import observe
 from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, Shape
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.effect import constants
+from gimbalcal.inference.information import Unobservable
 from gimbalcal.report.campaign_page import campaign_report, chance
 from gimbalcal.report.campaign_page import headline as campaign_headline
 from gimbalcal.report.console import bounds_table, findings_table, parameters_table
@@ -52,11 +54,11 @@ def lines(cases: Mapping[str, Any], in_words: Callable[[Any], str]) -> str:
 PAIR = [p for p in (*parameters(CATALOGUE["misalignment"]), *parameters(CATALOGUE["gimbal_zero"], ("platform",)))
         if p.label in DIRECTION]  # fmt: skip
 BIASES = tuple(parameters(CATALOGUE["bias"]))
-COMMON_TURN = {"direction": DIRECTION, "why": "a common turn"}
+COMMON_TURN = Unobservable(DIRECTION, "a common turn")
 
 
 def calibration(
-    chi2: float = 38.0, dof: int = 37, *unobservable: dict[str, Any], rms: float | None = None, **changes: Any
+    chi2: float = 38.0, dof: int = 37, *unobservable: Unobservable, rms: float | None = None, **changes: Any
 ) -> Calibration:
     """A calibration of 18 parameters."""
     residual = Residual(chi2, dof, {} if rms is None else {"pointing:across": rms})
@@ -65,33 +67,31 @@ def calibration(
 
 
 def of(**provenance: Any) -> dict[str, Any]:
-    return {"provenance": provenance}
+    return {"provenance": Provenance(**provenance)}
 
 
-SAMPLES = of(noise={"accelerometer_from": "samples"})
+SAMPLES = of(noise=AssumedNoise(accelerometer_from="samples"))
 CALIBRATIONS = {
     "adequate fit": calibration(),
     "common unobservable direction": calibration(38.0, 37, COMMON_TURN),
-    "one unobservable parameter": calibration(38.0, 37, {"direction": {"misalignment:xz": 1.0}, "why": ""}),
+    "one unobservable parameter": calibration(38.0, 37, Unobservable({"misalignment:xz": 1.0}, "")),
     "fewer than half observable": calibration(
-        38.0, 37, {"direction": {"bias:x": 1.0, "bias:y": -1.0}, "why": ""}, parameters=BIASES
+        38.0, 37, Unobservable({"bias:x": 1.0, "bias:y": -1.0}, ""), parameters=BIASES
     ),
-    "held, not unobservable": calibration(
-        38.0, 37, {"direction": {"misalignment:xz": 1.0, "K3:x": 1.0}, "why": "declined"}
-    ),
+    "held, not unobservable": calibration(38.0, 37, Unobservable({"misalignment:xz": 1.0, "K3:x": 1.0}, "declined")),
     "lack of fit": calibration(9 * 37),
     "overstated noise": calibration(0.25 * 37),
     "noise of the samples": calibration(**SAMPLES),
-    "noise of the samples at rest": calibration(**of(noise={"from": "samples"})),
+    "noise of the samples at rest": calibration(**of(noise=AssumedNoise(from_="samples"))),
     "lack of fit, noise of the samples": calibration(9 * 37, **SAMPLES),
     "overstated noise of the samples": calibration(0.25 * 37, **SAMPLES),
-    "excess scatter": calibration(**of(options={"excess_scatter": 1e-4})),
-    "noise from the residual": calibration(**of(noise={"gimbal_angle_from": "residual"})),
+    "excess scatter": calibration(**of(options=Options(excess_scatter=1e-4))),
+    "noise from the residual": calibration(**of(noise=AssumedNoise(gimbal_angle_from="residual"))),
     "outcome": calibration(outcome="only five positions remain"),
     "no degrees of freedom": calibration(0.0, 0),
     "pattern of stars": calibration(
         rms=1e-5,
-        **of(pattern={"channel": "across", "axis": "hour_angle"}, noise={"accelerometer_from": "residual"}),
+        **of(pattern=ResidualPattern("across", "hour_angle", 1e-4), noise=AssumedNoise(accelerometer_from="residual")),
     ),
 }
 
@@ -244,7 +244,7 @@ def test_an_effect_of_a_user_needs_no_sentence(monkeypatch: pytest.MonkeyPatch) 
 
 def test_tables_of_the_console(golden: Golden) -> None:
     calibration, _, _ = example()
-    held = {"direction": {"misalignment:up": 1.0, "cubic_nonlinearity:x": 1.0}, "why": "declined"}
+    held = Unobservable({"misalignment:up": 1.0, "cubic_nonlinearity:x": 1.0}, "declined")
     two = tuple(Estimate("b_T", a, 14.83, 0.34, "ug/degC") for a in "xy")
     tables = [
         parameters_table(calibration),
@@ -310,11 +310,11 @@ def test_a_direction_starts_with_its_largest_weight_and_omits_negligible_ones() 
         (lambda: typeset("1.03e+03 ug/sqrt(Hz), 2.5e-07 m/s^2"), "1030 µg/√Hz, 2.5·10⁻⁷ m/s²"),
         (lambda: typeset("-n 200, 2026-11-22, x=-1, from -0.5 deg/h to 3 deg"),
          "-n 200, 2026-11-22, x=-1, from −0.5 °/h to 3°"),
-        (lambda: why_in_words({"direction": {"bias:x": 1.0, "misalignment:xy": 0.3},
-                               "why": "+1 bias:x +0.3 misalignment:xy leave it"}),
+        (lambda: why_in_words(Unobservable({"bias:x": 1.0, "misalignment:xy": 0.3},
+                                            "+1 bias:x +0.3 misalignment:xy leave it")),
          "+1 bias x +0.3 misalignment xy leave it."),
-        (lambda: why_in_words({"direction": {"K3:x": 1.0},
-                               "why": "cubic_nonlinearity is left out: its sigma is 3 ug/g^3 (a.inter_triad)"}),
+        (lambda: why_in_words(Unobservable({"K3:x": 1.0},
+                                            "cubic_nonlinearity is left out: its sigma is 3 ug/g^3 (a.inter_triad)")),
          "Cubic nonlinearity is left out: its sigma is 3 µg/g³ (a.inter_triad)."),
     ],
 )  # fmt: skip

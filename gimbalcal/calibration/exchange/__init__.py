@@ -28,6 +28,7 @@ from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.content_checks import MAX_NUMBER
 from gimbalcal.calibration.exchange import kalibr, parameter_table, psins, tpoint_model
 from gimbalcal.calibration.exchange.matrices import LINEAR, QUADRATIC
+from gimbalcal.calibration.provenance import Options, Provenance
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
 
@@ -58,9 +59,10 @@ def read_exchange(kind: str, path: Path) -> Calibration:
         return own.read(path)
     if not path.is_file():
         raise InputError(f"{path} does not exist or is not a file")
-    mount: dict[str, object] = {}
+    mount = None
     if kind == "tpoint":
-        estimates, gimbals, mount = tpoint_model.read(path)
+        estimates, mount = tpoint_model.read(path)
+        gimbals = mount.axes
     else:
         estimates, gimbals = parameter_table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
     for p, (value, s) in estimates.items():
@@ -76,7 +78,7 @@ def read_exchange(kind: str, path: Path) -> Calibration:
         covariance=np.diag(sigma**2),
         unobservable=(),
         residual=Residual(0.0, 0, {}),
-        provenance={"recordings": [], "options": {"file": path.name, "format": kind}, "mount": mount},
+        provenance=Provenance(options=Options(file=path.name, format=kind), mount=mount),
         readout=Readout(gimbals=gimbals),
     )
 

@@ -47,6 +47,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.content_checks import MOUNT_AXES
 from gimbalcal.calibration.exchange.matrices import Found
+from gimbalcal.calibration.provenance import MountAxes, PrintedTerm
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.platform import Platform
@@ -76,16 +77,16 @@ def mount_of(platform: Platform) -> str:
     return {"yz": ALT_AZ, "yzy": EQUATORIAL}.get(turns, "") if upright else ""
 
 
-def mount_record(platform: Platform, latitude: float | None) -> dict[str, object]:
-    """Return the provenance of a mount by which its terms have names in TPOINT."""
-    place = {} if latitude is None else {"latitude_deg": float(from_si(latitude, "deg"))}
-    return {"kind": mount_of(platform), "axes": list(platform.axis_names), **place}
+def mount_axes(platform: Platform, latitude: float | None) -> MountAxes:
+    """Return the mount by which its terms have names in TPOINT."""
+    return MountAxes(
+        mount_of(platform), platform.axis_names, None if latitude is None else float(from_si(latitude, "deg"))
+    )
 
 
 def tpoint_terms(calibration: Calibration) -> tuple[TpointTerm, ...]:
     """Return the terms of a pointing calibration in TPOINT's convention; none for a mount or effect without a name."""
-    mount = calibration.provenance.get("mount", {})
-    rows = _rows(str(mount.get("kind", "")), tuple(mount.get("axes", ())), mount.get("latitude_deg"))
+    rows = _rows_of(calibration.provenance.mount)
     labels = [p.label for p in calibration.parameters]
     out = []
     for name, weights in rows.items():
@@ -98,10 +99,13 @@ def tpoint_terms(calibration: Calibration) -> tuple[TpointTerm, ...]:
 
 def unnamed(calibration: Calibration) -> list[str]:
     """Return labels of the parameters that TPOINT has no term for."""
-    mount = calibration.provenance.get("mount", {})
-    rows = _rows(str(mount.get("kind", "")), tuple(mount.get("axes", ())), mount.get("latitude_deg"))
+    rows = _rows_of(calibration.provenance.mount)
     place = {label for weights in rows.values() for label in weights}
     return [p.label for p in calibration.parameters if p.label not in place]
+
+
+def _rows_of(mount: MountAxes | None) -> dict[str, dict[str, float]]:
+    return _rows(mount.kind, mount.axes, mount.latitude_deg) if mount else {}
 
 
 def _rows(kind: str, axes: Sequence[str], latitude: float | None) -> dict[str, dict[str, float]]:
@@ -166,16 +170,16 @@ NAMES = frozenset({*_alt_az(AXES[ALT_AZ]), *_equatorial(AXES[EQUATORIAL], 0.0)})
 def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
     """Return the model file. Raises InputError for a calibration of any other mount."""
     terms = tpoint_terms(calibration)
-    mount = calibration.provenance.get("mount", {})
-    if not terms:
+    mount = calibration.provenance.mount
+    if not terms or mount is None:
         raise InputError(
             "this calibration has no term of an alt-azimuth or equatorial mount, so TPOINT has no name for it; give "
             "one that `gimbalcal calibrate` made of a pointing run"
         )
-    place = f", latitude {mount['latitude_deg']:.8f} deg" if "latitude_deg" in mount else ""
+    place = f", latitude {mount.latitude_deg:.8f} deg" if mount.latitude_deg is not None else ""
     rms = float(np.sqrt(sum(v**2 for v in calibration.residual.rms.values())))
-    stars = int(calibration.provenance.get("stars", 0))
-    lines = [f"gimbalcal {mount['kind']} mount{place}", f"T {stars:5d} {_arcsec(rms):10.4f}   0.000  0.0000"]
+    stars = calibration.provenance.stars or 0
+    lines = [f"gimbalcal {mount.kind} mount{place}", f"T {stars:5d} {_arcsec(rms):10.4f}   0.000  0.0000"]
     lines += [f"  {t.name:<8s} {_arcsec(t.value):+14.5f} {_arcsec(t.sigma):11.5f}" for t in terms]
     return ("\n".join([*lines, "END", *(f"! {words}" for words in lost)]) + "\n").encode()
 
@@ -184,8 +188,8 @@ def _arcsec(x: float) -> float:
     return float(from_si(x, UNIT))
 
 
-def read(path: Path) -> tuple[Found, tuple[str, ...], dict[str, object]]:
-    """Return value and sigma of each parameter, the axes they are counted by, and what the file says of its mount."""
+def read(path: Path) -> tuple[Found, MountAxes]:
+    """Return value and sigma of each parameter, and the mount, by whose axes they are counted."""
     terms, caption = _terms(path)
     upright = set(terms) & (NAMES - set(_equatorial(AXES[EQUATORIAL], 0.0))) or ALT_AZ in caption.lower()
     kind = ALT_AZ if upright else EQUATORIAL
@@ -203,9 +207,7 @@ def read(path: Path) -> tuple[Found, tuple[str, ...], dict[str, object]]:
             f"{path}: {', '.join(unknown)} has no effect here that it could become on an {kind} mount; there are "
             f"{', '.join(known)}: fit the model again without the others"
         )
-    place = {} if latitude is None else {"latitude_deg": latitude}
-    estimates = _parameters(kind, axes, radians(latitude or 0.0), terms)
-    return estimates, axes, {"kind": kind, "axes": list(axes), **place}
+    return _parameters(kind, axes, radians(latitude or 0.0), terms), MountAxes(kind, axes, latitude)
 
 
 def _parameters(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, TpointTerm]) -> Found:
@@ -259,6 +261,6 @@ def _is_method(line: str) -> bool:
     return first in ("S", "T") and bool(numbers) and all(_NUMBER.match(word) for word in numbers)
 
 
-def as_record(terms: Sequence[TpointTerm]) -> list[dict[str, object]]:
-    """Return terms as calibration.json tells them."""
-    return [{"term": t.name, "value": _arcsec(t.value), "sigma": _arcsec(t.sigma), "unit": UNIT} for t in terms]
+def printed(terms: Sequence[TpointTerm]) -> tuple[PrintedTerm, ...]:
+    """Return terms in their unit of print, as calibration.json states them."""
+    return tuple(PrintedTerm(t.name, _arcsec(t.value), _arcsec(t.sigma), UNIT) for t in terms)

@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.result import Entry, Estimate, plain
+from gimbalcal.diagnose.result import Estimate
 from gimbalcal.effects import Parameter
+from gimbalcal.entries import Entry, plain
 from gimbalcal.estimate.fusion import SIGNIFICANCE
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.inference.p_value import probability

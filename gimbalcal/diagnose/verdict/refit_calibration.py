@@ -17,12 +17,11 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import reduce
 from operator import add
-from typing import Any
 
 import numpy as np
 
 import gimbalcal
-from gimbalcal.calibration import Calibration, Readout, Residual
+from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.fitted_causes import JointCovariance
@@ -132,27 +131,26 @@ def calibrated(
         effects=tuple(e for e in made if e.id in {p.effect for p in wanted}),
         parameters=wanted,
         covariance=P,
-        unobservable=tuple(u.to_dict() for u in solution.unobservable),
+        unobservable=solution.unobservable,
         residual=Residual(solution.chi2, solution.dof, _rms(here, made)),
         outcome=" ".join(filter(None, (outcome, between.in_words if between else ""))),
-        provenance={
-            **origin(recordings, [c.label for c in found.causes]),
-            **({"agreement": between.to_dict()} if between else {}),
-        },
+        provenance=replace(
+            origin(recordings, [c.label for c in found.causes]), agreement=between.to_dict() if between else None
+        ),
         readout=Readout(gimbals=recordings[0].platform.axis_names),
     )
     return calibration, between
 
 
-def origin(recordings: Sequence[Recording], causes: Sequence[str]) -> dict[str, Any]:
+def origin(recordings: Sequence[Recording], causes: Sequence[str]) -> Provenance:
     """Return the provenance of a calibration of a diagnosis."""
-    return {
-        "recordings": [file for r in recordings for file in r.files],
-        "version": gimbalcal.__version__,
-        "options": {"direction": "physics to reading", "method": "diagnosis", "causes": list(causes)},
-        **when_recorded(recordings),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
+    return Provenance(
+        recordings=tuple(file for r in recordings for file in r.source),
+        version=gimbalcal.__version__,
+        options=Options(direction=DIRECTION, method="diagnosis", causes=tuple(causes)),
+        recorded=when_recorded(recordings),
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
 
 
 @dataclass(frozen=True)

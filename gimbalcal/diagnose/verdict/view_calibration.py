@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.inference.information import keeps_prior
+from gimbalcal.inference.information import Unobservable, keeps_prior
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE, RATE
@@ -101,14 +101,14 @@ def _block(s: Seen, gimbals: Sequence[str]) -> tuple[tuple[Effect, ...], tuple[P
     return s.model.effects, (*s.model.parameters, *held), P
 
 
-def _unseen(seen: Sequence[Seen]) -> list[dict[str, Any]]:
+def _unseen(seen: Sequence[Seen]) -> list[Unobservable]:
     """Parameters of which these rows say nothing: they keep their prior; and what turns a triad as a whole."""
-    out = []
+    out: list[Unobservable] = []
     for s in seen:
         sigma = np.sqrt(np.maximum(np.diag(s.model.covariance), 0.0))
         silent = keeps_prior(s.model.parameters, values(s.model.effects, s.model.parameters), sigma)
         labels = [p.label for p, at_prior in zip(s.model.parameters, silent, strict=True) if at_prior]
-        out += [{"direction": {one: 1.0}, "why": f"{one} does not show in {s.view.name}"} for one in labels]
+        out += [Unobservable({one: 1.0}, f"{one} does not show in {s.view.name}") for one in labels]
         if s.view.name == "norm" and any(p.effect == "misalignment" for p in s.model.parameters):
             out += rotations_of_the_triad()
     return out

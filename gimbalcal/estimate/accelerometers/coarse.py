@@ -67,10 +67,10 @@ def coarse(positions: Positions) -> Calibration:
         effects=estimate,
         parameters=wanted,
         covariance=covariance,
-        unobservable=tuple(u.to_dict() for u in solution.unobservable),
+        unobservable=solution.unobservable,
         residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
         outcome=joined(outliers_in_words(positions.faults)),
-        provenance={**provenance(positions.recording, p, fit, positions.faults), "notes": notes},
+        provenance=replace(provenance(positions.recording, p, fit, positions.faults), notes=tuple(notes)),
         readout=Readout(gimbals=p.platform.axis_names),
         stages=(stage("coarse", p, fit, joined(["faces and tilted positions, nonlinearity ignored", *notes])),),
     )

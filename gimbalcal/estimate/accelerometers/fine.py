@@ -15,8 +15,7 @@ alike, which no norm can show: they are named, and stay as the coarse stage left
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.estimate.accelerometers.errors_in_variables import Problem, position_parameters, visit_means
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words, outliers_in_words, provenance
 from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, information, solve
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, Unobservable, information, solve
 from gimbalcal.number import Array
 
 FORCE_TERMS = [name for name in BASELINE["multi-position"] if name != "gimbal_zero"]
@@ -136,13 +135,12 @@ def _combine(info: Information, solution: Solution, coarse: Calibration | None, 
     return np.asarray(total)
 
 
-def _unobservable(solution: Solution, coarse: Calibration | None) -> tuple[Mapping[str, Any], ...]:
+def _unobservable(solution: Solution, coarse: Calibration | None) -> tuple[Unobservable, ...]:
     keeps = "kept from the coarse stage" if coarse else "left at zero"
     mine = [
-        {
-            "direction": u.direction,
-            "why": f"the norm of the force stays the same when {' and '.join(u.direction)} change together; {keeps}",
-        }
+        replace(
+            u, why=f"the norm of the force stays the same when {' and '.join(u.direction)} change together; {keeps}"
+        )
         for u in solution.unobservable
     ]
     return (*mine, *(coarse.unobservable if coarse else ()))

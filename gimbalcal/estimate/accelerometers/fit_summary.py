@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import StageResult
+from gimbalcal.calibration import AssumedNoise, Provenance, StageResult
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, PositionFit, Problem, model
 from gimbalcal.estimate.accelerometers.expected import lost
 from gimbalcal.estimate.accelerometers.position_outliers import Fault, acceptable
+from gimbalcal.inference.information import Unobservable
 from gimbalcal.inference.p_value import probability
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE
@@ -73,41 +73,40 @@ def joined(sentences: Sequence[str]) -> str:
     return ". ".join(s[0].upper() + s[1:] for s in sentences)
 
 
-def provenance(recording: Recording, p: Problem, fit: PositionFit, faults: Sequence[Fault]) -> dict[str, Any]:
+def provenance(recording: Recording, p: Problem, fit: PositionFit, faults: Sequence[Fault]) -> Provenance:
     """Return the provenance: files, noise and its source, visits left out, setting errors, positions missing."""
     names = recording.platform.axis_names
-    said = {
-        "recordings": recording.files,
-        "noise": noise_record(fit.noise),
-        "setting_errors_arcsec": [
+    return Provenance(
+        recordings=recording.source,
+        noise=assumed_noise(fit.noise),
+        setting_errors_arcsec=tuple(
             {"position": int(position), **dict(zip(names, np.round(e, 4).tolist(), strict=True))}
             for position, e in zip(p.positions, from_si(fit.setting, "arcsec"), strict=True)
-        ],
-        "left_out": [list(f.positions) for f in faults],
-        "remarks": list(recording.remarks),
-    }
-    missing = lost(p, fit.noise, fit.solution)
-    return {**said, "lost": missing} if missing else said
+        ),
+        left_out=tuple(tuple(f.positions) for f in faults),
+        lost=lost(p, fit.noise, fit.solution) or None,
+        remarks=recording.remarks,
+    )
 
 
-def noise_record(noise: Noise) -> dict[str, Any]:
-    """Noise and its source, in printed units."""
-    return {
-        "accelerometer_ug": from_si(noise.accelerometer, "ug"),
-        "accelerometer_from": noise.accelerometer_from,
-        "gimbal_angle_arcsec": from_si(noise.setting, "arcsec") if np.isfinite(noise.setting) else None,
-        "gimbal_angle_from": noise.setting_from,
-    }
+def assumed_noise(noise: Noise) -> AssumedNoise:
+    """Return noise and its source, in printed units."""
+    return AssumedNoise(
+        accelerometer_ug=float(from_si(noise.accelerometer, "ug")),
+        accelerometer_from=noise.accelerometer_from,
+        gimbal_angle_arcsec=float(from_si(noise.setting, "arcsec")),
+        gimbal_angle_from=noise.setting_from,
+    )
 
 
-def rotations_of_the_triad() -> list[dict[str, Any]]:
+def rotations_of_the_triad() -> list[Unobservable]:
     """The three turns of all input axes alike, which change no norm, as entries of `unobservable`."""
     pairs = (("yx", "zx", "x"), ("xy", "zy", "y"), ("xz", "yz", "z"))
     return [
-        {
-            "direction": {f"misalignment:{a}": 1.0, f"misalignment:{b}": 1.0},
-            "why": f"turning all three input axes about {axis} changes no norm; convention: x of the frame lies along "
-            "the first input axis and y in the plane of the first two (xy, xz and yx are zero)",
-        }
+        Unobservable(
+            {f"misalignment:{a}": 1.0, f"misalignment:{b}": 1.0},
+            f"turning all three input axes about {axis} changes no norm; convention: x of the frame lies along the "
+            "first input axis and y in the plane of the first two (xy, xz and yx are zero)",
+        )
         for a, b, axis in pairs
     ]

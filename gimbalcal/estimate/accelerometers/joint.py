@@ -43,13 +43,13 @@ def joint(positions: Positions, start: Calibration | None = None, judged: bool =
     fit = gauss_newton(p, positions.noise, first)
     estimate = with_values(p.effects, p.parameters, fit.solution.x, p.platform.axis_names)
     origin = provenance(positions.recording, p, fit, positions.faults)
-    words = "; ".join(filter(None, [in_words(p, fit), origin.get("lost", "")]))
+    words = "; ".join(filter(None, [in_words(p, fit), origin.lost]))
     return Calibration(
         method="joint",
         effects=estimate,
         parameters=p.parameters,
         covariance=fit.solution.covariance,
-        unobservable=tuple(u.to_dict() for u in fit.solution.unobservable),
+        unobservable=fit.solution.unobservable,
         residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
         outcome=outcome(fit, positions.faults, larger_noise_in_words(p, fit) if judged else ""),
         provenance=origin,

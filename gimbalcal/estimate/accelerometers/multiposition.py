@@ -13,22 +13,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import nan
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
+from gimbalcal.calibration import DIRECTION, Calibration, Counts, Options, Provenance, Readout, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise
 from gimbalcal.estimate.accelerometers.excess_scatter import noise_of_a_mean, scatter_in_words
-from gimbalcal.estimate.accelerometers.fit_summary import noise_record, rotations_of_the_triad
+from gimbalcal.estimate.accelerometers.fit_summary import assumed_noise, rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, left_out_rms, norm_fit, sample_sigma, unknowns
 from gimbalcal.estimate.accelerometers.omitted_terms import covariance_of_omitted_terms, in_words
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, unfit
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
+from gimbalcal.inference.information import Unobservable
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import View
@@ -137,28 +139,27 @@ def _calibration(
     solution = best.solution
     turned = any(q.effect == "misalignment" for q in best.parameters)
     unobservable = rotations_of_the_triad() if turned else []
-    unobservable += [{"direction": {q.label: 1.0 for q in unknowns([t])}, "why": why} for t, why in declined]
+    unobservable += [Unobservable.of(unknowns([t]), why) for t, why in declined]
     sample, left_out = sample_sigma(best.views[0]), left_out_rms(best)
     own = noise_of_a_mean(recording, sample, counts)
     noise = Noise(sample, np.inf, HEADER if "accelerometer" in recording.noise else SAMPLES, ATTITUDE)
-    options = {
-        "gravity": recording.site.gravity,
-        "direction": "physics to reading",
-        "excess_scatter": best.excess,
-        "excess_over_noise": best.excess / own if own else None,
-        "condition": best.condition,
-        "leave_one_out_rms": left_out if np.isfinite(left_out) else None,
-        "declined": dict(declined),
-    }
-    if counts is not None:
-        options["nominal"] = {"scale": list(counts.scale), "offset": list(counts.offset)}
+    options = Options(
+        gravity=recording.site.gravity,
+        direction=DIRECTION,
+        excess_scatter=best.excess,
+        excess_over_noise=best.excess / own if own else nan,
+        condition=best.condition,
+        leave_one_out_rms=left_out,
+        declined=dict(declined),
+        nominal=None if counts is None else {"scale": counts.scale, "offset": counts.offset},
+    )
     return best.calibration(
         "multiposition",
         Residual(solution.chi2, solution.dof, {FORCE: best.rms}),
         unobservable=(*best.unobservable, *unobservable),
         outcome=_outcome(recording, best, own),
-        provenance={"recordings": recording.files,
-                    "version": __version__, "noise": noise_record(noise), "options": options},
+        provenance=Provenance(recordings=recording.source, version=__version__, noise=assumed_noise(noise),
+                              options=options),
         stages=tuple(_stage(terms, made) for terms, made in tried),
         readout=Readout(accelerometers=counts, gimbals=recording.platform.axis_names),
     )  # fmt: skip

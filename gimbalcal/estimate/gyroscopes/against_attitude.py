@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
+from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual, StageResult
+from gimbalcal.calibration.provenance import AttitudeReference
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
@@ -115,11 +116,12 @@ def _calibration(recording: Recording, found: ViewsFit, M: Array, lag: float, kn
             "axes, to and fro"
         )
     m, noise, M, lag = len(found.residual[0]), found.excess, exponential(turned) @ M, lag + float(late)
-    reference = {
-        "lag_ms": float(from_si(lag, "ms")), "lag_sigma_ms": float(from_si(float(jitter), "ms")),
-        "mounting": M.tolist(), "mounting_sigma_arcmin": [float(from_si(s, "arcmin")) for s in tilt],
-        "noise_arcmin": float(from_si(noise, "arcmin")), "intervals": m,
-    }  # fmt: skip
+    reference = AttitudeReference(
+        lag_ms=float(from_si(lag, "ms")), lag_sigma_ms=float(from_si(float(jitter), "ms")),
+        mounting=tuple(map(tuple, M.tolist())),
+        mounting_sigma_arcmin=tuple(float(from_si(s, "arcmin")) for s in tilt),
+        noise_arcmin=float(from_si(noise, "arcmin")), intervals=m,
+    )  # fmt: skip
     angle = float(np.degrees(np.arccos(np.clip((np.trace(M) - 1) / 2, -1, 1))))
     words = (
         f"{m} intervals; the attitude is late by {from_si(lag, 'ms'):.3g} +- {from_si(float(jitter), 'ms'):.2g} ms and "
@@ -128,9 +130,11 @@ def _calibration(recording: Recording, found: ViewsFit, M: Array, lag: float, kn
     dof, labels = max(3 * m - len(found.solution.x), 1), tuple(p.label for p in found.parameters)
     return found.calibration(
         "attitude", Residual(float(dof), dof, {"attitude": noise}),
-        provenance={"recordings": recording.files, "version": __version__, "limits": _left_out(known),
-                    "options": {"direction": "physics to reading", "reference": reference, "in_words": words,
-                                "frame": "x along the first input axis, y in the plane of the first two"}},
+        provenance=Provenance(
+            recordings=recording.source, version=__version__, limits=tuple(_left_out(known)),
+            options=Options(direction=DIRECTION, reference=reference, in_words=words,
+                            frame="x along the first input axis, y in the plane of the first two"),
+        ),
         stages=(StageResult("against the attitude", labels, found.x, sigma, noise, words),),
         readout=Readout(gimbals=recording.platform.axis_names),
     )  # fmt: skip

@@ -14,11 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
+from gimbalcal.calibration import DIRECTION, Calibration, Counts, Options, Provenance, Readout, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
@@ -44,6 +43,7 @@ from gimbalcal.estimate.gyroscopes.rests import (
 )
 from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns, with_reference_error
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
+from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
@@ -175,18 +175,15 @@ def _calibration(
     n = len(level.x)
     covariance = np.zeros((len(x), len(x)))
     covariance[:n, :n] = level.covariance
-    options: dict[str, Any] = {"direction": "physics to reading", "declined": declined, "frame": "accelerometers"}
+    nominal = {"scale": scale} if scale != 1.0 else None
+    options = Options(direction=DIRECTION, declined=declined, frame="accelerometers", nominal=nominal)
     rms = {"rate_at_rest": level.rms}
     if fit:
         covariance[n:, n:] = fit.covariance
         angles = _inter_triad(dict(zip(fit.parameters, fit.x, strict=True)))
-        options |= {
-            "condition": fit.condition, "leave_one_out_rms": fit.left_out_rms,
-            "inter_triad_arcsec": [float(from_si(a, "arcsec")) for a in angles],
-        }  # fmt: skip
+        options = replace(options, condition=fit.condition, leave_one_out_rms=fit.left_out_rms,
+                          inter_triad_arcsec=tuple(float(from_si(a, "arcsec")) for a in angles))  # fmt: skip
         rms["gravity_direction"] = fit.rms
-    if scale != 1.0:
-        options["gyro_nominal"] = {"scale": scale}
     readout = Readout(gyroscopes=Counts((scale,) * 3) if scale != 1.0 else None, gimbals=recording.platform.axis_names)
     stages = tuple(
         StageResult(" + ".join(terms), tuple(p.label for p in f.parameters), f.x, f.sigmas, f.rms,
@@ -197,11 +194,9 @@ def _calibration(
     dof = _dof(fit or level)
     return Calibration(
         "turns", with_values((*level.effects, *(fit.effects if fit else ())), wanted, x), wanted, covariance,
-        tuple({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why}
-              for t, why in declined.items()),
+        tuple(Unobservable.of(parameters(CATALOGUE[t]), why) for t, why in declined.items()),
         Residual(float(dof), dof, rms),
-        provenance={"recordings": recording.files,
-                    "version": __version__, "options": options},
+        provenance=Provenance(recordings=recording.source, version=__version__, options=options),
         stages=stages,
         readout=readout,
     )  # fmt: skip

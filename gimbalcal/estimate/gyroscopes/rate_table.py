@@ -8,11 +8,20 @@ that of a scale factor holds the cosine of such a tilt. See `views.rate_table` f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Counts, Readout, Residual, StageResult
+from gimbalcal.calibration import (
+    DIRECTION,
+    AssumedNoise,
+    Calibration,
+    Counts,
+    Options,
+    Provenance,
+    Readout,
+    Residual,
+    StageResult,
+)
 from gimbalcal.checks.driven_rates import refuse_unlike_table
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.gyroscope import rate_matrix
@@ -21,6 +30,7 @@ from gimbalcal.estimate.accelerometers.noise import SAMPLES
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
+from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
@@ -160,24 +170,23 @@ def _calibration(recordings: Sequence[Recording], best: ViewsFit, unseen: Sequen
         f"misalignments hold how the unit is mounted on the table, which is taken to be good to "
         f"{from_si(MOUNTING_SIGMA_RAD, 'deg'):.2g} deg"
     )
-    options: dict[str, Any] = {"direction": "physics to reading", "frame": "the table's axes", "in_words": words,
-                               "stretches": list(stretches), "declined": declined}  # fmt: skip
+    options = Options(direction=DIRECTION, frame="the table's axes", in_words=words, stretches=tuple(stretches),
+                      declined=declined)  # fmt: skip
     counts = Counts(tuple(map(float, scale))) if any(r.counted(RATE) for r in recordings) else None
     rate = best.views[0].stimulus.rate
     still = " and ".join(a for a, w in zip("xyz", rate.T, strict=True) if np.abs(w).max() < MIN_RATE)
     seldom = "no recording turns the unit about every axis" + (f", none about {still}" if still else "")
-    dark = [{"direction": {p.label: 1.0}, "why": seldom} for p in unseen]
-    for t, why in declined.items():
-        dark.append({"direction": {p.label: 1.0 for p in parameters(CATALOGUE[t])}, "why": why})
+    dark = [Unobservable.of([p], seldom) for p in unseen]
+    dark += [Unobservable.of(parameters(CATALOGUE[t]), why) for t, why in declined.items()]
     chi2 = float(((best.residual[0] / sample) ** 2).sum()) if np.all(sample > MIN_RATE_SIGMA) else float(dof)
     told = tuple(p.label for p in best.parameters)
     usual = tuple(recordings[0].grade.at_power_on(p) for p in best.parameters)  # no fit here has a prior
-    files = [f for r in recordings for f in r.files]
+    files = tuple(file for r in recordings for file in r.source)
     return best.calibration(
         "rate-table", Residual(chi2, dof, {RATE: best.rms}), parameters=usual,
         unobservable=(*best.unobservable, *dark), outcome=_unsteady(sample, best.residual[0]),
-        provenance={"recordings": files, "version": __version__, "noise": {"from": SAMPLES}, "options": options,
-                    "limits": [mounted]},
+        provenance=Provenance(recordings=files, version=__version__, noise=AssumedNoise(from_=SAMPLES),
+                              options=options, limits=(mounted,)),
         stages=(StageResult("against the table", told, best.x, best.sigmas, best.rms, words),),
         readout=Readout(gyroscopes=counts, gimbals=recordings[0].platform.axis_names),
     )  # fmt: skip

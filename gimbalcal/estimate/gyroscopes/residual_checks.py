@@ -94,7 +94,7 @@ def _direction_sigma(recording: Recording, accelerometers: Calibration, n: Array
     nominal = accelerometers.readout.accelerometers
     if recording.counted(FORCE):
         sample *= float(np.mean(np.abs(nominal.scale))) if nominal else 0.0
-    excess = float(accelerometers.provenance.get("options", {}).get("excess_scatter") or 0.0)
+    excess = accelerometers.provenance.options.excess_scatter or 0.0
     return np.asarray(np.sqrt(sample**2 / n + excess**2) / recording.site.gravity)
 
 

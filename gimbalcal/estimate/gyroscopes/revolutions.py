@@ -14,11 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Readout, Residual
+from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.effects.gyroscope import of_rate_matrix
@@ -27,6 +26,7 @@ from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
 from gimbalcal.estimate.pulses.gravity_norm import PulseFit
 from gimbalcal.estimate.pulses.polynomial import Pulses, lower
 from gimbalcal.estimate.pulses.whole_turns import FREE, Revolutions, gyroscope_pulses
+from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.recording.record import RATE
@@ -168,25 +168,21 @@ def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs:
     scale = max(1.0, chi2 / max(dof, 1))
     covariance = scale * J @ fit.covariance[0][np.ix_(FREE, FREE)] @ J.T
     wanted = triangle()
-    options: dict[str, Any] = {
-        "direction": "physics to reading",
-        "pairs": pairs,
-        "rests": int(found.rest.shape[1]),
-        "turned_each_way": found.angle / (2 * np.pi),
-        "scatter_over_noise": float(np.sqrt(chi2 / max(dof, 1))),
-        "frame": "x along the first input axis, y in the plane of the first two",
-    }
+    excess = float(np.sqrt(chi2 / max(dof, 1)))
+    options = Options(
+        direction=DIRECTION, pairs=pairs, rests=int(found.rest.shape[1]), turned_each_way=found.angle / (2 * np.pi),
+        scatter_over_noise=excess, frame="x along the first input axis, y in the plane of the first two",
+    )  # fmt: skip
     return Calibration(
         "revolutions",
         with_values((), wanted, as_effects(x)),
         wanted,
         covariance,
-        ({"direction": {"gyro_misalignment:xz": 1.0, "gyro_misalignment:yz": 1.0},
-          "why": "a rotation of the whole triad changes no norm and no angle: it needs a reference, such as the "
-          "accelerometers (gimbalcal.estimate.gyroscopes.inter_triad)"},),
+        (Unobservable({"gyro_misalignment:xz": 1.0, "gyro_misalignment:yz": 1.0},
+                      "a rotation of the whole triad changes no norm and no angle: it needs a reference, such as the "
+                      "accelerometers (gimbalcal.estimate.gyroscopes.inter_triad)"),),
         Residual(chi2, dof, {RATE: float(found.sigma_angle / found.duration * np.sqrt(scale))}),
-        outcome=_outcome(recording, bool(fit.converged[0]), options["scatter_over_noise"]),
-        provenance={"recordings": recording.files,
-                    "version": __version__, "options": options},
+        outcome=_outcome(recording, bool(fit.converged[0]), excess),
+        provenance=Provenance(recordings=recording.source, version=__version__, options=options),
         readout=Readout(gimbals=recording.platform.axis_names),
     )  # fmt: skip

@@ -8,14 +8,14 @@ part of its bias where it feels the same force in every rest, and is named there
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
+from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual, StageResult
+from gimbalcal.calibration.provenance import North
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
+from gimbalcal.inference.information import Unobservable
 from gimbalcal.inference.p_value import probability
 from gimbalcal.kinematics import DOWN
 from gimbalcal.number import apply_matrix
@@ -105,21 +105,18 @@ def _calibration(recording: Recording, best: ViewsFit) -> Calibration:
             f"in rest {worst + 1}: the bias moved, the readouts are not how the unit stood, or "
             "gravity acts on the gyroscopes"
         )
-    options: dict[str, Any] = {
-        "direction": "physics to reading", "frame": "the gimbals' platform", "in_words": words,
-        "north": {"east_of_north_deg": east, "sigma_deg": off},
-    }  # fmt: skip
+    options = Options(direction=DIRECTION, frame="the gimbals' platform", in_words=words, north=North(east, off))
     labels = tuple(p.label for p in best.parameters)
     return best.calibration(
         "two-position", Residual(chi2, dof, {RATE: best.rms}), outcome=outcome, covariance=covariance,
         unobservable=(*best.unobservable, *_unobservable(recording)),
-        provenance={"recordings": recording.files, "version": __version__, "options": options},
+        provenance=Provenance(recordings=recording.source, version=__version__, options=options),
         stages=(StageResult("two positions", labels, best.x, np.sqrt(np.diag(covariance)), best.rms, words),),
         readout=Readout(gimbals=recording.platform.axis_names),
     )  # fmt: skip
 
 
-def _unobservable(recording: Recording) -> tuple[dict[str, Any], ...]:
+def _unobservable(recording: Recording) -> tuple[Unobservable, ...]:
     """Name the g-sensitivity that is confounded with the bias where all rests feel the same force."""
     means = dwell_means(recording)
     down = apply_matrix(means.platform.attitude(means.angles()), DOWN)
@@ -128,10 +125,10 @@ def _unobservable(recording: Recording) -> tuple[dict[str, Any], ...]:
     axis = "xyz"[int(np.argmax(np.abs(down[0])))]
     sign = float(np.sign(down[0]["xyz".index(axis)]))
     return tuple(
-        {
-            "direction": {f"{BIAS}:{a}": 1.0, f"gyro_g_sensitivity_rate:{a}{axis}": -sign},
-            "why": "every rest feels the same force: what gravity does to the gyroscope is part of this bias; reverse "
-            "the unit about east too",
-        }
+        Unobservable(
+            {f"{BIAS}:{a}": 1.0, f"gyro_g_sensitivity_rate:{a}{axis}": -sign},
+            "every rest feels the same force: what gravity does to the gyroscope is part of this bias; reverse the "
+            "unit about east too",
+        )
         for a in "xyz"
     )

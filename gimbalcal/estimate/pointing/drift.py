@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from gimbalcal.calibration.provenance import Night, NightTerm
 from gimbalcal.effects import Parameter
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.pointing.fit import MIN_SIGMA_RAD, fit_terms
@@ -69,18 +69,16 @@ def _moved(alone: Sequence[ViewsFit]) -> tuple[tuple[Parameter, int, float, floa
     return tuple(sorted(best.values(), key=lambda m: -abs(m[2]) / m[3]))
 
 
-def record(nights: Nights) -> list[dict[str, Any]]:
+def printed_nights(nights: Nights) -> tuple[Night, ...]:
     """Return each night's terms, and their change since the first with sigma, in printed units."""
     out = []
     for f in nights.fits:
-        d, s = change(nights.fits[0], f)
-        rows = {}
-        for i, p in enumerate(f.solution.parameters):
-            row = {"value": f.solution.x[i], "sigma": f.solution.sigma[i]}
-            row |= {} if f is nights.fits[0] else {"change": d[i], "change_sigma": s[i]}
-            rows[p.label] = {k: float(from_si(v, p.unit)) for k, v in row.items()} | {"unit": p.unit}
+        columns = [f.solution.x, f.solution.sigma, *(() if f is nights.fits[0] else change(nights.fits[0], f))]
+        terms = {}
+        for p, *row in zip(f.solution.parameters, *columns, strict=True):
+            value, sigma, *since = (float(from_si(v, p.unit)) for v in row)
+            terms[p.label] = NightTerm(value, sigma, p.unit, *since)
         night, residual = f.views[0], f.residual[0]
         rms = float(from_si(np.sqrt((residual**2).sum() / len(night)), "arcsec"))
-        start = float(night.source.time[0])
-        out.append({"title": night.title, "start_s": start, "stars": len(night), "rms_arcsec": rms, "terms": rows})
-    return out
+        out.append(Night(night.title, float(night.source.time[0]), len(night), rms, terms))
+    return tuple(out)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Readout, Residual
-from gimbalcal.calibration.exchange.tpoint_model import as_record, mount_record, tpoint_terms
+from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Readout, Residual
+from gimbalcal.calibration.exchange.tpoint_model import mount_axes, printed, tpoint_terms
 from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.estimate.pointing.drift import Nights, by_night, record
+from gimbalcal.estimate.pointing.drift import Nights, by_night, printed_nights
 from gimbalcal.estimate.pointing.fit import fit_terms
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
 from gimbalcal.estimate.pointing.terms import USUAL_TERMS, wanted_parameters
@@ -52,25 +51,21 @@ def pointing_calibration(
         extra = extension(also, sizes, pointing(join(recordings)).stimulus, found.cost_of_sizes(sizes))
         found = fit_terms(runs, (*wanted, *extra.parameters), stated, extra.effects)
     several = by_night(found, stated)
-    left = pattern(found, axes)
     latitude = next((r.site.latitude for r in recordings if r.site.latitude is not None), None)
     made = found.calibration(
         "pointing",
         _residual(found),
         outcome=" ".join(filter(None, [_misfit(found, stated), _differ(several)])),
-        provenance={
-            "noise": {
-                "star_arcsec": float(from_si(found.excess, "arcsec")),
-                "gimbal_angle_from": "residual" if stated is None else "recording.toml",
-            },
-            "pattern": asdict(left) if left else {},
-            "far_off": [
-                {"title": t, "star": n, "arcsec": float(from_si(d, "arcsec")), "why": why}
-                for t, n, d, why in far_off(found, before)
-            ],
-            "stars": sum(len(v) for v in runs),
-            "mount": mount_record(recordings[0].platform, latitude),
-        },
+        provenance=Provenance(
+            noise=AssumedNoise(
+                star_arcsec=float(from_si(found.excess, "arcsec")),
+                gimbal_angle_from="residual" if stated is None else "recording.toml",
+            ),
+            pattern=pattern(found, axes),
+            far_off=far_off(found, before),
+            stars=sum(len(v) for v in runs),
+            mount=mount_axes(recordings[0].platform, latitude),
+        ),
         readout=Readout(gimbals=recordings[0].platform.axis_names),
     )
     return extra.complete(_with_names(made, several))
@@ -82,10 +77,10 @@ def _named(one: ExtraEffect) -> tuple[str, ...]:
 
 
 def _with_names(made: Calibration, several: Nights | None) -> Calibration:
-    told: dict[str, Any] = {"tpoint": as_record(tpoint_terms(made))}
+    origin = replace(made.provenance, tpoint=printed(tpoint_terms(made)))
     if several is not None:
-        told |= {"nights": record(several), "same_terms_every_night": several.probability}
-    return replace(made, provenance={**made.provenance, **told})
+        origin = replace(origin, nights=printed_nights(several), same_terms_every_night=several.probability)
+    return replace(made, provenance=origin)
 
 
 def _stated(recordings: Sequence[Recording]) -> float | None:

@@ -12,13 +12,14 @@ Both directions on the sky against both axes are four trials. Source: von Neuman
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.calibration.provenance import FarStar, ResidualPattern
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.pointing.fit import weighted
 from gimbalcal.number import Array
+from gimbalcal.units import from_si
 from gimbalcal.views.core import View
 from gimbalcal.views.pointing import CHANNELS
 
@@ -33,17 +34,8 @@ COMMON_SIGNIFICANCE = 0.01  # probability below which such stars do not have it 
 MEDIAN_LENGTH = 1.1774  # of a plane vector of normal noise with sigma 1: the median of Rayleigh's distribution
 
 
-@dataclass(frozen=True)
-class Pattern:
-    """A residual across or along that follows an axis of the mount, and the probability that noise looks so."""
-
-    channel: str
-    axis: str
-    probability: float
-
-
-def far_off(found: ViewsFit, before: Sequence[int]) -> tuple[tuple[str, int, float, str], ...]:
-    """Title of the run, number from 1, distance [rad] and why of stars far off the others, worst first.
+def far_off(found: ViewsFit, before: Sequence[int]) -> tuple[FarStar, ...]:
+    """Return the stars far off the others, worst first.
 
     before: how many stars of the same recording come before each run, which is one night of it.
     """
@@ -53,7 +45,7 @@ def far_off(found: ViewsFit, before: Sequence[int]) -> tuple[tuple[str, int, flo
     at = np.concatenate([_true_angles(v)[:, :2] for v in found.views])
     far = strays(left)
     why = why_far(left, at, far, axes[0])
-    return tuple((*every[k], why) for k in far)
+    return tuple(FarStar(title, n, float(from_si(d, "arcsec")), why) for title, n, d in (every[k] for k in far))
 
 
 def strays(left: Array) -> list[int]:
@@ -89,7 +81,7 @@ def why_far(left: Array, angles: Array, far: Sequence[int], axis: str) -> str:
     return "all in one part of the sky, so rather what the model lacks there than mistakes" if together else MISTAKEN
 
 
-def pattern(found: ViewsFit, axes: Sequence[str]) -> Pattern | None:
+def pattern(found: ViewsFit, axes: Sequence[str]) -> ResidualPattern | None:
     """The clearest pattern of what a fit leaves over the true angles of its axes; None where noise may look so."""
     from scipy.special import ndtr
 
@@ -105,12 +97,12 @@ def pattern(found: ViewsFit, axes: Sequence[str]) -> Pattern | None:
         order = np.argsort(angle, kind="stable")
         for (_, channel), r in zip(CHANNELS, left[order].T, strict=True):
             alike = 2 - (np.diff(r) ** 2).sum() / max(float((r**2).sum()), 1e-300)
-            trials.append(Pattern(channel, axis, float(ndtr(-alike / np.sqrt(4 / len(r))))))
+            trials.append(ResidualPattern(channel, axis, float(ndtr(-alike / np.sqrt(4 / len(r))))))
     if not trials:
         return None
     best = min(trials, key=lambda t: t.probability)
     p = min(1.0, len(trials) * best.probability)
-    return Pattern(best.channel, best.axis, p) if p < SIGNIFICANCE else None
+    return ResidualPattern(best.channel, best.axis, p) if p < SIGNIFICANCE else None
 
 
 def _true_angles(v: View) -> Array:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
+from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Readout, Residual, StageResult
 from gimbalcal.effects import Effect, Parameter, Stimulus
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
@@ -64,10 +64,7 @@ def static(
         "static-run",
         Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
         outcome=outcome(solution),
-        provenance={
-            "recordings": recording.files,
-            "noise": {"from": noise_from(run)},
-        },
+        provenance=Provenance(recordings=recording.source, noise=AssumedNoise(from_=noise_from(run))),
         readout=Readout(gimbals=recording.platform.axis_names),
         stages=(stage(run, effects, combined(run, start, effects, solution, J)),),
     )

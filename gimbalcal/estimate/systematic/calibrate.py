@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration
+from gimbalcal.calibration import Calibration, Options, Provenance
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.errors import amount
@@ -49,9 +49,8 @@ def systematic(
     calibration = calibrated(m)
     if m.converged and (calibration.unobservable or m.last.attitude[2, 2] > LARGE_HEADING_SIGMA_RAD**2):
         calibration = _with_linearisation_error(calibration, linearisation_covariance(m, calibration.covariance))
-    limits = [*calibration.provenance["limits"], *_table_caveat(recording)]
-    options = {"states": asked, **calibration.provenance["options"]}
-    return replace(calibration, provenance={**calibration.provenance, "options": options, "limits": limits})
+    origin = _with_limits(calibration, *_table_caveat(recording)).with_options(states=asked)
+    return replace(calibration, provenance=origin)
 
 
 def _table_caveat(recording: Recording) -> list[str]:
@@ -75,9 +74,11 @@ def _with_linearisation_error(calibration: Calibration, linearisation: Array) ->
         f"{np.hypot(1.0, share[worst]):.2g} times as uncertain as the noise does, by products of errors that no linear "
         f"estimate holds: its sigma says so ({amount(int(np.sum(share >= 1.0)), 'parameter')} like this)"
     )
-    return replace(
-        calibration, provenance={**calibration.provenance, "limits": [*calibration.provenance["limits"], wider]}
-    )
+    return replace(calibration, provenance=_with_limits(calibration, wider))
+
+
+def _with_limits(calibration: Calibration, *further: str) -> Provenance:
+    return replace(calibration.provenance, limits=(*(calibration.provenance.limits or ()), *further))
 
 
 def calibrated(m: SystematicFit) -> Calibration:
@@ -93,13 +94,13 @@ def calibrated(m: SystematicFit) -> Calibration:
         effects=with_values(m.base_effects, wanted, m.prior_mean + solution.x),
         parameters=wanted,
         covariance=solution.covariance,
-        unobservable=tuple(each.to_dict() for each in solution.unobservable),
+        unobservable=solution.unobservable,
         residual=Residual(navigation["nis"]["sum"], navigation["nis"]["dof"], rms, navigation),
         outcome=words,
-        provenance={
-            "options": {"velocity_m_per_s": segments.velocity, "stops": int(segments.stop.max()) + 1},
-            "limits": limitations(m, solution.sigma),
-        },
+        provenance=Provenance(
+            options=Options(velocity_m_per_s=segments.velocity, stops=int(segments.stop.max()) + 1),
+            limits=tuple(limitations(m, solution.sigma)),
+        ),
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration
+from gimbalcal.calibration import Calibration, Options, Provenance
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import amount
@@ -59,23 +59,23 @@ def calibrate_jointly(
     each = [replace(m, converged=move < CONVERGED_SIGMAS) for m in each]
     compared = [_compared(r.title, wanted, each, k, theta) for k, r in enumerate(recordings)]
     calibrations = [calibrated(m) for m in each]
-    sessions = [{**c.to_dict(), "stops": int(m.segments.stop.max()) + 1} for c, m in zip(compared, each, strict=True)]
+    sessions = tuple(c.session(stops=int(m.segments.stop.max()) + 1) for c, m in zip(compared, each, strict=True))
     worst = min(calibrations, key=lambda c: c.residual.navigation["nis"]["p_value"])
     nis = [c.residual.navigation["nis"] for c in calibrations]
     different = "; ".join(f"{compared[k].title} {compared[k].in_words}" for k in disagreeing(compared))
     words = [f"{amount(len(each), 'recording')} do not share their constants: {different}"] if different else []
     words += [f"{r.title}: {c.outcome}" for r, c in zip(recordings, calibrations, strict=True) if c.outcome]
-    limits = list(dict.fromkeys(text for c in calibrations for text in c.provenance["limits"]))
+    limits = tuple(dict.fromkeys(text for c in calibrations for text in c.provenance.limits or ()))
     return Calibration(
         method="systematic",
         effects=with_values(each[0].base_effects, wanted, theta),
         parameters=wanted,
         covariance=solution.covariance,
-        unobservable=tuple(u.to_dict() for u in solution.unobservable),
+        unobservable=solution.unobservable,
         residual=Residual(sum(n["sum"] for n in nis), sum(n["dof"] for n in nis), worst.residual.rms,
                           worst.residual.navigation),
         outcome=". ".join(words),
-        provenance={"options": {"states": asked, "sessions": sessions}, "limits": limits},
+        provenance=Provenance(options=Options(states=asked, sessions=sessions), limits=limits),
     )  # fmt: skip
 
 

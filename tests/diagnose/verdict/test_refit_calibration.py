@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration, from_dict
+from gimbalcal.calibration import Calibration, Provenance, from_dict
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import settle
 from gimbalcal.diagnose.known_noise import calibrated_alone
@@ -92,7 +92,7 @@ def test_a_constant_of_an_effect_stands_in_the_file() -> None:
 def test_what_happened_once_is_taken_off_the_recording_that_it_happened_in() -> None:
     r, _, made = case(*CAUSES[-1])
     here, there = (replace(r, source=(Source("samples.csv", digest),)) for digest in ("a", "b"))
-    made = replace(made, provenance={"recordings": here.files})
+    made = replace(made, provenance=Provenance(recordings=here.source))
     steady = replace(made, effects=tuple(e for e in made.effects if e.id != "position_blunder"))
     np.testing.assert_array_equal(made.apply(there).angles(), steady.apply(there).angles())
     assert np.abs(made.apply(here).angles() - steady.apply(here).angles()).max() > 10 * ARCSEC

@@ -147,7 +147,7 @@ def test_missing_positions_go_through_and_what_they_cost_is_told() -> None:
     none = joint(trusted_positions(recording.select(recording.position <= 2)))
     assert len(none.unobservable) > 10
     assert "not seen at all" in none.provenance["lost"]
-    assert "lost" not in joint(trusted_positions(recording)).provenance
+    assert joint(trusted_positions(recording)).provenance.lost is None
 
 
 def test_without_angles_it_refuses_and_says_what_to_do() -> None:

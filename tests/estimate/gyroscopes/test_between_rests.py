@@ -126,7 +126,7 @@ def test_counts_get_their_scale_from_gravity() -> None:
     counted = replace(recording, channels=raw, units=units)
     accelerometers = multiposition(recording, ("bias",))
     one, other = (gyroscopes_between_rests(r, accelerometers, LINEAR) for r in (recording, counted))
-    scale = other.provenance["options"]["gyro_nominal"]["scale"]
+    scale = other.provenance["options"]["nominal"]["scale"]
     sf = [(c.values[3] + 1) for c in (one, other)]
     assert sf[1] * scale / 2e-4 == pytest.approx(sf[0], rel=1e-5)  # one problem in two units, to the stopping rule
 
