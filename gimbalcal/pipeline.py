@@ -18,13 +18,15 @@ from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import Positions, misfit_of_positions, trusted_positions
-from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fusion import both_levels, fuse
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.static_run.run import static_parameters, static_readings
 from gimbalcal.estimate.static_run.system import misfit_of_run, static
+from gimbalcal.method_table import Request
 from gimbalcal.recording import Recording, completed, dwells, read
 from gimbalcal.recording.header import read_header
+from gimbalcal.recording.record import RATE
 
 Tell = Callable[[str], None]
 Source = str | Path | Recording  # a folder, or what was read from one or made from arrays
@@ -56,6 +58,21 @@ def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, 
             tell(f"note: {remark}")
         loaded.append(recording)
     return tuple(loaded)
+
+
+def calibrate_in_three_stages(request: Request) -> Calibration:
+    """Calibrate by the three stages, and say in the options why gyroscopes that were logged take no part."""
+    recordings = request.recordings
+    fitted = tuple(i for r in sorted(recordings, key=lambda r: r.kind.in_positions) for i in r.kind.baseline)
+    extra = extra_effects(request.more, recordings, fitted)
+    made = three_stage(recordings, request.tell, extra, request.grade)
+    if not any(r.has(RATE) for r in recordings):
+        return made
+    why = (
+        "the three stages calibrate accelerometers; --method multiposition takes both triads, and --method rate-table "
+        "holds gyroscopes against the angles of the table that turns them"
+    )
+    return replace(made, provenance=made.provenance.with_options(gyroscopes=why))
 
 
 def three_stage(

@@ -28,6 +28,7 @@ from gimbalcal.cli.options import (
 )
 from gimbalcal.cli.output_folders import OVERWRITE, deliver, output_folder, sensor_folders
 from gimbalcal.errors import InputError
+from gimbalcal.method_table import METHODS, NAMED_BY_USERS
 
 STORE = click.option(
     "--store", type=click.Path(path_type=Path), default=None, help="Keep the result in this file too: a unit's history."
@@ -62,14 +63,10 @@ def remember(store: Path | None, unit: str, kind: str, content: Mapping[str, Any
 @RECORDINGS
 @click.option(
     "--method",
-    type=click.Choice(["three-stage", "multiposition", "systematic", "attitude", "rate-table", "two-position"]),
+    type=click.Choice(NAMED_BY_USERS),
     default=None,
-    help="Left out, the kind of recording says it. three-stage: space-stable platform, angles recorded; "
-    "multiposition: no angles needed, gyroscopes too; "
-    "systematic: both triads of a unit that is turned in its place, by navigation, no angle trusted; "
-    "attitude: moving gyroscopes against an attitude that was logged beside them; "
-    "rate-table: gyroscopes against the angles of a table at steady rates, one recording for each mounting; "
-    "two-position: gyroscopes that stand still and are reversed, bias against the Earth's rate.",
+    help=f"Left out, the kind of recording says it. "
+    f"{'; '.join(f'{name}: {METHODS[name].in_words}' for name in NAMED_BY_USERS)}.",
 )
 @names_option("--terms", "multiposition, and mounts: terms to estimate (see the report).")
 @click.option(

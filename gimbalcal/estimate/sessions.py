@@ -11,12 +11,26 @@ from dataclasses import replace
 
 from gimbalcal.calibration import Calibration, StageResult
 from gimbalcal.calibration.readout import in_si
+from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined
-from gimbalcal.estimate.extra_effects import ExtraEffect
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
+from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.sharing import Comparison, compare_calibrations, disagreeing
 from gimbalcal.estimate.unit import inertial_unit
+from gimbalcal.method_table import Request
 from gimbalcal.recording import Recording, dwells, join
+
+
+def calibrate_at_rest(request: Request) -> Calibration:
+    """Calibrate a unit that is turned from rest to rest, from one recording or several sessions."""
+    request.tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
+    recordings = graded(request.recordings).of(request.recordings)
+    more = extra_effects(request.more, recordings, (*LINEAR, *GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS))
+    if len(recordings) == 1:
+        return inertial_unit(recordings[0], request.terms, more)
+    return unit_of_sessions(recordings, request.terms, more)
 
 
 def unit_of_sessions(

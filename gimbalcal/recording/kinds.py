@@ -15,19 +15,6 @@ from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, BASELINE
 from gimbalcal.platform import Platform
 
 
-@dataclass(frozen=True)
-class Method:
-    """A method of `calibrate`, and the quantities that a recording must have, and must not have, for it."""
-
-    name: str
-    requires: tuple[str, ...] = ()
-    excludes: tuple[str, ...] = ()
-
-
-RATE_TABLE = Method("rate-table", requires=("angular_rate", "gimbal_angle"), excludes=("specific_force",))
-THREE_STAGE = Method("three-stage")
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Kind(str):
     """A kind of recording: a string, its name in recording.toml, with what follows from how the unit was tested.
@@ -36,13 +23,13 @@ class Kind(str):
     stabilised: the platform keeps its attitude in inertial space while the Earth turns beneath it;
     rotating: the unit is turned in its place, and its angular rate is integrated over every step of the clock;
     sighting: a mount points at stars of known direction, and no inertial sensor is read.
-    methods: the methods that calibrate it, the preferred one first. baseline: the effects that its calibrated model
-    holds. predicted: the quantities that the forward model predicts at the readings. measured_by: the sensor whose
-    stated noise weighs its rows.
+    methods: names of the methods that calibrate it, the preferred one first. baseline: the effects that its calibrated
+    model holds. predicted: the quantities that the forward model predicts at the readings. measured_by: the sensor
+    whose stated noise weighs its rows.
     """
 
     name: str
-    methods: tuple[Method, ...]
+    methods: tuple[str, ...]
     baseline: tuple[str, ...]
     predicted: tuple[str, ...]
     in_positions: bool = False
@@ -82,7 +69,7 @@ class Kind(str):
 
 MULTI_POSITION = Kind(
     "multi-position",
-    methods=(RATE_TABLE, THREE_STAGE),
+    methods=("rate-table", "three-stage"),
     baseline=BASELINE["multi-position"],
     predicted=("specific_force",),
     in_positions=True,
@@ -91,7 +78,7 @@ MULTI_POSITION = Kind(
 
 HAND_TURNED = Kind(
     "multi-position",
-    methods=(Method("multiposition"), THREE_STAGE),
+    methods=("multiposition", "three-stage"),
     baseline=ACCELEROMETER_TERMS,
     predicted=("specific_force",),
     in_positions=True,
@@ -100,7 +87,7 @@ HAND_TURNED = Kind(
 
 STATIC_RUN = Kind(
     "static-run",
-    methods=(RATE_TABLE, THREE_STAGE),
+    methods=("rate-table", "three-stage"),
     baseline=BASELINE["static-run"],
     predicted=("specific_force", "gimbal_angle", "attitude_error"),
     stabilised=True,
@@ -109,12 +96,7 @@ STATIC_RUN = Kind(
 
 ROTATION = Kind(
     "rotation",
-    methods=(
-        RATE_TABLE,
-        Method("attitude", requires=("angular_rate", "attitude")),
-        Method("systematic", requires=("angular_rate",)),
-        THREE_STAGE,
-    ),
+    methods=("rate-table", "attitude", "systematic", "three-stage"),
     baseline=BASELINE["rotation"],
     predicted=("specific_force",),
     rotating=True,
@@ -123,7 +105,7 @@ ROTATION = Kind(
 
 POINTING = Kind(
     "pointing",
-    methods=(Method("pointing"),),
+    methods=("pointing",),
     baseline=BASELINE["pointing"],
     predicted=(),
     sighting=True,

@@ -28,9 +28,11 @@ from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.noise import SAMPLES
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
+from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.inference.information import Unobservable
+from gimbalcal.method_table import Request
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
@@ -49,6 +51,11 @@ from gimbalcal.views.rest_rates import MIN_RATE_SIGMA
 BASE, FURTHER = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment"), (
     "gyro_scale_asymmetry", "gyro_scale_nonlinearity")  # fmt: skip
 MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some cannot be told apart
+
+
+def calibrate_on_a_table(request: Request) -> Calibration:
+    """Calibrate gyroscopes on a rate table, as those of a unit of the grade that their noise tells."""
+    return gyroscopes_on_a_table(graded(request.recordings).of(request.recordings))
 
 
 def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:

@@ -17,6 +17,7 @@ from gimbalcal.estimate.pointing.fit import fit_terms
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
 from gimbalcal.estimate.pointing.terms import USUAL_TERMS, wanted_parameters
 from gimbalcal.inference.p_value import probability
+from gimbalcal.method_table import Request
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
 from gimbalcal.views.pointing import CHANNELS, nights, pointing, read_axes
@@ -24,6 +25,11 @@ from gimbalcal.views.pointing import CHANNELS, nights, pointing, read_axes
 SIGNIFICANCE = 1e-3  # probability below which chance is not believed
 NEGLIGIBLE_EXCESS = 0.1  # relative excess over the stated noise that no user would act on, however significant
 MAX_TERMS_NAMED = 3  # terms that an outcome names
+
+
+def calibrate_mount(request: Request) -> Calibration:
+    """Calibrate a mount from pointing runs: the method "pointing"."""
+    return pointing_calibration(request.recordings, request.terms, request.more)
 
 
 def pointing_calibration(

@@ -16,9 +16,9 @@ from gimbalcal.calibration import Calibration, Options, Provenance
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.extra_effects import ExtraEffect
+from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
 from gimbalcal.estimate.sharing import Comparison, agreement, disagreeing, largest_difference
-from gimbalcal.estimate.systematic.calibrate import calibrated
+from gimbalcal.estimate.systematic.calibrate import calibrated, systematic
 from gimbalcal.estimate.systematic.error_model import rotated
 from gimbalcal.estimate.systematic.filter_pass import filter_and_smooth
 from gimbalcal.estimate.systematic.iterate import CONVERGED_SIGMAS, SystematicFit, iterate
@@ -26,11 +26,20 @@ from gimbalcal.estimate.systematic.observability import WIDE_PRIOR_SIGMAS, data_
 from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
 from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.inference.information import Information, solve
+from gimbalcal.method_table import Request
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.joining import refuse_twice
 
 MAX_ROUNDS = 4  # of all recordings
+
+
+def calibrate_by_navigation(request: Request) -> Calibration:
+    """Calibrate a unit that was turned in its place, from one recording or several."""
+    more = extra_effects(request.more, request.recordings)
+    if len(request.recordings) == 1:
+        return systematic(request.recordings[0], request.states, more, request.tell)
+    return calibrate_jointly(request.recordings, request.states, more, request.tell)
 
 
 def calibrate_jointly(

@@ -65,5 +65,5 @@ def test_the_same_twice_and_terms_are_refused() -> None:
     r = replace(turning_unit(moves=MOVES[:6], stop=8.0), source=(Source("a.csv", "f" * 64),))
     with pytest.raises(InputError, match=r"'a\.csv' is given twice"):
         calibrate_jointly([r, r], "30")
-    with pytest.raises(InputError, match="--terms bias goes with --method multiposition; a navigator has --states"):
+    with pytest.raises(InputError, match="--terms bias goes with --method multiposition; systematic does not take it"):
         methods.calibrate([r], "systematic", ["bias"])
