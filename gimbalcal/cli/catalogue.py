@@ -16,6 +16,7 @@ def catalogue(effect: str | None) -> None:
     import inspect
 
     from gimbalcal.effects import CATALOGUE, parameters
+    from gimbalcal.effects.effect import constants
     from gimbalcal.effects.sensor_grades import GRADES
     from gimbalcal.units import from_si
     from gimbalcal.words.naming import unit_in_print
@@ -34,6 +35,11 @@ def catalogue(effect: str | None) -> None:
             sizes = {name: from_si(grade.usual(p).sigma, p.unit) for name, grade in GRADES.items()}
             if len(set(sizes.values())) > 1:
                 print(f"  {p.name} by grade: {', '.join(f'{size:.4g} ({name})' for name, size in sizes.items())}")
+        for f in constants(CATALOGUE[effect]):
+            m = f.metadata
+            unit = f" [{unit_in_print(m['unit'])}]" if m["unit"] != "1" else ""
+            start, low, high = (f"{from_si(x, m['unit']):.4g}" for x in (f.default, m["low"], m["high"]))
+            print(f"  {f.name}{unit}: usually {start}, from {low} to {high}; {m['grid'].value.partition(':')[0]}")
         print(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
     else:
         _list(matching_effects(effect))

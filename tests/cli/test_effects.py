@@ -212,3 +212,8 @@ def test_workers_of_a_campaign_load_it_themselves(own: Path) -> None:
 @pytest.mark.parametrize("effect", sorted(CATALOGUE))
 def test_the_catalogue_keeps_the_contract_that_it_asks_of_others(effect: str) -> None:
     assert breach(CATALOGUE[effect]) == ""
+
+
+def test_the_catalogue_prints_constants_with_their_range(command: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("catalogue", "post_move_creep") == 0
+    assert "tau [min]: usually 5, from 0.3333 to 60; a time constant" in capsys.readouterr().out
