@@ -68,9 +68,9 @@ def rows(c: type[Effect]) -> list[str]:
         m = f.metadata
         if not m:
             continue
-        name = (m["name"] or f.name).replace("_", r"\_")
+        name = (m.get("name") or f.name).replace("_", r"\_")
         axes = ", ".join(a.replace("_", " ") for a in m["axes"] if a) or "–"
-        if m["kind"] == "parameter":
+        if "sigma" in m:
             out.append(f"| {name} | {axes} | {m['sigma']:g} | {m['unit']} |")
         else:
             low, high = (float(from_si(m[k], m["unit"])) for k in ("low", "high"))

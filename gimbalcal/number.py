@@ -23,6 +23,11 @@ def is_symbolic(x: ArrayLike) -> bool:
     return np.asarray(x).dtype == object
 
 
+def holds_real_numbers(x: Array) -> bool:
+    """Return whether an array is of a type of real numbers, or of truth values."""
+    return x.dtype.kind in "biuf"
+
+
 def _elementwise(name: str, numeric: Callable[[Array], Array]) -> Callable[[ArrayLike], Array]:
     def function(x: ArrayLike) -> Array:
         x = np.asarray(x)

@@ -175,9 +175,9 @@ def _one_of_each(recordings: Sequence[Recording]) -> tuple[Recording | None, Rec
                 f"{recording.title!r} is a {recording.kind} recording; the three stages take a multi-position "
                 "recording and a static run (for others see `gimbalcal calibrate --method`)"
             )
-        if recording.kind in by_kind:
+        if (other := by_kind.get(recording.kind)) is not None:
             raise InputError(
-                f"{by_kind[recording.kind].title!r} and {recording.title!r} are both {recording.kind} recordings; "
+                f"{other.title!r} and {recording.title!r} are both {recording.kind} recordings; "
                 "give one of each kind, and calibrate the other by itself"
             )
         by_kind[recording.kind] = recording

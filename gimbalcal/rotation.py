@@ -25,7 +25,7 @@ def frame_rotation(direction: str, angle: ArrayLike) -> Array:
     angle = np.asarray(angle)
     i = "xyz".index(direction)
     j, k = (i + 1) % 3, (i + 2) % 3
-    out = np.zeros((*angle.shape, 3, 3), dtype=angle.dtype if angle.dtype.kind in "cO" else float)
+    out = np.zeros((*angle.shape, 3, 3), dtype=np.result_type(angle.dtype, float))
     c, s = cos(angle), sin(angle)
     out[..., i, i] = 1
     out[..., j, j] = c

@@ -134,5 +134,5 @@ def _scaled(recording: Recording, quantity: str, values: Array, scale: Array, un
 
 def _sizes_scaled(noise: Mapping[str, float], quantity: str, factor: float) -> dict[str, float]:
     """Return noise as in a header with the sizes of one quantity times a factor; time constants do not change."""
-    of = {**SENSORS, **{key: q for key, (q, kind) in COLOURED.items() if kind != "time"}}
+    of = {**SENSORS, **{key: q for key, (q, unit_of) in COLOURED.items() if unit_of != "time"}}
     return {key: size * factor if of.get(key) == quantity else size for key, size in noise.items()}

@@ -44,9 +44,14 @@ class Task:
     effects: tuple[tuple[str, str], ...] = ()
 
     @property
+    def of_pulses(self) -> bool:
+        """Return whether its runs are of pulses, whose fits are solved as one array."""
+        return self.kind in PULSES
+
+    @property
     def direction(self) -> str:
         """Return whether coefficients turn readings (here pulses) into physics, or physics into readings."""
-        return "pulses to physics" if self.kind in PULSES else "physics to readings"
+        return "pulses to physics" if self.of_pulses else "physics to readings"
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -63,9 +68,10 @@ def task(scenario: str | Path, method: str = "three-stage", seed: int | None = N
     path = _find(scenario)
     document = Document(path)
     text, content = "\n".join(document.lines), document.content
-    kind = str(content.get("kind"))
+    kind, own_texts = str(content.get("kind")), tuple[tuple[str, str], ...]()
     if kind in PULSES:
         _check_pulses(path, content)
+        method = kind
     else:
         from gimbalcal.effects.loading import loaded_texts
         from gimbalcal.simulate import check_content
@@ -73,9 +79,9 @@ def task(scenario: str | Path, method: str = "three-stage", seed: int | None = N
         check_content(content, str(path))
         if method not in METHODS:
             raise InputError(f"method {method!r} is not known; choose {' or '.join(METHODS)}")
+        own_texts = loaded_texts()
     given = int(content.get("seed", 1)) if seed is None else seed
-    return Task(path.stem, text, kind, given, kind if kind in PULSES else method, SHARE.get(kind, SIMULATED),
-                loaded_texts() if kind not in PULSES else ())  # fmt: skip
+    return Task(path.stem, text, kind, given, method, SHARE.get(kind, SIMULATED), own_texts)
 
 
 def _find(scenario: str | Path) -> Path:
@@ -123,7 +129,7 @@ def compute(what: Task, runs: range) -> dict[str, list[Any]]:
         for name, source in what.effects:
             load_text(name, source)
     with threadpool_limits(limits=1):  # small matrices: a second thread only waits, and sums in another order
-        if what.kind in PULSES:
+        if what.of_pulses:
             return _pulses(what, runs)
         columns: dict[str, list[Any]] = {name: [] for name in COLUMNS}
         for run in runs:

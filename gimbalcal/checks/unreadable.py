@@ -69,10 +69,10 @@ def check_types(path: Path, names: Sequence[str], present: Mapping[str, pl.DataT
             raise InputError(
                 f"{path}, line {first_line(path)}: two columns are called {name!r}; rename the one that is not meant"
             )
-        kind = present[name]
-        if not (kind.is_numeric() or kind in (pl.String, pl.Null)):
-            clock = "; write seconds from the start of the recording" if kind.is_temporal() else "; write numbers"
-            raise InputError(f"{path}, column {name}: the column holds {kind} values, not numbers{clock}")
+        dtype = present[name]
+        if not (dtype.is_numeric() or dtype in (pl.String, pl.Null)):
+            clock = "; write seconds from the start of the recording" if dtype.is_temporal() else "; write numbers"
+            raise InputError(f"{path}, column {name}: the column holds {dtype} values, not numbers{clock}")
 
 
 def explained(path: Path, names: Sequence[str], error: BaseException) -> InputError:

@@ -28,7 +28,7 @@ def catalogue(effect: str | None) -> None:
         print()
         for f in dataclasses.fields(CATALOGUE[effect]):
             m = f.metadata
-            if m.get("kind") == "parameter":
+            if "sigma" in m:
                 axes = ", ".join(a for a in m["axes"] if a)
                 print(f"  {m['name'] or f.name} [{unit_in_print(m['unit'])}] {axes}: usually {m['sigma']:g}")
         for p in {p.name: p for p in parameters(CATALOGUE[effect])}.values():
@@ -38,7 +38,9 @@ def catalogue(effect: str | None) -> None:
         for f in constants(CATALOGUE[effect]):
             m = f.metadata
             unit = f" [{unit_in_print(m['unit'])}]" if m["unit"] != "1" else ""
-            start, low, high = (f"{from_si(x, m['unit']):.4g}" for x in (f.default, m["low"], m["high"]))
+            start, low, high = (
+                f"{from_si(x, m['unit']):.4g}" for x in (getattr(CATALOGUE[effect], f.name), m["low"], m["high"])
+            )
             print(f"  {f.name}{unit}: usually {start}, from {low} to {high}; {m['grid'].value.partition(':')[0]}")
         print(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
     else:

@@ -89,7 +89,7 @@ class ImportCommand(click.Command):
         from gimbalcal.importers import KINDS
 
         with formatter.section("Kinds"):
-            formatter.write_dl([(kind, KINDS[kind].summary) for kind in sorted(KINDS)])
+            formatter.write_dl([(name, each.summary) for name, each in sorted(KINDS.items())])
         super().format_options(ctx, formatter)
 
 

@@ -158,10 +158,11 @@ def design(
     from gimbalcal.report.html import marked
     from gimbalcal.report.plan_page import design_headline, design_report
 
-    named = [platform if kind == "positions" else "turns"]
+    turning = kind == "rotation"
+    named = ["turns" if turning else platform]
     plan: PositionsDesign | TurnsDesign
     target = output_folder(out, named, "schedule", ("schedule.toml", "report.html"), overwrite, as_json)
-    if kind == "rotation":
+    if turning:
         from gimbalcal.design.turning_design import design_turning, table_of
         from gimbalcal.schedule.file import rotation_toml
 

@@ -237,7 +237,7 @@ def _parameters_of(
 ) -> tuple[Parameter, ...]:
     """Return the linear parameters of candidates that are not calibrated and need no other channel."""
     new = [e for e in _known(candidates) if e not in effects]
-    lacking = [e for e in new if kind not in CATALOGUE[e].kinds or CATALOGUE[e].requires]
+    lacking = [e for e in new if not CATALOGUE[e].shows_in(kind) or CATALOGUE[e].requires]
     if lacking:
         raise InputError(f"{lacking[0]} cannot be judged from the angles of a {kind} schedule alone; leave it out")
     return tuple(q for e in new for q in parameters(CATALOGUE[e], recording.platform.axis_names))

@@ -185,7 +185,7 @@ def _run(unit: _Unit) -> tuple[Recording, tuple[str, ...]]:
     if unit.measured:
         return unit.base, tuple(unit.found)
     kind = unit.base.kind
-    there = [e for e in unit.whole.effects if kind in e.kinds and not lacking(type(e), unit.base.has)]
+    there = [e for e in unit.whole.effects if e.shows_in(kind) and not lacking(type(e), unit.base.has)]
     ids = {e.id for e in there}
-    shown = tuple(effect for effect in unit.found if effect in ids or kind not in CATALOGUE[effect].kinds)
+    shown = tuple(effect for effect in unit.found if effect in ids or not CATALOGUE[effect].shows_in(kind))
     return replace(unit.whole, effects=tuple(there)).corrupt(unit.base), shown

@@ -120,7 +120,7 @@ def _with_law(shares: tuple[Share, ...], law: Lawful) -> tuple[Share, ...]:
 def _check(recordings: Sequence[Recording]) -> None:
     first = recordings[0]
     for r in recordings:
-        if has_unstated_noise(r) or r.kind not in BASELINE:
+        if has_unstated_noise(r):
             raise InputError(
                 f"{r.title!r} is a {r.kind} recording of {r.platform.name!r}: `diagnose` combines multi-position and "
                 "static-run recordings with gimbals; give this one alone"
@@ -145,7 +145,7 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     if wanted:
         return tuple(i for i in wanted if not unfit(i, r)) or BASELINE[r.kind]
     every = [i for other in recordings for i in BASELINE[other.kind] if CATALOGUE[i].stage in SENSOR_STAGES]
-    return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if r.kind in CATALOGUE[i].kinds)]))
+    return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if CATALOGUE[i].shows_in(r.kind))]))
 
 
 def _shares(

@@ -92,14 +92,7 @@ def parameter(axes: Sequence[str], *, unit: str, sigma: float, name: str = "", m
     value = 0.0 if axes == SCALAR else np.zeros(4 if axes == GIMBALS else len(axes))
     return dataclasses.field(
         default_factory=lambda: value,
-        metadata={
-            "kind": "parameter",
-            "axes": axes,
-            "unit": unit,
-            "sigma": sigma,
-            "name": name,
-            "mechanism": mechanism,
-        },
+        metadata={"axes": axes, "unit": unit, "sigma": sigma, "name": name, "mechanism": mechanism},
     )
 
 
@@ -107,7 +100,7 @@ def constant(default: float, *, unit: str, low: float, high: float, grid: Grid =
     """Declare a non-linear constant of an effect (time constant, epoch, phase), in SI, between `low` and `high`."""
     return dataclasses.field(
         default=default,
-        metadata={"kind": "constant", "axes": SCALAR, "unit": unit, "low": low, "high": high, "name": "", "grid": grid},
+        metadata={"axes": SCALAR, "unit": unit, "low": low, "high": high, "grid": grid},
     )
 
 
@@ -152,6 +145,11 @@ class Effect:
     spans_rows: ClassVar[bool] = False  # whether the contribution at one row depends on force or angle at other rows
     role: ClassVar[Role] = Role()  # what a diagnosis has to know of it as a candidate cause
     gauge: ClassVar[tuple[str, ...]] = ()  # axes that only turn a frame which nothing ties down; zero by convention
+
+    @classmethod
+    def shows_in(cls, kind: str) -> bool:
+        """Return whether a recording of a kind can show the effect."""
+        return kind in cls.kinds
 
     def contribution(self, s: Stimulus) -> Array:
         """Return what the effect adds at its stage; shape and unit as `Stage` says."""
@@ -202,7 +200,7 @@ class Parameter:
 
 def constants(cls: type[Effect]) -> tuple[dataclasses.Field[float], ...]:
     """Return non-linear constants of an effect; `metadata` of each has unit, low, high and grid."""
-    return tuple(f for f in dataclasses.fields(cls) if f.metadata.get("kind") == "constant")
+    return tuple(f for f in dataclasses.fields(cls) if "grid" in f.metadata)
 
 
 def tied(wanted: Sequence[Parameter]) -> tuple[Parameter, ...]:
@@ -230,16 +228,14 @@ def parameters(cls: type[Effect], gimbals: Sequence[str] = (), *, constants: boo
     """Return the scalar unknowns of an effect, linear parameters first come in field order."""
     out = []
     for f in dataclasses.fields(cls):
-        kind = f.metadata.get("kind")
-        if kind is None or (kind == "constant" and not constants):
+        if not f.metadata or ("grid" in f.metadata and not constants):
             continue
         axes = tuple(gimbals) if f.metadata["axes"] == GIMBALS else f.metadata["axes"]
         unit = f.metadata["unit"]
-        if kind == "parameter":
-            sigma = float(to_si(f.metadata["sigma"], unit))
+        if "grid" in f.metadata:
+            sigma, name = (f.metadata["high"] - f.metadata["low"]) / 2, f"{cls.id}.{f.name}"
         else:
-            sigma = (f.metadata["high"] - f.metadata["low"]) / 2
-        name = f.metadata["name"] or (f.name if kind == "parameter" else f"{cls.id}.{f.name}")
+            sigma, name = float(to_si(f.metadata["sigma"], unit)), f.metadata["name"] or f.name
         out += [Parameter(cls.id, f.name, name, axis, i, unit, sigma) for i, axis in enumerate(axes)]
     return tuple(out)
 

@@ -91,7 +91,7 @@ class Grade:
         cls = CATALOGUE[p.effect]
         stated = next(f.metadata for f in fields(cls) if f.name == p.field)
         of_sensors = cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES and QUANTITY_OF_UNIT.get(p.unit) != "placing"
-        if not of_sensors or stated["kind"] != "parameter":
+        if not of_sensors or "sigma" not in stated:
             return np.inf
         least = {
             "arcsec": MAX_MISALIGNMENT_BY_HAND_RAD,

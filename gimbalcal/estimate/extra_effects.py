@@ -110,7 +110,7 @@ def _one(
 
 def unfit(cls: type[Effect], recording: Recording) -> str:
     """Return why a recording cannot show an effect, as the predicate of a sentence; empty where it can."""
-    if recording.kind not in cls.kinds:
+    if not cls.shows_in(recording.kind):
         kinds = " and ".join(cls.kinds)
         return f"shows in {kinds} recordings, and {recording.title!r} is a {recording.kind} recording"
     missing = lacking(cls, recording.has)

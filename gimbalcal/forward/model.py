@@ -27,13 +27,18 @@ def predict(
     seen direction minus target across the innermost axis' plane and along it. Float, complex or symbolic, as the
     parameters are.
     """
-    if kind == "static-run":
-        return _inertially_fixed(platform, s, effects)
-    if kind == "pointing":
-        return {"pointing": _pointing(platform, s, effects)}
+    outputs = {"static-run": _inertially_fixed, "pointing": _line_of_sight}.get(kind, _sensors_on_gimbals)
+    return outputs(platform, s, effects)
+
+
+def _sensors_on_gimbals(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
     force = _encoder_referenced(platform, s, effects)
     rate = gyroscopes(s.rate, s.at(force=force), effects)
     return {"specific_force": accelerometers(force, s, effects), "angular_rate": rate}
+
+
+def _line_of_sight(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
+    return {"pointing": _pointing(platform, s, effects)}
 
 
 def _total(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array | float:

@@ -187,11 +187,7 @@ def jacobian(
 
 def _acts(effect: Effect) -> bool:
     """Return whether any parameter of an effect differs from zero."""
-    return any(
-        np.any(np.asarray(getattr(effect, f.name)) != 0)
-        for f in fields(effect)
-        if f.metadata.get("kind") == "parameter"
-    )
+    return any(np.any(np.asarray(getattr(effect, f.name)) != 0) for f in fields(effect) if "sigma" in f.metadata)
 
 
 def difference(read: Array, predicted: Array, channels: Sequence[Key]) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.guess.proposal import StatedPlace, of_tables
 from gimbalcal.guess.text_table import MIN_COLUMNS, Table, table_of_columns, values_of
-from gimbalcal.number import Array
+from gimbalcal.number import Array, holds_real_numbers
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dates import Dates
 from gimbalcal.units import from_si, to_si
@@ -45,11 +45,11 @@ def _table(frame: Any) -> Table:
     names = list(frame.keys() if isinstance(frame, Mapping) else frame.columns)
     columns = {str(n): np.asarray(frame[n]) for n in names}
     index = np.asarray(getattr(frame, "index", ()) if not isinstance(frame, Mapping) else ())
-    if index.dtype.kind == "M":
+    if np.issubdtype(index.dtype, np.datetime64):
         columns = {"time (index)": index, **columns}
 
     def values(name: str, x: Array) -> tuple[Array, str]:
-        if x.ndim == 1 and x.dtype.kind in "biuf":
+        if x.ndim == 1 and holds_real_numbers(x):
             return x.astype(float), "number"
         text = pl.Series(name, x.astype(str)) if x.ndim == 1 else pl.Series(name, [], dtype=pl.String)
         return values_of(name, text, ",", dates)

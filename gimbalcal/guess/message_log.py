@@ -34,7 +34,7 @@ _COMMENT = ("#", "!", "//")
 
 
 @dataclass(frozen=True)
-class _Kind:
+class _Message:
     """The rows of one kind of message, without its keyword, and what its columns are called, or nothing."""
 
     names: tuple[str, ...]
@@ -60,9 +60,9 @@ def tables_in(path: Path, head: Sequence[str]) -> dict[str, list[str]]:
         lines = _without_arrows(lines)
     if summed:
         lines = [_CHECKSUM.sub("", line) for line in lines]
-    kinds = _of_pairs(lines) if paired else _of_words(lines, at) if at is not None else {}
-    if kinds:
-        return {tag: _lines(kind) for tag, kind in _chosen(path, kinds).items()}
+    messages = _of_pairs(lines) if paired else _of_words(lines, at) if at is not None else {}
+    if messages:
+        return {tag: _lines(message) for tag, message in _chosen(path, messages).items()}
     return {"": lines} if arrived or summed else {}
 
 
@@ -107,9 +107,9 @@ def _leaves(line: str) -> list[tuple[str, str]]:
     return out
 
 
-def _of_pairs(lines: Sequence[str]) -> dict[str, _Kind]:
+def _of_pairs(lines: Sequence[str]) -> dict[str, _Message]:
     """Return messages of names beside numbers; those with the same names are of one kind."""
-    kinds: dict[tuple[str, ...], _Kind] = {}
+    messages: dict[tuple[str, ...], _Message] = {}
     for line in lines:
         pairs = _pairs(line)
         if not pairs:
@@ -118,11 +118,11 @@ def _of_pairs(lines: Sequence[str]) -> dict[str, _Kind]:
         names, cells = [name for name, _ in pairs], [number for _, number in pairs]
         if stamp:
             names, cells = ["time of arrival", *names], [stamp[1], *cells]
-        kinds.setdefault(tuple(names), _Kind(tuple(names), [])).rows.append(cells)
-    return {f"message {k}": kind for k, kind in enumerate(kinds.values(), start=1)}
+        messages.setdefault(tuple(names), _Message(tuple(names), [])).rows.append(cells)
+    return {f"message {k}": message for k, message in enumerate(messages.values(), start=1)}
 
 
-def _of_words(lines: Sequence[str], at: int) -> dict[str, _Kind]:
+def _of_words(lines: Sequence[str], at: int) -> dict[str, _Message]:
     """Return messages by the word in cell `at`; none where it only labels the rows of one table."""
     rows: dict[str, list[list[str]]] = {}
     headings: list[str] = []  # lines of words: what columns are called
@@ -147,7 +147,7 @@ def _of_words(lines: Sequence[str], at: int) -> dict[str, _Kind]:
     if not any(own_names.values()) and not uneven and not {FORCE, RATE} <= hints:
         return {}
     return {
-        tag: _Kind(
+        tag: _Message(
             own_names[tag] or (common if len(common) == widths[tag] else ()),
             [cells for cells in own if len(cells) == widths[tag]],
         )
@@ -170,27 +170,28 @@ def _wordy(cell: str) -> bool:
     return re.search(r"[^\W\d_]", cell) is not None
 
 
-def _chosen(path: Path, kinds: Mapping[str, _Kind]) -> dict[str, _Kind]:
+def _chosen(path: Path, messages: Mapping[str, _Message]) -> dict[str, _Message]:
     """Return the kind that holds both triads, or one for each; of several the one with the most rows."""
     holds = {
-        tag: {g.quantity for n in kind.names if (g := by_name(n, quantity_of_log(tag)))} for tag, kind in kinds.items()
+        tag: {g.quantity for n in message.names if (g := by_name(n, quantity_of_log(tag)))}
+        for tag, message in messages.items()
     }
 
     def most(wanted: set[str]) -> list[str]:
         fitting = [tag for tag, quantities in holds.items() if wanted <= quantities]
-        return sorted(fitting, key=lambda tag: -len(kinds[tag].rows))[:1]
+        return sorted(fitting, key=lambda tag: -len(messages[tag].rows))[:1]
 
     tags = most({FORCE, RATE}) or [*most({FORCE}), *most({RATE})]
-    if not tags and not any(kind.names for kind in kinds.values()):
-        tags = sorted(kinds, key=lambda tag: -len(kinds[tag].rows))[:1]
+    if not tags and not any(message.names for message in messages.values()):
+        tags = sorted(messages, key=lambda tag: -len(messages[tag].rows))[:1]
     if not tags:
-        listed = "; ".join(f"{tag}: {', '.join(kind.names)}" for tag, kind in list(kinds.items())[:4])
+        listed = "; ".join(f"{tag}: {', '.join(message.names)}" for tag, message in list(messages.items())[:4])
         raise InputError(
-            f"{path} holds messages of {len(kinds)} kinds and none has accelerometers by the names of its columns "
+            f"{path} holds messages of {len(messages)} kinds and none has accelerometers by the names of its columns "
             f"({listed}); log those too, or put the rows of one kind into a table with a line of names"
         )
-    return {tag: kinds[tag] for tag in tags}
+    return {tag: messages[tag] for tag in tags}
 
 
-def _lines(kind: _Kind) -> list[str]:
-    return ["\t".join(cells) for cells in ([list(kind.names)] if kind.names else []) + kind.rows]
+def _lines(message: _Message) -> list[str]:
+    return ["\t".join(cells) for cells in ([list(message.names)] if message.names else []) + message.rows]

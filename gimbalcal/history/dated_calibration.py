@@ -11,7 +11,7 @@ from typing import Any
 from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.calibration import read as read_calibration
 from gimbalcal.errors import InputError
-from gimbalcal.history.unit_store import CALIBRATION, DIAGNOSIS, kept
+from gimbalcal.history.unit_store import DIAGNOSIS, kept
 from gimbalcal.recording.header import NAME as HEADER
 
 
@@ -57,7 +57,7 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], 
         raise InputError(f"{path} holds nothing{f' of {unit}' if unit else ''}")
     last: dict[tuple[str, ...], DatedCalibration] = {}
     computed = sorted(entries, key=lambda e: str(e.content.get("provenance", {}).get("created") or e.date))
-    for e in (e for e in computed if e.kind == CALIBRATION):
+    for e in (e for e in computed if e.is_calibration):
         entry_calibration = DatedCalibration(e.date, when(e.date), from_dict(e.content))
         key = tuple(sorted(entry_calibration.hashes)) or (e.date,)
         if (

@@ -137,12 +137,12 @@ def _explained(
     K = np.arange(len(x))
     where = [k for k, ok in enumerate(independent_pairs, start=1) if ok], K[1:-1].tolist()
     names = [("line", 0)] * (A.shape[1] - 1) + [
-        (kind, k) for kind, at in zip(("jump", "off"), where, strict=True) for k in at
+        (change, k) for change, at in zip(("jump", "off"), where, strict=True) for k in at
     ]
     shapes = [A[:, 1:], np.array(where[0])[None] <= K[:, None], np.array(where[1])[None] == K[:, None]]
     columns = np.concatenate([np.reshape(s, (len(x), -1)).astype(float) for s in shapes], axis=1)
-    least = np.array([CLEAR_SIGMAS**2 if kind == "line" else clear**2 for kind, _ in names])
-    places = np.array([1 if kind == "line" else len(where[kind == "off"]) for kind, _ in names])
+    least = np.array([CLEAR_SIGMAS**2 if change == "line" else clear**2 for change, _ in names])
+    places = np.array([1 if change == "line" else len(where[change == "off"]) for change, _ in names])
     taken: list[int] = []
     while names:
         gain = _gains(np.concatenate([A[:, :1], columns[:, taken]], axis=1), columns, x, sigma)
@@ -156,7 +156,7 @@ def _explained(
     residual = _chi2(np.concatenate([A[:, :1], columns[:, taken]], axis=1), x, sigma)
     if residual > chdtri(max(len(x) - 1 - len(taken), 1), SIGNIFICANCE):
         return None
-    jumps, off = (sorted(i for i in taken if names[i][0] == kind) for kind in ("jump", "off"))
+    jumps, off = (sorted(i for i in taken if names[i][0] == change) for change in ("jump", "off"))
     return tuple(names[i][1] for i in jumps), tuple(names[i][1] for i in off), columns[:, [*jumps, *off]]
 
 

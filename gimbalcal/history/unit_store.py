@@ -55,6 +55,11 @@ class StoredResult:
     kind: str
     content: Mapping[str, Any]
 
+    @property
+    def is_calibration(self) -> bool:
+        """Return whether it is a calibration, whose parameters are kept too."""
+        return self.kind == CALIBRATION
+
 
 def keep(path: Path, entry: StoredResult) -> bool:
     """Add an entry to the store, which is created if needed; return False if the same one exists already.
@@ -71,7 +76,7 @@ def keep(path: Path, entry: StoredResult) -> bool:
         base.execute("begin immediate")
         columns = "(unit, date, kind, method, answer, recordings, content, digest)"
         cursor = base.execute(f"insert or ignore into entries {columns} values (?, ?, ?, ?, ?, ?, ?, ?)", row)  # noqa: S608
-        if cursor.rowcount and entry.kind == CALIBRATION:
+        if cursor.rowcount and entry.is_calibration:
             base.executemany(
                 "insert into parameters values (?, ?, ?, ?, ?, ?, ?)",
                 [(cursor.lastrowid, p.get("effect", p["name"]), p["name"], p["axis"], p["value"], p["sigma"], p["unit"])
@@ -81,8 +86,8 @@ def keep(path: Path, entry: StoredResult) -> bool:
     return bool(cursor.rowcount)
 
 
-def kept(path: Path, unit: str = "", kind: str = "") -> tuple[StoredResult, ...]:
-    """Return entries in order of their dates, of one unit or one kind if these are named.
+def kept(path: Path, unit: str = "") -> tuple[StoredResult, ...]:
+    """Return entries in order of their dates, of one unit if it is named.
 
     Raises InputError for no store, and for an entry that is not what was kept.
     """
@@ -102,7 +107,7 @@ def kept(path: Path, unit: str = "", kind: str = "") -> tuple[StoredResult, ...]
             )
         unit_, date, kind_ = named
         entries.append(StoredResult(unit_, date, kind_, content))
-    return tuple(e for e in entries if unit in ("", e.unit) and kind in ("", e.kind))
+    return tuple(e for e in entries if unit in ("", e.unit))
 
 
 def _digest(content: Mapping[str, Any]) -> str:

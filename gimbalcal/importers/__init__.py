@@ -30,7 +30,8 @@ for _point in entry_points(group=__name__):
 
 def import_files(kind: str, files: Sequence[str | Path], options: Mapping[str, str] | None = None) -> Recording:
     """Return the recording in foreign files; `InputError` if the kind, a file or its content is not as it must be."""
-    if kind not in KINDS:
+    importer_of_kind = KINDS.get(kind)
+    if importer_of_kind is None:
         raise InputError(f"there is no importer {kind!r}; take one of {', '.join(sorted(KINDS))}")
     paths = [Path(file) for file in files]
     for path in paths:
@@ -38,9 +39,9 @@ def import_files(kind: str, files: Sequence[str | Path], options: Mapping[str, s
             raise InputError(f"{path} does not exist or is not a file; give the files that {kind} is to read")
     options = dict(options or {})
     average = _means_of_dwells(options.get("means", "no"))
-    KINDS[kind].refuse(paths, options)
+    importer_of_kind.refuse(paths, options)
     own = {key: value for key, value in options.items() if key not in COMMON_OPTIONS}
-    recording = KINDS[kind].read(paths, own)
+    recording = importer_of_kind.read(paths, own)
     if "title" in options:
         recording = replace(recording, title=options["title"])
     if average:

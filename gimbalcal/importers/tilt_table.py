@@ -30,7 +30,7 @@ _AXES = {"x": ("N", 1.0), "y": ("E", 1.0), "z": ("Z", -1.0)}  # Z of a seismomet
 def import_tilt_table(files: Sequence[Path], _options: Mapping[str, str]) -> Recording:
     """One .npz archive: vel_HHN, vel_HHE, vel_HHZ [m/s], rate_HJN, rate_HJE, rate_HJZ [rad/s] and fs [Hz]."""
     (path,) = files
-    names = [f"{kind}{letter}" for letter, _ in _AXES.values() for kind in ("vel_HH", "rate_HJ")]
+    names = [f"{prefix}{letter}" for letter, _ in _AXES.values() for prefix in ("vel_HH", "rate_HJ")]
     try:
         with zipfile.ZipFile(path) as packed:
             refuse_bomb(path, sum(each.file_size for each in packed.infolist()))

@@ -58,7 +58,7 @@ def transitions(
     place = np.array([*ground(latitude, height, gravity), latitude, height])
     arrays = contiguous(dt, rate, force, D, q, C_bn)
     group = np.arange(len(dt)) if group is None else group
-    whole = (np.asarray(x, dtype=kind) for x, kind in ((first, np.int64), (joined, np.bool_), (group, np.int64)))
+    whole = (np.asarray(x, dtype=dtype) for x, dtype in ((first, np.int64), (joined, np.bool_), (group, np.int64)))
     _transitions(*whole, *arrays, place, *out)
     return out
 

@@ -68,7 +68,7 @@ def refuse_twice(sessions: Sequence[Recording]) -> None:
 
 def _refuse_unlike(first: Recording, other: Recording) -> None:
     pair = f"{first.title!r} and {other.title!r}"
-    if first.kind != other.kind or first.platform != other.platform:
+    if (first.kind, first.platform) != (other.kind, other.platform):
         raise InputError(
             f"{first.title!r} is a {first.kind} recording of {first.platform.name!r} and {other.title!r} a "
             f"{other.kind} recording of {other.platform.name!r}: sessions of one instrument are of one kind; "

@@ -161,29 +161,29 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
     return lazy.rename(changed) if changed else lazy
 
 
-def _numbers(name: str, kind: pl.DataType, path: Path) -> pl.Expr:
+def _numbers(name: str, dtype: pl.DataType, path: Path) -> pl.Expr:
     import polars as pl
 
     each = pl.col(name)
-    if kind == pl.String and path.suffix != ".parquet":
+    if dtype == pl.String and path.suffix != ".parquet":
         each = each.str.strip_chars()
         each = pl.when(each.is_in(["", *EMPTY])).then(None).otherwise(each)
     return each.cast(pl.Float64).alias(name)
 
 
-def _dated(path: Path, clock: Column, kind: pl.DataType, named: bool) -> bool:
+def _dated(path: Path, clock: Column, dtype: pl.DataType, named: bool) -> bool:
     """Return whether the clock holds dates; `InputError` where it holds numbers and the header says dates."""
     import polars as pl
 
     first = ""
-    if path.suffix == ".parquet" and kind == pl.String:
+    if path.suffix == ".parquet" and dtype == pl.String:
         head = pl.scan_parquet(path.absolute(), glob=False).select(clock.name).head(1).collect()
         first = str(head.item()) if head.height else ""
     elif path.suffix != ".parquet":
         present = heading(path, [clock.name])[1]
         at = present.index(clock.name) if clock.name in present else 0
         first = next((c[at] for i, (_, c) in enumerate(lines(path)) if i >= named and len(c) > at), "")
-    dated = kind.is_temporal() or is_date(first)
+    dated = dtype.is_temporal() or is_date(first)
     if clock.dated and first and not dated:
         raise InputError(
             f"{place(path, 0, named=named)}, column {clock.name}: {shortened(first)!r} is not a date and time of "

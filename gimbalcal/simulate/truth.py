@@ -46,7 +46,7 @@ def check_shown(effects: Sequence[Effect], scenario: Scenario, environment: Mapp
     names = {name for quantity, name in environment if quantity == "covariate"}
     logged |= {f"covariate:{name}" for name in names} | ({"covariate"} if names else set())
     for each in effects:
-        if kind not in each.kinds:
+        if not each.shows_in(kind):
             raise InputError(f"truth.{each.id}: it shows in {' and '.join(each.kinds)} recordings, not in a {kind}")
         need = lacking(type(each), logged.__contains__)
         if "angular_rate" in (need, each.channel) and "angular_rate" not in logged:

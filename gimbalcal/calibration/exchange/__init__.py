@@ -35,7 +35,7 @@ from gimbalcal.errors import InputError
 FORMATS: Mapping[str, Any] = {"kalibr": kalibr, "psins": psins, "csv": parameter_table, "tpoint": tpoint_model}
 FILES = {"kalibr": "imu.yaml", "psins": "clbt.mat", "csv": "calibration.csv", "tpoint": "tpoint.mod",
          "json": "calibration.json"}  # fmt: skip
-DIRECTION = {kind: "readings to physics" if kind in ("psins", "tpoint") else "physics to readings" for kind in FILES}
+DIRECTION = dict.fromkeys(FILES, "physics to readings") | dict.fromkeys(("psins", "tpoint"), "readings to physics")
 ENDINGS = {".yaml": "kalibr", ".yml": "kalibr", ".mat": "psins", ".csv": "csv", ".mod": "tpoint"}
 
 

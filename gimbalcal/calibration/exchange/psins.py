@@ -11,7 +11,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.exchange.matrices import Found, matrices, parameters_of
 from gimbalcal.errors import InputError
-from gimbalcal.number import Array
+from gimbalcal.number import Array, holds_real_numbers
 
 HEADING = b"MATLAB 5.0 MAT-file, written by gimbalcal".ljust(116)  # SciPy's has the time: equal content, equal bytes
 
@@ -55,7 +55,7 @@ def read(path: Path) -> Found:
 
     def field(name: str, default: Array) -> Array:
         value = variables.get(f"clbt.{name}", default)
-        v = np.asarray(value if value.dtype.kind in "biuf" else np.zeros(0), dtype=float)
+        v = np.asarray(value if holds_real_numbers(value) else np.zeros(0), dtype=float)
         if v.shape != default.shape:
             raise InputError(f"{path}: clbt.{name} must have shape {default.shape}, got {v.shape}")
         if not np.isfinite(v).all():

@@ -121,7 +121,7 @@ def eligible(
     the effect says.
     """
     role = cls.role
-    there = not role.excluded and cls.stage in stages and recording_kind in cls.kinds and not lacking(cls, s.carries)
+    there = not role.excluded and cls.stage in stages and cls.shows_in(recording_kind) and not lacking(cls, s.carries)
     there = there and bool(np.ptp(s.readout, axis=0).max(initial=0.0) <= role.max_travel_rad)
     if known_noise:
         return there and not role.noise_realisation
