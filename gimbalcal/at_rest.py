@@ -8,27 +8,102 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from math import isfinite, nan
 from typing import Any
 
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
+from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.systematic.segments import stops
 from gimbalcal.inference.allan import MIN_P_VALUE, MIN_ROWS, AllanCurve, AllanFit, curve, fit, law
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording import Recording, Source, dwells
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import SENSORS, Key
 from gimbalcal.units import from_si, is_raw
 
-PARTS = ("white_noise", "bias_instability", "random_walk")
 UNITS: Mapping[str, tuple[str, str, str]] = {
     "specific_force": ("ug/sqrt(Hz)", "ug", "ug/sqrt(h)"),
     "angular_rate": ("deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)"),
 }
 SI = {"specific_force": "m/s^2", "angular_rate": "rad/s"}
 WORDS = {"specific_force": "accelerometer", "angular_rate": "gyroscope"}
+
+
+@dataclass(frozen=True)
+class Coefficient(Entry):
+    """A coefficient with one sigma; where it is not significant both are nan, and `below` is its 95 % limit."""
+
+    value: float
+    sigma: float
+    below: float
+    unit: str
+
+    @property
+    def significant(self) -> bool:
+        """Return whether the coefficient is determined."""
+        return isfinite(self.value)
+
+
+@dataclass(frozen=True)
+class ChannelNoise(Entry):
+    """The noise of one sensor: coefficients, and the Allan deviation (P,), its sigma and the model in `unit`."""
+
+    quantity: str
+    axis: str
+    sensor: str
+    white_noise: Coefficient
+    bias_instability: Coefficient
+    random_walk: Coefficient
+    unit: str
+    tau_s: tuple[float, ...]
+    deviation: tuple[float, ...]
+    sigma: tuple[float, ...]
+    model: tuple[float, ...]
+    fitted_from_s: float
+    chi2: float
+    dof: int
+    p_value: float
+
+
+@dataclass(frozen=True)
+class StatedNoise(Entry):
+    """A line of [noise] in a recording.toml."""
+
+    value: float
+    unit: str
+
+    def line(self, sensor: str) -> str:
+        """Return the line for a sensor."""
+        return f'{sensor} = {{ value = {self.value:g}, unit = "{self.unit}" }}'
+
+
+@dataclass(frozen=True)
+class RestNoise(Entry):
+    """The content of noise.json: the answer, the rests, what [noise] may state, and the noise of each channel."""
+
+    format: int
+    in_words: str
+    rests: int
+    seconds: float
+    longest_s: float
+    rate_hz: float
+    header: Mapping[str, StatedNoise]
+    channels: tuple[ChannelNoise, ...]
+    recordings: tuple[Source, ...]
+
+    def to_dict(self) -> Json:
+        """Return the content of noise.json."""
+        content = super().to_dict()
+        content["provenance"] = {"recordings": content.pop("recordings")}
+        return content
+
+    @property
+    def lines(self) -> list[str]:
+        """The lines of [noise] for recording.toml."""
+        return [stated.line(sensor) for sensor, stated in self.header.items()]
 
 
 @dataclass(frozen=True)
@@ -57,35 +132,36 @@ class Channel:
         si = np.asarray(value, dtype=float)
         return si * (60.0 if part == 2 else 1.0) if self.raw else from_si(si, self.units[part])
 
-    def coefficient(self, part: int) -> dict[str, Any]:
-        """Return value and sigma of a coefficient; where it is not significant, None and its 95 % limit."""
+    def coefficient(self, part: int) -> Coefficient:
+        """Return value and sigma of a coefficient; where it is not significant, its 95 % limit."""
         square, spread = self.fitted.square[part], np.sqrt(self.fitted.covariance[part, part])
         significant, root = bool(spread > 0), float(np.sqrt(square))
         most = float(np.sqrt(max(self.fitted.most[part], 0.0)))
-        return {
-            "value": float(self.printed(root, part)) if significant else None,
-            "sigma": float(self.printed(spread / (2 * root), part)) if significant else None,
-            "below": None if significant else float(self.printed(most, part)),
-            "unit": self.units[part],
-        }
+        unit = self.units[part]
+        if not significant:
+            return Coefficient(nan, nan, float(self.printed(most, part)), unit)
+        return Coefficient(float(self.printed(root, part)), float(self.printed(spread / (2 * root), part)), nan, unit)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry of noise.json."""
-        return {
-            "quantity": self.key[0],
-            "axis": self.key[1],
-            "sensor": self.sensor,
-            **{name: self.coefficient(k) for k, name in enumerate(PARTS)},
-            "unit": self.units[1],
-            "tau_s": self.curve.tau.tolist(),
-            "deviation": self.printed(np.sqrt(self.curve.variance), 1).tolist(),
-            "sigma": self.printed(self.fitted.spread / (2 * np.sqrt(self.model)), 1).tolist(),
-            "model": self.printed(np.sqrt(self.model), 1).tolist(),
-            "fitted_from_s": float(self.curve.tau[self.fitted.first]),
-            "chi2": self.fitted.chi2,
-            "dof": self.fitted.dof,
-            "p_value": self.fitted.p_value,
-        }
+    @property
+    def result(self) -> ChannelNoise:
+        """The entry of noise.json."""
+        return ChannelNoise(
+            quantity=self.key[0],
+            axis=self.key[1],
+            sensor=self.sensor,
+            white_noise=self.coefficient(0),
+            bias_instability=self.coefficient(1),
+            random_walk=self.coefficient(2),
+            unit=self.units[1],
+            tau_s=tuple(self.curve.tau.tolist()),
+            deviation=tuple(self.printed(np.sqrt(self.curve.variance), 1).tolist()),
+            sigma=tuple(self.printed(self.fitted.spread / (2 * np.sqrt(self.model)), 1).tolist()),
+            model=tuple(self.printed(np.sqrt(self.model), 1).tolist()),
+            fitted_from_s=float(self.curve.tau[self.fitted.first]),
+            chi2=self.fitted.chi2,
+            dof=self.fitted.dof,
+            p_value=self.fitted.p_value,
+        )
 
     @property
     def model(self) -> Array:
@@ -146,7 +222,7 @@ def _without_the_earth(recording: Recording, x: Array) -> Array:
     return np.asarray(x - A @ np.linalg.lstsq(A, x, rcond=None)[0])
 
 
-def header(channels: tuple[Channel, ...]) -> dict[str, dict[str, Any]]:
+def header(channels: tuple[Channel, ...]) -> dict[str, StatedNoise]:
     """Return what `[noise]` may state: one sigma of a sample as white noise, the rms of the axes of the first sensors.
 
     Axes whose curve is another, or in which no white noise shows, do not count; where none is left nothing is stated.
@@ -157,25 +233,24 @@ def header(channels: tuple[Channel, ...]) -> dict[str, dict[str, Any]]:
         mine = [c for c in mine if c.fitted.covariance[0, 0] > 0 and c.fitted.p_value > MIN_P_VALUE]
         if mine:
             squares = [c.fitted.square[0] * c.weight / c.curve.step for c in mine]
-            out[name] = {"value": float(f"{np.sqrt(np.mean(squares)):.4g}"), "unit": SI[quantity]}
+            out[name] = StatedNoise(float(f"{np.sqrt(np.mean(squares)):.4g}"), SI[quantity])
     return out
 
 
-def content(recording: Recording, channels: tuple[Channel, ...]) -> dict[str, Any]:
-    """Return the content of noise.json."""
+def rest_noise(recording: Recording, channels: tuple[Channel, ...]) -> RestNoise:
+    """Return the noise of the channels of a recording as the content of noise.json."""
     first = channels[0].curve
-    seconds = float(first.lengths.sum() * first.step)
-    return {
-        "format": 1,
-        "in_words": in_words(channels),
-        "rests": len(first.lengths),
-        "seconds": seconds,
-        "longest_s": float(first.lengths.max() * first.step),
-        "rate_hz": 1 / first.step,
-        "header": header(channels),
-        "channels": [c.to_dict() for c in channels],
-        "provenance": {"recordings": recording.files},
-    }
+    return RestNoise(
+        format=1,
+        in_words=in_words(channels),
+        rests=len(first.lengths),
+        seconds=float(first.lengths.sum() * first.step),
+        longest_s=float(first.lengths.max() * first.step),
+        rate_hz=1 / first.step,
+        header=header(channels),
+        channels=tuple(c.result for c in channels),
+        recordings=recording.source,
+    )
 
 
 def in_words(channels: tuple[Channel, ...]) -> str:
@@ -187,8 +262,7 @@ def in_words(channels: tuple[Channel, ...]) -> str:
         mine = [c for c in every if c.name not in unmodelled] or every  # else the numbers mean nothing
         if not mine:
             continue
-        told = [_largest(mine, k) for k in range(3)]
-        parts.append(f"{word}s: {', '.join(told)}")
+        parts.append(f"{word}s: {', '.join(_largest(mine, k) for k in range(3))}")
     sentence = "; ".join(parts)
     if unmodelled:
         one = "s" if len(unmodelled) == 1 else ""
@@ -203,9 +277,10 @@ def in_words(channels: tuple[Channel, ...]) -> str:
 def _largest(mine: list[Channel], part: int) -> str:
     """Return the largest coefficient of a kind among channels in words."""
     names = ("white noise", "bias instability", "random walk")
-    seen = [(c.coefficient(part)["value"], c) for c in mine if c.coefficient(part)["value"] is not None]
-    if seen:
-        value, c = max(seen, key=lambda pair: pair[0])
-        return f"{names[part]} {value:.3g} {c.units[part]} ({c.key[1]})"
-    below = max(c.coefficient(part)["below"] for c in mine)
+    coefficients = [(c.coefficient(part), c.key[1]) for c in mine]
+    determined = [pair for pair in coefficients if pair[0].significant]
+    if determined:
+        largest, axis = max(determined, key=lambda pair: pair[0].value)
+        return f"{names[part]} {largest.value:.3g} {largest.unit} ({axis})"
+    below = max(c.below for c, _ in coefficients)
     return f"{names[part]} below {below:.2g} {mine[0].units[part]}"

@@ -15,10 +15,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gimbalcal import atomic
-from gimbalcal.campaign.task import COLUMNS, Task
+from gimbalcal.campaign.task import COLUMNS, Identity, Task
+from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,6 +28,34 @@ if TYPE_CHECKING:
 TABLE, SUMMARY, PARTS, PAGE = "campaign.parquet", "campaign.json", "campaign.parts", "report.html"
 IDENTITY = "identity.json"
 DIGITS = 16  # of a digest in the name of a part
+
+
+@dataclass(frozen=True)
+class ParameterErrors(Entry):
+    """Mean and RMS error of a parameter over the runs, its predicted RMS sigma, and their ratio (nan without one)."""
+
+    parameter: str
+    unit: str
+    runs: int
+    mean: float
+    rms: float
+    sigma: float
+    ratio: float
+
+
+@dataclass(frozen=True)
+class CampaignSummary(Entry):
+    """The content of campaign.json; `outcomes` counts the runs that ended with each of the most frequent sentences."""
+
+    format: int
+    identity: Identity
+    sha256: str
+    direction: str
+    runs: int
+    failed: int
+    outcomes: Mapping[str, int]
+    parameters: tuple[ParameterErrors, ...]
+    in_words: str
 
 
 @dataclass(frozen=True)
@@ -70,7 +99,7 @@ class CampaignFolder:
         self._check(self.folder / SUMMARY)
         self._check(self.parts / IDENTITY)
         self.parts.mkdir(exist_ok=True)
-        atomic.write_json(self.parts / IDENTITY, {"identity": self.task.identity})
+        atomic.write_json(self.parts / IDENTITY, {"identity": self.task.identity.to_dict()})
         self._take_over()
         kept = self._kept()
         return [s for s in self.shares() if s not in kept]
@@ -95,7 +124,7 @@ class CampaignFolder:
                 f"{path} is damaged, so that nobody can tell whose campaign is in {self.folder}: give another --out, "
                 "or --overwrite to replace"
             ) from None
-        if identity != self.task.identity:
+        if identity != self.task.identity.to_dict():
             raise InputError(
                 f"{self.folder} holds another campaign (other scenario, seed, method or version), which would be "
                 "lost; give another --out, or --overwrite to replace"
@@ -126,7 +155,7 @@ class CampaignFolder:
                 kept.setdefault(shares[name], path)
         return kept
 
-    def keep(self, share: range, columns: Mapping[str, Any]) -> None:
+    def keep(self, share: range, columns: Json) -> None:
         """Write one share, whole or not at all."""
         import polars as pl
 
@@ -136,9 +165,14 @@ class CampaignFolder:
         atomic.write(self.parts / f"{_name(share)}-{digest}.parquet", content.getvalue())
 
     def finish(
-        self, summarise: Callable[[pl.DataFrame], dict[str, Any]], page: Callable[[dict[str, Any]], str] | None = None
-    ) -> dict[str, Any]:
-        """Join all shares into campaign.parquet, write campaign.json and a page, all or none; remove the shares."""
+        self,
+        summarise: Callable[[pl.DataFrame, str], CampaignSummary],
+        page: Callable[[CampaignSummary], str] | None = None,
+    ) -> CampaignSummary:
+        """Join all shares into campaign.parquet, write campaign.json and a page, all or none; remove the shares.
+
+        summarise: returns the summary of all rows, whose file has this SHA-256.
+        """
         import polars as pl
 
         kept = self._kept()
@@ -151,9 +185,8 @@ class CampaignFolder:
         rows = pl.concat([pl.read_parquet(kept[share].absolute(), glob=False) for share in self.shares()])
         with atomic.folder(self.folder, last=SUMMARY) as new:
             rows.write_parquet(new / TABLE)
-            digest = _digest((new / TABLE).read_bytes())
-            summary: dict[str, Any] = {"format": 1, "identity": self.task.identity, "sha256": digest, **summarise(rows)}
-            atomic.write_json(new / SUMMARY, summary)
+            summary = summarise(rows, _digest((new / TABLE).read_bytes()))
+            atomic.write_json(new / SUMMARY, summary.to_dict())
             if page is not None:
                 atomic.write(new / PAGE, page(summary))
         shutil.rmtree(self.parts)
@@ -168,7 +201,7 @@ def _digest(content: bytes) -> str:
     return sha256(content).hexdigest()
 
 
-def _schema() -> dict[str, Any]:
+def _schema() -> Json:
     import polars as pl
 
     text = ("parameter", "unit", "outcome")

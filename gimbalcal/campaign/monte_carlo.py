@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from math import isfinite, nan
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gimbalcal.campaign.campaign_folder import CampaignFolder
+from gimbalcal.campaign.campaign_folder import CampaignFolder, CampaignSummary, ParameterErrors
 from gimbalcal.campaign.cluster import cluster, connect
 from gimbalcal.campaign.local import here, processes
 from gimbalcal.campaign.task import Task, task
 from gimbalcal.errors import InputError, amount
 
+if TYPE_CHECKING:
+    import polars as pl
+
 MOST_WORKERS = 1000
 Tell = Callable[[str], None]
-Page = Callable[[dict[str, Any]], str]
+Page = Callable[[CampaignSummary], str]
 
 
 def run_campaign(
@@ -32,7 +36,7 @@ def run_campaign(
     seed: int | None = None,
     page: Page | None = None,
     overwrite: bool = False,
-) -> dict[str, Any]:
+) -> CampaignSummary:
     """Run a scenario n times into `out` (campaign.parquet, campaign.json) and return what campaign.json holds.
 
     workers: processes on this machine (default: its cores; 1 computes in this process). scheduler: address of a Dask
@@ -58,7 +62,7 @@ def run_campaign(
 
 def _run(
     what: Task, store: CampaignFolder, n: int, workers: int, client: Any, progress: Tell, page: Page | None
-) -> dict[str, Any]:
+) -> CampaignSummary:
     todo = store.open()
     done = n - sum(len(share) for share in todo)
     if done:
@@ -73,7 +77,7 @@ def _run(
         fresh += len(share)
         remaining_s = (n - done - fresh) * (monotonic() - start) / fresh
         progress(f"{done + fresh} of {amount(n, 'run')}, {_spell(remaining_s)} left")
-    return store.finish(lambda rows: {"direction": what.direction, **summarise(rows)}, page)
+    return store.finish(lambda rows, digest: summarise(rows, what, digest), page)
 
 
 def _spell(seconds: float) -> str:
@@ -82,8 +86,8 @@ def _spell(seconds: float) -> str:
     return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
-def summarise(rows: Any) -> dict[str, Any]:
-    """Return for each parameter runs, mean and RMS error, predicted RMS sigma and their ratio; and what failed."""
+def summarise(rows: pl.DataFrame, what: Task, digest: str) -> CampaignSummary:
+    """Return the errors of each parameter over all rows, and what failed; digest: SHA-256 of the file of the rows."""
     import polars as pl
 
     good = rows.filter(pl.col("parameter") != "")
@@ -93,23 +97,21 @@ def summarise(rows: Any) -> dict[str, Any]:
         error = (part["estimate"] - part["truth"]).to_numpy()
         sigma = part["sigma"].to_numpy()
         rms, bound = float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean(sigma**2)))
-        table.append({"parameter": name, "unit": part["unit"][0], "runs": len(part), "mean": float(np.mean(error)),
-                      "rms": rms, "sigma": bound, "ratio": rms / bound if bound > 0 else None})  # fmt: skip
+        ratio = rms / bound if bound > 0 else nan
+        table.append(ParameterErrors(name, part["unit"][0], len(part), float(np.mean(error)), rms, bound, ratio))
     runs = int(rows["run"].n_unique())
     failed = rows.filter(pl.col("outcome") != "").unique("run", keep="first", maintain_order=True)
     # of equals the first by the alphabet, so that equal runs give equal files
     words = failed["outcome"].value_counts().sort(["count", "outcome"], descending=[True, False]).head(5)
-    return {
-        "runs": runs,
-        "failed": len(failed),
-        "outcomes": dict(zip(words["outcome"].to_list(), words["count"].to_list(), strict=True)),
-        "parameters": table,
-        "in_words": _words(runs, len(failed), table),
-    }
+    outcomes = dict(zip(words["outcome"].to_list(), words["count"].to_list(), strict=True))
+    return CampaignSummary(
+        1, what.identity, digest, what.direction, runs, len(failed), outcomes, tuple(table),
+        _words(runs, len(failed), table),
+    )  # fmt: skip
 
 
-def _words(runs: int, failed: int, table: list[dict[str, Any]]) -> str:
-    ratios = [row["ratio"] for row in table if row["ratio"] is not None]
+def _words(runs: int, failed: int, table: Sequence[ParameterErrors]) -> str:
+    ratios = [row.ratio for row in table if isfinite(row.ratio)]
     if not ratios:
         return f"{amount(runs, 'run')}, none with an estimate"
     spread = f"RMS error is {min(ratios):.2f} to {max(ratios):.2f} of the predicted sigma"

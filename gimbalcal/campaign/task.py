@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError
 from gimbalcal.recording.document import Document
 
@@ -26,6 +27,20 @@ METHODS = ("three-stage", "multiposition")
 SHARE = dict.fromkeys(PULSES, 100)  # runs solved as one array
 SIMULATED = 4  # runs of a share that are simulated one by one, a second or so each: little is lost with a worker
 SHIPPED = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Identity(Entry):
+    """What must agree for a stopped campaign to go on: everything that a run depends on, texts by their SHA-256."""
+
+    scenario: str
+    name: str
+    kind: str
+    seed: int
+    method: str
+    share: int
+    version: str
+    effects: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -54,13 +69,14 @@ class Task:
         return "pulses to physics" if self.of_pulses else "physics to readings"
 
     @property
-    def identity(self) -> dict[str, Any]:
-        """Return what must agree for a stopped campaign to go on: everything that a run depends on."""
+    def identity(self) -> Identity:
+        """Return what must agree for a stopped campaign to go on."""
         from gimbalcal import __version__
 
-        parts = asdict(self) | {"text": sha256(self.text.encode()).hexdigest(), "version": __version__}
-        own = [sha256(text.encode()).hexdigest() for _, text in parts.pop("effects")]
-        return {"scenario": parts.pop("text"), **parts, **({"effects": own} if own else {})}
+        scenario, *own = (sha256(text.encode()).hexdigest() for text in (self.text, *(t for _, t in self.effects)))
+        return Identity(
+            scenario, self.name, self.kind, self.seed, self.method, self.share, __version__, tuple(own) or None
+        )
 
 
 def task(scenario: str | Path, method: str = "three-stage", seed: int | None = None) -> Task:
@@ -93,7 +109,7 @@ def _find(scenario: str | Path) -> Path:
     return find(scenario)
 
 
-def _check_pulses(path: Path, content: Mapping[str, Any]) -> None:
+def _check_pulses(path: Path, content: Json) -> None:
     known = {"format", "kind", "title", "seed", "turntable"}
     unknown = sorted(set(content) - known)
     if unknown:
@@ -104,7 +120,7 @@ def _check_pulses(path: Path, content: Mapping[str, Any]) -> None:
     _turntable(content, str(path))
 
 
-def _turntable(content: Mapping[str, Any], where: str) -> float:
+def _turntable(content: Json, where: str) -> float:
     """Return the one-sigma turntable error [rad]."""
     from gimbalcal.quantities import check
     from gimbalcal.units import to_si

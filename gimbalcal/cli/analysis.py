@@ -178,7 +178,7 @@ def diagnose(
 @output_options("noise.json and report.html", "RECORDING-noise, here")
 def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
     """White noise, bias instability and random walk of every sensor of RECORDING, from its rests."""
-    from gimbalcal.at_rest import content, noise_at_rest
+    from gimbalcal.at_rest import noise_at_rest, rest_noise
     from gimbalcal.recording import read
     from gimbalcal.report.noise_page import headline, noise_report
 
@@ -188,10 +188,9 @@ def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_js
     r = read(recording)
     for remark in r.remarks:
         tell(f"note: {remark}")
-    result = content(r, noise_at_rest(r))
-    lines = [f'{k} = {{ value = {v["value"]:g}, unit = "{v["unit"]}" }}' for k, v in result["header"].items()]
-    words = "\n".join([headline(result), *(["[noise]", *lines] if lines else [])])
-    deliver(target, "noise.json", result, lambda: noise_report(result, r.title), words, as_json, quiet)
+    result = rest_noise(r, noise_at_rest(r))
+    words = "\n".join([headline(result), *(["[noise]", *result.lines] if result.lines else [])])
+    deliver(target, "noise.json", result.to_dict(), lambda: noise_report(result, r.title), words, as_json, quiet)
 
 
 @click.command(
@@ -277,7 +276,7 @@ def compare(
     calibrations: tuple[Path, ...], store: Path | None, unit: str, allow: tuple[str, ...],
     overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
 ) -> None:  # fmt: skip
-    """How the parameters of a unit move from calibration to calibration: CALIBRATIONS, those of a --store, or both."""
+    """Compare the parameters of a unit from calibration to calibration: CALIBRATIONS, those of a --store, or both."""
     from gimbalcal.history import compare as run
     from gimbalcal.history import dated_file, of_store
     from gimbalcal.report.files import write_comparison
@@ -290,11 +289,10 @@ def compare(
     target = output_folder(out, named, "history", files, overwrite, as_json)
     stored, diagnoses = of_store(store, unit) if store is not None else ((), ())
     comparison = run([*stored, *(dated_file(c) for c in calibrations)], unit, dict(_allowed(a) for a in allow))
-    content = comparison.to_dict()
     if target is not None:
-        write_comparison(content, diagnoses, target.folder, target.question)
+        write_comparison(comparison.printed, diagnoses, target.folder, target.question)
         wrote(target.folder, "compare.json", quiet)
-    show(content, answered(comparison.in_words), as_json, quiet, target.page if target else None)
+    show(comparison.printed.to_dict(), answered(comparison.in_words), as_json, quiet, target.page if target else None)
     sys.exit(0 if comparison.agree else 1)
 
 

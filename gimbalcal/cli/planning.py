@@ -282,4 +282,4 @@ def campaign(
         tell(f"the runs that are done stay in {target.folder}; the same command goes on from there")
         raise
     wrote(target.folder, "campaign.json", quiet)
-    show(summary, headline(summary), as_json, quiet, target.page)
+    show(summary.to_dict(), headline(summary), as_json, quiet, target.page)

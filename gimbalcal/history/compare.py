@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,11 @@ import numpy as np
 from gimbalcal.calibration.gravity_uncertainty import common_gravity, without_gravity
 from gimbalcal.earth import YEAR
 from gimbalcal.effects import Parameter
+from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError
 from gimbalcal.history.dated_calibration import DatedCalibration
 from gimbalcal.history.parameter_history import SIGNIFICANCE, ParameterHistory, parameter_history
+from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
 from gimbalcal.words.history_sentences import comparison_in_words
 
@@ -31,15 +34,82 @@ FIXED_VALUE_SIGMAS = 1e-3  # a value nearer to zero was fixed there
 
 
 @dataclass(frozen=True)
-class CalibrationStep:
-    """Difference of two successive calibrations: chi^2 over `dof` parameters, and its p-value."""
+class CalibrationStep(Entry):
+    """Difference of two successive calibrations: chi^2 over `dof` parameters, and its p-value.
+
+    p_value: nan, null in compare.json, for two calibrations of the same recording, which are not independent.
+    """
 
     before: int
     after: int
     chi2: float
     dof: int
     p_value: float
-    shared: bool  # the same recording: then the two are not independent and the p-value is meaningless
+    same_recording: bool
+
+
+@dataclass(frozen=True)
+class ComparedCalibration(Entry):
+    """A calibration in compare.json: file or date in a store, date of ISO 8601, and SHA-256 of its recordings."""
+
+    name: str
+    date: str
+    method: str
+    outcome: str
+    recordings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PrintedHistory(Entry):
+    """A parameter over the calibrations in its unit of print: jumps and outliers are numbers of calibrations."""
+
+    name: str
+    axis: str
+    effect: str
+    unit: str
+    calibrations: tuple[int, ...]
+    values: tuple[float, ...]
+    sigmas: tuple[float, ...]
+    scatter: float
+    drift_per_year: float  # nan without a drift
+    drift_sigma: float
+    jumps: tuple[int, ...]
+    outliers: tuple[int, ...]
+    due: str | None
+
+    def to_dict(self) -> Json:
+        """Return the entry of compare.json."""
+        return {**super().to_dict(), "due": self.due}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PrintedComparison(Entry):
+    """The content of compare.json: numbers in printed units, dates of ISO 8601."""
+
+    format: int = 1
+    unit: str
+    in_words: str
+    agree: bool
+    common_gravity_sigma_ppm: float
+    due: str | None
+    calibrations: tuple[ComparedCalibration, ...]
+    steps: tuple[CalibrationStep, ...]
+    parameters: tuple[PrintedHistory, ...]
+
+    def to_dict(self) -> Json:
+        """Return the content of compare.json."""
+        return {**super().to_dict(), "due": self.due}
+
+    @property
+    def columns(self) -> dict[str, list[Any]]:
+        """Return the histories as columns, a row for each parameter of each calibration."""
+        rows = [
+            (self.calibrations[k].name, self.calibrations[k].date, p.name, p.axis, value, sigma, p.unit)
+            for p in self.parameters
+            for k, value, sigma in zip(p.calibrations, p.values, p.sigmas, strict=True)
+        ]
+        names = ("calibration", "date", "name", "axis", "value", "sigma", "unit")
+        return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 
 @dataclass(frozen=True)
@@ -60,7 +130,7 @@ class Comparison:
     @property
     def significant(self) -> tuple[CalibrationStep, ...]:
         """Return the significant steps."""
-        return tuple(s for s in self.steps if not s.shared and s.p_value < SIGNIFICANCE / len(self.steps))
+        return tuple(s for s in self.steps if s.p_value < SIGNIFICANCE / len(self.steps))
 
     @property
     def due(self) -> datetime | None:
@@ -73,27 +143,27 @@ class Comparison:
         """Return a summary: whether the unit changed, which parameters most, and when to calibrate."""
         return comparison_in_words(self)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content of compare.json; numbers in printed units."""
-        return {
-            "format": 1,
-            "unit": self.unit,
-            "in_words": self.in_words,
-            "agree": self.agree,
-            "common_gravity_sigma_ppm": 1e6 * self.gravity,
-            "due": None if self.due is None else self.due.date().isoformat(),
-            "calibrations": [
-                {"name": d.name, "date": d.date.isoformat(), "method": d.calibration.method,
-                 "outcome": d.calibration.outcome, "recordings": sorted(d.hashes)}
+    def to_dict(self) -> Json:
+        """Return the content of compare.json."""
+        return self.printed.to_dict()
+
+    @property
+    def printed(self) -> PrintedComparison:
+        """Return the content of compare.json."""
+        return PrintedComparison(
+            unit=self.unit,
+            in_words=self.in_words,
+            agree=self.agree,
+            common_gravity_sigma_ppm=1e6 * self.gravity,
+            due=None if self.due is None else self.due.date().isoformat(),
+            calibrations=tuple(
+                ComparedCalibration(d.name, d.date.isoformat(), d.calibration.method, d.calibration.outcome,
+                                    tuple(sorted(d.hashes)))
                 for d in self.calibrations
-            ],
-            "steps": [
-                {"before": s.before, "after": s.after, "chi2": s.chi2, "dof": s.dof,
-                 "p_value": None if s.shared else s.p_value, "same_recording": s.shared}
-                for s in self.steps
-            ],
-            "parameters": [_row(c) for c in self.histories],
-        }  # fmt: skip
+            ),
+            steps=self.steps,
+            parameters=tuple(_printed(c) for c in self.histories),
+        )  # fmt: skip
 
 
 def compare(
@@ -149,7 +219,7 @@ def _step(ordered: Sequence[DatedCalibration], k: int, shared: bool) -> Calibrat
     of_a, of_b = ({p.label: i for i, p in enumerate(c.parameters) if c.sigmas[i] > 0} for c in (a, b))
     both = [label for label in of_a if label in of_b]
     if not both:
-        return CalibrationStep(k, k + 1, 0.0, 0, 1.0, shared)
+        return CalibrationStep(k, k + 1, 0.0, 0, nan if shared else 1.0, shared)
     i, j = ([of[label] for label in both] for of in (of_a, of_b))
     difference = b.values[j] - a.values[i]
     gravity = common_gravity(a, b)
@@ -159,7 +229,7 @@ def _step(ordered: Sequence[DatedCalibration], k: int, shared: bool) -> Calibrat
     different = lam > len(lam) * np.finfo(float).eps * lam[-1]  # not a direction that both hold exactly
     chi2 = float((((V.T @ (difference / size))[different]) ** 2 / lam[different]).sum())
     dof = int(different.sum())
-    return CalibrationStep(k, k + 1, chi2, dof, float(chdtrc(dof, chi2)), shared)
+    return CalibrationStep(k, k + 1, chi2, dof, nan if shared else float(chdtrc(dof, chi2)), shared)
 
 
 def _limits(allowed: Mapping[str, str], known: Iterable[Parameter]) -> dict[str, float]:
@@ -183,29 +253,15 @@ def _limits(allowed: Mapping[str, str], known: Iterable[Parameter]) -> dict[str,
     return out
 
 
-def _row(c: ParameterHistory) -> dict[str, Any]:
+def _printed(c: ParameterHistory) -> PrintedHistory:
     p = c.parameter
-    number = {key: None if np.isnan(v) else float(from_si(v * YEAR, p.unit))
-              for key, v in (("drift_per_year", c.rate), ("drift_sigma", c.rate_sigma))}  # fmt: skip
-    return {
-        "name": p.name, "axis": p.axis, "effect": p.effect, "unit": p.unit, "calibrations": list(c.at),
-        "values": [float(from_si(v, p.unit)) for v in c.value],
-        "sigmas": [float(from_si(v, p.unit)) for v in c.sigma],
-        "scatter": float(from_si(c.scatter, p.unit)),
-        **number,
-        "jumps": [c.at[k] for k in c.jumps],
-        "outliers": [c.at[k] for k in c.outliers],
-        "due": None if np.isnan(c.due) else _date(c.due).date().isoformat(),
-    }  # fmt: skip
 
+    def printed(x: Array) -> tuple[float, ...]:
+        return tuple(float(from_si(v, p.unit)) for v in x)
 
-def flat(content: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """Return the histories of a compare.json as columns, a row for each parameter of each calibration."""
-    out: dict[str, list[Any]] = {c: [] for c in ("calibration", "date", "name", "axis", "value", "sigma", "unit")}
-    for row in content["parameters"]:
-        for k, value, sigma in zip(row["calibrations"], row["values"], row["sigmas"], strict=True):
-            source = content["calibrations"][k]
-            each = (source["name"], source["date"], row["name"], row["axis"], value, sigma, row["unit"])
-            for column, cell in zip(out.values(), each, strict=True):
-                column.append(cell)
-    return out
+    drift, drift_sigma, scatter = printed(np.array([c.rate * YEAR, c.rate_sigma * YEAR, c.scatter]))
+    return PrintedHistory(
+        p.name, p.axis, p.effect, p.unit, c.at, printed(c.value), printed(c.sigma), scatter, drift, drift_sigma,
+        tuple(c.at[k] for k in c.jumps), tuple(c.at[k] for k in c.outliers),
+        None if np.isnan(c.due) else _date(c.due).date().isoformat(),
+    )  # fmt: skip

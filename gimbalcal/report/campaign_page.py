@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
-from math import sqrt
+from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
 
+from gimbalcal.campaign.campaign_folder import CampaignSummary, ParameterErrors
 from gimbalcal.errors import amount
 from gimbalcal.report.chart import Band, Mark, Rule
 from gimbalcal.report.figures import dots_by_name
@@ -22,17 +23,15 @@ MIN_P_VALUE = 1e-3  # of all parameters jointly; a smaller one is not attributed
 MAX_RELATIVE_EXCESS = 0.1  # of errors over sigmas; less changes no decision, however significant
 MAX_NAMED = 3  # parameters that a headline names
 
-Row = Mapping[str, Any]
 
-
-def headline(content: Mapping[str, Any]) -> str:
+def headline(c: CampaignSummary) -> str:
     """Return whether errors and sigmas agree, which parameters have an offset, and what to do next."""
-    rows = _estimated(content)
-    runs = amount(content["runs"], "run")
+    rows = _estimated(c)
+    runs = amount(c.runs, "run")
     if not rows:
-        return f"{runs} without an estimate: {_reasons(content)}. Next: check the scenario."
-    low, high = chance(min(int(r["runs"]) for r in rows), len(rows))
-    ratios = [float(r["ratio"]) for r in rows]
+        return f"{runs} without an estimate: {_reasons(c)}. Next: check the scenario."
+    low, high = chance(min(r.runs for r in rows), len(rows))
+    ratios = [r.ratio for r in rows]
     large, off = _larger(rows), _off(rows)
     size = f"{min(ratios):.2f} to {max(ratios):.2f} times their σ over {amount(len(rows), 'parameter')}"
     text = f"In {runs} errors are {size}; chance alone gives {low:.2f} to {high:.2f}."
@@ -41,31 +40,31 @@ def headline(content: Mapping[str, Any]) -> str:
             f" The error of {_names(large)} exceeds its σ.")  # fmt: skip
     if off:
         text += f" The mean error of {_names(off)} is not zero."
-    if content["failed"]:
-        text += f" {amount(content['failed'], 'run')} ended with a reservation: {_reasons(content)}."
+    if c.failed:
+        text += f" {amount(c.failed, 'run')} ended with a reservation: {_reasons(c)}."
     if large or off:
         return f"{text} Next: `gimbalcal diagnose` a simulated recording of this scenario."
-    small = min(int(r["runs"]) for r in rows) < 50
+    small = min(r.runs for r in rows) < 50
     return f"{text} The σ are honest" + (" as far as so few runs show. Next: more of them, -n 200." if small else ".")
 
 
-def campaign_report(content: Mapping[str, Any]) -> str:
+def campaign_report(c: CampaignSummary) -> str:
     """Return the page for the content of a campaign.json."""
-    rows = _estimated(content)
-    doubtful = bool(not rows or content["failed"] or _larger(rows) or _off(rows))
-    identity = content["identity"]
+    rows = _estimated(c)
+    doubtful = bool(not rows or c.failed or _larger(rows) or _off(rows))
+    identity = c.identity
     context = {
-        "title": f"{identity['name']}, {amount(content['runs'], 'run')}",
-        "answer": headline(content),
+        "title": f"{identity.name}, {amount(c.runs, 'run')}",
+        "answer": headline(c),
         "verdict": "reserved" if doubtful else "fits",
-        "facts": _facts(content, rows),
+        "facts": _facts(c, rows),
         "picture": _picture(rows) if rows else None,
         "rows": [_row(r, before) for r, before in zip(rows, [None, *rows], strict=False)],
-        "reasons": [(words, amount(count, "run")) for words, count in content["outcomes"].items()],
+        "reasons": [(words, amount(count, "run")) for words, count in c.outcomes.items()],
         "provenance": [
-            ("method", str(identity["method"])), ("seed", str(identity["seed"])), ("kind", str(identity["kind"])),
-            ("direction", str(content["direction"])), ("version", str(identity["version"])),
-            ("SHA-256 of the scenario", str(identity["scenario"])),
+            ("method", str(identity.method)), ("seed", str(identity.seed)), ("kind", str(identity.kind)),
+            ("direction", c.direction), ("version", str(identity.version)),
+            ("SHA-256 of the scenario", str(identity.scenario)),
         ],
     }  # fmt: skip
     return render("campaign.html", context)
@@ -85,24 +84,24 @@ def chance(runs: int, parameters: int) -> tuple[float, float]:
     return sqrt(float(chdtri(runs, 1 - tail)) / runs), sqrt(float(chdtri(runs, tail)) / runs)
 
 
-def _estimated(content: Mapping[str, Any]) -> list[Row]:
-    return [r for r in content["parameters"] if r["ratio"] is not None]
+def _estimated(c: CampaignSummary) -> list[ParameterErrors]:
+    return [r for r in c.parameters if isfinite(r.ratio)]
 
 
-def _larger(rows: Sequence[Row]) -> list[Row]:
+def _larger(rows: Sequence[ParameterErrors]) -> list[ParameterErrors]:
     """Return parameters whose errors exceed their sigmas significantly and by a relevant amount, worst first."""
-    over = [r for r in rows if r["ratio"] > max(chance(int(r["runs"]), len(rows))[1], 1 + MAX_RELATIVE_EXCESS)]
-    return sorted(over, key=lambda r: -float(r["ratio"]))
+    over = [r for r in rows if r.ratio > max(chance(r.runs, len(rows))[1], 1 + MAX_RELATIVE_EXCESS)]
+    return sorted(over, key=lambda r: -r.ratio)
 
 
-def _off(rows: Sequence[Row]) -> list[Row]:
+def _off(rows: Sequence[ParameterErrors]) -> list[ParameterErrors]:
     """Return parameters whose mean error is significant."""
     return [r for r in rows if abs(_offset(r)) > _far(len(rows))]
 
 
-def _offset(r: Row) -> float:
+def _offset(r: ParameterErrors) -> float:
     """Return the mean error in its own sigmas."""
-    return float(r["mean"] / r["sigma"] * sqrt(r["runs"]))
+    return r.mean / r.sigma * sqrt(r.runs)
 
 
 def _far(parameters: int) -> float:
@@ -112,45 +111,45 @@ def _far(parameters: int) -> float:
     return float(-ndtri(MIN_P_VALUE / parameters / 2))
 
 
-def _names(rows: Sequence[Row]) -> str:
-    names = [naming.label_in_words(r["parameter"]) for r in rows[:MAX_NAMED]]
+def _names(rows: Sequence[ParameterErrors]) -> str:
+    names = [naming.label_in_words(r.parameter) for r in rows[:MAX_NAMED]]
     more = len(rows) - MAX_NAMED
     return naming.listed([*names, f"{more} more"] if more > 0 else names)
 
 
-def _reasons(content: Mapping[str, Any]) -> str:
-    worst = next(iter(content["outcomes"]), "")
+def _reasons(c: CampaignSummary) -> str:
+    worst = next(iter(c.outcomes), "")
     return naming.typeset(worst.rstrip(".")) or "no reason is stated"
 
 
-def _facts(content: Mapping[str, Any], rows: Sequence[Row]) -> list[tuple[str, str]]:
-    facts = [(str(content["runs"]), "runs"), (str(content["failed"]), "with a reservation")]
+def _facts(c: CampaignSummary, rows: Sequence[ParameterErrors]) -> list[tuple[str, str]]:
+    facts = [(str(c.runs), "runs"), (str(c.failed), "with a reservation")]
     if rows:
-        middle = sqrt(float(np.mean([float(r["ratio"]) ** 2 for r in rows])))
-        worst = max(rows, key=lambda r: float(r["ratio"]))
+        middle = sqrt(float(np.mean([r.ratio**2 for r in rows])))
+        worst = max(rows, key=lambda r: r.ratio)
         facts += [(f"{middle:.2f}", "RMS error over σ, all parameters"),
-                  (f"{worst['ratio']:.2f}", f"the largest, {naming.label_in_words(worst['parameter'])}")]  # fmt: skip
+                  (f"{worst.ratio:.2f}", f"the largest, {naming.label_in_words(worst.parameter)}")]  # fmt: skip
     return facts
 
 
-def _row(r: Row, before: Row | None) -> dict[str, Any]:
+def _row(r: ParameterErrors, before: ParameterErrors | None) -> dict[str, Any]:
     rms, sigma, unit = _printed(r)
     return {
-        "words": naming.label_in_words(r["parameter"]),
-        "first": before is None or before["parameter"].partition(":")[0] != r["parameter"].partition(":")[0],
+        "words": naming.label_in_words(r.parameter),
+        "first": before is None or before.parameter.partition(":")[0] != r.parameter.partition(":")[0],
         "mean": in_sigmas(_offset(r), 1),
         "rms": significant(rms, 3),
         "sigma": significant(sigma, 3),
         "unit": unit,
-        "ratio": f"{r['ratio']:.2f}",
+        "ratio": f"{r.ratio:.2f}",
     }
 
 
-def _printed(r: Row) -> tuple[float, float, str]:
+def _printed(r: ParameterErrors) -> tuple[float, float, str]:
     """Return RMS error and sigma in the unit in which the parameter is printed."""
-    stated = r["unit"] != "SI"  # of pulses: no parameter of the catalogue
-    unit = str(r["unit"]) if stated else _units().get(r["parameter"].partition(":")[0], "1")
-    rms, sigma = (float(r[k]) if stated else float(from_si(r[k], unit)) for k in ("rms", "sigma"))
+    stated = r.unit != "SI"  # of pulses: no parameter of the catalogue
+    unit = r.unit if stated else _units().get(r.parameter.partition(":")[0], "1")
+    rms, sigma = (x if stated else float(from_si(x, unit)) for x in (r.rms, r.sigma))
     return rms, sigma, naming.unit_in_print(unit)
 
 
@@ -161,10 +160,10 @@ def _units() -> dict[str, str]:
     return {p.label.partition(":")[0]: p.unit for e in CATALOGUE.values() for p in parameters(e, ("inner",))}
 
 
-def _picture(rows: Sequence[Row]) -> Picture:
+def _picture(rows: Sequence[ParameterErrors]) -> Picture:
     """Draw the ratio of every parameter, and its interval by chance."""
-    ratio = np.array([float(r["ratio"]) for r in rows])
-    low, high = chance(min(int(r["runs"]) for r in rows), len(rows))
+    ratio = np.array([r.ratio for r in rows])
+    low, high = chance(min(r.runs for r in rows), len(rows))
     ends = np.array([-0.5, len(rows) - 0.5])
     marks: list[Mark] = [Band(np.array([low, high]), ends[[0, 0]], ends[[1, 1]], "grey", "chance"),
              Rule(1.0, "ink", upright=True)]  # fmt: skip
@@ -173,7 +172,7 @@ def _picture(rows: Sequence[Row]) -> Picture:
         {"more than chance": np.where(odd, ratio, np.nan)} if odd.any() else {}
     )
     return picture(
-        dots_by_name([naming.label_in_words(r["parameter"]) for r in rows], series, "RMS error / σ", "times σ", marks,
+        dots_by_name([naming.label_in_words(r.parameter) for r in rows], series, "RMS error / σ", "times σ", marks,
                      log=False),
         f"Error over sigma of {amount(len(rows), 'parameter')}, from {ratio.min():.2f} to {ratio.max():.2f}; chance "
         f"gives {low:.2f} to {high:.2f}.",

@@ -12,6 +12,7 @@ from gimbalcal.report.html import marked
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
     from gimbalcal.diagnose import Diagnosis
+    from gimbalcal.history.compare import PrintedComparison
     from gimbalcal.recording import Recording
 
 
@@ -70,17 +71,16 @@ def write_report(
 
 
 def write_comparison(
-    content: Mapping[str, Any], diagnoses: Sequence[tuple[str, str]], out: Path, question: str = ""
+    comparison: PrintedComparison, diagnoses: Sequence[tuple[str, str]], out: Path, question: str = ""
 ) -> None:
     """Write compare.json, report.html and all values as history.csv and history.parquet into `out`."""
     import polars as pl
 
-    from gimbalcal.history.compare import flat
     from gimbalcal.report.history_page import history_report
 
-    page, rows = history_report(content, diagnoses), pl.DataFrame(flat(content))
+    page, rows = history_report(comparison, diagnoses), pl.DataFrame(comparison.columns)
     with folder(out) as new:
-        write_json(new / "compare.json", content)
+        write_json(new / "compare.json", comparison.to_dict())
         write(new / "history.csv", rows.write_csv())
         rows.write_parquet(new / "history.parquet")
         write(new / "report.html", marked(page, question))

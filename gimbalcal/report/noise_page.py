@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from gimbalcal.at_rest import ChannelNoise, Coefficient, RestNoise
 from gimbalcal.references import cite
 from gimbalcal.report.chart import COLOURS, DASHES, SHAPES, Chart, Line, Mark, Points, lasting
 from gimbalcal.report.html import picture, render
@@ -18,37 +19,37 @@ HOUR = 3600.0
 TITLES = {"specific_force": "Accelerometers", "angular_rate": "Gyroscopes"}
 
 
-def noise_report(content: Mapping[str, Any], title: str) -> str:
-    """Return the page for the content of a noise.json."""
-    misfits = [c for c in content["channels"] if c["p_value"] < 1e-3]
+def noise_report(noise: RestNoise, title: str) -> str:
+    """Return the page of the noise at rest."""
+    misfits = [c for c in noise.channels if c.p_value < 1e-3]
     context = {
         "title": title,
-        "answer": headline(content),
+        "answer": headline(noise),
         "verdict": "unexplained" if misfits else "found",
         "facts": [
-            (lasting(content["seconds"]), f"at rest, in {naming.counted(content['rests'], 'stretch', 'stretches')}"),
-            *([(lasting(content["longest_s"]), "longest rest")] if content["rests"] > 1 else []),
-            (_rate(content["rate_hz"]), "logged"),
+            (lasting(noise.seconds), f"at rest, in {naming.counted(noise.rests, 'stretch', 'stretches')}"),
+            *([(lasting(noise.longest_s), "longest rest")] if noise.rests > 1 else []),
+            (_rate(noise.rate_hz), "logged"),
         ],
         "picture": picture(
-            [_chart(content, quantity) for quantity in TITLES if _of(content, quantity)],
+            [_chart(noise.channels, quantity) for quantity in TITLES if _of(noise.channels, quantity)],
             "Allan deviation over averaging time, logarithmic, with the fitted noise as lines.",
             "Overlapping Allan deviation with one sigma, and the fitted noise: white noise falls with the root of "
             "time, bias instability (times 0.664) is level, random walk rises.",
         ),
-        "rows": [_row(c) for c in content["channels"]],
-        "header": [f'{k} = {{ value = {v["value"]:g}, unit = "{v["unit"]}" }}' for k, v in content["header"].items()],
-        "sources": content["provenance"]["recordings"],
+        "rows": [_row(c) for c in noise.channels],
+        "header": noise.lines,
+        "sources": noise.recordings,
         "citations": cite("ieee952", "groves2013"),
     }
     return render("noise.html", context)
 
 
-def headline(content: Mapping[str, Any]) -> str:
+def headline(noise: RestNoise) -> str:
     """Return how large the noise is, and what to do next."""
-    sentences = [naming.as_sentence(part) for part in content["in_words"].split("; ")]
-    short = content["longest_s"] < HOUR and "below" in content["in_words"]
-    steps = ["copy the lines of [noise] below into recording.toml"] if content["header"] else []
+    sentences = [naming.as_sentence(part) for part in noise.in_words.split("; ")]
+    short = noise.longest_s < HOUR and "below" in noise.in_words
+    steps = ["copy the lines of [noise] below into recording.toml"] if noise.header else []
     steps += ["record it undisturbed for some hours to determine what is only bounded here"] if short else []
     return " ".join([*sentences, *([f"Next: {', or '.join(steps)}."] if steps else [])])
 
@@ -57,39 +58,39 @@ def _rate(hertz: float) -> str:
     return f"{hertz:.4g} Hz" if hertz >= 0.1 else f"every {lasting(1 / hertz)}"
 
 
-def _of(content: Mapping[str, Any], quantity: str) -> list[Mapping[str, Any]]:
-    return [c for c in content["channels"] if c["quantity"] == quantity]
+def _of(channels: Sequence[ChannelNoise], quantity: str) -> list[ChannelNoise]:
+    return [c for c in channels if c.quantity == quantity]
 
 
-def _chart(content: Mapping[str, Any], quantity: str) -> Chart:
+def _chart(channels: Sequence[ChannelNoise], quantity: str) -> Chart:
     marks: list[Mark] = []
-    mine = _of(content, quantity)
+    mine = _of(channels, quantity)
     for k, c in enumerate(mine):
-        colour, tau, y = COLOURS[k % 6], np.array(c["tau_s"]), np.array(c["deviation"])
-        label = " ".join(filter(None, [c["axis"], c["sensor"]]))
+        colour, tau, y = COLOURS[k % 6], np.array(c.tau_s), np.array(c.deviation)
+        label = " ".join(filter(None, [c.axis, c.sensor]))
         names = [
-            f"{label}, {lasting(t)}: {significant(v)} {unit_in_print(c['unit'])}" for t, v in zip(tau, y, strict=True)
+            f"{label}, {lasting(t)}: {significant(v)} {unit_in_print(c.unit)}" for t, v in zip(tau, y, strict=True)
         ]
-        spread = np.array(c["sigma"])
-        marks += [Line(tau, np.array(c["model"]), colour, dash=DASHES[k % 6]),
+        spread = np.array(c.sigma)
+        marks += [Line(tau, np.array(c.model), colour, dash=DASHES[k % 6]),
                   Points(tau, y, colour, SHAPES[k % 4], 3.0, spread, names, label)]  # fmt: skip
-    unit = unit_in_print(mine[0]["unit"])
+    unit = unit_in_print(mine[0].unit)
     return Chart(tuple(marks), TITLES[quantity], "averaging time [s]", f"Allan deviation [{unit}]", log_x=True,
                  log_y=True, height=300)  # fmt: skip
 
 
-def _row(c: Mapping[str, Any]) -> dict[str, Any]:
+def _row(c: ChannelNoise) -> dict[str, Any]:
     return {
-        "name": " ".join(filter(None, [TITLES[c["quantity"]][:-1].lower(), c["axis"], c["sensor"]])),
-        "cells": [_cell(c[part]) for part in ("white_noise", "bias_instability", "random_walk")],
-        "from": lasting(c["fitted_from_s"]),
-        "p": p_value(c["p_value"]),
+        "name": " ".join(filter(None, [TITLES[c.quantity][:-1].lower(), c.axis, c.sensor])),
+        "cells": [_cell(part) for part in (c.white_noise, c.bias_instability, c.random_walk)],
+        "from": lasting(c.fitted_from_s),
+        "p": p_value(c.p_value),
     }
 
 
-def _cell(part: Mapping[str, Any]) -> str:
-    unit = unit_in_print(part["unit"])
-    if part["value"] is None:
-        return f"below {significant(part['below'], 2)} {unit}"
-    value, sigma = pdg(part["value"], part["sigma"])
+def _cell(part: Coefficient) -> str:
+    unit = unit_in_print(part.unit)
+    if not part.significant:
+        return f"below {significant(part.below, 2)} {unit}"
+    value, sigma = pdg(part.value, part.sigma)
     return f"{value} ± {sigma} {unit}"

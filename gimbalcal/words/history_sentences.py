@@ -39,7 +39,7 @@ def comparison_in_words(c: Comparison) -> str:
         more = f", and {len(moved) - 3} more" if len(moved) > 3 else ""
         text = f"{start} do not agree: {'; '.join(_change(h, c.calibrations) for h in moved[:3])}{more}."
         text += f" Next: {_next(moved[0], c.calibrations)}."
-    if any(s.shared for s in c.steps):
+    if any(s.same_recording for s in c.steps):
         text += " Some were made from the same recording and are not held against each other."
     if c.gravity:
         text += (

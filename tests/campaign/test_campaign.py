@@ -62,7 +62,7 @@ def test_one_file_with_the_statistics_of_the_bench(tmp_path: Path) -> None:
     assert sorted(p.name for p in (tmp_path / "c").iterdir()) == ["campaign.json", "campaign.parquet"]
     assert rows["run"].to_list() == np.repeat(np.arange(150), 15).tolist()
     assert told[-1].startswith("150 of 150 runs")
-    assert summary == json.loads((tmp_path / "c" / "campaign.json").read_text())
+    assert summary.to_dict() == json.loads((tmp_path / "c" / "campaign.json").read_text())
     # rms of 150 normal errors: 6 %, and the drawn scale factors weigh the runs: 4 sigma
     assert all(abs(row["ratio"] - 1) < 0.3 for row in summary["parameters"])
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal import from_arrays
-from gimbalcal.at_rest import header, in_words, noise_at_rest
+from gimbalcal.at_rest import StatedNoise, header, in_words, noise_at_rest
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.recording import write
@@ -38,20 +38,19 @@ def test_density_is_found_in_one_rest_and_in_many(turns):
     assert len(channels) == 6
     for c in channels:
         white, size = c.coefficient(0), 100 if c.key[0] == "specific_force" else 0.3
-        assert white["unit"] == ("ug/sqrt(Hz)" if c.key[0] == "specific_force" else "deg/sqrt(h)")
-        assert abs(white["value"] - size) < 4 * white["sigma"] < 0.1 * size
-        assert c.coefficient(1)["value"] is None
-        assert c.coefficient(1)["below"] > 0
+        assert white.unit == ("ug/sqrt(Hz)" if c.key[0] == "specific_force" else "deg/sqrt(h)")
+        assert abs(white.value - size) < 4 * white.sigma < 0.1 * size
+        assert not c.coefficient(1).significant
+        assert c.coefficient(1).below > 0
     stated = header(channels)
-    assert stated["accelerometer"] == {"value": pytest.approx(100 * UG * np.sqrt(50), rel=0.03), "unit": "m/s^2"}
-    assert stated["gyroscope"] == {"value": pytest.approx(0.3 * DEG / 60 * np.sqrt(50), rel=0.03), "unit": "rad/s"}
+    assert stated["accelerometer"] == StatedNoise(pytest.approx(100 * UG * np.sqrt(50), rel=0.03), "m/s^2")
+    assert stated["gyroscope"] == StatedNoise(pytest.approx(0.3 * DEG / 60 * np.sqrt(50), rel=0.03), "rad/s")
 
 
 def test_the_first_point_of_a_curve_is_as_uncertain_as_its_degrees_of_freedom_leave_it():
     """White noise of N samples: two thirds of N, so that the deviation is known to sqrt(3 / N) / 2 of itself."""
     for c in noise_at_rest(unit()):
-        told = c.to_dict()
-        assert told["sigma"][0] / told["deviation"][0] == pytest.approx(np.sqrt(3 / 6000) / 2, rel=0.1)
+        assert c.result.sigma[0] / c.result.deviation[0] == pytest.approx(np.sqrt(3 / 6000) / 2, rel=0.1)
 
 
 def test_command_writes_what_its_schema_says_and_a_page(command, tmp_path, capsys):
@@ -71,10 +70,10 @@ def test_a_platform_that_stands_still_does_not_wander_with_the_earth():
     from gimbalcal.recording import read
 
     for c in noise_at_rest(read(ROOT / "data" / "space_stable_static")):
-        assert c.coefficient(1)["value"] is None
-        assert c.coefficient(2)["value"] is None
+        assert not c.coefficient(1).significant
+        assert not c.coefficient(2).significant
     stated = header(noise_at_rest(read(ROOT / "data" / "space_stable_static")))
-    assert stated["accelerometer"]["value"] == pytest.approx(4 * UG, rel=0.03)  # its scenario says 4 ug
+    assert stated["accelerometer"].value == pytest.approx(4 * UG, rel=0.03)  # its scenario says 4 ug
 
 
 def test_rests_that_are_too_short_are_refused():

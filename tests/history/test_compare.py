@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gimbalcal.atomic import as_json
 from gimbalcal.earth import YEAR
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.history import DatedCalibration, compare, dated_file
-from gimbalcal.history.compare import flat
 from gimbalcal.report.history_page import history_report
 from gimbalcal.words.history_sentences import _parameter_name
 from gimbalcal.words.naming import named
@@ -113,7 +113,7 @@ def test_each_step_is_from_one_calibration_to_the_next() -> None:
     said = [(100.0, "a"), (101.0, "b"), (99.0, "b"), (99.0, "c")]
     each = [calibration(x * np.ones(6), k, 1.0, recording) for k, (x, recording) in enumerate(said)]
     made = compare([DatedCalibration(f"{k}.json", START + timedelta(days=90 * k), c) for k, c in enumerate(each)])
-    assert [(s.before, s.after, s.shared) for s in made.steps] == [(0, 1, False), (1, 2, True), (2, 3, False)]
+    assert [(s.before, s.after, s.same_recording) for s in made.steps] == [(0, 1, False), (1, 2, True), (2, 3, False)]
     # d'(2 R)^-1 d of six alike: R has the eigenvalue 2.5 along them
     np.testing.assert_allclose([s.chi2 for s in made.steps], [6 / 5, 4 * 6 / 5, 0.0], atol=1e-9)
     assert {s.dof for s in made.steps} == {6}
@@ -196,10 +196,10 @@ def test_scatter_beyond_the_sigmas_is_told_and_makes_no_drift() -> None:
 
 def test_calibrations_of_the_same_recording_are_not_held_against_each_other() -> None:
     made = compare(history(1, 3, course("bias:x", [0, 50, 100]), recording="one"))
-    assert all(s.shared for s in made.steps)
+    assert all(s.same_recording for s in made.steps)
     assert not any(c.jumps for c in made.histories)
     assert "Some were made from the same recording" in made.in_words
-    assert all(s["p_value"] is None for s in made.to_dict()["steps"])
+    assert all(s["p_value"] is None for s in json.loads(as_json(made.to_dict()))["steps"])
 
 
 def test_what_cannot_be_compared_is_refused() -> None:
@@ -225,14 +225,14 @@ def test_files_and_the_page(tmp_path: Path) -> None:
         path.write_text(json.dumps(calibration(100 + 20.0 * k * np.eye(6)[0], k).to_dict()))
     made = compare([dated_file(p) for p in paths[::-1]], "bench 4")
     assert [d.name for d in made.calibrations] == [str(p) for p in paths]
-    content = json.loads(json.dumps(made.to_dict()))
+    content = made.printed
     page = history_report(content, [("2024-05-01T10:00", "Missing physics: warm up")])
     assert "History: bench 4" in page
     assert page.count('<div class="tiles">') == 1
     assert "Missing physics: warm up" in page
-    rows = flat(content)
+    rows = content.columns
     assert len(rows["value"]) == 18
-    assert rows["value"][:3] == content["parameters"][0]["values"]
+    assert rows["value"][:3] == list(content.parameters[0].values)
 
 
 def placed(k: int, moved: float, gravity: float = 9.8, seed: int = 3, last: int = 3) -> DatedCalibration:

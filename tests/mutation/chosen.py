@@ -243,8 +243,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("words.diagnosis_headline", "_residuals", "chi2**0.5", "chi2"),
     ),
     "report/test_numbers.py": (
-        ("report.history_page", "_row", 'p["values"][-1] - p["values"][-2]', 'p["values"][-2] - p["values"][-1]'),
-        ("report.history_page", "_course", '- p["drift_per_year"] * years', '+ p["drift_per_year"] * years'),
+        ("report.history_page", "_row", "p.values[-1] - p.values[-2]", "p.values[-2] - p.values[-1]"),
+        ("report.history_page", "_course", "- p.drift_per_year * years", "+ p.drift_per_year * years"),
         ("report.history_page", "_course", "2 * sigma[chosen]", "sigma[chosen]"),
         ("report.parameters", "_row", "(e.value - float(from_si(truth", "(e.value + float(from_si(truth"),
         ("report.parameters", "_row", "from_si(truth[p.label], p.unit)", "truth[p.label]"),
@@ -258,8 +258,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "np.arange(len(names), dtype=float)"),
         ("report.figures", "_in_view", "OUTSIDE * float(residual.max(initial=0.0)), OUTSIDE", "OUTSIDE"),
         ("report.sections", "innovations_by_leg", '(~stop, "ring"', '(stop, "ring"'),
-        ("report.noise_page", "_chart", 'np.array(c["tau_s"]), np.array(c["deviation"])',
-         'np.array(c["deviation"]), np.array(c["tau_s"])'),
+        ("report.noise_page", "_chart", 'np.array(c.tau_s), np.array(c.deviation)',
+         'np.array(c.deviation), np.array(c.tau_s)'),
         ("report.sections", "night_by_night", "t.change or 0.0, t.change_sigma or 0.0", "t.value, t.sigma"),
         ("report.navigation_page", "budget_report", "100 * budget.share[i]", "budget.share[i]"),
         ("report.sections", "pointing_picture", "np.sqrt((x**2).sum(axis=1).mean())", "(x**2).sum(axis=1).mean()"),
@@ -268,7 +268,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("calibration.gravity_uncertainty", "scaled", "1 + x if", "1 - x if"),
     ),
     "cli/test_noise.py": (
-        ("at_rest", "Channel.to_dict", "(2 * np.sqrt(self.model))", "np.sqrt(self.model)"),
+        ("at_rest", "Channel.result", "(2 * np.sqrt(self.model))", "np.sqrt(self.model)"),
     ),
     "simulate/test_simulate.py::test_a_temperature_walks_by_the_root_of_time": (
         ("simulate.simulation", "sample_path", "np.sqrt(KNOT_STEP_S / 3600)", "(KNOT_STEP_S / 3600)"),

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from gimbalcal import from_arrays
-from gimbalcal.at_rest import content as noise_content
-from gimbalcal.at_rest import noise_at_rest
+from gimbalcal.at_rest import noise_at_rest, rest_noise
+from gimbalcal.campaign.campaign_folder import CampaignSummary
 from gimbalcal.design.budget import budget
 from gimbalcal.design.optimal import design
 from gimbalcal.design.position_observability import observe, observe_any
@@ -21,9 +21,11 @@ from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, LawResult, Mismatch, Shape
 from gimbalcal.earth import G0
+from gimbalcal.entries import entry_from
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.guess.log import Guess
 from gimbalcal.guess.proposal import Proposal
+from gimbalcal.history.compare import PrintedComparison
 from gimbalcal.navigate.navigation_errors import Navigated
 from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.navigate.summary import summary
@@ -42,16 +44,18 @@ from tests.report.example import example
 
 LONG = "Bench_4-of-the-laboratory_with-a-title-that-nobody-broke_" * 4
 
-HISTORY = {
-    "unit": LONG, "in_words": "bias y jumped by 3 mg.", "agree": False, "due": "2027-01-01",
+HISTORY = entry_from(PrintedComparison, {
+    "unit": LONG, "in_words": "bias y jumped by 3 mg.", "agree": False,
+    "common_gravity_sigma_ppm": 0.0, "due": "2027-01-01",
     "calibrations": [{"date": f"2026-0{k}-01T00:00:00+00:00", "name": LONG, "method": "three-stage", "outcome": ""}
                      for k in (1, 2, 3)],
     "steps": [{"before": k, "after": k + 1, "chi2": 3.0, "dof": 2, "p_value": 0.2, "same_recording": False}
               for k in (0, 1)],
-    "parameters": [{"name": n, "axis": "y", "unit": "ug", "calibrations": [0, 1, 2], "values": [1.0, 2.0, 300.0],
-                    "sigmas": [1.0, 1.0, 1.0], "jumps": [2], "outliers": [], "due": "2027-01-01", "scatter": 0.0,
-                    "drift_per_year": 3.0, "drift_sigma": 1.0} for n in ("bias", "scale_factor")],
-}  # fmt: skip
+    "parameters": [{"name": n, "axis": "y", "effect": n, "unit": "ug", "calibrations": [0, 1, 2],
+                    "values": [1.0, 2.0, 300.0], "sigmas": [1.0, 1.0, 1.0], "jumps": [2], "outliers": [],
+                    "due": "2027-01-01", "scatter": 0.0, "drift_per_year": 3.0, "drift_sigma": 1.0}
+                   for n in ("bias", "scale_factor")],
+}, "compare.json")  # fmt: skip
 
 TURNS = TurnsDesign(
     ROTATIONS["wei2022-30"], 3870.0,
@@ -78,17 +82,17 @@ def curves(rows: int = 20, positions: int = 18) -> Curves:
     return Curves(60.0 * np.arange(n), position, channels, before, 0 * before)
 
 
-def campaign(runs: int = 200, ratio: float = 1.02, mean: float = 0.0, failed: int = 0) -> dict[str, Any]:
-    """The content of a campaign.json; the second parameter errs by `ratio`."""
+def campaign(runs: int = 200, ratio: float = 1.02, mean: float = 0.0, failed: int = 0) -> CampaignSummary:
+    """The summary of a campaign.json; the second parameter errs by `ratio`."""
     sigma = 9.80665e-6
     rows = [{"parameter": f"bias:{a}", "unit": "SI", "runs": runs, "mean": mean * sigma if a == "y" else 0.0,
              "rms": r * sigma, "sigma": sigma, "ratio": r} for a, r in (("x", 0.97), ("y", ratio))]  # fmt: skip
-    return {
-        "format": 1, "direction": "physics to readings", "runs": runs, "failed": failed,
+    return entry_from(CampaignSummary, {
+        "format": 1, "sha256": "0" * 64, "direction": "physics to readings", "runs": runs, "failed": failed,
         "outcomes": {"the fit did not settle": failed} if failed else {}, "parameters": rows, "in_words": "",
         "identity": {"scenario": "0" * 64, "name": "wu2018-18", "kind": "multi-position", "seed": 1,
                      "method": "three-stage", "share": 4, "version": "0.1.0"},
-    }  # fmt: skip
+    }, "campaign.json")  # fmt: skip
 
 
 @cache
@@ -137,7 +141,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "law": lambda: of_forces("unexplained", findings=(), laws=(LAW,)),
     "pointing": pointing_page,
     "mount": lambda: diagnosis_report(replace(DIAGNOSIS, curves=mount()), LONG),
-    "noise": lambda: noise_report(noise_content(bench(), noise_at_rest(bench())), LONG),
+    "noise": lambda: noise_report(rest_noise(bench(), noise_at_rest(bench())), LONG),
     "observe": lambda: plan_report(observe("wu2018-18", candidates=["cross_coupling"])),
     "observe_static": lambda: plan_report(observe_any("static-24h", 1.0, 2.0, 40.0)),
     "turns": lambda: observability_report(observe_turning("jia2014-9", 40.0, "bias,gyro_bias")),

@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from datetime import datetime
+from math import nan
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gimbalcal.at_rest import ChannelNoise, Coefficient
 from gimbalcal.calibration import Calibration, Provenance, Residual, StageResult
 from gimbalcal.calibration.provenance import Night, NightTerm
 from gimbalcal.design.budget import Budget
 from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.history.compare import CalibrationStep, ComparedCalibration, PrintedComparison, PrintedHistory
 from gimbalcal.report import figures
 from gimbalcal.report.chart import Bars, Chart, Line, Points, limits
 from gimbalcal.report.evidence import by_position, over_time
@@ -124,16 +127,17 @@ def test_rings_are_turns_and_stand_where_their_innovations_do() -> None:
 # --- the history of a unit --------------------------------------------------------------------------------------------
 
 DATES = [f"{year}-03-01T00:00:00+00:00" for year in (2024, 2025, 2026)]
-COURSE = {"name": "bias", "axis": "x", "effect": "bias", "unit": "ug", "calibrations": [0, 1, 2],
-          "values": [100.0, 130.0, 115.0], "sigmas": [3.0, 4.0, 3.0], "scatter": 0.0, "drift_per_year": 7.5,
-          "drift_sigma": 2.0, "jumps": [1], "outliers": [], "due": "2027-01-01"}  # fmt: skip
+COURSE = PrintedHistory(
+    "bias", "x", "bias", "ug", (0, 1, 2), (100.0, 130.0, 115.0), (3.0, 4.0, 3.0), 0.0, 7.5, 2.0, (1,), (), "2027-01-01"
+)
 
 
 def test_the_page_of_a_history_tells_the_last_change_and_where_it_jumped() -> None:
-    made = [{"name": d, "date": d, "method": "three-stage", "outcome": "", "recordings": []} for d in DATES]
-    step = {"before": 0, "after": 1, "chi2": 36.0, "dof": 1, "p_value": 2e-9, "same_recording": False}
-    page = history_report({"unit": "u", "in_words": "It moved.", "agree": False, "due": "2027-01-01", "steps": [step],
-                           "calibrations": made, "parameters": [COURSE]})  # fmt: skip
+    made = tuple(ComparedCalibration(d, d, "three-stage", "") for d in DATES)
+    page = history_report(PrintedComparison(
+        unit="u", in_words="It moved.", agree=False, common_gravity_sigma_ppm=0.0, due="2027-01-01",
+        steps=(CalibrationStep(0, 1, 36.0, 1, 2e-9, False),), calibrations=made, parameters=(COURSE,),
+    ))  # fmt: skip
     text = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page))
     assert "2.0 years" in text
     assert "115.0 ± 3.0" in text
@@ -148,17 +152,18 @@ def test_the_picture_of_a_course_has_two_sigmas_and_its_drift() -> None:
     assert (odd.y.tolist(), odd.spread.tolist()) == ([130.0], [8.0])  # type: ignore[union-attr]
     (line,) = [m for m in chart.marks if isinstance(m, Line)]
     assert line.y[-1] - line.y[0] == pytest.approx(2 * 7.5, rel=1e-3)
-    w = np.array(COURSE["sigmas"]) ** -2.0
-    assert np.average(line.y, weights=w) == pytest.approx(np.average(COURSE["values"], weights=w))
+    w = np.array(COURSE.sigmas) ** -2.0
+    assert np.average(line.y, weights=w) == pytest.approx(np.average(COURSE.values, weights=w))
 
 
 # --- noise, nights, a budget ------------------------------------------------------------------------------------------
 
 
 def test_a_chart_of_noise_has_averaging_time_below() -> None:
-    one = {"quantity": "specific_force", "axis": "x", "sensor": "", "tau_s": [1.0, 10.0], "deviation": [5.0, 2.0],
-           "sigma": [0.1, 0.1], "model": [5.0, 2.0], "unit": "ug"}  # fmt: skip
-    (dots,) = points(noise_chart({"channels": [one]}, "specific_force"))
+    none = Coefficient(nan, nan, 1.0, "ug")
+    one = ChannelNoise("specific_force", "x", "", none, none, none, "ug", (1.0, 10.0), (5.0, 2.0), (0.1, 0.1),
+                       (5.0, 2.0), 1.0, 1.0, 1, 0.5)  # fmt: skip
+    (dots,) = points(noise_chart([one], "specific_force"))
     assert (dots.x.tolist(), dots.y.tolist()) == ([1.0, 10.0], [5.0, 2.0])
     assert (told_rate(50.0), told_rate(0.01)) == ("50 Hz", "every 100 s")
 

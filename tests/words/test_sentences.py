@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gimbalcal.at_rest import RestNoise
 from gimbalcal.calibration import AssumedNoise, Calibration, Options, Provenance, Residual
 from gimbalcal.calibration.provenance import ResidualPattern
 from gimbalcal.design.position_observability import observe
@@ -266,9 +267,7 @@ def test_a_plan_names_four_kinds_of_parameters_and_counts_the_rest() -> None:
 
 
 def test_headlines_of_noise(golden: Golden) -> None:
-    cases = {
-        f"{s:.0f} s": {"in_words": "random walk below 3 ug", "longest_s": s, "header": {}} for s in (600.0, 7200.0)
-    }
+    cases = {f"{s:.0f} s": RestNoise(1, "random walk below 3 ug", 1, s, s, 1.0, {}, (), ()) for s in (600.0, 7200.0)}
     golden("sentences/noise", lines(cases, noise_headline))
 
 
@@ -276,7 +275,7 @@ def test_headlines_of_campaigns(golden: Golden) -> None:
     cases = {
         "honest": campaign(), "few runs": campaign(4, 1.5), "large errors": campaign(ratio=1.6),
         "offset": campaign(mean=0.5), "failed runs": campaign(failed=3),
-        "no estimate": campaign(failed=200) | {"parameters": []},
+        "no estimate": replace(campaign(failed=200), parameters=()),
     }  # fmt: skip
     golden("sentences/campaign", lines(cases, campaign_headline))
     classes = {name: re.findall(r'class="answer (\w+)"', campaign_report(c)) for name, c in cases.items()}
