@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 
 import pytest
 
 from gimbalcal import cli
 from gimbalcal.effects import CATALOGUE, loading
-from tests.golden import Golden
+from tests.golden import Golden, Messages
+
+MESSAGES = pytest.StashKey[Messages]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--regenerate-golden", action="store_true", help="write tests/golden anew instead of comparing")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[MESSAGES] = Messages(bool(config.getoption("--regenerate-golden")))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """Say whose section of the golden files `golden_text` and `refused` compare with."""
+    with item.config.stash[MESSAGES].of_test(item):
+        return (yield)
 
 
 @pytest.fixture(scope="session")

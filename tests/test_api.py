@@ -13,6 +13,7 @@ import pytest
 import gimbalcal
 from gimbalcal import CATALOGUE
 from gimbalcal.cli import main  # noqa: F401  the command line loads beside it
+from tests.golden import golden_text, refused
 from tests.guess.test_proposal import turned
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -27,7 +28,7 @@ def test_calibrate_is_the_command(command, capsys) -> None:  # type: ignore[no-u
     assert [p["value"] for p in told["parameters"]] == [p["value"] for p in made.to_dict()["parameters"]]
     again = gimbalcal.calibrate([gimbalcal.read(XSENS)], terms=["bias", "scale_factor"])
     assert {p.effect for p in again.parameters} <= {"bias", "scale_factor", "gyro_bias"}
-    with pytest.raises(gimbalcal.InputError, match="give at least one recording"):
+    with refused():
         gimbalcal.calibrate([])
 
 
@@ -59,7 +60,7 @@ def test_arrays_are_corrected_as_a_recording_is() -> None:
     f = r.triad("specific_force")
     out = sensors.apply({"time": r.time, "specific_force": f})
     np.testing.assert_allclose(out["specific_force"], sensors.apply(r).triad("specific_force"), rtol=1e-14)
-    with pytest.raises(gimbalcal.InputError, match=r"specific_force must be \(\d+, 3\)"):
+    with refused():
         sensors.apply({"time": r.time, "specific_force": f[:, :2]})
 
 
@@ -84,19 +85,19 @@ def test_arrays_are_corrected_in_their_own_units() -> None:
     got = made.apply(given, units=units)
     np.testing.assert_allclose(got["specific_force"] * 9.80665e-3, want["specific_force"], rtol=1e-12)
     np.testing.assert_allclose(np.radians(got["angular_rate"]), want["angular_rate"], rtol=1e-12)
-    for unit_name, factor in (("g", 9.80665), ("mg", 9.80665e-3), ("Gal", 1e-2)):
-        with pytest.raises(gimbalcal.InputError, match=f"gravity in {unit_name} and not in m/s"):
+    for factor in (9.80665, 9.80665e-3, 1e-2):
+        with refused():
             made.apply({"specific_force": f / factor, "temperature": warm})
     free = {"time": t, "specific_force": f / 9.80665, "temperature": warm}  # nearly falling, and said to be so
     little = made.apply(free, units={"specific_force": "m/s^2"})
     np.testing.assert_allclose(np.linalg.norm(little["specific_force"] + 0.05, axis=1), 0.9993, rtol=0.01)
     fast = {"specific_force": f, "angular_rate": 400 * w, "temperature": warm}
-    with pytest.raises(gimbalcal.InputError, match="more than gyroscopes measure in rad/s"):
+    with refused():
         made.apply(fast)
     assert made.apply(fast, units={"angular_rate": "rad/s"})["angular_rate"].max() > 35
-    with pytest.raises(gimbalcal.InputError, match="units names 'angular_rate', but there is no such array"):
+    with refused():
         made.apply({"specific_force": f}, units={"angular_rate": "deg/s"})
-    with pytest.raises(gimbalcal.InputError, match="'deg' is not a unit of specific_force"):
+    with refused():
         made.apply({"specific_force": f}, units={"specific_force": "deg"})
 
 
@@ -107,7 +108,7 @@ def test_arrays_of_a_unit_that_counts() -> None:
     out = made.apply(arrays, units={"specific_force": "count"})
     np.testing.assert_allclose(np.linalg.norm(out["specific_force"], axis=1), 9.80665, atol=4e-3)
     np.testing.assert_array_equal(out["specific_force"], made.apply(r).triad("specific_force"))
-    with pytest.raises(gimbalcal.InputError, match="the unit of the calibration outputs counts: state units="):
+    with refused():
         made.apply(arrays)
 
 
@@ -116,8 +117,9 @@ def test_diagnose_is_a_function_and_a_package() -> None:
     assert found.verdict == "missing-physics"
     told = str(found).splitlines()
     assert "Next: use the calibration.json" in str(found)
-    assert f"{100 * found.findings[0]['probability']:.3g} % probable" in told[0]
-    assert told[-1].startswith("In numbers: ")
+    assert f"{100 * found.findings[0]['probability']:.3g} %" in told[0]
+    golden_text(told[0])
+    golden_text(told[-1])
     assert repr(found) == str(found)
     assert str(replace(found, in_words="Nothing of that.")).endswith("In numbers: Nothing of that.")
     assert "_" not in str(found.calibration).partition("\n\n")[0]  # names as the page has them, no ids
@@ -144,11 +146,11 @@ def test_a_frame_without_words_is_guessed_as_a_log_is() -> None:
         timestamp_ms=(np.datetime64("2026-11-18T05:00") + np.round(1e9 * t).astype("timedelta64[ns]"))
     )
     np.testing.assert_allclose(np.diff(gimbalcal.from_frame(dated).time), np.diff(t), atol=1e-6)
-    with pytest.raises(gimbalcal.InputError, match="noise needs columns"):
+    with refused():
         gimbalcal.from_frame(frame, noise={"accelerometer": (1.0, "ug")})
-    with pytest.raises(gimbalcal.InputError, match="from_frame"):
+    with refused():
         gimbalcal.calibrate(pl.DataFrame(frame))  # type: ignore[arg-type]
-    with pytest.raises(gimbalcal.InputError, match="no column is an accelerometer"):
+    with refused():
         gimbalcal.from_frame({"time": t, "price": f[:, 0], "rain": w[:, 0]})
 
 
@@ -162,10 +164,10 @@ def test_recordings_and_results_print_themselves_and_calibrations_are_read_again
     made.write(tmp_path / "calibration.json")
     again = gimbalcal.read_calibration(str(tmp_path / "calibration.json"))
     assert str(again) == str(made)
-    with pytest.raises(gimbalcal.InputError, match="read_calibration reads a calibration"):
+    with refused():
         gimbalcal.read(tmp_path / "calibration.json")
     (tmp_path / "log.csv").write_text("t,ax\n")
-    with pytest.raises(gimbalcal.InputError, match=r"`gimbalcal new .*` makes one of a log"):
+    with refused():
         gimbalcal.calibrate(tmp_path / "log.csv")
-    with pytest.raises(gimbalcal.InputError, match="arrays by name"):
+    with refused():
         made.apply(np.zeros((3, 3)))  # type: ignore[call-overload]

@@ -1,11 +1,12 @@
 """The comparison with golden files finds what changed, and nothing that only rounding changed."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 import tests.golden as module
-from tests.golden import Golden, page_text, same
+from tests.golden import Golden, golden_text, page_text, same
 
 
 @pytest.mark.parametrize(
@@ -45,3 +46,19 @@ def test_the_text_of_a_page_has_a_line_for_each_row_and_the_titles_of_its_charts
     assert page_text(page).splitlines() == [
         "A title", "bias | 1", "what it shows", "chart axes: t [s]|x", "chart: bias"
     ]  # fmt: skip
+
+
+def test_every_section_of_the_messages_is_of_a_test() -> None:
+    """Sections of tests that were renamed or deleted go too."""
+    folder = module.FOLDER / "messages"
+    for file in sorted(folder.rglob("*.txt")):
+        home = module.ROOT / "tests" / ("" if file.stem == "tests" else file.relative_to(folder).with_suffix(""))
+        for stem, test in re.findall(r"^== (\w+) (\w+)", file.read_text(encoding="utf-8"), re.MULTILINE):
+            assert f"def {test}(" in (home / f"{stem}.py").read_text(encoding="utf-8"), f"{file}: {test}"
+
+
+def test_messages_are_compared_with_the_section_of_the_test(monkeypatch: pytest.MonkeyPatch) -> None:
+    golden_text("bias x 1.24 ug in row 2001", f"{module.ROOT}/data was read")
+    with monkeypatch.context() as comparing, pytest.raises(AssertionError, match="--regenerate-golden"):  # noqa: PT012
+        comparing.setattr(module.MESSAGES[-1], "regenerate", False)
+        golden_text("one that stands in no section")

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gimbalcal.errors import InputError
 from gimbalcal.quantities import QUANTITIES, check
 from gimbalcal.units import ATOMS, celsius, from_si, is_raw, parse, to_si
+from tests.golden import refused
 
 # Worked by hand from the definitions: 1 g = 9.80665 m/s^2, 1 h = 3600 s, 360 deg = 2 pi rad.
 BY_HAND = [
@@ -82,23 +82,23 @@ def test_every_listed_unit_is_accepted(quantity: str) -> None:
 
 
 def test_unknown_unit_lists_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"unit 'mps2' is not known; give the specific_force in m/s\^2, g, mg"):
+    with refused():
         check("mps2", "specific_force")
 
 
 def test_unit_of_another_quantity_is_refused() -> None:
-    with pytest.raises(InputError, match="'deg' is not a unit of specific_force; give the specific"):
+    with refused():
         check("deg", "specific_force")
 
 
 @pytest.mark.parametrize("text", ["", "m//s", "m/", "sqrt(h", "m^", "m^x", "furlong", "deg/h)", "ug^-inf",
                                   "g^nan", "ug^70", "ug^400", "ug^-35*ug^-35"])  # fmt: skip
 def test_nonsense_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="is not known; units are written from"):
+    with refused():
         parse(text)
 
 
 def test_a_covariate_may_have_any_unit_but_a_known_one() -> None:
     check("V", "covariate")
-    with pytest.raises(InputError, match="'bananas' is not known"):
+    with refused():
         check("bananas", "covariate")

@@ -20,6 +20,7 @@ from gimbalcal.estimate.grade import Graded
 from gimbalcal.methods import calibrate
 from gimbalcal.recording import Recording, read, write
 from gimbalcal.unusual_constants import beyond_grade, corrections, largest_usual, with_question
+from tests.golden import golden_text
 
 HOUR = 3600.0
 DATA = Path(__file__).resolve().parent.parent / "data"
@@ -52,15 +53,13 @@ def elsewhere(r: Recording, degrees: float) -> Recording:
 @pytest.mark.parametrize("degrees", [43.0, 38.5])
 def test_a_wrong_latitude_is_named(run: Recording, degrees: float) -> None:
     made, _ = calibrate([elsewhere(run, degrees)])
-    assert f"every constant is usual if the latitude is 40 deg, not {degrees:g} deg" in made.outcome
-    assert "usual is below 5e+03" in made.outcome
+    golden_text(made.outcome)
 
 
 def test_a_gain_that_nothing_explains_is_asked_for(device: Recording) -> None:
     for method in ("three-stage", "multiposition"):
         made, _ = calibrate([scaled(device, "z", 1.1)], method)
-        assert made.outcome.startswith("scale factor z is -9.07")
-        assert "is that so?" in made.outcome
+        golden_text(made.outcome)
 
 
 @pytest.mark.parametrize("method", ["three-stage", "multiposition"])

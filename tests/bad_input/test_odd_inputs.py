@@ -40,6 +40,7 @@ from tests.bad_input.spoil import (
     times,
     without,
 )
+from tests.golden import golden_text
 
 
 def backwards(held: Array, at: dict[str, int]) -> Array:
@@ -203,7 +204,7 @@ def test_a_wrong_position_is_named_and_left_out(
     content = json.loads(out)
     assert (status, err) == (1, "")
     assert content["outcome"].startswith(words)
-    assert "left out of the fit" in content["outcome"]
+    golden_text(content["outcome"])
     made = by_label(content)
     for label, parameter in reference.items():
         # nothing of the fault has leaked in: 2 deg are 7200 sigma of a setting
@@ -217,6 +218,6 @@ def test_an_odd_gravity_is_remarked(run: Run, tmp_path: Path) -> None:
     assert status == 0
     content = json.loads(out)
     (remark,) = content["provenance"]["remarks"]
-    assert "line 9: gravity 9.75151 m/s^2 is -5101 ppm off the 9.80" in remark
+    golden_text(remark)
     sigmas = [p["sigma"] for p in content["parameters"] if p["name"] == "scale_factor"]
     assert min(sigmas) == pytest.approx(5101, rel=1e-3)  # nobody says that it was measured

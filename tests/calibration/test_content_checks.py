@@ -13,6 +13,7 @@ import pytest
 from gimbalcal.calibration import Calibration, Residual, read
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.errors import InputError
+from tests.golden import refused
 
 Content = dict[str, Any]
 
@@ -46,40 +47,38 @@ def fully_correlated_with_all(c: Content) -> None:
         P[0][j] = P[j][0] = (1.0 if j == 0 else (-1) ** j * 0.99) * (P[0][0] * P[j][j]) ** 0.5
 
 
-FAULTS: list[tuple[Callable[[Content], None], str]] = [
-    (row(3, unit="arcsec"), "parameter 4, bias:x, is in 'arcsec', which is not a unit of it; give it in ug"),
-    (row(3, unit="furlong"), "the unit 'furlong' is not known"),
-    (row(1, value=float("nan")), "parameter 2, scale_factor:y: its value must be a finite number, got nan"),
-    (row(1, value="12"), "its value must be a finite number, got '12'"),
-    (row(1, value=True), "its value must be a finite number, got True"),
-    (row(1, value=10**400), "its value must be a finite number, got 1000"),
-    (row(1, value=1e300), "parameter 2, scale_factor:y: 1e+300 ppm is beyond anything that is built"),
-    (row(1, prior_sigma=0.0), "parameter 2, scale_factor:y: its prior_sigma must be above zero, got 0.0"),
-    (row(1, effect="bias"), "parameter 2, scale_factor:y, is of the effect scale_factor, not of 'bias'"),
-    (row(1, sigma=-1.0), "parameter 2, scale_factor:y: its sigma is negative, -1 ppm"),
-    (row(5, sigma=1e3), "the sigma of bias:z is 1000 ug and the covariance gives"),
-    (cell(4, 4, -1e-12), "the variance of bias:y is negative, -1e-12"),
-    (cell(0, 5, float("inf")), "the covariance of scale_factor:x and bias:z is not a finite number"),
-    (cell(0, 5, "x"), "the covariance must be 6 rows of 6 numbers"),
-    (cell(0, 5, 0.5), "the covariance must be symmetric"),
-    (fully_correlated_with_all, "the covariance must be symmetric"),
-    (twice, "parameters 4 and 5 are both bias:x; keep one of them"),
-    (lambda c: c.update(covariance=[[1.0]]), "the covariance has shape (1, 1), and 6 parameters need (6, 6)"),
-    (lambda c: c.update(covariance=[0.0] * 36), "the covariance has shape (36,), and 6 parameters need (6, 6)"),
+FAULTS: list[Callable[[Content], None]] = [
+    row(3, unit="arcsec"),
+    row(3, unit="furlong"),
+    row(1, value=float("nan")),
+    row(1, value="12"),
+    row(1, value=True),
+    row(1, value=10**400),
+    row(1, value=1e300),
+    row(1, prior_sigma=0.0),
+    row(1, effect="bias"),
+    row(1, sigma=-1.0),
+    row(5, sigma=1e3),
+    cell(4, 4, -1e-12),
+    cell(0, 5, float("inf")),
+    cell(0, 5, "x"),
+    cell(0, 5, 0.5),
+    fully_correlated_with_all,
+    twice,
+    lambda c: c.update(covariance=[[1.0]]),
+    lambda c: c.update(covariance=[0.0] * 36),
 ]
 
 
-@pytest.mark.parametrize(("change", "words"), FAULTS, ids=[words[:40] for _, words in FAULTS])
-def test_a_damaged_calibration_is_refused(tmp_path: Path, change: Callable[[Content], None], words: str) -> None:
+@pytest.mark.parametrize("change", FAULTS)
+def test_a_damaged_calibration_is_refused(tmp_path: Path, change: Callable[[Content], None]) -> None:
     path, told = tmp_path / "calibration.json", content()
     path.write_text(json.dumps(told))
     assert len(read(path).parameters) == 6
     change(told)
     path.write_text(json.dumps(told))
-    with pytest.raises(InputError) as caught:
+    with refused():
         read(path)
-    assert str(caught.value).startswith(f"{path}: ")
-    assert words in str(caught.value)
 
 
 def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:

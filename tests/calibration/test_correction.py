@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,13 +16,13 @@ from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, with_values
 from gimbalcal.effects.accelerometer import Bias
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.pipeline import load
 from gimbalcal.platform import BENCH, SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
+from tests.golden import refused
 
 SENSORS = (Stage.ENCODER, Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER, *GYROSCOPE_STAGES)
 LOSSY = ("dead_zone",)  # a flat law: what is in it cannot be told back
@@ -105,14 +104,14 @@ def test_counts_become_force_and_back() -> None:
     np.testing.assert_allclose(norm, 9.8, atol=1e-9)  # a linear unit: the fit is exact up to its stopping rule
     assert there.units["specific_force", "x"] == "m/s^2"
     np.testing.assert_allclose(made.corrupt(there).triad("specific_force"), N, rtol=1e-12)
-    with pytest.raises(InputError, match=r"specific force in m/s\^2 and the calibration was estimated .* in counts"):
+    with refused():
         made.apply(replace(raw, units={}))
 
 
 def test_a_missing_temperature_is_named() -> None:
     true = table_recording(2)
     bare = replace(true, channels={k: v for k, v in true.channels.items() if k[0] != "temperature"})
-    with pytest.raises(InputError, match="corrects bias_temperature, which needs the channel temperature"):
+    with refused():
         calibration((drawn("bias_temperature", 0),)).apply(bare)
 
 
@@ -133,7 +132,7 @@ def test_readouts_that_no_rounds_settle_are_refused() -> None:
     K = parameters(CATALOGUE["gyro_g2_sensitivity"])
     small, large = (calibration(with_values((), K, np.full(len(K), size))) for size in (1e-7, 3e-7))
     np.testing.assert_allclose(small.corrupt(small.apply(true)).angles(), true.angles(), atol=1e-14)
-    with pytest.raises(InputError, match="no readouts of the gimbals belong to row 781"):
+    with refused():
         large.corrupt(large.apply(true))
 
 
@@ -149,9 +148,9 @@ def test_readings_that_no_force_makes_are_refused() -> None:
     force = np.array([[0.1, 0.2, 0.3], [0.1, 9.0, 0.3], [0.1, 0.2, 9.0]])
     channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
     bench = Recording("rotation", "t", BENCH, Site(gravity=9.8), {}, np.arange(3.0), None, channels)
-    with pytest.raises(InputError, match="no specific_force gives the reading of row 2, nor of 1 others"):
+    with refused():
         made.apply(bench)
-    with pytest.raises(InputError, match="specific_force of row 2 has no reading, nor have 1 others"):
+    with refused():
         made.corrupt(bench)
     fine = replace(bench, channels={k: v[:1] for k, v in channels.items()}, time=np.zeros(1), weight=np.ones(1))
     assert np.isfinite(made.apply(fine).triad("specific_force")).all()

@@ -18,6 +18,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
+from tests.golden import refused
 
 G = 9.8
 OF_SENSORS = [kind for kind in FILES if kind != "tpoint"]  # that one is of mounts: test_tpoint.py
@@ -141,60 +142,59 @@ def test_foreign_yaml_in_block_style_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "text", "words"),
+    ("kind", "text"),
     [
-        ("kalibr", "cam0:\n  x: 1\n", "not a Kalibr scale-misalignment file"),
-        ("kalibr", "imu0:\n  accelerometers:\n    M: [1, 2, 3]\n", "accelerometers / M must hold 3 x 3 numbers, got 3"),
+        ("kalibr", "cam0:\n  x: 1\n"),
+        ("kalibr", "imu0:\n  accelerometers:\n    M: [1, 2, 3]\n"),
         (
             "kalibr",
             "imu0:\n  accelerometers:\n    M: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n  gyroscope:\n    M: [1]\n",
-            "has a section 'gyroscope' that is not known; did you mean gyroscopes?",
         ),
-        ("kalibr", "imu0:\n  accelerometers:\n    N: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n", "has a key 'N' that is not known"),
+        ("kalibr", "imu0:\n  accelerometers:\n    N: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n"),
         (
             "kalibr",
             "imu0:\n  gyroscopes:\n    C_gyro: [1, 0, 0]\n",
-            "key 'C_gyro' that is not known; did you mean C_gyro_i",
         ),
-        ("kalibr", "imu0:\n  gyroscopes:\n    M: [1, 0, 0, 0, one, 0, 0, 0, 1]\n", "gyroscopes / M must hold numbers"),
-        ("kalibr", "imu0:\n  gyroscopes: [1, 2]\n", "gyroscopes must hold keys of its own"),
-        ("kalibr", "imu0: {gyroscopes: {}}\nimu1: {gyroscopes: {}}\n", "holds 2 units; leave one of them"),
-        ("kalibr", "imu0: [1, 2\n", "is not YAML"),
-        ("psins", "text", "is not a MATLAB file"),
-        ("csv", "name,axis,value\n", "line 1: the column 'unit' is missing"),
-        ("csv", "name,axis,value,unit\nspin,x,1,ug\n", "line 2: no parameter is called spin:x"),
-        ("csv", "name,axis,value,unit\nbias,x,many,ug\n", "line 2: could not convert"),
-        ("csv", "name,axis,value,unit\nbias,x,nan,ug\n", "line 2: bias:x must be finite"),
-        ("csv", "name,axis,value,sigma,unit\nbias,x,1,-1,ug\n", "bias:x must be finite, with a sigma of zero or more"),
-        ("csv", "name,axis,value,unit\nbias,x,1,ug\nbias,x,2,ug\n", "line 3: bias:x is there twice"),
-        ("csv", "name,axis,value,unit\nscale_nonlinearity,x,13,ug/g\n", "line 2: 'ug/g' is no unit of"),
-        ("csv", "name,axis,value,unit\nbias,x,1,ug,5\n", "line 2: more values than columns"),
-        ("tpoint", "mount\nIH 1 1\nID 2 1\n", "has no END, so it may be cut short"),
-        ("tpoint", "mount\nT 30 10.02.0\nCH 5 1\nEND\n", "line 2: 'T 30 10.02.0' is no term"),
-        ("tpoint", "mount\nIH 1 1e400\nEND\n", "line 2: 'IH 1 1e400' is no term, value and sigma"),
-        ("tpoint", "mount\nIH 1 1\nID 1,5 2\nEND\n", "line 3: 'ID 1,5 2' is no term"),
-        ("tpoint", "mount\nIH 1 1\nid 1 2\nEND\n", "line 3: 'id 1 2' is no term"),
-        ("tpoint", "mount\nIH 1 1\nIH 2 1\nEND\n", "line 3: IH is there twice"),
-        ("tpoint", "mount\nIH 1 1e308\nEND\n", "beyond anything that can be measured"),
+        ("kalibr", "imu0:\n  gyroscopes:\n    M: [1, 0, 0, 0, one, 0, 0, 0, 1]\n"),
+        ("kalibr", "imu0:\n  gyroscopes: [1, 2]\n"),
+        ("kalibr", "imu0: {gyroscopes: {}}\nimu1: {gyroscopes: {}}\n"),
+        ("psins", "text"),
+        ("csv", "name,axis,value\n"),
+        ("csv", "name,axis,value,unit\nspin,x,1,ug\n"),
+        ("csv", "name,axis,value,unit\nbias,x,many,ug\n"),
+        ("csv", "name,axis,value,unit\nbias,x,nan,ug\n"),
+        ("csv", "name,axis,value,sigma,unit\nbias,x,1,-1,ug\n"),
+        ("csv", "name,axis,value,unit\nbias,x,1,ug\nbias,x,2,ug\n"),
+        ("csv", "name,axis,value,unit\nscale_nonlinearity,x,13,ug/g\n"),
+        ("csv", "name,axis,value,unit\nbias,x,1,ug,5\n"),
+        ("tpoint", "mount\nIH 1 1\nID 2 1\n"),
+        ("tpoint", "mount\nT 30 10.02.0\nCH 5 1\nEND\n"),
+        ("tpoint", "mount\nIH 1 1e400\nEND\n"),
+        ("tpoint", "mount\nIH 1 1\nID 1,5 2\nEND\n"),
+        ("tpoint", "mount\nIH 1 1\nid 1 2\nEND\n"),
+        ("tpoint", "mount\nIH 1 1\nIH 2 1\nEND\n"),
+        ("tpoint", "mount\nIH 1 1e308\nEND\n"),
         (
             "kalibr",
             f"imu0:\n  gyroscopes:\n    M: [{'9' * 400}, 0, 0, 0, 1, 0, 0, 0, 1]\n",
-            "M must hold numbers alone",
         ),
     ],
 )
-def test_a_file_that_cannot_be_read_is_one_sentence(kind: str, text: str, words: str, tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_read_is_one_sentence(kind: str, text: str, tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_text(text)
-    with pytest.raises(InputError, match=words):
+    with refused():
         read_exchange(kind, path)
 
 
 def test_unknown_formats_and_files(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no exchange format is called 'xml'"):
+    with refused():
         export(made_of(("bias",)), "xml", tmp_path / "x")
-    with pytest.raises(InputError, match="does not exist"):
+    with refused():
         read_exchange("csv", tmp_path / "nothing")
+    (tmp_path / "file").write_text("imu0: [1, 2\n")
+    with pytest.raises(InputError, match="is not YAML"):
+        read_exchange("kalibr", tmp_path / "file")
 
 
 @pytest.mark.parametrize("kind", OF_SENSORS)

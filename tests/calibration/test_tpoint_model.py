@@ -10,12 +10,12 @@ import pytest
 
 from gimbalcal.calibration.exchange import export, read_calibration
 from gimbalcal.calibration.exchange.tpoint_model import NAMES, tpoint_terms
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.forward import predict
 from gimbalcal.number import Array
 from gimbalcal.views.pointing import on_stars
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, LATITUDE, effects, run, sky
+from tests.golden import refused
 
 Formula = Callable[[Array, Array], tuple[Array | float, Array | float]]
 L = float(LATITUDE)
@@ -140,18 +140,18 @@ def test_a_tilt_about_any_axis_is_polar_misalignment_and_a_zero_of_the_hour_angl
 
 def test_what_a_file_cannot_say(tmp_path: Path) -> None:
     path = tmp_path / "a.mod"
-    with pytest.raises(InputError, match=r"MA turns the mount about the vertical .* write it into the first line"):
+    with refused():
         read_calibration(model(path, "MA  5.0", caption="some mount"))
-    with pytest.raises(InputError, match="HXSH3 has no effect here that it could become on an equatorial mount"):
+    with refused():
         read_calibration(model(path, "IH  5.0", "HXSH3  2.0"))
-    with pytest.raises(InputError, match=r"line 3: 'IH  five' is no term, value and sigma"):
+    with refused():
         read_calibration(model(path, "IH  five"))
-    with pytest.raises(InputError, match="is not a TPOINT model"):
+    with refused():
         read_calibration(model(path))
     flagged = read_calibration(model(path, "=IH  5.0  0.1", "& ID  6.0"))
     np.testing.assert_allclose(sorted(flagged.values / ARCSEC), [5.0, 6.0])
     unnamed = pointing_calibration([run(ALT_AZ, sky(ALT_AZ), (), 1.0)], ("gimbal_zero_drift",))
-    with pytest.raises(InputError, match="TPOINT has no name for it"):
+    with refused():
         export(unnamed, "tpoint", path)
     more = pointing_calibration([run(ALT_AZ, sky(ALT_AZ), (), 1.0)], more=("gimbal_zero_drift",))
     assert "tpoint has no term for gimbal_zero_drift:azimuth: it is omitted" in export(more, "tpoint", path)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from gimbalcal.checks.table import refuse_implausible
-from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording
 from tests.estimate.pointing.mounts import ALT_AZ, EQUATORIAL, effects, run, sky
+from tests.golden import golden_text, refused
 
 DEG = np.pi / 180
 Change = Callable[[Array], Array]
@@ -39,30 +39,28 @@ def test_terms_of_a_degree_and_zeros_of_any_size_are_taken(platform: Platform) -
 
 @pytest.mark.parametrize("platform", [ALT_AZ, EQUATORIAL], ids=lambda p: p.name)
 @pytest.mark.parametrize(
-    ("quantity", "axes", "change", "said"),
+    ("quantity", "axes", "change"),
     [
-        ("gimbal_angle", (1,), lambda x: -x, "the {outer} runs the other way"),
-        ("true_angle", (0,), lambda x: np.pi / 2 - x, "the {inner} runs the other way"),
-        ("gimbal_angle", (0, 1), lambda x: -x, "both axes run the other way"),
-        ("gimbal_angle", (0, 1), lambda x: DEG * x, "the readouts of {inner} and {outer} are in rad, not in deg"),
-        ("true_angle", (0, 1), lambda x: DEG * x, "the true angles of {inner} and {outer} are in rad, not in deg"),
-        ("gimbal_angle", (1,), lambda x: x / 15, "the readout of {outer} is in hours of 15 deg, not in deg"),
-        ("true_angle", (0, 1), lambda x: x / DEG, "turns, read in the unit"),
-        ("gimbal_angle", (0, 1), lambda x: np.roll(x, 7), "no other unit, sign or order"),
+        ("gimbal_angle", (1,), lambda x: -x),
+        ("true_angle", (0,), lambda x: np.pi / 2 - x),
+        ("gimbal_angle", (0, 1), lambda x: -x),
+        ("gimbal_angle", (0, 1), lambda x: DEG * x),
+        ("true_angle", (0, 1), lambda x: DEG * x),
+        ("gimbal_angle", (1,), lambda x: x / 15),
+        ("true_angle", (0, 1), lambda x: x / DEG),
+        ("gimbal_angle", (0, 1), lambda x: np.roll(x, 7)),
     ],
 )
-def test_a_slip_is_named(platform: Platform, quantity: str, axes: tuple[int, ...], change: Change, said: str) -> None:
-    inner, outer = platform.axis_names[:2]
-    with pytest.raises(InputError) as refused:
+def test_a_slip_is_named(platform: Platform, quantity: str, axes: tuple[int, ...], change: Change) -> None:
+    with refused():
         refuse_implausible(changed(mount(platform), quantity, axes, change))
-    assert said.format(inner=inner, outer=outer) in str(refused.value)
 
 
 @pytest.mark.parametrize("quantity", ["gimbal_angle", "true_angle"])
 def test_interchanged_axes_are_named(quantity: str) -> None:
     r = mount(ALT_AZ)
     a, b = ((quantity, axis) for axis in ALT_AZ.axis_names)
-    with pytest.raises(InputError, match="of elevation and azimuth are interchanged"):
+    with refused():
         refuse_implausible(replace(r, channels={**r.channels, a: r.channels[b], b: r.channels[a]}))
 
 
@@ -71,5 +69,5 @@ def test_a_log_that_is_in_radians_altogether_is_asked_about() -> None:
         changed(mount(ALT_AZ), "gimbal_angle", (0, 1), lambda x: DEG * x), "true_angle", (0, 1), lambda x: DEG * x
     )
     (said,) = refuse_implausible(r)
-    assert "is that so?" in said
+    golden_text(said)
     assert "radians" in said

@@ -7,8 +7,8 @@ import pytest
 
 from gimbalcal import from_arrays
 from gimbalcal.checks.spikes import spikes
-from gimbalcal.errors import InputError
 from gimbalcal.number import Array
+from tests.golden import golden_text, refused
 
 N = 4000
 
@@ -62,8 +62,7 @@ def test_rows_that_leap_are_left_out_and_said() -> None:
     r = from_arrays(np.arange(N) / 100, specific_force=f, angular_rate=w)
     assert len(r.time) == N - 4
     told = next(remark for remark in r.remarks if "leaps away" in remark)
-    assert "4 rows of 4000 are left out" in told
-    assert "row 701, row 1501, row 2101 and 1 more place" in told
+    golden_text(told)
     assert np.ptp(r.triad("specific_force"), axis=0).max() < 0.2
 
 
@@ -79,7 +78,7 @@ def test_a_rest_may_be_one_row_and_a_slow_turn_too() -> None:
 def test_what_no_sensor_reads_is_refused_as_before() -> None:
     f = still(8)
     f[100, 0] = 1e9
-    with pytest.raises(InputError, match=r"row 101, column specific_force_x: 1e.09 m/s.2 is beyond anything"):
+    with refused():
         from_arrays(np.arange(N) / 100, specific_force=f)
 
 
@@ -111,7 +110,7 @@ def test_rows_of_a_navigator_are_filled_and_said() -> None:
     assert len(r.time) == N
     assert abs(r.triad("angular_rate") - w)[2150].max() == pytest.approx(true[2], abs=0.006)
     assert abs(r.triad("specific_force")[700, 0]) < 0.06
-    assert any("row 701, row 2151: 2 rows of 4000 are taken from neighbours" in remark for remark in r.remarks)
+    golden_text(*r.remarks)
 
 
 def test_two_rows_that_leap_alike_are_one_leap_and_a_knock_of_two_is_none() -> None:
@@ -137,7 +136,7 @@ def test_two_rows_of_a_navigator_are_filled_by_the_neighbours_of_both() -> None:
     w[2150:2152, 2] += 1.0
     r = from_arrays(np.arange(N) / 100, specific_force=f, angular_rate=w, kind="rotation")
     np.testing.assert_allclose(r.triad("angular_rate")[2150:2152], true, atol=0.006)
-    assert any("rows 2151 to 2152: 2 rows of 4000 are taken from neighbours" in remark for remark in r.remarks)
+    golden_text(*r.remarks)
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-6])
@@ -154,7 +153,7 @@ def test_a_gimbal_that_is_held_and_reads_something_else_in_a_row(noise: float) -
         platform="space-stable", site={"latitude": (40.0, "deg")},
     )  # fmt: skip
     assert len(r.time) == 717
-    assert any("row 151, rows 402 to 403: 3 rows of 720 are left out" in remark for remark in r.remarks), r.remarks
+    golden_text(*r.remarks)
 
 
 AXES = ("platform", "inner", "middle", "outer")
@@ -185,5 +184,5 @@ def test_a_row_of_a_navigator_where_a_turn_begins_is_refused_by_name() -> None:
     sound = from_arrays(np.arange(N) / 10, specific_force=still(16), angular_rate=w, kind="rotation")
     assert not any("leaps" in remark for remark in sound.remarks)
     w[2001, 1] = -2.0
-    with pytest.raises(InputError, match="row 2002, column angular_rate_y: -2 leaps away for a row or two"):
+    with refused():
         from_arrays(np.arange(N) / 10, specific_force=still(16), angular_rate=w, kind="rotation")

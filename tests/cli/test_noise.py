@@ -11,8 +11,8 @@ import pytest
 from gimbalcal import from_arrays
 from gimbalcal.at_rest import StatedNoise, header, in_words, noise_at_rest
 from gimbalcal.earth import G0
-from gimbalcal.errors import InputError
 from gimbalcal.recording import write
+from tests.golden import golden_text, refused
 
 ROOT = Path(__file__).parents[2]
 UG, DEG = 1e-6 * G0, np.pi / 180
@@ -62,7 +62,7 @@ def test_command_writes_what_its_schema_says_and_a_page(command, tmp_path, capsy
     assert "Allan deviation" in page
     assert "accelerometer = {" in page
     told = capsys.readouterr().out
-    assert "Accelerometers: white noise" in told
+    golden_text(told)
     assert "[noise]\naccelerometer = { value = 0.006" in told
 
 
@@ -77,7 +77,7 @@ def test_a_platform_that_stands_still_does_not_wander_with_the_earth():
 
 
 def test_rests_that_are_too_short_are_refused():
-    with pytest.raises(InputError, match="the longest rest has 20 rows, and noise takes 32 or more"):
+    with refused():
         noise_at_rest(unit(n=240, turns=12))
 
 
@@ -90,5 +90,5 @@ def test_a_header_states_nothing_of_a_curve_that_is_no_white_noise():
     assert "accelerometer x, accelerometer y, accelerometer z follow no such law" in in_words(channels)
     channels = noise_at_rest(replace(r, channels={**r.channels, FORCE_X: swings[FORCE_X]}))
     words = in_words(channels)
-    assert "accelerometer x follows no such law" in words
+    golden_text(words)
     assert "(x)" not in words.partition("accelerometers: ")[2].partition(";")[0]  # its numbers are of no law

@@ -11,8 +11,8 @@ import pytest
 from gimbalcal import cli
 from gimbalcal.cli.output_folders import staged_folder
 from gimbalcal.diagnose.laws.law_file import HEAD
-from gimbalcal.errors import InputError
 from tests.fuzzing.seeds import LAW
+from tests.golden import golden_text, refused
 
 ROOT = Path(__file__).resolve().parents[2]
 DEVICE = ROOT / "data" / "space_stable_18"
@@ -45,8 +45,7 @@ def test_a_simulated_recording_is_written_again_but_not_over_another(
     kept = contents(out)
     capsys.readouterr()
     assert command(*again) == 2
-    why = f"already holds {edited} with other content, which would be lost; give another --out, or --overwrite to"
-    assert capsys.readouterr().err == f"gimbalcal: {out} {why} replace\n"
+    golden_text(capsys.readouterr().err)
     assert contents(out) == kept
     assert command(*again, "--overwrite") == 0
     assert contents(out) == made | {"notes.txt": b"mine"}
@@ -58,7 +57,7 @@ def test_another_seed_is_another_recording(
     assert command("simulate", "demo", "--out", tmp_path, "--seed", 1) == 0
     made = contents(tmp_path)
     assert command("simulate", "demo", "--out", tmp_path, "--seed", 2) == 2
-    assert "already holds samples.csv and truth.json with" in capsys.readouterr().err
+    golden_text(capsys.readouterr().err)
     assert contents(tmp_path) == made
 
 
@@ -74,7 +73,7 @@ def test_an_import_keeps_a_header_that_was_edited(
     header = tmp_path / "rig" / "recording.toml"
     header.write_text(header.read_text() + "# measured by me\n")
     assert command(*again) == 2
-    assert "already holds recording.toml with other content" in capsys.readouterr().err
+    golden_text(capsys.readouterr().err)
     assert header.read_text().endswith("# measured by me\n")
 
 
@@ -107,7 +106,7 @@ def test_a_corrected_recording_does_not_go_over_another(
     assert command("simulate", "demo", "--out", tmp_path / "mine") == 0
     made = contents(tmp_path / "mine")
     assert command("apply", DEVICE, "--out", tmp_path / "mine", *known) == 2
-    assert "already holds samples.csv and recording.toml with other content" in capsys.readouterr().err
+    golden_text(capsys.readouterr().err)
     assert contents(tmp_path / "mine") == made
 
 
@@ -154,7 +153,7 @@ def test_nothing_is_left_of_a_command_that_fails(tmp_path: Path) -> None:
 
 def test_a_file_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(InputError, match="is a file and cannot be a folder; give another --out"):  # noqa: SIM117
+    with refused():  # noqa: SIM117
         with staged_folder(tmp_path / "file"):
             pass
 
@@ -195,7 +194,7 @@ def test_an_earlier_law_goes_with_its_diagnosis_and_one_of_ones_own_stays(
     out.mkdir()
     (out / "law.py").write_text("mine")
     assert command(*asked, "--out", out) == 2
-    assert "already holds law.py of another question, which would be lost" in capsys.readouterr().err
+    golden_text(capsys.readouterr().err)
     assert contents(out) == {"law.py": b"mine"}
     assert command(*asked, "--out", out, "--overwrite") == 0
     assert command(*asked, "--out", out) == 0
@@ -214,7 +213,7 @@ def test_effects_of_ones_own_are_another_question_and_are_not_written_over(
     asked, with_it = ("noise", DEVICE, "--quiet", "--out", tmp_path / "noise"), ("--effects", law)
     assert command(*asked) == 0
     assert command(*asked, *with_it) == 2
-    assert "of another question" in capsys.readouterr().err
+    golden_text(capsys.readouterr().err)
     assert command("diagnose", DEVICE, *with_it, "--out", tmp_path, "--overwrite") == 2
-    assert f"{law} is read and would be written over; give another --out" in capsys.readouterr().err
+    golden_text(capsys.readouterr().err)
     assert law.read_text() == LAW

@@ -13,7 +13,6 @@ from gimbalcal.design.budget import Budget, budget
 from gimbalcal.design.planned_calibration import planned_calibration
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import with_values
-from gimbalcal.errors import InputError
 from gimbalcal.inference.information import solve
 from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.stationary_base import still_base
@@ -21,6 +20,7 @@ from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Site
 from gimbalcal.simulate import load, simulate
 from gimbalcal.simulate.scenario import find
+from tests.golden import golden_text, refused
 
 
 @cache
@@ -97,7 +97,7 @@ def test_the_budget_is_what_happens(tmp_path: Path) -> None:
 
 def test_what_the_calibration_does_not_see_is_said() -> None:
     drifting = of("wu2018-18", more=("gyro_drift",))
-    assert "by gyro drift equatorial y, which it does not see;" in drifting.in_words
+    golden_text(drifting.in_words)
     assert {drifting.parameters[i].effect for i in drifting.unseen} == {"gyro_drift"}
     assert of("wu2018-18").unseen == ()
 
@@ -106,10 +106,10 @@ def test_coloured_noise_of_turns_is_refused_and_not_left_out(tmp_path: Path) -> 
     path = tmp_path / "s.toml"
     text = find("wei2022-30").read_text()
     path.write_text(text.replace("[noise]", '[noise]\ngyroscope_flicker = { value = 0.001, unit = "deg/h" }'))
-    with pytest.raises(InputError, match="gyroscope_flicker: the budget of turns knows white noise alone"):
+    with refused():
         budget([path])
     path.write_text(text.replace("0.002", "0.0"))
-    with pytest.raises(InputError, match="without noise everything would be known"):
+    with refused():
         budget([path])
 
 

@@ -10,10 +10,10 @@ import pytest
 from gimbalcal.design.optimal import assess, assessed_design, design, gains, optimise, position_response, value
 from gimbalcal.design.rig_positions import PositioningRig, design_parameters, free_rig, grid, rig_of, whitened_rows
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import TERMS
 from gimbalcal.platform import KNOWN
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, FIFTEEN_POSITIONS, Schedule
+from tests.golden import golden_text, refused
 
 TABLE = KNOWN["two-axis-table"]
 
@@ -93,15 +93,15 @@ def test_separating_confounded_effects_makes_both_known_better() -> None:
 
 
 def test_unknown_effects_and_criteria_are_refused() -> None:
-    with pytest.raises(InputError, match="no effect is called 'spin'"):
+    with refused():
         design(free_rig(TABLE), 6, ("spin",))
-    with pytest.raises(InputError, match="criterion 'E' is not known"):
+    with refused():
         design(free_rig(TABLE), 6, criterion="E")
 
 
 def test_words_name_the_published_schedules() -> None:
     d = design(rig_of("two-axis-table", 45.0, None), 15)
-    assert "against wang2019-15: for equal time the mean radius of what stays uncertain is 0." in d.in_words
+    golden_text(d.in_words)
 
 
 @pytest.mark.parametrize("criterion", ["D", "A"])
@@ -129,6 +129,7 @@ def test_positions_that_leave_the_smallest_error_of_a_days_navigation() -> None:
     usual = design(rig, 10).schedule
     own, other = (value(whitened_rows(s.angles, rig, wanted), "position", S) for s in (d.schedule, usual))
     assert -own < 0.98 * -other
-    assert f"{np.sqrt(-own):.3g} m of position in 24 h" in d.in_words
-    with pytest.raises(InputError, match="space-stable"):
+    assert f"{np.sqrt(-own):.3g} m of" in d.in_words
+    golden_text(d.in_words)
+    with refused():
         design(rig_of("three-axis-table", 90.0, 5.0), 6, criterion="position")

@@ -12,12 +12,12 @@ from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose import diagnose, entry, of_recording
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.errors import InputError
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, completed
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record
 from tests.diagnose.small import FIT, telescope
+from tests.golden import refused
 
 TABLE = record(np.random.default_rng(1), dwell=2)
 REST = static_plant.record(np.random.default_rng(1))
@@ -68,14 +68,14 @@ def test_each_kind_reaches_its_views(taken: list[tuple[str, Any]], recordings: l
 
 
 def test_nothing_and_nonsense_are_refused_before_any_view(taken: list[tuple[str, Any]]) -> None:
-    with pytest.raises(InputError, match="at least one recording"):
+    with refused():
         diagnose([])
-    with pytest.raises(InputError, match="which is no effect of the catalogue"):
+    with refused():
         diagnose([TABLE], baseline=("bais",))
     broken = TABLE.channels["temperature", ""].copy()
     broken[2] = np.inf
     spoiled = replace(TABLE, channels={**TABLE.channels, ("temperature", ""): broken})
-    with pytest.raises(InputError, match="row 3, temperature: the value is not a finite number"):
+    with refused():
         diagnose([TABLE, spoiled])
     assert taken == []
 
@@ -84,5 +84,5 @@ def test_nothing_and_nonsense_are_refused_before_any_view(taken: list[tuple[str,
 def test_a_calibration_of_another_platform_is_one_sentence(count: int) -> None:
     zero = CATALOGUE["gimbal_zero"](theta_0=np.full(count, 1e-4))  # type: ignore[call-arg]
     other = Calibration("test", (zero,), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
-    with pytest.raises(InputError, match=f"has the gimbals platform, inner, .* is for {count};"):
+    with refused():
         diagnose([TABLE], other)

@@ -17,7 +17,6 @@ from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site, dwell_means, write
@@ -30,6 +29,7 @@ from tests.diagnose.plant import UG, Bench, at_strength, known, on, record
 from tests.diagnose.rows.test_turns import by_hand as turned_by_hand
 from tests.diagnose.test_unknown_noise import run as pointing_run
 from tests.diagnose.test_unknown_noise import stars
+from tests.golden import refused
 
 TABLE = KNOWN["three-axis-table"]
 TEMPERATURE = ("temperature", "")
@@ -214,44 +214,40 @@ def few_stars(count: int) -> Recording:
 
 
 REFUSED = {
-    "one row": (lambda: CLEAN.select([0]), (), "'plant' gives 3 numbers, and the constants of the model take up 3 of"),
-    "two rows, two positions": (lambda: CLEAN.select([0, 120]), (), "the constants of the model take up 6 of them"),
-    "one row at rest": (lambda: AT_REST.select([0]), (), "'plant at rest' gives 6 numbers, and the constants of the"),
-    "never at rest": (lambda: replace(CLEAN, position=0 * CLEAN.position), (), "'plant' has no dwell"),
-    "no noise to be seen": (lambda: replace(first_rows(CLEAN, 2), noise={}), (), "states no noise of the"),
-    "NaN force": (lambda: spoiled(("specific_force", "y")), (), "'plant', row 10, specific_force y: the value is not"),
-    "NaN temperature": (lambda: spoiled(TEMPERATURE), (), "'plant', row 10, temperature: the value is not a finite"),
-    "no angles": (lambda: changed(CLEAN, without=["gimbal_angle"]), (), "'plant' has no gimbal_angle column, so its"),
-    "at rest by hand": (lambda: replace(FORCES_AT_REST, platform=BENCH), (), "static run of 'bench', and"),
-    "at rest on a table": (lambda: replace(FORCES_AT_REST, platform=TABLE), (), "static run of 'three-axis-table'"),
-    "no force": (lambda: changed(CLEAN, without=["specific_force"]), (), "'plant' has no specific_force channel"),
-    "by hand, no force": (lambda: changed(by_hand(12), without=["specific_force"]), (), "'by hand' leaves nothing to"),
-    "by hand, nine positions": (lambda: by_hand(9), (), "'by hand' gives 9 numbers, and the constants of the model"),
-    "one star": (lambda: few_stars(1), (), "gives 2 numbers, and the constants of the model take up 2 of them"),
-    "a short table": (lambda: tilted(150), (), "'table' lasts 1.5 s: a tilting table is judged by means over 1 s"),
-    "a table in counts": (lambda: tilted(900, specific_force="count"), (), "'table' reads in count: a tilting table"),
-    "another kind": (lambda: CLEAN, ("refraction",), "the baseline names 'refraction', which shows in pointing record"),
-    "no thermometer": (lambda: changed(CLEAN, without=["temperature"]), ("bias", "bias_temperature"),
-                       "the baseline names 'bias_temperature', which needs temperature, and 'plant' has none"),
-    "no such log": (lambda: CLEAN, ("pressure",), "'pressure', which needs covariate:pressure, and 'plant' has none"),
-    "no log": (lambda: CLEAN, ("bias_covariate",), "'bias_covariate', which needs covariate, and 'plant' has none"),
-    "two logs": (lambda: changed(CLEAN, {("covariate", k): CLEAN.time for k in "ab"}), ("bias_covariate",),
-                 "'bias_covariate', which follows one covariate, and 'plant' has 2 of them"),
-    "no north": (lambda: by_hand(12), ("magnetic_field",), "'magnetic_field', which needs gimbals"),
+    "one row": (lambda: CLEAN.select([0]), ()),
+    "two rows, two positions": (lambda: CLEAN.select([0, 120]), ()),
+    "one row at rest": (lambda: AT_REST.select([0]), ()),
+    "never at rest": (lambda: replace(CLEAN, position=0 * CLEAN.position), ()),
+    "no noise to be seen": (lambda: replace(first_rows(CLEAN, 2), noise={}), ()),
+    "NaN force": (lambda: spoiled(("specific_force", "y")), ()),
+    "NaN temperature": (lambda: spoiled(TEMPERATURE), ()),
+    "no angles": (lambda: changed(CLEAN, without=["gimbal_angle"]), ()),
+    "at rest by hand": (lambda: replace(FORCES_AT_REST, platform=BENCH), ()),
+    "at rest on a table": (lambda: replace(FORCES_AT_REST, platform=TABLE), ()),
+    "no force": (lambda: changed(CLEAN, without=["specific_force"]), ()),
+    "by hand, no force": (lambda: changed(by_hand(12), without=["specific_force"]), ()),
+    "by hand, nine positions": (lambda: by_hand(9), ()),
+    "one star": (lambda: few_stars(1), ()),
+    "a short table": (lambda: tilted(150), ()),
+    "a table in counts": (lambda: tilted(900, specific_force="count"), ()),
+    "another kind": (lambda: CLEAN, ("refraction",)),
+    "no thermometer": (lambda: changed(CLEAN, without=["temperature"]), ("bias", "bias_temperature")),
+    "no such log": (lambda: CLEAN, ("pressure",)),
+    "no log": (lambda: CLEAN, ("bias_covariate",)),
+    "two logs": (lambda: changed(CLEAN, {("covariate", k): CLEAN.time for k in "ab"}), ("bias_covariate",)),
+    "no north": (lambda: by_hand(12), ("magnetic_field",)),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_cannot_be_diagnosed_is_refused_in_one_sentence(name: str) -> None:
-    made, baseline, sentence = REFUSED[name]
-    with pytest.raises(InputError) as refusal:
+    made, baseline = REFUSED[name]
+    with refused():
         diagnose([made()], baseline=baseline)
-    assert sentence in str(refusal.value)
-    assert "\n" not in str(refusal.value)
 
 
 def test_a_law_that_reads_the_same_for_different_forces_is_refused() -> None:
-    with pytest.raises(InputError, match="different forces read the same"):
+    with refused():
         inverted(lambda f: 0 * f, np.ones((4, 3)))
 
 

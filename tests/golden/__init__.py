@@ -1,29 +1,40 @@
-"""Compare pages, console output and sentences with the golden files of this folder.
+"""Compare pages, console output and messages with the golden files of this folder.
 
 Each golden file holds the text of one page or of one kind of output, so that rewording a sentence changes one file.
 After a change of wording, regenerate all of them, read the difference and commit it:
 
     python -m pytest tests --regenerate-golden && git diff tests/golden
 
-A test compares with the fixture `golden`: `golden("pages/noise", page_text(html))`. Words must be equal; numbers must
-agree within rounding (`ROUNDING`), because their last digit depends on the processor. A number that matters is asserted
-as a number by a test of its own. Line breaks count, spaces do not.
+A test compares a page with the fixture `golden`: `golden("pages/noise", page_text(html))`. Words must be equal; numbers
+must agree within rounding (`ROUNDING`), because their last digit depends on the processor. A number that matters is
+asserted as a number by a test of its own. Line breaks count, spaces do not.
+
+What a test reads in a sentence (a refusal, a remark, an outcome) is compared with the section of this test in
+`messages/FOLDER.txt`: `with refused(): read(folder)` and `golden_text(recording.remarks[-1])`. There whole
+numbers must be equal: they are rows, lines and counts.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from difflib import unified_diff
 from html.parser import HTMLParser
 from itertools import zip_longest
 from pathlib import Path
 
+import pytest
+
 import gimbalcal
+from gimbalcal.errors import InputError
 
 FOLDER = Path(__file__).parent
+ROOT = FOLDER.parents[1]
 ROUNDING = 0.01  # relative difference of two numbers that are printed alike up to rounding
 COUNTED = 100  # integers below it are counts or labels and must be equal
+WAITING = re.compile(r"\d+ s so far$")  # what long work says, on a slow machine more often
 NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 BLOCKS = re.compile(r"address|caption|d[dlt]|details|div|fig\w+|footer|form|h\d|header|li|main|nav|ol|p|pre|section|"
                     r"summary|t(?:able|body|head|r)|title|ul")  # fmt: skip
@@ -73,6 +84,91 @@ def _number(kept: str, now: str) -> bool:
     last = max(10.0 ** -len(text.partition("e")[0].partition(".")[2]) for text in (kept, now))
     unit = 0.0 if "e" in kept + now or a == b == int(a) else last
     return abs(a - b) <= max(ROUNDING * max(a, b), unit * 1.001)
+
+
+@dataclass
+class Messages:
+    """The sections of the golden files of messages, and the lines that the test that runs has read so far."""
+
+    regenerate: bool
+    files: dict[Path, dict[str, list[str]]] = field(default_factory=dict)
+
+    @contextmanager
+    def of_test(self, item: pytest.Item) -> Iterator[None]:
+        """Compare what `item` reads with its section; at its end, no line of the section may be left."""
+        folder, stem = item.path.parent.relative_to(ROOT / "tests"), item.path.stem
+        self.file = FOLDER / "messages" / (f"{folder}.txt" if folder.name else "tests.txt")
+        self.section = f"== {stem} {item.name}".encode("unicode_escape").decode()
+        self.temporary = rf"{re.escape(str(item.config._tmp_path_factory.getbasetemp()))}/[^/\s'\"]*"  # type: ignore[attr-defined]
+        self.lines: list[str] = []
+        MESSAGES.append(self)
+        try:
+            yield
+        finally:
+            MESSAGES.pop()
+        sections = self.sections()
+        if self.regenerate and not alike(sections.get(self.section, []), self.lines):
+            sections[self.section] = self.lines
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            text = "\n".join(line for key in sorted(sections) if sections[key] for line in (key, *sections[key], ""))
+            self.file.write_text(text, encoding="utf-8")
+        elif not self.regenerate:
+            assert len(self.lines) == len(sections.get(self.section, [])), (
+                f"fewer lines than {self.section} of {self.file}"
+            )
+
+    def sections(self) -> dict[str, list[str]]:
+        """Return the lines of each section of the golden file of the test that runs."""
+        if self.file not in self.files:
+            text = self.file.read_text(encoding="utf-8") if self.file.exists() else ""
+            parts = [part.splitlines() for part in text.split("\n\n") if part]
+            self.files[self.file] = {lines[0]: [line for line in lines[1:] if line] for lines in parts}
+        return self.files[self.file]
+
+    def __call__(self, text: str) -> None:
+        """Compare a text with the next lines of the section."""
+        text = re.sub(self.temporary, "TMP", text).replace(f"{ROOT}/", "").replace(gimbalcal.__version__, "VERSION")
+        lines = [" ".join(line.split()) for line in text.splitlines() if line.strip() and not WAITING.search(line)]
+        kept = self.sections().get(self.section, [])[len(self.lines) : len(self.lines) + len(lines)]
+        if not self.regenerate and not alike(kept, lines):
+            shown = "\n".join(unified_diff(kept, lines, f"{self.file}, {self.section}", "now", lineterm="", n=1))
+            raise AssertionError(f"{shown}\nIf the new text is intended: python -m pytest tests --regenerate-golden")
+        self.lines += lines
+
+
+MESSAGES: list[Messages] = []
+"""The messages of the test that runs; a test may run tests."""
+
+
+def golden_text(*texts: object) -> None:
+    """Compare sentences with the section of the running test in the golden file of its folder."""
+    for text in texts:
+        MESSAGES[-1](str(text))
+
+
+@contextmanager
+def refused(error: type[Exception] = InputError) -> Iterator[None]:
+    """Expect an error whose message is one line, and compare it with the section of the running test."""
+    with pytest.raises(error) as caught:
+        yield
+    assert "\n" not in str(caught.value)
+    golden_text(caught.value)
+
+
+def alike(kept: list[str], now: list[str]) -> bool:
+    """Return whether two texts have equal words and whole numbers, and decimals that agree within rounding.
+
+    >>> alike(["row 2001 is off by 1.24 ug"], ["row 2001 is off by 1.25 ug"]), alike(["row 2001"], ["row 2002"])
+    (True, False)
+    """
+    return len(kept) == len(now) and all(
+        NUMBER.sub("#", a) == NUMBER.sub("#", b) and all(map(_decimal, NUMBER.findall(a), NUMBER.findall(b)))
+        for a, b in zip(kept, now, strict=True)
+    )
+
+
+def _decimal(kept: str, now: str) -> bool:
+    return kept == now or ("." in kept and "." in now and _number(kept, now))
 
 
 def page_text(page: str) -> str:

@@ -11,12 +11,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import by_name, plain
 from gimbalcal.guess.proposal import propose
 from gimbalcal.number import Array
 from gimbalcal.recording import dwells, read
 from gimbalcal.rotation import exponential
+from tests.golden import golden_text, refused
 
 G, D = 9.80665, 180 / np.pi
 STILL, MOVE, STEP = 150, 50, 0.02
@@ -86,7 +86,7 @@ def test_two_logs_on_two_clocks(tmp_path: Path) -> None:
     gyro = {"t": t2, **{f"g{a}": np.interp(t2, t, w[:, i]) for i, a in enumerate("xyz")}}
     force = table(tmp_path / "acc.csv", {"t": t, **{f"a{a}": f[:, i] for i, a in enumerate("xyz")}})
     right(force, table(tmp_path / "gyr.csv", gyro))
-    with pytest.raises(InputError, match="do not overlap in time"):
+    with refused():
         propose([force, table(tmp_path / "later.csv", {**gyro, "t": t2 + 1e4})])
 
 
@@ -109,13 +109,13 @@ def test_the_turns_tell_a_unit_that_numbers_do_not(tmp_path: Path) -> None:
     slow = {**columns, "t": t * 10}  # up to 18 deg/s, which could be rad/s by its size
     found = propose([table(tmp_path / "slow.csv", slow)])
     assert {g.unit for g in found.guesses.values() if g.quantity == "angular_rate"} == {"deg/s"}
-    assert "the turns between rests fit gravity in deg/s" in found.guesses["gyro_x"].why
+    golden_text(found.guesses["gyro_x"].why)
 
 
 def test_a_log_without_a_clock_is_asked_for_its_rate(tmp_path: Path) -> None:
     _, f, _ = turned()
     path = table(tmp_path / "e.csv", {f"a{a}": f[:, i] for i, a in enumerate("xyz")})
-    with pytest.raises(InputError, match=r"no column is a clock by its name \(ax, ay, az\); give --rate HZ"):
+    with refused():
         propose([path])
     right(path, rate=50.0, gyro=False)
 
@@ -124,28 +124,25 @@ def test_a_log_without_gravity_and_its_sign_are_said(tmp_path: Path) -> None:
     t, f, w = turned()
     columns = {"t": t, **{f"w{a}": w[:, i] for i, a in enumerate("xyz")}}
     linear = {f"Linear Acceleration {a} (m/s^2)": 0.01 * f[:, i] for i, a in enumerate("xyz")}
-    with pytest.raises(InputError, match="gravity was taken off"):
+    with refused():
         propose([table(tmp_path / "phone.csv", {**columns, **linear})])
     whole = {f"a{a}": f[:, i] for i, a in enumerate("xyz")}
-    assert "sign = -1 at all three" in propose([table(tmp_path / "unit.csv", {**columns, **whole})]).notes["signs"]
+    golden_text(propose([table(tmp_path / "unit.csv", {**columns, **whole})]).notes["signs"])
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    "text",
     [
-        ("", "holds no table of 3 columns or more"),
-        ("a,b\n1,2\n", "holds no table of 3 columns or more"),
-        ("t,ax,ay\n" + "".join(f"{k},1,2\n" for k in range(50)), "no column is an accelerometer along z by its name"),
-        (
-            "t,pos,ax,ay,az\n" + "".join(f"{k / 50},0,0,0,9.8\n" for k in range(900)),
-            "the unit is never at rest for a second",
-        ),
+        "",
+        "a,b\n1,2\n",
+        "t,ax,ay\n" + "".join(f"{k},1,2\n" for k in range(50)),
+        "t,pos,ax,ay,az\n" + "".join(f"{k / 50},0,0,0,9.8\n" for k in range(900)),
     ],
 )
-def test_what_cannot_be_guessed_is_said(tmp_path: Path, text: str, words: str) -> None:
+def test_what_cannot_be_guessed_is_said(tmp_path: Path, text: str) -> None:
     path = tmp_path / "log.csv"
     path.write_text(text)
-    with pytest.raises(InputError, match=words):
+    with refused():
         propose([path])
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import by_name
 from gimbalcal.guess.date_formats import in_iso, is_stamp, split
 from gimbalcal.guess.message_log import tables_in
@@ -17,6 +16,7 @@ from gimbalcal.guess.text_table import table_of
 from gimbalcal.importers.delimited import encoding_of
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN
+from tests.golden import golden_text, refused
 from tests.guess.test_layouts import FACES, felt, rows, same
 from tests.guess.test_pointing_run import AZ, EL, OFF, agrees, write
 from tests.guess.test_proposal import D, G, turned
@@ -72,7 +72,7 @@ def test_an_error_beside_an_offset_is_no_offset(tmp_path: Path) -> None:
     found = propose([write(tmp_path / "a.csv", names, AZ, EL, sky, OFF[1], small, 2 * small)])
     agrees(found.recording)
     assert {"xel_err [arcsec]", "el_err [arcsec]"} <= set(found.left_out)
-    with pytest.raises(InputError, match=r"which of daz and az_corr is what the mount was off by"):
+    with refused():
         propose([write(tmp_path / "b.csv", "az,el,daz,del,az_corr", AZ, EL, *OFF, OFF[0] + 9)])
 
 
@@ -81,7 +81,7 @@ def test_offsets_beside_both_angles_say_the_same_or_are_asked_about(tmp_path: Pa
     read = AZ + OFF[0] / 3600, EL + OFF[1] / 3600
     agrees(propose([write(tmp_path / "a.csv", names, AZ, EL, *read, *OFF, cell="{:.8f}")]).recording)
     servo = AZ + 1e-4, EL - 1e-4
-    with pytest.raises(InputError, match="el_act less el_cmd is not what el_off"):
+    with refused():
         propose([write(tmp_path / "b.csv", names, AZ, EL, *servo, *OFF)])
 
 
@@ -105,7 +105,7 @@ def test_messages_of_a_flight_controller_two_units_in_turn(tmp_path: Path) -> No
     path.write_text("\n".join(lines), encoding="utf-8")
     found = propose([path])
     same(found, t, f, w)
-    assert found.notes["sensor"] == "rows are of 2 sensors by the column I, 0 is taken"
+    golden_text(found.notes["sensor"])
 
 
 def test_messages_of_a_telephone_named_in_comments_or_in_one_line(tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_messages_of_a_telephone_named_in_comments_or_in_one_line(tmp_path: Path
     path.write_text("\n".join(["MessageType,nanos,MeasurementX,MeasurementY,MeasurementZ", *body]), encoding="utf-8")
     same(propose([path]), t, f, w)
     path.write_text("\n".join(["# ATT,time,Roll,Pitch,Yaw", *[f"ATT,{k},1,2,3\nGPS,{k},1,2" for k in range(30)]]))
-    with pytest.raises(InputError, match="messages of 2 kinds and none has accelerometers"):
+    with refused():
         propose([path])
 
 
@@ -235,7 +235,7 @@ def test_a_row_without_a_time_is_left_out_and_told(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("\n".join(text), encoding="utf-8")
     found = propose([tmp_path / "a.csv"])
     same(found, t, f, w)
-    assert found.notes["time"] == "1 of 2001 rows have no time and are left out"
+    golden_text(found.notes["time"])
 
 
 def test_a_magnetometer_beside_the_forces_is_no_gyroscope_and_what_does_not_turn_is_told(tmp_path: Path) -> None:
@@ -247,7 +247,7 @@ def test_a_magnetometer_beside_the_forces_is_no_gyroscope_and_what_does_not_turn
     np.testing.assert_allclose(found.recording.triad("angular_rate"), w, atol=1e-5)
     path = rows(tmp_path / "b.csv", "time,ax,ay,az,gx,gy,gz", t, *f.T, *np.roll(w, 137, axis=0).T)
     told = propose([path]).notes["gyroscopes"]
-    assert told == "6 of 6 turns between rests fit gravity in no unit: are they gyroscopes?"
+    golden_text(told)
 
 
 def test_where_a_plate_was_solved_is_where_the_mount_looked(tmp_path: Path) -> None:
@@ -274,8 +274,8 @@ def test_resolvers_that_count_a_turn_in_a_power_of_two_are_angles(tmp_path: Path
 def test_rows_of_several_kinds_and_no_table_at_all_are_told_with_a_line(tmp_path: Path) -> None:
     path = tmp_path / "a.log"
     path.write_text("12;3;4.5\n12;3;4.5;6;7\n1;2;3", encoding="utf-8")
-    with pytest.raises(InputError, match=r"line 2: '12;3;4.5;6;7' has 5 cells where the first row has 3"):
+    with refused():
         propose([path])
     path.write_text(":pt10:10:34.8,+1,E#\n" * 9, encoding="utf-8")
-    with pytest.raises(InputError, match=r"its lines are like ':pt10:10:34.8,\+1,E#'; write numbers in columns"):
+    with refused():
         propose([path])

@@ -18,6 +18,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells, read
 from gimbalcal.rotation import exponential
 from gimbalcal.units import to_si
+from tests.golden import golden_text, refused
 from tests.xsens import accelerometers, as_text
 
 SHIPPED = Path(__file__).parents[2] / "data" / "xsens_positions"
@@ -61,20 +62,20 @@ def refusal(kind: str, files: list[Path], options: dict[str, str] | None = None)
 
 
 def test_unknown_kind_lists_the_known_ones(tmp_path: Path) -> None:
-    assert refusal("xsens", [tmp_path]) == f"there is no importer 'xsens'; take one of {', '.join(sorted(KINDS))}"
+    assert refusal("xsens", [tmp_path]).endswith(", ".join(sorted(KINDS)))
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_every_kind_has_help_and_refuses_what_is_not_there(tmp_path: Path, kind: str) -> None:
     assert KINDS[kind].summary
-    assert "does not exist or is not a file; give the files that" in refusal(kind, [tmp_path / "none"])
+    golden_text(refusal(kind, [tmp_path / "none"]))
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_every_kind_refuses_an_unknown_option(tmp_path: Path, kind: str) -> None:
     file = tmp_path / "file"
     file.write_text("")
-    assert "the option 'bananas' is not known here" in refusal(kind, [file], {"bananas": "3"})
+    golden_text(refusal(kind, [file], {"bananas": "3"}))
 
 
 def test_a_format_of_another_package_is_listed_and_read(
@@ -101,10 +102,10 @@ def test_a_format_of_another_package_is_listed_and_read(
     made = import_files("mine", [file], {"shift": "5", "title": "bench"})
     np.testing.assert_array_equal(made.time, [5.0, 6.0, 7.0])
     assert made.title == "bench"
-    assert refusal("mine", [file, file]) == "give one file at a time, got 2"
+    golden_text(refusal("mine", [file, file]))
     assert command("import", "--help") == 0
     words = " ".join(capsys.readouterr().out.split())
-    assert "mine One text file: t [s] ax ay az [g] in each line; shift = s. mmt One .dat file" in words
+    golden_text(words)
 
 
 # --- imu_tk ---------------------------------------------------------------------------------------------------------
@@ -118,7 +119,7 @@ def test_imu_tk_text(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.triad("specific_force"), counts)
     assert set(recording.units.values()) == {"count"}
     assert len(dwells(recording)) == 38
-    assert recording.remarks[-1].endswith("38 dwells found where the sensors are quiet, numbered in order of time")
+    golden_text(recording.remarks[-1])
 
 
 def test_the_shipped_positions_are_the_means_of_the_raw_data(tmp_path: Path) -> None:
@@ -155,16 +156,14 @@ def test_imu_tk_faults(tmp_path: Path) -> None:
     other.write_text("\n".join(lines[:-1]))
     words.write_text("t x y z\n" + "\n".join(lines))
     short.write_text("\n".join([*lines[:3], "0.03 1 2"]))
-    assert "other does not have the times of" in refusal("imu-tk", [good, other])
-    assert refusal("imu-tk", [words]).endswith("words, line 1: 't x y z' is not a row of numbers")
-    assert "short, line 4: 4 finite numbers are wanted, got '0.03 1 2'" in refusal("imu-tk", [short])
-    assert "imu-tk reads one or two files (accelerometers, gyroscopes), got 3" in refusal("imu-tk", [good] * 3)
+    golden_text(refusal("imu-tk", [good, other]))
+    golden_text(refusal("imu-tk", [words]))
+    golden_text(refusal("imu-tk", [short]))
+    golden_text(refusal("imu-tk", [good] * 3))
     good.write_text("")
-    assert "good is empty; it must hold rows of 4 numbers" in refusal("imu-tk", [good])
+    golden_text(refusal("imu-tk", [good]))
     good.write_text("\n".join([*lines, lines[0]]))
-    assert "good, row 51, column time: the clock jumps back by 0.49 s at 0 s; time must grow" in refusal(
-        "imu-tk", [good]
-    )
+    golden_text(refusal("imu-tk", [good]))
 
 
 # --- general tables -------------------------------------------------------------------------------------------------
@@ -184,24 +183,22 @@ def test_csv_of_a_german_logger(tmp_path: Path) -> None:
     faulty = "\n".join(rows).replace("\n1,50000000;", "\n-9,50000000;")
     (tmp_path / "log.csv").write_text(faulty)
     said = refusal("csv", [tmp_path / "log.csv"], {**options, "separator": "semicolon", "skip": "2"})
-    assert "log.csv, line 7, column Zeit: the clock jumps back by 10.5 s at -9.5 s" in said
+    golden_text(said)
 
 
 def test_csv_faults(tmp_path: Path) -> None:
     file = tmp_path / "log.csv"
     file.write_text("t,p,a,b,c\n0,1,0,0,-1\n1,1,0,x,-1\n")
     options = header(tmp_path, time="t", position="p", x="a", y="b", z="c")
-    assert "row 2 below the names, column b: 'x' is not a number" in refusal("csv", [file], options)
-    assert "Write it down as in recording.toml, with [columns]" in refusal("csv", [file])
-    assert "does not exist; it must say what the columns of" in refusal("csv", [file], {"header": "none.toml"})
-    assert "the separator '||' is not one character" in refusal("csv", [file], {**options, "separator": "||"})
-    assert "the option skip must be a number of at least 0, got 'two'" in refusal(
-        "csv", [file], {**options, "skip": "two"}
-    )
-    assert "give one file at a time, got 2" in refusal("csv", [file, file], options)
+    golden_text(refusal("csv", [file], options))
+    golden_text(refusal("csv", [file]))
+    golden_text(refusal("csv", [file], {"header": "none.toml"}))
+    golden_text(refusal("csv", [file], {**options, "separator": "||"}))
+    golden_text(refusal("csv", [file], {**options, "skip": "two"}))
+    golden_text(refusal("csv", [file, file], options))
     bad = header(tmp_path, time="t", position="p", x="a", y="b", z="d")
     file.write_text("t,p,a,b,c\n0,1,0,0,-1\n")
-    assert "log.csv has no column 'd'; it has 't', 'p', 'a', 'b', 'c'" in refusal("csv", [file], bad)
+    golden_text(refusal("csv", [file], bad))
 
 
 def test_csv_without_a_clock(tmp_path: Path) -> None:
@@ -224,15 +221,11 @@ def test_matlab_up_to_v7(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.time, time)
     options = header(tmp_path, time="t", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[3]")
     said = refusal("mat", [tmp_path / "rig.mat"], options)
-    assert "imu.acc[3] does not name one column of an array of shape (60, 3); write imu.acc[0], imu.acc[1], ..." in said
+    golden_text(said)
     options = header(tmp_path, time="time", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[2]")
-    assert "rig.mat has no variable 'time'; it has t, imu.acc, imu.pos, name" in refusal(
-        "mat", [tmp_path / "rig.mat"], options
-    )
+    golden_text(refusal("mat", [tmp_path / "rig.mat"], options))
     options = header(tmp_path, time="name", position="imu.pos", x="imu.acc[0]", y="imu.acc[1]", z="imu.acc[2]")
-    assert "row 1, column name: 'rig' is not a date and time of ISO 8601; correct it" in refusal(
-        "mat", [tmp_path / "rig.mat"], options
-    )
+    golden_text(refusal("mat", [tmp_path / "rig.mat"], options))
 
 
 def test_matlab_v73_is_hdf5(tmp_path: Path) -> None:
@@ -257,17 +250,15 @@ def test_hdf5(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.triad("specific_force"), force * 9.80665, rtol=1e-15)
     options = header(tmp_path, time="/time", position="/imu/pos", x="/imu/acc[0]", y="/imu/acc[1]", z="/imu/acc[2]")
     said = refusal("hdf5", [tmp_path / "rig.h5"], options)
-    assert "rig.h5 has no data set '/time'; it has clock, imu/acc, imu/pos" in said
+    golden_text(said)
     (tmp_path / "rig.h5").write_bytes((tmp_path / "rig.h5").read_bytes()[:700])
-    assert "rig.h5 is not an HDF5 file, or it is cut short or damaged; copy it again" in refusal(
-        "hdf5", [tmp_path / "rig.h5"], options
-    )
+    golden_text(refusal("hdf5", [tmp_path / "rig.h5"], options))
 
 
 def test_text_called_mat_is_sent_elsewhere(tmp_path: Path) -> None:
     options = header(tmp_path, time="t", position="p", x="a", y="b", z="c")
     said = refusal("mat", [as_text(tmp_path / "xsens_acc.mat")], options)
-    assert "text files that are only called .mat go through `gimbalcal import imu-tk` or `csv`" in said
+    golden_text(said)
 
 
 def test_columns_of_different_length(tmp_path: Path) -> None:
@@ -277,7 +268,7 @@ def test_columns_of_different_length(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "rig.h5", "w") as file:
         file["t"], file["p"], file["a"] = time, position[:-1], force
     options = header(tmp_path, time="t", position="p", x="a[0]", y="a[1]", z="a[2]")
-    assert "the columns differ in length (t 60, p 59, a[0] 60" in refusal("hdf5", [tmp_path / "rig.h5"], options)
+    golden_text(refusal("hdf5", [tmp_path / "rig.h5"], options))
 
 
 def test_imported_tables_pass_the_same_checks(tmp_path: Path) -> None:
@@ -290,11 +281,11 @@ def test_imported_tables_pass_the_same_checks(tmp_path: Path) -> None:
     options = header(tmp_path, time="t", position="p", x="a[0]", y="a[1]", z="a[2]")
     made = import_files("hdf5", [tmp_path / "rig.h5"], options)
     assert len(made.time) == 56
-    assert made.remarks[0].endswith("rig.h5, rows 11 to 14: 4 rows of 60 are left out, empty in a[1]")
+    golden_text(made.remarks[0])
     with h5py.File(tmp_path / "rig.h5", "a") as file:
         file["a"][20, 0] = np.inf
     said = refusal("hdf5", [tmp_path / "rig.h5"], options)
-    assert "rig.h5, row 21, column a[0]: the value is empty or not a finite number" in said
+    golden_text(said)
 
 
 def test_the_clock_of_a_rate_is_in_the_unit_of_its_column(tmp_path: Path) -> None:
@@ -310,7 +301,7 @@ def test_the_clock_of_a_rate_is_in_the_unit_of_its_column(tmp_path: Path) -> Non
     Path(options["header"]).write_text("\n".join(line for line in columns.splitlines() if '"time"' not in line))
     recording = import_files("csv", [tmp_path / "log.csv"], {**options, "rate": "50"})
     np.testing.assert_allclose(recording.time, np.arange(60) / 50, rtol=1e-14)
-    assert "no column is the time" in refusal("csv", [tmp_path / "log.csv"], options)
+    golden_text(refusal("csv", [tmp_path / "log.csv"], options))
 
 
 @pytest.mark.parametrize(("name", "given"), [("comma", ","), ("blanks", "   "), ("tab", "\t"), ("semicolon", ";")])
@@ -337,9 +328,7 @@ def test_names_that_stand_in_the_comment_above_the_numbers(tmp_path: Path) -> No
     recording = import_files("csv", [tmp_path / "log.txt"], options)
     np.testing.assert_allclose(recording.triad("specific_force"), force * 9.80665, atol=1e-7)
     unnamed = header(tmp_path, time="t", position="pos", x="ax", y="ay", z="az")
-    assert "log.txt: numbers stand where the column names belong; put them above, or call" in refusal(
-        "csv", [tmp_path / "log.txt"], unnamed
-    )
+    golden_text(refusal("csv", [tmp_path / "log.txt"], unnamed))
     folder = tmp_path / "rec"  # and in a recording folder
     folder.mkdir()
     header(folder, time="time", position="pos", x="ax", y="ay", z="az")
@@ -348,7 +337,7 @@ def test_names_that_stand_in_the_comment_above_the_numbers(tmp_path: Path) -> No
     (folder / "samples.csv").write_text(text)
     np.testing.assert_allclose(read(folder).triad("specific_force"), force * 9.80665, atol=1e-7)
     (folder / "samples.csv").write_text(text.replace(",1,", ",x,", 1))
-    with pytest.raises(InputError, match=r"samples\.csv, line 2, column pos: 'x' is not a number"):
+    with refused():
         read(folder)
 
 
@@ -366,7 +355,7 @@ def test_two_kinds_of_rows_in_one_table_whose_times_run_into_each_other(tmp_path
     toml.write_text(toml.read_text().replace('"time", unit = "s"', '"time", unit = "ns"'))
     recording = import_files("csv", [tmp_path / "log.csv"], options)
     np.testing.assert_allclose(np.diff(recording.time), np.diff(time), atol=1e-6)
-    assert "30 rows of 90 are left out, empty in pos (30), ax (30), ay (30), az (30)" in recording.remarks[0]
+    golden_text(recording.remarks[0])
 
 
 def test_dates_in_a_text_table(tmp_path: Path) -> None:
@@ -380,10 +369,10 @@ def test_dates_in_a_text_table(tmp_path: Path) -> None:
     options = header(tmp_path, time="when", position="p", x="a", y="b", z="c")
     recording = import_files("csv", [tmp_path / "log.csv"], options)
     np.testing.assert_allclose(recording.time - recording.time[0], time, atol=1e-9)
-    assert recording.remarks[0].endswith("column when: dates, taken as seconds since 2026-03-29 00:00, no zone named")
+    golden_text(recording.remarks[0])
     (tmp_path / "log.csv").write_text("\n".join(rows).replace("2026-03-29 01:59:55;", "yesterday;"))
     said = refusal("csv", [tmp_path / "log.csv"], options)
-    assert said.endswith("row 11, column when: 'yesterday' is not a date and time of ISO 8601; correct it")
+    golden_text(said)
 
 
 def test_matlab_with_a_file_for_each_channel(tmp_path: Path) -> None:
@@ -398,9 +387,9 @@ def test_matlab_with_a_file_for_each_channel(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.triad("specific_force"), force * 9.80665, rtol=1e-15)
     assert [Path(s.path).name for s in recording.source[1:]] == [path.name for path in files]
     options = header(tmp_path, time="clock", position="pos", x="data", y="ay", z="az")
-    assert "write the name of the file before it, as in clock.data" in refusal("mat", files, options)
+    golden_text(refusal("mat", files, options))
     options = header(tmp_path, time="clock", position="pos", x="ax", y="ay", z="temperature")
-    assert "no file has a variable 'temperature'" in refusal("mat", files, options)
+    golden_text(refusal("mat", files, options))
 
 
 def in_the_hand(rate_unit: float = 1.0) -> tuple[Array, Array, Array]:
@@ -431,11 +420,11 @@ def test_imu_tk_in_physical_units(tmp_path: Path, accel: str, gyro: str) -> None
     np.testing.assert_allclose(recording.triad("angular_rate"), rate * to_si(1.0, gyro), rtol=1e-12)
     assert recording.scatter["angular_rate", "x"] == pytest.approx(1e-3 * to_si(1.0, gyro), rel=0.1)
     assert recording.scatter["specific_force", "x"] == pytest.approx(0.01, rel=0.1)
-    assert recording.remarks[-2].startswith(f"specific_force is taken to be in {accel}: at rest its norm is ")
-    assert recording.remarks[-1].startswith(f"angular_rate is taken to be in {gyro}: so it turns gravity")
+    golden_text(recording.remarks[-2])
+    golden_text(recording.remarks[-1])
     told = import_files("imu-tk", [tmp_path / "acc.mat"], {"accel": "count"})
     assert set(told.units.values()) == {"count"}
-    assert "'deg' is not a unit of angular_rate" in refusal("imu-tk", [tmp_path / "acc.mat"], {"gyro": "deg"})
+    golden_text(refusal("imu-tk", [tmp_path / "acc.mat"], {"gyro": "deg"}))
 
 
 def test_imu_tk_rates_are_looked_at_less_what_they_read_at_rest(tmp_path: Path) -> None:
@@ -453,7 +442,7 @@ def test_text_of_a_logger_that_missed_some_values(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "gyro.mat", np.column_stack([time, rate]), delimiter=",")
     recording = import_files("imu-tk", [tmp_path / "acc.mat", tmp_path / "gyro.mat"])
     assert len(recording.time) == len(time) - 3
-    assert "acc.mat, rows 31 to 33: 3 rows of 2000 are left out, empty in specific_force y" in recording.remarks[1]
+    golden_text(recording.remarks[1])
 
 
 def test_mikoff_log(tmp_path: Path) -> None:
@@ -480,5 +469,5 @@ def test_stars_and_means_need_no_clock_and_samples_do(tmp_path: Path) -> None:
     assert np.all(np.diff(made.time) == 60)
     assert any("no clock" in remark for remark in made.remarks)
     (tmp_path / "log.csv").write_text("Nr,fx,fy,fz\n1,0,0,1\n1,0,0,1.001\n2,1,0,0\n")
-    with pytest.raises(InputError, match="give --set rate=HZ"):
+    with refused():
         import_files("csv", [tmp_path / "log.csv"], {"header": str(header)})

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.errors import InputError
 from gimbalcal.importers import import_files
 from gimbalcal.importers.pointing import SIDEREAL_SECOND_S, sexagesimal
 from gimbalcal.importers.tpoint import _joined, equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
+from tests.golden import golden_text, refused
 
 REAL = Path(__file__).parents[3] / "shared" / "data"
 
@@ -80,25 +80,16 @@ def test_tpoint_both_sides_of_the_pier(tmp_path: Path) -> None:
 def test_tpoint_faults(tmp_path: Path) -> None:
     text = tpoint_file(tmp_path / "run.dat").read_text()
     bad = tmp_path / "bad.dat"
-    for old, new, sentence in [
-        ("+30 00", "+3O 00", "bad.dat, line 6: '22 00 0.0000 +3O 00 0.0000"),
-        ("23 30.00000", "", "bad.dat, line 6: an observation has 14 numbers, got 12"),
-        ("+30 00", "+30.5 00", "bad.dat, line 6: +30.5 cannot stand before minutes or seconds"),
-        ("+30 00", "+30 70", "bad.dat, line 6: 70 cannot be there, where 60 is the most"),
-        ("23 30.00000", "233 30.00000", "bad.dat, line 6: 233 cannot be there, where 24 is the most"),
-        (
-            "23 54.00000",
-            "22 54.00000",
-            "bad.dat, observation 2: the sidereal time does not grow; put the rows in order",
-        ),
-    ]:
+    for old, new in [
+        ("+30 00", "+3O 00"), ("23 30.00000", ""), ("+30 00", "+30.5 00"), ("+30 00", "+30 70"),
+        ("23 30.00000", "233 30.00000"), ("23 54.00000", "22 54.00000"),
+    ]:  # fmt: skip
         assert old in text
         bad.write_text(text.replace(old, new, 1))
-        with pytest.raises(InputError) as caught:
+        with refused():
             import_files("tpoint", [bad])
-        assert sentence in str(caught.value)
     bad.write_text("nothing\n")
-    with pytest.raises(InputError, match="is not a TPOINT file: a line of latitude, date and weather and then stars"):
+    with refused():
         import_files("tpoint", [bad])
 
 
@@ -159,10 +150,10 @@ def test_tpoint_raises_catalogue_places_by_refraction_where_it_is_asked(tmp_path
     air = 621 / 1010 * 283 / (273 - 2.25)
     np.testing.assert_allclose(lifted[0], 60.0 * air * np.array([1.0127, 2.7413]), rtol=1e-3)  # arcmin
     np.testing.assert_allclose(lifted[1], lifted[0], atol=1e-6)
-    with pytest.raises(InputError, match="the option refraction must be yes"):
+    with refused():
         import_files("tpoint", [path], {"refraction": "maybe"})
     path.write_text(FORMAT_4)
-    with pytest.raises(InputError, match="refraction needs catalogue places, and a pressure"):
+    with refused():
         import_files("tpoint", [path], {"refraction": "yes"})
 
 
@@ -187,16 +178,16 @@ def test_tpoint_lines_of_angles_count_azimuth_from_south_through_east_and_have_n
         np.degrees(run.channels["gimbal_angle", "azimuth"] - azimuth * np.pi / 180), [-0.3, -0.5]
     )
     np.testing.assert_allclose(np.degrees(run.channels["gimbal_angle", "elevation"]), [77.5, 30.1])
-    assert "has no clock" in run.remarks[0]
+    golden_text(run.remarks[0])
     north = import_files("tpoint", [path], {"azimuth": "north"})
     np.testing.assert_allclose(np.degrees(north.channels["true_angle", "azimuth"]) % 360, [192.4, 340.0])
-    with pytest.raises(InputError, match="the option azimuth must be south"):
+    with refused():
         import_files("tpoint", [path], {"azimuth": "west"})
     path.write_text(FORMAT_4.replace(": ALTAZ\n", ""))
     with_hours = import_files("tpoint", [path])
     assert with_hours.platform.name == "equatorial"
     path.write_text(FORMAT_4.replace("-20.0 30.0 -19.5 30.1", "22 00 00.0 +30 00 00.0 22 00 01.0 +30 00 00.0 12 00.0"))
-    with pytest.raises(InputError, match="some stars have angles and some a catalogue place; give one kind of line"):
+    with refused():
         import_files("tpoint", [path])
 
 
@@ -205,7 +196,7 @@ def test_a_sidereal_time_that_falls_back_by_hours_is_the_night_after(tmp_path: P
     path.write_text(path.read_text().replace(clock(0.2), clock(20.5)))  # after 23.5, 23.9
     run = import_files("tpoint", [path])
     np.testing.assert_allclose(run.time, 3600 * SIDEREAL_SECOND_S * np.array([0.0, 0.4, 21.0]), atol=1e-6)
-    assert "falls back at observation 3: taken as the night after" in run.remarks[0]
+    golden_text(run.remarks[0])
 
 
 COLUMNS = (
@@ -244,18 +235,18 @@ def test_phd2_undoes_the_guiding(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.degrees(left["declination"]) * 3600, off, atol=1e-4)
     assert np.degrees(run.channels["gimbal_angle", "hour_angle"][0]) == pytest.approx(-30.0)
     np.testing.assert_allclose(np.diff(run.channels["gimbal_angle", "hour_angle"]), 7.292115e-5)
-    assert "300 frames without a dither" in run.remarks[0]
+    golden_text(run.remarks[0])
 
 
 def test_phd2_faults(tmp_path: Path) -> None:
     log = guided(tmp_path / "log.txt", np.zeros(30), np.ones(30))
-    with pytest.raises(InputError, match=r"give it as --set latitude=51\.0"):
+    with refused():
         import_files("phd2", [log])
-    with pytest.raises(InputError, match="has 1 stretch; give one of them, got '2'"):
+    with refused():
         import_files("phd2", [log], {"latitude": "51", "stretch": "2"})
     told = log.read_text().replace("Hour angle = -2.00 hr", "Hour angle = N/A hr")
     log.write_text(told)
-    with pytest.raises(InputError, match="does not state its Alt, or else its Hour angle"):
+    with refused():
         import_files("phd2", [log], {"latitude": "51"})
     north, east, down = line_of_sight(np.radians(60.0), np.radians(-30.0), np.radians(51.0))
     elevation, around = np.degrees(np.arcsin(-down)), np.degrees(np.arctan2(east, north))
@@ -263,30 +254,30 @@ def test_phd2_faults(tmp_path: Path) -> None:
     made = import_files("phd2", [log], {"latitude": "51"})
     assert np.degrees(made.channels["gimbal_angle", "hour_angle"][0]) == pytest.approx(-30.0, abs=1e-6)
     log.write_text(log.read_text().replace("Pixel scale", "Scale"))
-    with pytest.raises(InputError, match="does not state its Pixel scale, in arc-sec/px"):
+    with refused():
         import_files("phd2", [log], {"latitude": "51"})
     log.write_text("nothing\n")
-    with pytest.raises(InputError, match="is not a PHD2 guide log"):
+    with refused():
         import_files("phd2", [log], {"latitude": "51"})
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new"),
     [
-        ('3,2.000,"Mount",0,0,', '3,2.000,"Mount",0,0,nan', r"line 12: 'nan.*' under RARawDistance is no number"),
-        ('3,2.000,"Mount"', '3,2.000,"Moumt"', "line 12 is no frame as PHD2 writes them"),
-        ('3,2.000,"Mount"', 'e,2.000,"Mount"', "line 12 is no frame as PHD2 writes them"),
-        ("3,2.000,", "3,0.500,", "line 12: the time does not go on"),
-        (",E,", ",Q,", "line 10: a pulse of 0 ms to 'Q' in RA, where PHD2 writes a duration and W or E"),
-        ("Pixel scale = 2.00", "Pixel scale = 2,00", "does not state its Pixel scale"),
-        ("Dec = 60.0 deg", "Dec = 160.0 deg", "a declination of 160 deg"),
+        ('3,2.000,"Mount",0,0,', '3,2.000,"Mount",0,0,nan'),
+        ('3,2.000,"Mount"', '3,2.000,"Moumt"'),
+        ('3,2.000,"Mount"', 'e,2.000,"Mount"'),
+        ("3,2.000,", "3,0.500,"),
+        (",E,", ",Q,"),
+        ("Pixel scale = 2.00", "Pixel scale = 2,00"),
+        ("Dec = 60.0 deg", "Dec = 160.0 deg"),
     ],
 )
-def test_a_slip_in_a_phd2_log_drops_no_frame_and_no_pulse(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_a_slip_in_a_phd2_log_drops_no_frame_and_no_pulse(tmp_path: Path, old: str, new: str) -> None:
     log = guided(tmp_path / "log.txt", np.zeros(30), np.ones(30))
     assert old in log.read_text()
     log.write_text(log.read_text().replace(old, new, 1))
-    with pytest.raises(InputError, match=words):
+    with refused():
         import_files("phd2", [log], {"latitude": "51"})
 
 
@@ -296,7 +287,7 @@ def test_frames_missing_from_a_phd2_log_are_told(tmp_path: Path) -> None:
     log.write_text("".join(line for line in lines if not line.startswith("7,")))
     run = import_files("phd2", [log], {"latitude": "51"})
     assert len(run.time) == 29
-    assert "line 16: frames before it are missing, so that their pulses are not undone" in run.remarks[1]
+    golden_text(run.remarks[1])
 
 
 def test_phd2_ends_a_stretch_where_the_lock_position_is_moved(tmp_path: Path) -> None:
@@ -304,7 +295,7 @@ def test_phd2_ends_a_stretch_where_the_lock_position_is_moved(tmp_path: Path) ->
     tail = "\n".join(["INFO: DITHER by 1.0, -2.0, new lock pos = 3, 4", *(row.format(k, k) for k in range(40, 60))])
     run = import_files("phd2", [guided(tmp_path / "log.txt", np.zeros(15), np.zeros(15), tail)], {"latitude": "51"})
     assert len(run.time) == 20
-    assert "stretch 2 of 2" in run.remarks[0]
+    golden_text(run.remarks[0])
 
 
 MMT = """\
@@ -336,13 +327,13 @@ def test_mmt(tmp_path: Path) -> None:
 def test_mmt_faults(tmp_path: Path) -> None:
     path = tmp_path / "run.dat"
     path.write_text(MMT.replace("TAA:   17.25 -159.25\n", ""))
-    with pytest.raises(InputError, match="each star needs RAA, TAA and LST, there are 2 RAA, 1 TAA, 2 LST"):
+    with refused():
         import_files("mmt", [path])
     path.write_text(MMT.replace("17.50", "----"))
-    with pytest.raises(InputError, match=r"run\.dat, line 7: 'RAA:   ----  200\.00' does not hold numbers"):
+    with refused():
         import_files("mmt", [path])
     path.write_text(MMT.replace("-159.25", ""))
-    with pytest.raises(InputError, match="does not hold an altitude and an azimuth in degrees"):
+    with refused():
         import_files("mmt", [path])
 
 
@@ -363,7 +354,7 @@ def test_tilt_table_sees_gravity_with_the_right_sign(tmp_path: Path) -> None:
     np.testing.assert_allclose(run.channels["specific_force", "z"], -run.channels["specific_force", "x"], rtol=1e-15)
     np.testing.assert_allclose(run.channels["angular_rate", "z"], -silent - 1e-3, rtol=1e-15)
     (tmp_path / "t.npz").write_bytes(b"PK not really")
-    with pytest.raises(InputError, match="is not the archive of a tilt table, it must hold vel_HHN, rate_HJN"):
+    with refused():
         import_files("tilt-table", [tmp_path / "t.npz"])
 
 

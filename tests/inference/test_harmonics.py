@@ -8,9 +8,9 @@ from scipy.stats import chi2
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects.process import WhiteNoise
-from gimbalcal.errors import InputError
 from gimbalcal.inference.harmonics import columns, fourier, labels
 from gimbalcal.number import Array
+from tests.golden import refused
 from tests.inference.test_coloured import simulate
 
 TRUTH = np.array([0.3, -1.2, 0.8, 0.05, -0.4])  # mean, 1s, 1c, 2s, 2c
@@ -88,7 +88,7 @@ def test_mean_of_whole_days_and_an_fft_bin_are_biased_where_the_fit_is_not() -> 
 
 def test_too_short_a_run_is_told() -> None:
     time, angle = grid(0.5, 1.0)
-    with pytest.raises(InputError, match=r"the run covers 7\.5 deg of the Earth's turn, too little"):
+    with refused():
         fourier(time, angle, np.random.default_rng(5).normal(size=len(time)), noise="white")
-    with pytest.raises(InputError, match="5 rows cannot determine 5 harmonics and 1 drift terms"):
+    with refused():
         fourier(time[:5], angle[:5], time[:5])

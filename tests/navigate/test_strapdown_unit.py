@@ -16,7 +16,6 @@ import pytest
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.earth import EARTH_RATE, normal_gravity
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
-from gimbalcal.errors import InputError
 from gimbalcal.navigate.mean_intervals import thinned
 from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE, Navigated
@@ -28,6 +27,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording, read, write
 from gimbalcal.rotation import exponential
 from gimbalcal.simulate import simulate
+from tests.golden import refused
 
 L = np.deg2rad(40.0)
 SITE = InertialSite(L, 60.0, float(normal_gravity(L, 60.0)), 0.0)
@@ -217,7 +217,7 @@ def test_pauses_of_a_unit_at_rest_are_filled_and_those_of_one_that_turns_refused
     turned, _ = run({}, moves=turns, dwell={"value": 300, "unit": "s"}, rate={"value": 5.0, "unit": "Hz"})
     lost = np.ones(len(turned.time), dtype=bool)
     lost[1510:1530] = False
-    with pytest.raises(InputError, match="pauses for"):
+    with refused():
         navigated(turned.select(lost), None, Aids(alignment=200.0))
 
 
@@ -226,12 +226,12 @@ def test_what_cannot_be_navigated_is_refused() -> None:
 
     made, _ = unit()
     without = {k: v for k, v in made.channels.items() if k != ("angular_rate", "y")}
-    for wrong, sentence in (
-        (replace(made, site=replace(made.site, latitude=None)), "latitude"),
-        (replace(made, channels=without), "along y"),
-        (made.select(slice(0, 30)), "lasts"),
+    for wrong in (
+        replace(made, site=replace(made.site, latitude=None)),
+        replace(made, channels=without),
+        made.select(slice(0, 30)),
     ):
-        with pytest.raises(InputError, match=sentence):
+        with refused():
             navigated(wrong, None, usual(wrong))
 
 

@@ -9,8 +9,8 @@ import polars as pl
 import pytest
 
 from gimbalcal.earth import G0
-from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording, from_arrays, from_frame, read
+from tests.golden import refused
 
 XSENS = Path(__file__).resolve().parents[2] / "data" / "xsens_positions"
 COLUMNS = {
@@ -93,35 +93,32 @@ def test_rests_are_found_as_in_a_file() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    "change",
     [
-        ({"specific_force": np.zeros((5, 2))}, r"specific_force must be \(n, 3\)"),
-        ({"specific_force": np.zeros((4, 3))}, r"the columns differ in length \(time 5, specific_force_x 4"),
-        (
-            {"specific_force": np.array([[1.0, 1, np.inf]] * 5)},
-            "arrays, row 1, column specific_force_z: the value is empty",
-        ),
-        ({"units": {"specific_force": "deg"}}, "'deg' is not a unit of specific_force"),
-        ({"units": {"angular_rate": "deg/s"}}, "units names 'angular_rate', and there is no such array"),
-        ({"drag": np.zeros(5)}, "the quantity 'drag' of column 'drag' is not known"),
-        ({"temperature": np.zeros((5, 2))}, r"temperature must be \(n,\), or a mapping"),
-        ({"time": np.array([0.0, 1, 1, 2, 3])}, "arrays, row 3, column time: the clock stands still"),
-        ({"noise": {"accelerometer": 3.0}}, "accelerometer needs a number and its unit"),
-        ({"platform": "raft"}, "the platform 'raft' is not known"),
+        {"specific_force": np.zeros((5, 2))},
+        {"specific_force": np.zeros((4, 3))},
+        {"specific_force": np.array([[1.0, 1, np.inf]] * 5)},
+        {"units": {"specific_force": "deg"}},
+        {"units": {"angular_rate": "deg/s"}},
+        {"drag": np.zeros(5)},
+        {"temperature": np.zeros((5, 2))},
+        {"time": np.array([0.0, 1, 1, 2, 3])},
+        {"noise": {"accelerometer": 3.0}},
+        {"platform": "raft"},
     ],
 )
-def test_what_a_file_is_refused_for(change: dict[str, object], words: str) -> None:
+def test_what_a_file_is_refused_for(change: dict[str, object]) -> None:
     given: dict[str, object] = {"time": np.arange(5.0), "specific_force": np.ones((5, 3)), "position": np.ones(5)}
-    with pytest.raises(InputError, match=words):
+    with refused():
         from_arrays(**{**given, **change})  # type: ignore[arg-type]
 
 
 def test_columns_that_are_not_there_and_words_that_say_nothing() -> None:
-    with pytest.raises(InputError, match="the frame has no column 'tt'; it has t"):
+    with refused():
         from_frame({"t": [0.0]}, {"tt": "time [s]"})
-    with pytest.raises(InputError, match="write quantity, axis and unit"):
+    with refused():
         from_frame({"t": [0.0]}, {"t": "time in s"})
-    with pytest.raises(InputError, match=r"holds .* where real numbers are wanted"):
+    with refused():
         from_frame({"t": [0.0], "a": ["x"]}, {"t": "time [s]", "a": "specific_force x [g]"})
 
 
@@ -129,5 +126,5 @@ def test_arrays_may_say_when_they_were_recorded() -> None:
     t = np.arange(100) / 10
     force = np.tile([0.0, 0.0, G0], (100, 1)) + 1e-3 * np.random.default_rng(1).standard_normal((100, 3))
     assert from_arrays(t, specific_force=force, date="2026-11-18").date == "2026-11-18"
-    with pytest.raises(InputError, match="date says when it was recorded, as in date = 2026-11-18, got 'soon'"):
+    with refused():
         from_arrays(t, specific_force=force, date="soon")

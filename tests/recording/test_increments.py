@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from gimbalcal.errors import InputError
 from gimbalcal.recording import read, write
 from gimbalcal.units import from_si
+from tests.golden import golden_text, refused
 
 HEAD = """format = 1
 kind = "rotation"
@@ -69,7 +69,7 @@ def test_a_clock_laid_through_times_of_arrival_mends_the_means_too(tmp_path):
     late = time + 0.003 * np.random.default_rng(2).random(6000)
     _, rate = folder(tmp_path, time, stamps=late)
     made = read(tmp_path)
-    assert "times of arrival" in made.remarks[-1]
+    golden_text(made.remarks[-1])
     np.testing.assert_allclose(made.triad("angular_rate")[1:], rate[1:], rtol=1e-5)
 
 
@@ -80,29 +80,28 @@ def test_frozen_increments_are_told(tmp_path):
         parts = lines[i].split(",")
         lines[i] = ",".join([*parts[:1], lines[2000].split(",")[1], *parts[2:]])
     (tmp_path / "samples.csv").write_text("\n".join(lines))
-    with pytest.raises(InputError, match=r"lines 2001 to 3000, column vx: .*frozen"):
+    with refused():
         read(tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new"),
     [
-        ('vx = { quantity = "velocity_increment"', 'vx = { quantity = "specific_force"', "not a unit of specific_f"),
-        ("[noise]", '[samples]\nrates = "instant"\n[noise]', "increments, which are over an interval"),
-        ("[noise]", '[samples]\nrates = "sometimes"\n[noise]', "must be \"mean\" or \"instant\""),
-        ("[noise]", '[samples]\nrate = "mean"\n[noise]', "'rate' in .samples. is not known"),
-        ("[noise]", "[noise]\naccelerometer = { value = 1.0, unit = \"m/s\" }", "not a unit of specific_force"),
-        ('unit = "arcsec", sign = -1', 'unit = "arcsec/s"', "not a unit of angle_increment"),
+        ('vx = { quantity = "velocity_increment"', 'vx = { quantity = "specific_force"'),
+        ("[noise]", '[samples]\nrates = "instant"\n[noise]'),
+        ("[noise]", '[samples]\nrates = "sometimes"\n[noise]'),
+        ("[noise]", '[samples]\nrate = "mean"\n[noise]'),
+        ("[noise]", "[noise]\naccelerometer = { value = 1.0, unit = \"m/s\" }"),
+        ('unit = "arcsec", sign = -1', 'unit = "arcsec/s"'),
         (
             "[columns]",
             '[columns]\ngx = { quantity = "angular_rate", axis = "x", unit = "rad/s" }',
-            "one is the other times the interval",
         ),
     ],
 )  # fmt: skip
-def test_what_cannot_be_is_refused(tmp_path, old, new, told):
+def test_what_cannot_be_is_refused(tmp_path, old, new):
     folder(tmp_path, 0.01 * np.arange(50), (HEAD % "").replace(old, new, 1))
-    with pytest.raises(InputError, match=told):
+    with refused():
         read(tmp_path)
 
 

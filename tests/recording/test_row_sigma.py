@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, read
+from tests.golden import refused
 
 G = 9.80665
 COLUMNS = """\
@@ -102,31 +102,29 @@ s = { quantity = "sigma", of = "true_angle", unit = "arcsec" }
 
 
 @pytest.mark.parametrize(
-    ("columns", "head", "sentence"),
+    ("columns", "head"),
     [
-        (COLUMNS + SIGMA.replace('of = "specific_force", ', ""), "", "is a sigma of None; write what it is of, of = "),
-        (COLUMNS + SIGMA.replace("specific_force", "angular_rate").replace("mg", "deg/h"), "", "which no column holds"),
-        (COLUMNS + SIGMA.replace("mg", "deg"), "", "'deg' is not a unit of specific_force"),
-        (COLUMNS.replace('axis = "x"', 'axis = "x", of = "time"') + SIGMA, "", "of = 'time' is for a sigma alone"),
+        (COLUMNS + SIGMA.replace('of = "specific_force", ', ""), ""),
+        (COLUMNS + SIGMA.replace("specific_force", "angular_rate").replace("mg", "deg/h"), ""),
+        (COLUMNS + SIGMA.replace("mg", "deg"), ""),
+        (COLUMNS.replace('axis = "x"', 'axis = "x", of = "time"') + SIGMA, ""),
         (
             COLUMNS + SIGMA,
             '[noise]\naccelerometer = { value = 1, unit = "mg" }',
-            r"\[noise\] states the accelerometer too",
         ),
         (
             COLUMNS.replace('p = { quantity = "position" }\n', "") + SIGMA,
             'kind = "rotation"',
-            "all weigh alike; leave the",
         ),
     ],
 )
-def test_slips(tmp_path: Path, columns: str, head: str, sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence):
+def test_slips(tmp_path: Path, columns: str, head: str) -> None:
+    with refused():
         recording(tmp_path, *positions(1), columns, head)
 
 
 def test_a_sigma_of_nothing_is_refused_with_its_line(tmp_path: Path) -> None:
     force, sigma = positions(1)
     sigma[7] = 0.0
-    with pytest.raises(InputError, match=r"samples.csv, line 9, column s: a sigma is positive, got 0; leave such rows"):
+    with refused():
         recording(tmp_path, force, sigma)

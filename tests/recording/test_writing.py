@@ -10,9 +10,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gimbalcal.errors import InputError
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
 from gimbalcal.recording import Recording, Site, join, read, write
+from tests.golden import refused
 from tests.recording.folders import HEADER, folder
 
 FINITE = st.floats(-1e6, 1e6)
@@ -97,7 +97,7 @@ def test_writing_keeps_strangers_in_the_folder(tmp_path: Path) -> None:
 
 def test_writing_refuses_a_name_outside(tmp_path: Path) -> None:
     recording = read(folder(tmp_path))
-    with pytest.raises(InputError, match=r"samples = '\.\./x\.csv' must be a plain file name"):
+    with refused():
         write(recording, tmp_path / "out", samples="../x.csv")
 
 

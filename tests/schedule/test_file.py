@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.errors import InputError
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
 from gimbalcal.schedule.file import read_schedule, schedule_toml
+from tests.golden import refused
 
 
 @pytest.mark.parametrize("name", SCHEDULES)
@@ -25,23 +25,23 @@ def test_a_schedule_comes_back(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    "text",
     [
-        ('[platform]\nname = "moon"\n', "no platform is called 'moon'"),
-        ("[schedule]\n", r"a schedule needs \[\[schedule.holds\]\]"),
-        ("[[schedule.holds]]\nyaw = 1.0\n", "hold 1 turns 'yaw', which the platform 'space-stable' does not have"),
-        ('[[schedule.holds]]\ninner = "a"\n', "hold 1 has the angle 'a'; give degrees"),
+        '[platform]\nname = "moon"\n',
+        "[schedule]\n",
+        "[[schedule.holds]]\nyaw = 1.0\n",
+        '[[schedule.holds]]\ninner = "a"\n',
     ],
 )
-def test_a_wrong_file_is_refused_with_the_place(text: str, words: str, tmp_path: Path) -> None:
+def test_a_wrong_file_is_refused_with_the_place(text: str, tmp_path: Path) -> None:
     path = tmp_path / "schedule.toml"
     path.write_text(text)
-    with pytest.raises(InputError, match=words):
+    with refused():
         read_schedule(path)
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(InputError, match="is no file and no published schedule; those are wu2018-18, wang2019-15"):
+    with refused():
         read_schedule("nobody-7")
 
 

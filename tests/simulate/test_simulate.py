@@ -20,6 +20,7 @@ from gimbalcal.recording import dwells, read
 from gimbalcal.simulate import check_content, simulate, simulate_to
 from gimbalcal.simulate.scenario import QuantityHistory
 from gimbalcal.simulate.simulation import sample_path
+from tests.golden import refused
 
 TEN_S = {"value": 10.0, "unit": "s"}
 ONE_HZ = {"value": 1.0, "unit": "Hz"}
@@ -178,39 +179,34 @@ def test_truth_is_set_by_axis_by_parameter_and_by_draw() -> None:
     assert np.all(made["cubic_nonlinearity"].K3)  # type: ignore[attr-defined]
 
 
-WRONG: list[tuple[dict[str, Any], str]] = [
-    (device(kind="swing"), "kind: Input should be 'multi-position', 'static-run' or 'rotation'"),
-    (device(noise={"accelerometer": 1.0}), 'noise.accelerometer: give it as { value = ..., unit = "..." }'),
-    (device(noise={"accelerometer": {"value": 1.0, "unit": "deg"}}), "'deg' is not a unit of it; give it in m/s^2"),
-    (device(noise={"gyro": {"value": 1.0, "unit": "deg/h"}}), "noise.gyro: Extra inputs are not permitted"),
-    (device(schedule={"name": "wu"}), "schedule: no schedule is called 'wu'; known: "),
-    (device(schedule={"name": "wu2018-18", "dwell": {"value": -1, "unit": "s"}}), "schedule.dwell: must be above zero"),
-    (device(schedule={"holds": [{"roll": 3.0}]}), "schedule.holds.0: the platform 'space-stable' has no axis 'roll'"),
-    (static(site={}), "a static run needs [site] latitude"),
-    (device(site={"latitude": {"value": 91.0, "unit": "deg"}}), "latitude must lie between -90 and 90 deg"),
-    (device(truth={"biass": {"x": 1.0}}), "truth.biass: no effect has this id"),
-    (
-        device(truth={"bias": {"u": 1.0}}),
-        "truth.bias.u: neither an axis nor a parameter of this effect; it has x, y, z",
-    ),
-    (device(truth={"bias": {"x": "big"}}), "truth.bias.x: must be a finite number, got 'big'"),
-    (device(truth={"bias_temperature": {"x": 1.0}}), "truth.bias_temperature: it needs temperature to act on"),
-    (device(truth={"gyro_drift": {"polar": 1.0}}), "truth.gyro_drift: it shows in static-run recordings"),
-    (device(truth={"pressure": {"x": 1.0}}), "give [environment.covariates.pressure]"),
-    (device(faults={"interchange": [[1, 19]]}), "faults.interchange: the schedule has no position 19, it has 1 to 18"),
-    (device(schedule={"name": "wu2018-18", "dwell": {"value": 1e7, "unit": "min"}}), "schedule: it takes 342.2 years"),
-    (static(schedule={"duration": {"value": 11 * 8766.0, "unit": "h"}}), "schedule: it takes 11 years; check"),
-    (device(environment={"temperature": {"shape": "table", "time_h": [0.0]}}), "a table needs as many `value`"),
-    (device(platform={"name": "bench"}), "is for the platform 'space-stable', not 'bench'"),
+WRONG: list[dict[str, Any]] = [
+    device(kind="swing"),
+    device(noise={"accelerometer": 1.0}),
+    device(noise={"accelerometer": {"value": 1.0, "unit": "deg"}}),
+    device(noise={"gyro": {"value": 1.0, "unit": "deg/h"}}),
+    device(schedule={"name": "wu"}),
+    device(schedule={"name": "wu2018-18", "dwell": {"value": -1, "unit": "s"}}),
+    device(schedule={"holds": [{"roll": 3.0}]}),
+    static(site={}),
+    device(site={"latitude": {"value": 91.0, "unit": "deg"}}),
+    device(truth={"biass": {"x": 1.0}}),
+    device(truth={"bias": {"u": 1.0}}),
+    device(truth={"bias": {"x": "big"}}),
+    device(truth={"bias_temperature": {"x": 1.0}}),
+    device(truth={"gyro_drift": {"polar": 1.0}}),
+    device(truth={"pressure": {"x": 1.0}}),
+    device(faults={"interchange": [[1, 19]]}),
+    device(schedule={"name": "wu2018-18", "dwell": {"value": 1e7, "unit": "min"}}),
+    static(schedule={"duration": {"value": 11 * 8766.0, "unit": "h"}}),
+    device(environment={"temperature": {"shape": "table", "time_h": [0.0]}}),
+    device(platform={"name": "bench"}),
 ]
 
 
-@pytest.mark.parametrize(("scenario", "sentence"), WRONG)
-def test_a_bad_scenario_is_told_in_one_sentence(scenario: dict[str, Any], sentence: str) -> None:
-    with pytest.raises(InputError) as told:
+@pytest.mark.parametrize("scenario", WRONG)
+def test_a_bad_scenario_is_told_in_one_sentence(scenario: dict[str, Any]) -> None:
+    with refused():
         simulate(check_content(scenario))
-    assert sentence in str(told.value)
-    assert "\n" not in str(told.value)
 
 
 def test_a_folder_is_written_whole_with_its_truth(tmp_path: Path) -> None:
@@ -238,7 +234,7 @@ def test_a_long_run_is_written_in_blocks_as_parquet(tmp_path: Path, monkeypatch:
 
 
 def test_a_scenario_that_is_not_there_is_told_with_those_that_are(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="those are cai2016-18, cai2016-static, demo, revolutions"):
+    with refused():
         simulate_to("nothing", tmp_path / "run")
     (tmp_path / "bad.toml").write_text("kind = ")
     with pytest.raises(InputError, match=r"bad\.toml, line 1: .* not valid TOML"):
@@ -296,6 +292,6 @@ def test_a_disk_without_room_is_told_before_the_work(tmp_path: Path, monkeypatch
     free = folder_module.shutil.disk_usage(tmp_path)._replace(free=1000)
     monkeypatch.setattr(folder_module, "MIN_PARQUET_ROWS", 100)
     monkeypatch.setattr(folder_module.shutil, "disk_usage", lambda path: free)
-    with pytest.raises(InputError, match=r"rows take .* GB while they are written, and the disk has"):
+    with refused():
         simulate_to("demo", tmp_path / "made")
     assert not list(tmp_path.iterdir())

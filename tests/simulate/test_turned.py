@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.errors import InputError
 from gimbalcal.recording import read
 from gimbalcal.rotation import exponential
 from gimbalcal.schedule import ROTATIONS
@@ -14,6 +13,7 @@ from gimbalcal.schedule.file import rotation_toml
 from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.simulate import check_content, load, prepare, simulate, simulate_to
 from gimbalcal.simulate.turned import nodes
+from tests.golden import refused
 
 LATITUDE = np.deg2rad(34.2)
 
@@ -160,18 +160,18 @@ def test_the_papers_simulations_ship(name):
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    "changes",
     [
-        ({"kind": "multi-position"}, "write kind = \"rotation\""),
-        ({"schedule": {"name": "cai2016-18"}}, "name, file, holds, moves, swing and drive each say where"),
-        ({"schedule": {"moves": [], "name": "cai"}}, "no schedule is called 'cai'; known: wu2018-18.*cai2016-18"),
-        ({"schedule": {"start": {"x": "north", "y": "up", "z": "north"}}}, "is no attitude of a unit"),
-        ({"schedule": {"start": {"x": "north"}}}, "start: say where x, y and z point"),
-        ({"truth": {"accelerometer_hysteresis": {"x": 1.0}}}, "accelerometer_hysteresis"),
+        {"kind": "multi-position"},
+        {"schedule": {"name": "cai2016-18"}},
+        {"schedule": {"moves": [], "name": "cai"}},
+        {"schedule": {"start": {"x": "north", "y": "up", "z": "north"}}},
+        {"schedule": {"start": {"x": "north"}}},
+        {"truth": {"accelerometer_hysteresis": {"x": 1.0}}},
     ],
 )  # fmt: skip
-def test_a_scenario_that_cannot_be_is_refused(changes, told):
-    with pytest.raises(InputError, match=told):
+def test_a_scenario_that_cannot_be_is_refused(changes):
+    with refused():
         simulate(unit(**changes))
 
 
@@ -195,5 +195,5 @@ def test_a_simulation_without_noise_is_no_clipped_sensor_and_a_frozen_one_is_tol
     lines = (tmp_path / "noisy" / "samples.csv").read_text().splitlines()
     frozen = [",".join([*line.split(",")[:5], "0.5", *line.split(",")[6:]]) for line in lines[2000:14000]]
     (tmp_path / "noisy" / "samples.csv").write_text("\n".join([*lines[:2000], *frozen, *lines[14000:]]))
-    with pytest.raises(InputError, match="column gyro_y"):
+    with refused():
         read(tmp_path / "noisy")

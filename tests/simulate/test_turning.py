@@ -9,13 +9,13 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, parameters, with_values
-from gimbalcal.errors import InputError
 from gimbalcal.forward import turning
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import check_content, prepare, simulate
+from tests.golden import refused
 
 HOLDS = [{"inner": 0.0}, {"inner": 90.0, "middle": 40.0}, {"inner": 90.0, "middle": 40.0, "outer": -720.0},
          {"inner": 95.0, "middle": 40.0, "outer": -720.0}]  # fmt: skip
@@ -114,17 +114,16 @@ def test_a_lever_arm_shows_on_the_way_and_not_at_rest() -> None:
     assert np.abs(inward[revolving]).max() > 0.01
 
 
-WRONG: list[tuple[dict[str, Any], str]] = [
-    (table(gyroscopes=False, truth={"gyro_bias": {"x": 1.0}}), "truth.gyro_bias: it shows in angular_rate"),
-    (table(site={}), "gyroscopes feel the Earth turn: give [site] latitude"),
-    (table(kind="static-run"), "gyroscopes are simulated where something turns"),
-    (table(kind="rotation", schedule={}), "a rotation scenario needs [schedule]"),
-    (table(noise={"gyroscope": {"value": 1.0, "unit": "deg"}}), "'deg' is not a unit of it; give it in deg/h"),
+WRONG: list[dict[str, Any]] = [
+    table(gyroscopes=False, truth={"gyro_bias": {"x": 1.0}}),
+    table(site={}),
+    table(kind="static-run"),
+    table(kind="rotation", schedule={}),
+    table(noise={"gyroscope": {"value": 1.0, "unit": "deg"}}),
 ]
 
 
-@pytest.mark.parametrize(("scenario", "sentence"), WRONG)
-def test_a_bad_scenario_is_told_in_one_sentence(scenario: dict[str, Any], sentence: str) -> None:
-    with pytest.raises(InputError) as told:
+@pytest.mark.parametrize("scenario", WRONG)
+def test_a_bad_scenario_is_told_in_one_sentence(scenario: dict[str, Any]) -> None:
+    with refused():
         simulate(scenario)
-    assert sentence in str(told.value)

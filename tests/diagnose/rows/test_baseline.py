@@ -9,12 +9,12 @@ import pytest
 
 from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite, known_effect, unfit
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.errors import InputError
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record
 from tests.diagnose.small import telescope
+from tests.golden import refused
 
 TABLE = record(np.random.default_rng(1), dwell=2)
 REST = static_plant.record(np.random.default_rng(1))
@@ -46,9 +46,9 @@ def test_a_sentence_says_why_not(effect: str, recording: Recording, why: str) ->
 def test_a_baseline_is_refused_only_where_no_recording_can_hold_it() -> None:
     check_baseline(["bias_temperature"], [BARE, TABLE])
     check_baseline([], [BARE])
-    with pytest.raises(InputError, match=r"names 'bias_temperature', which needs temperature, .* leave it out of"):
+    with refused():
         check_baseline(["bias", "bias_temperature"], [BARE])
-    with pytest.raises(InputError, match="'bais', which is no effect of the catalogue; `gimbalcal catalogue` lists"):
+    with refused():
         known_effect("bais")
     assert known_effect("bias") is CATALOGUE["bias"]
 
@@ -65,5 +65,5 @@ def test_a_value_that_is_no_number_is_named_by_row_and_channel(value: float) -> 
     check_finite(TABLE)
     y = TABLE.channels["specific_force", "y"].copy()
     y[[4, 7]] = value
-    with pytest.raises(InputError, match=r"'plant', row 5, specific_force y: the value is not a finite number"):
+    with refused():
         check_finite(replace(TABLE, channels={**TABLE.channels, ("specific_force", "y"): y}))

@@ -7,13 +7,13 @@ import pytest
 
 from gimbalcal.diagnose.evidence.stated_noise import nodes, nominal, settle
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
-from gimbalcal.errors import InputError
 from gimbalcal.forward import predict
 from gimbalcal.number import STEP
 from gimbalcal.recording import block_means, read
 from gimbalcal.views.core import absent_effect
 from gimbalcal.views.known_attitude import MOST_ROWS, fit_baseline
 from tests.diagnose.plant import ARCSEC, UG, record
+from tests.golden import refused
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_priors_of_the_noise_sum_to_one(o):
 
 
 def test_an_unknown_baseline_is_refused(o):
-    with pytest.raises(InputError, match="the baseline names 'bais', which is no effect"):
+    with refused():
         fit_baseline(o.view.source, ["bais"])
 
 

@@ -15,11 +15,11 @@ from gimbalcal.diagnose.search.combine import CombinedRanking, combine, matched
 from gimbalcal.diagnose.several import baseline_of
 from gimbalcal.diagnose.verdict.pooled_sizes import pooled
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.errors import InputError
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Source
 from tests.diagnose import static_plant
 from tests.diagnose.plant import UG, G, at_strength, known, on, record, strange, strength
+from tests.golden import golden_text, refused
 
 CLAIMED = 4.0  # sigmas in each of two sweeps: 5.7 together
 CLEAR = 20.0
@@ -59,7 +59,7 @@ def test_what_neither_recording_shows_alone_is_claimed_and_named_together():
     assert found["sigma"] == pytest.approx(CLAIMED * np.sqrt(2), abs=3)
     assert d.provenance["ln_bayes_factor"] > d.provenance["ln_bayes_factor_needed"]
     assert max(a["ln_bayes_factor"] for a in alone) < d.provenance["ln_bayes_factor_needed"]
-    assert d.in_words.endswith("said: recording 1: nothing is missing; recording 2: nothing is missing.")
+    golden_text(d.in_words)
 
 
 def test_the_size_is_the_weighted_mean_of_both():
@@ -122,7 +122,7 @@ def test_a_size_that_differs_is_said():
     (found,) = d.findings
     assert found["effect"] == "scale_factor_asymmetry"
     assert found["agreement"]["p_value"] < 1e-6
-    assert "do not agree on the size of scale factor asymmetry (y)" in d.in_words
+    golden_text(d.in_words)
 
 
 def test_what_happens_once_belongs_to_one_recording():
@@ -131,7 +131,7 @@ def test_what_happens_once_belongs_to_one_recording():
     assert found["effect"] == "position_blunder"
     assert [r["recording"] for r in found["recordings"]] == [2]
     assert next(p["value"] for p in found["parameters"] if p["name"] == "position") == 6
-    assert d.fit["recordings"][0]["alone"]["in_words"] == "nothing is missing"
+    golden_text(d.fit["recordings"][0]["alone"]["in_words"])
 
 
 def test_a_lag_is_common_to_the_recordings():
@@ -213,12 +213,12 @@ def test_a_constant_that_one_recording_calibrates_is_in_the_model_of_all():
 
 def test_recordings_that_do_not_belong_together_are_refused():
     r = record(np.random.default_rng(1))
-    with pytest.raises(InputError, match="'plant' is given twice"):
+    with refused():
         diagnose([r, r])
     file = (Source("a/recording.toml", "0" * 64), Source("a/samples.csv", "1" * 64))
-    with pytest.raises(InputError, match=r"'a/samples\.csv' is given twice"):
+    with refused():
         diagnose([replace(r, source=file), replace(r, source=file)])
-    with pytest.raises(InputError, match="is of platform 'space-stable' and 'plant' of 'three-axis-table'"):
+    with refused():
         diagnose([r, replace(r, platform=KNOWN["three-axis-table"])])
-    with pytest.raises(InputError, match="is a pointing recording"):
+    with refused():
         diagnose([r, replace(r, kind="pointing", platform=KNOWN["alt-az"])])

@@ -7,6 +7,7 @@ import pytest
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.recording import read
+from tests.golden import refused
 
 XSENS = Path(__file__).resolve().parents[3] / "data" / "xsens_positions"
 
@@ -14,16 +15,13 @@ XSENS = Path(__file__).resolve().parents[3] / "data" / "xsens_positions"
 def test_each_term_that_a_refusal_offers_is_one_that_the_recording_can_show() -> None:
     """What the sentence offers is fitted or declined; what it does not offer is refused with what is missing."""
     recording = read(XSENS)
-    with pytest.raises(InputError, match="choose from") as refused:
+    with pytest.raises(InputError, match="choose from") as caught:
         multiposition(recording, ("nonsense",))
-    offered = str(refused.value).partition("choose from ")[2].split(", ")
+    offered = str(caught.value).partition("choose from ")[2].split(", ")
     assert {"bias", "cubic_nonlinearity", "bias_drift"} <= set(offered)
     assert not {"bias_temperature", "bias_covariate", "pressure", "magnetic_field"} & set(offered)
     for term in offered[::4]:
         multiposition(recording, (term,))
-    for term, missing in (
-        ("bias_temperature", "temperature"), ("vibration_rectification", "covariate:vibration"),
-        ("magnetic_field", "gimbals, which say where north is"), ("pressure", "covariate:pressure"),
-    ):  # fmt: skip
-        with pytest.raises(InputError, match=f"--terms names {term}, which needs {missing}"):
+    for term in ("bias_temperature", "vibration_rectification", "magnetic_field", "pressure"):
+        with refused():
             multiposition(recording, (term,))

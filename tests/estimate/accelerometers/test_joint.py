@@ -8,7 +8,6 @@ import pytest
 
 from gimbalcal.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, parameters, values
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.joint import information_of_positions, joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
@@ -16,6 +15,7 @@ from gimbalcal.inference.information import solve
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from tests.estimate.device import ARCSEC, PARAMETERS, draw, interchanged, measured, misread
+from tests.golden import golden_text, refused
 
 LABELS = [q.label for q in PARAMETERS]
 SCALE = np.array([q.sigma for q in PARAMETERS])
@@ -121,17 +121,15 @@ def test_a_misfit_is_told_by_its_factor_and_points_to_the_diagnosis() -> None:
     factor = np.sqrt(c.residual.chi2 / c.residual.dof)
     # three times too small a noise, 37 degrees of freedom: 12 %
     assert factor == pytest.approx(3, rel=0.4)
-    assert f"The residual is {factor:.3g} times what the noise allows" in c.outcome
-    assert c.outcome.endswith("`gimbalcal diagnose` looks for it")
+    assert f"{factor:.3g} times" in c.outcome
+    golden_text(c.outcome)
     assert joint(trusted_positions(recording)).outcome == ""
 
 
 def test_faults_are_in_the_outcome_and_out_of_the_fit() -> None:
     truth, recording = recorded(11)
     c = joint(trusted_positions(misread(interchanged(recording, 3, 9), 7, "middle", 120 * ARCSEC)))
-    assert "Positions 4 and 10 are interchanged" in c.outcome
-    assert "position 8 is mis-set" in c.outcome
-    assert c.outcome.endswith("they were left out of the fit")
+    golden_text(c.outcome)
     assert c.provenance["left_out"] == [[4, 10], [8]]
     seen = [i for i in range(18) if LABELS[i] not in c.unobservable[0]["direction"]]
     assert np.all(np.abs(c.values - truth)[seen] < 5 * c.sigmas[seen])
@@ -141,18 +139,16 @@ def test_missing_positions_go_through_and_what_they_cost_is_told() -> None:
     _, recording = recorded(12)
     few = joint(trusted_positions(recording.select(~np.isin(recording.position, [8, 9, 10, 11, 12]))))
     assert few.outcome == ""
-    assert few.provenance["lost"].startswith(
-        "positions 8, 9, 10, 11, 12 of schedule wu2018-18 missing: sigma grows most"
-    )
+    golden_text(few.provenance["lost"])
     none = joint(trusted_positions(recording.select(recording.position <= 2)))
     assert len(none.unobservable) > 10
-    assert "not seen at all" in none.provenance["lost"]
+    golden_text(none.provenance["lost"])
     assert joint(trusted_positions(recording)).provenance.lost is None
 
 
 def test_without_angles_it_refuses_and_says_what_to_do() -> None:
     _, recording = recorded(13)
-    with pytest.raises(InputError, match=r"has no gimbal angles.*--method multiposition"):
+    with refused():
         joint(trusted_positions(replace(recording, platform=BENCH)))
 
 

@@ -11,6 +11,7 @@ from gimbalcal.estimate.accelerometers.noise import stated_noise
 from gimbalcal.estimate.accelerometers.position_outliers import acceptable, fit_without_outliers, probability
 from gimbalcal.recording import Recording
 from tests.estimate.device import ARCSEC, SAMPLE, draw, effects, interchanged, measured, misread
+from tests.golden import golden_text
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,7 @@ def test_a_mis_set_position_is_named_with_its_angle(clean: Recording, angle: flo
     recording = misread(clean, 6, "inner", angle)
     _, fit, (fault,) = fit_without_outliers(problem(recording), stated_noise(recording))
     assert fault.positions == (7,)
-    assert "position 7 is mis-set" in fault.in_words
+    golden_text(fault.in_words)
     said, unit = fault.in_words.split("its force is ")[1].split()[:2]
     # position 7 hangs from the inner gimbal at right angles, so the force turns by the same angle; 4 arcsec of noise
     assert float(said) * {"arcsec": ARCSEC, "deg": np.pi / 180}[unit] == pytest.approx(angle, abs=4 * ARCSEC, rel=6e-3)
@@ -128,7 +129,7 @@ def test_a_repeated_position_is_named_with_its_visit(clean: Recording) -> None:
     recording = misread(both, 25, "middle", 60 * ARCSEC)
     _, _, (fault,) = fit_without_outliers(problem(recording), stated_noise(recording))
     assert fault.visits == (25,)
-    assert fault.in_words.startswith("position 8 (visit 26) is mis-set")
+    golden_text(fault.in_words)
 
 
 def test_probability_is_the_chi_squared_tail() -> None:

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, read, write
 from gimbalcal.rotation import exponential, frame_rotation
 from gimbalcal.views.attitude_reference import reference_of
+from tests.golden import golden_text, refused
 
 RATE, NOISE, LAG = 100.0, np.radians(0.1), 0.045
 BIAS, SF = np.radians([0.8, -0.5, 0.3]), np.array([1.004, 0.997, 1.002])
@@ -86,7 +86,7 @@ def test_lag_mounting_and_noise_are_told() -> None:
     assert told["lag_sigma_ms"] < 1.0
     np.testing.assert_allclose(told["mounting"], MOUNTED, atol=4e-3)
     assert told["noise_arcmin"] == pytest.approx(np.degrees(NOISE) * 60, rel=0.2)
-    assert "the attitude is late by 4" in made().stages[0].in_words
+    golden_text(made().stages[0].in_words)
 
 
 def test_what_is_corrected_agrees_with_the_attitude() -> None:
@@ -126,29 +126,29 @@ def test_the_command_calibrates_and_tells_the_lag(
 
 
 def test_what_cannot_be_told_is_refused() -> None:
-    with pytest.raises(InputError, match="are a mirror image of the attitude's"):
+    with refused():
         gyroscopes_against_attitude(recording(mirror=True, length=15.0))
-    with pytest.raises(InputError, match="does not tell scale, mounting and lag apart"):
+    with refused():
         gyroscopes_against_attitude(recording(axes="x", length=15.0))
     whole = recording()
     rates = Recording("rotation", "r", BENCH, Site(), {}, whole.time, None,
                       {k: v for k, v in whole.channels.items() if k[0] != "attitude"})  # fmt: skip
-    with pytest.raises(InputError, match="has no attitude; add its columns"):
+    with refused():
         gyroscopes_against_attitude(rates)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "sentence"),
+    ("old", "new"),
     [
-        ('axis = "qw"', 'axis = "yaw"', "an attitude is qw, qx, qy and qz, or roll, pitch and yaw, got"),
-        ('axis = "qw", unit = "1"', 'axis = "qw", unit = "deg"', "axis qw, is \"1\", not 'deg'"),
+        ('axis = "qw"', 'axis = "yaw"'),
+        ('axis = "qw", unit = "1"', 'axis = "qw", unit = "deg"'),
     ],
 )
-def test_slips(tmp_path: Path, old: str, new: str, sentence: str) -> None:
+def test_slips(tmp_path: Path, old: str, new: str) -> None:
     write(recording(), tmp_path / "rec")
     path = tmp_path / "rec" / "recording.toml"
     path.write_text(path.read_text().replace(old, new))
-    with pytest.raises(InputError, match=sentence):
+    with refused():
         read(tmp_path / "rec")
 
 
@@ -161,5 +161,5 @@ def test_an_attitude_that_leaps_away_takes_no_part_and_is_told() -> None:
     found = gyroscopes_against_attitude(replace(r, channels={**r.channels, ("attitude", "qx"): bad}))
     assert np.abs((found.values - made().values) / made().sigmas).max() < 1.0
     (told,) = found.provenance["limits"]
-    assert f"at {r.time[k]:.10g} s leaps away" in told
+    golden_text(told)
     assert all(made(seed).provenance["limits"] == [] for seed in range(1, 4))

@@ -16,7 +16,6 @@ from gimbalcal.effects.gyroscope import (
     GyroScaleNonlinearity,
     GyroScaleTemperature,
 )
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes import between_rests as poses
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, gyroscopes_between_rests
@@ -30,6 +29,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import exponential
 from gimbalcal.views.turns import gravity_after_turns, turns_between_rests
+from tests.golden import golden_text, refused
 
 STEP = 0.04  # s
 REST, TURN = 50, 60  # samples
@@ -113,7 +113,7 @@ def test_nonlinearity_is_kept_where_it_is_and_declined_where_not() -> None:
     names = {p.effect for p in declined.parameters}
     if "gyro_scale_nonlinearity" not in names:
         assert "positions" not in declined.unobservable[0]["why"]
-        assert "turns kept out of the fit are predicted worse with it" in declined.unobservable[0]["why"]
+        golden_text(declined.unobservable[0]["why"])
     else:
         x = {p.label: abs(v / s) for p, v, s in zip(declined.parameters, declined.values, declined.sigmas, strict=True)}
         assert max(v for k, v in x.items() if "nonlinearity" in k) < 4
@@ -134,9 +134,9 @@ def test_counts_get_their_scale_from_gravity() -> None:
 def test_too_few_rests_and_foreign_terms_are_refused() -> None:
     recording = hand(TRUTH, 1e-3, count=3)
     accelerometers = multiposition(hand(TRUTH, 1e-3), ("bias",))
-    with pytest.raises(InputError, match="holds 4 rests; turns between at least six are needed"):
+    with refused():
         gyroscopes_between_rests(recording, accelerometers)
-    with pytest.raises(InputError, match="'bias', which is not a gyroscope effect"):
+    with refused():
         gyroscopes_between_rests(recording, accelerometers, ("bias",))
 
 
@@ -178,7 +178,7 @@ def test_a_unit_is_calibrated_whole_or_says_why_not() -> None:
     alone = inertial_unit(hand(TRUTH, 1e-3), ("bias",))
     assert {p.effect for p in alone.parameters} == {"bias"}
     few = hand(TRUTH, 1e-3, count=3)
-    with pytest.raises(InputError, match="turns between at least six"):
+    with refused():
         inertial_unit(few, ("bias", "gyro_scale_factor"))
 
 
@@ -188,7 +188,7 @@ def test_asymmetry_is_told_from_nonlinearity_and_temperature_needs_its_channel()
     effects = {p.effect for p in gyroscopes_between_rests(recording, accelerometers).parameters}
     assert "gyro_scale_asymmetry" in effects
     assert "gyro_scale_nonlinearity" not in effects
-    with pytest.raises(InputError, match="gyro_scale_temperature, which needs the channel temperature"):
+    with refused():
         gyroscopes_between_rests(recording, accelerometers, ("gyro_scale_temperature",))
 
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.two_position import two_position
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, Site, write
 from gimbalcal.units import to_si
+from tests.golden import golden_text, refused
 
 LATITUDE, NORTH, NOISE = np.radians(48.0), np.radians(70.0), to_si(5.0, "deg/h")
 BIAS = to_si(1.0, "deg/h") * np.array([3.0, -8.0, 5.0])
@@ -67,26 +67,26 @@ def test_a_reversal_about_the_vertical_leaves_gravity_in_the_bias() -> None:
 def test_a_bias_that_moved_is_an_outcome() -> None:
     made = two_position(rests_at(BOTH, "two-axis-table", wrong=to_si(3.0, "deg/h")))
     assert "leave" in made.outcome
-    assert "the bias moved" in made.outcome
+    golden_text(made.outcome)
 
 
 @pytest.mark.parametrize(
-    ("recording", "sentence"),
+    "recording",
     [
-        (rests_at([(0.0,), (0.0,)]), "do not tell the Earth's rate from the bias: reverse the unit by 180 deg"),
-        (rests_at([(0.0,)]), "the 1 rest of 'reversed' do not tell"),
-        (replace(rests_at(VERTICAL), site=Site()), "write the latitude of 'reversed' in"),
-        (replace(rests_at(VERTICAL), units={("angular_rate", a): "count" for a in "xyz"}), "reads rates in counts"),
-        (replace(rests_at(VERTICAL), kind="rotation"), "does not say how the unit was turned"),
+        rests_at([(0.0,), (0.0,)]),
+        rests_at([(0.0,)]),
+        replace(rests_at(VERTICAL), site=Site()),
+        replace(rests_at(VERTICAL), units={("angular_rate", a): "count" for a in "xyz"}),
+        replace(rests_at(VERTICAL), kind="rotation"),
     ],
 )
-def test_what_is_no_reversal_is_refused(recording: Recording, sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence):
+def test_what_is_no_reversal_is_refused(recording: Recording) -> None:
+    with refused():
         two_position(recording)
 
 
 def test_the_command(tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
     write(rests_at(VERTICAL), tmp_path / "rec")
     assert command("calibrate", tmp_path / "rec", "--method", "two-position", "--out", tmp_path / "out") == 0
-    assert "the base's x axis points" in capsys.readouterr().err
+    golden_text(capsys.readouterr().err)
     assert (tmp_path / "out" / "report.html").is_file()

@@ -11,7 +11,6 @@ import pytest
 from gimbalcal.calibration.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.effect import constants
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.systematic import iterate
 from gimbalcal.estimate.systematic.calibrate import systematic
@@ -21,6 +20,7 @@ from gimbalcal.platform import Axis, Platform
 from gimbalcal.rotation import frame_rotation, rotation_vector
 from gimbalcal.words.calibration_sentences import calibration_in_words
 from tests.estimate.systematic.table import MOVES, START, turning_unit
+from tests.golden import golden_text, refused
 
 ANY = turning_unit(moves=MOVES[:2], stop=8.0, rate=10.0)
 THIRTY = states("30", ANY)
@@ -107,7 +107,7 @@ def test_what_is_left_out_is_told() -> None:
     g = parameters(CATALOGUE["gyro_g_sensitivity_rate"])[2]
     truth = np.append(0.1 * SCALE, 2 * g.sigma)
     found = systematic(turning_unit((), (*THIRTY, g), truth, stop=20.0), "30")
-    assert "do not explain" in found.outcome
+    golden_text(found.outcome)
     explained = systematic(turning_unit((), (*THIRTY, g), truth, stop=20.0), "51")
     assert explained.outcome == ""
 
@@ -166,15 +166,15 @@ def test_a_calibration_is_written_and_read_back() -> None:
 def test_what_is_no_rotation_recording_is_refused_in_a_sentence() -> None:
     r = turning_unit(stop=10.0, moves=MOVES[:6])
     cases = [
-        (replace(r, kind="multi-position"), "takes a rotation recording"),
-        (replace(r, site=replace(r.site, latitude=None)), "needs the latitude"),
-        (r.select(slice(0, 150)), "has one stop"),
-        (r.select(np.abs(r.triad("angular_rate")).max(axis=1) > 0.05), "has (no|one) stop"),
-        (r.select(np.abs(r.time - 16.0) > 1.0), "pauses from .* while the unit turns"),
-        (replace(r, units={("angular_rate", "x"): "count"}), "is in counts"),
+        replace(r, kind="multi-position"),
+        replace(r, site=replace(r.site, latitude=None)),
+        r.select(slice(0, 150)),
+        r.select(np.abs(r.triad("angular_rate")).max(axis=1) > 0.05),
+        r.select(np.abs(r.time - 16.0) > 1.0),
+        replace(r, units={("angular_rate", "x"): "count"}),
     ]
-    for recording, words in cases:
-        with pytest.raises(InputError, match=words):
+    for recording in cases:
+        with refused():
             systematic(recording, "30")
 
 
@@ -217,7 +217,7 @@ def _walked(t, begin: float, duration: float, way: float):
 def test_a_unit_that_is_carried_away_is_refused(begin: float) -> None:
     """Five metres in ten seconds, while it turns or in a stop."""
     carried = turning_unit(stop=20.0, drift=lambda t: _walked(t, begin, 10.0, 5.0)[:, None] * [0, 1, 0])
-    with pytest.raises(InputError, match=r"the unit was carried away: .* 1 m/s and 5 m"):
+    with refused():
         systematic(carried, "30")
 
 
@@ -231,31 +231,31 @@ def test_one_large_scale_factor_carries_nothing_away() -> None:
 
 def test_another_latitude_is_refused() -> None:
     r = turning_unit(stop=15.0)
-    with pytest.raises(InputError, match=r"34\.\d deg above the horizon, and \[site\] says latitude 45\.0 deg"):
+    with refused():
         systematic(replace(r, site=replace(r.site, latitude=np.radians(45.0))), "30")
 
 
 def test_a_constant_that_nobody_stated_is_asked_for() -> None:
-    with pytest.raises(InputError, match=r"cannot carry its constant .*; state it, --with"):
+    with refused():
         states(
             "30", ANY, [ExtraEffect(next(i for i, c in CATALOGUE.items() if constants(c) and "rotation" in c.kinds))]
         )
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    "asked",
     [
-        ("31", "write 30 or 51"),
-        ("gyro_bais", "did you mean gyro_bias"),
-        ("bias_temperature", "needs temperature"),
-        ("gimbal_zero", "shows in|is of gimbals|no axis"),
-        ("gyro_bias:w", "has no axis 'w'"),
-        ("scale_nonlinearity", "quadratic_nonlinearity"),
-        ("", "no effect is named"),
+        "31",
+        "gyro_bais",
+        "bias_temperature",
+        "gimbal_zero",
+        "gyro_bias:w",
+        "scale_nonlinearity",
+        "",
     ],
 )
-def test_states_that_cannot_be_are_refused(asked: str, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_states_that_cannot_be_are_refused(asked: str) -> None:
+    with refused():
         states(asked, ANY)
 
 
@@ -283,7 +283,7 @@ def test_a_hand_that_carries_the_unit_along_is_no_velocity_of_its_place() -> Non
         turning_unit((), THIRTY, truth, moves=moves, stop=10.0, speed=30.0, noise=noise,
                      carried=lambda t: 0.1 * _by_hand(t)), "30",
     )  # fmt: skip
-    assert "is zero at the stops and not in 17 of 17 turns" in little.outcome
+    golden_text(little.outcome)
 
 
 def test_a_table_is_no_hand() -> None:
@@ -299,4 +299,4 @@ def test_a_table_is_no_hand() -> None:
     beside = systematic(table, "30")
     np.testing.assert_array_equal(beside.values, found.values)
     (told,) = beside.provenance["limits"]
-    assert told.startswith("what the table read is no reference")
+    golden_text(told)
