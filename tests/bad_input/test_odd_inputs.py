@@ -163,23 +163,22 @@ def test_what_looks_odd_changes_nothing(
 
 
 @pytest.mark.parametrize(
-    ("change", "seen", "lost"),
+    ("change", "seen"),
     [
-        (lost(4), 17, "position 4 of schedule wu2018-18 missing: sigma grows most for bias:x by 1.1"),
-        (lost(4, 10, 15), 17, "positions 4, 10, 15 of schedule wu2018-18 missing: sigma grows most for scale_factor:x"),
-        (lost(1, 2), 17, "positions 1, 2 of schedule wu2018-18 missing: sigma grows most for scale_factor:z by 1.6"),
-        (rows(again), 17, ""),
-        (held(1, 2, 3, 4, 5, 6), 15, "2 further directions not seen at all"),
+        (lost(4), 17),
+        (lost(4, 10, 15), 17),
+        (lost(1, 2), 17),
+        (rows(again), 17),
+        (held(1, 2, 3, 4, 5, 6), 15),
     ],
 )
 def test_what_positions_are_left_still_calibrates(
-    run: Run, tmp_path: Path, reference: dict[tuple[str, str], dict[str, Any]], change: Change, seen: int, lost: str
+    run: Run, tmp_path: Path, reference: dict[tuple[str, str], dict[str, Any]], change: Change, seen: int
 ) -> None:
     status, out, _ = run("calibrate", copy(DEVICE, tmp_path / "rec", change), "--quiet", "--json")
     content = json.loads(out)
     assert (status, content["outcome"]) == (0, "")
-    assert lost in content["provenance"].get("lost", "")
-    assert bool(lost) == ("lost" in content["provenance"])
+    golden_text(content["provenance"].get("lost", "every position is there"))
     made = by_label(content)
     assert len(made) - len(content["unobservable"]) == seen
     for label, parameter in reference.items():
@@ -189,21 +188,15 @@ def test_what_positions_are_left_still_calibrates(
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (interchanged(4, 10), "Positions 4 and 10 are interchanged"),
-        (mis_set(7, "inner", 3 / 60), "Position 7 is mis-set: its force is 18"),
-        (mis_set(7, "inner", 2.0), "Position 7 is mis-set: its force is 2 deg off"),
-        (mis_set(12, "middle", -2.0), "Position 12 is mis-set: its force is 2 deg off"),
-    ],
+    "change",
+    [interchanged(4, 10), mis_set(7, "inner", 3 / 60), mis_set(7, "inner", 2.0), mis_set(12, "middle", -2.0)],
 )
 def test_a_wrong_position_is_named_and_left_out(
-    run: Run, tmp_path: Path, reference: dict[tuple[str, str], dict[str, Any]], change: Change, words: str
+    run: Run, tmp_path: Path, reference: dict[tuple[str, str], dict[str, Any]], change: Change
 ) -> None:
     status, out, err = run("calibrate", copy(DEVICE, tmp_path / "rec", change), "--quiet", "--json")
     content = json.loads(out)
     assert (status, err) == (1, "")
-    assert content["outcome"].startswith(words)
     golden_text(content["outcome"])
     made = by_label(content)
     for label, parameter in reference.items():

@@ -92,6 +92,8 @@ class Messages:
 
     regenerate: bool
     files: dict[Path, dict[str, list[str]]] = field(default_factory=dict)
+    seen: set[str] = field(default_factory=set)
+    earlier: dict[str, list[str]] = field(default_factory=dict)
 
     @contextmanager
     def of_test(self, item: pytest.Item) -> Iterator[None]:
@@ -106,16 +108,26 @@ class Messages:
             yield
         finally:
             MESSAGES.pop()
+        if self.regenerate:
+            whole = not (item.config.option.keyword or any("[" in argument for argument in item.config.args))
+            self.write(f"== {stem} {getattr(item, 'originalname', item.name)}", whole)
+        else:
+            kept = self.sections().get(self.section, [])
+            assert len(self.lines) == len(kept), f"fewer lines than {self.section} of {self.file}"
+
+    def write(self, test: str, whole: bool) -> None:
+        """Write the section of the test that ran; where all cases of a test are run, cases that are no more go."""
         sections = self.sections()
-        if self.regenerate and not alike(sections.get(self.section, []), self.lines):
-            sections[self.section] = self.lines
+        if whole and test not in self.seen:
+            self.seen.add(test)
+            for key in [key for key in sections if key.partition("[")[0] == test]:
+                self.earlier[key] = sections.pop(key)
+        before = self.earlier.pop(self.section, sections.get(self.section, []))
+        sections[self.section] = before if alike(before, self.lines) else self.lines
+        text = "\n".join(line for key in sorted(sections) if sections[key] for line in (key, *sections[key], ""))
+        if text or self.file.exists():
             self.file.parent.mkdir(parents=True, exist_ok=True)
-            text = "\n".join(line for key in sorted(sections) if sections[key] for line in (key, *sections[key], ""))
             self.file.write_text(text, encoding="utf-8")
-        elif not self.regenerate:
-            assert len(self.lines) == len(sections.get(self.section, [])), (
-                f"fewer lines than {self.section} of {self.file}"
-            )
 
     def sections(self) -> dict[str, list[str]]:
         """Return the lines of each section of the golden file of the test that runs."""
