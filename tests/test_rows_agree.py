@@ -10,7 +10,7 @@ from gimbalcal.forward import jacobian, predict
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.pipeline import load
 from gimbalcal.recording import dwell_means
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 
 DATA = Path(__file__).parents[1] / "data"
 ROUNDING = 1e-12  # of the largest: products of the same numbers in another order
@@ -23,7 +23,7 @@ def same(one: np.ndarray, other: np.ndarray) -> None:
 def test_positions() -> None:
     (recording,) = load([DATA / "space_stable_18"])
     means = dwell_means(recording)
-    o = fit_baseline(means, steps=0)
+    o = fit_baseline(view_at_known_attitude(means), steps=0)
     p = problem(means, o.parameters)
     mine = by_visit(p, np.zeros(len(o.parameters)), np.zeros((p.visits, p.turns)))
     scale = np.array([q.sigma for q in o.parameters])
@@ -38,7 +38,7 @@ def test_positions() -> None:
 def test_static_run() -> None:
     (recording,) = load([DATA / "space_stable_static"])
     run = static_readings(recording)
-    o = fit_baseline(recording, steps=0)
+    o = fit_baseline(view_at_known_attitude(recording), steps=0)
     scale = np.array([q.sigma for q in o.parameters])
     assert run.channels == o.view.channels
     same(run.residual(), o.residual * o.sigma)

@@ -12,10 +12,9 @@ from gimbalcal.calibration.correction import refuse_other_gimbals
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.caveats import with_reservation
-from gimbalcal.diagnose.of_recording import diagnose_recording, has_unstated_noise
+from gimbalcal.diagnose.of_recording import diagnose_recording, diagnose_recordings, has_unstated_noise
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite
-from gimbalcal.diagnose.several import diagnose_several
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import constants
@@ -135,7 +134,7 @@ def _of_all(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     if len(recordings) > 1 and all(has_unstated_noise(r) and r.kind.in_positions for r in recordings):
         return _sessions(recordings, asked)
     if len(recordings) > 1:
-        return diagnose_several(recordings, *asked)
+        return diagnose_recordings(recordings, *asked)
     return diagnose_recording(recordings[0], *asked)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
@@ -19,17 +20,22 @@ from gimbalcal.words import diagnosis_sentences
 
 
 def joint_diagnosis(
-    recording: Recording, parts: Sequence[ViewDiagnosis], notes: Sequence[str], baseline: Sequence[str], seed: int
+    parts: Sequence[ViewDiagnosis], notes: Sequence[str], baseline: Sequence[Any], seed: int
 ) -> Diagnosis:
-    """Return the diagnosis of a recording from those of its views; notes: sentences on what was not analysed."""
+    """Return the diagnosis of a recording from those of its views; notes: sentences on what was not analysed.
+
+    baseline: effects that the model was asked to hold, for the provenance.
+    """
     lead = max(parts, key=_rank)
     by_weight = [lead, *(p for p in parts if p is not lead)]
     found = tuple(f for p in parts for f in p.findings)
     shapes = tuple(u for p in parts for u in p.unexplained)
     mismatch = tuple(m for p in by_weight for m in p.mismatch)
     outcome = joined([p.outcome.rstrip(".") for p in parts if p.outcome])
-    words = diagnosis_sentences.answer(lead.verdict, [(p.view, p.fit, p.findings) for p in parts], shapes, mismatch)
+    said = diagnosis_sentences.answer(lead.verdict, [(p.view, p.fit, p.findings) for p in parts], shapes, mismatch)
     limits = [u for p in parts for u in p.fit.unseen or ()] if lead.verdict == "adequate" else []
+    contradictions = [x for p in parts for x in p.contradictions]
+    words = [*(x.in_words for x in contradictions), said, *(r for p in parts for r in p.remarks)]
     also = [
         diagnosis_sentences.limits_in_words(limits),
         diagnosis_sentences.delays(found),
@@ -38,17 +44,19 @@ def joint_diagnosis(
     ]
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": recording.files,
+        "recordings": [file for r in sources_of(parts) for file in r.files],
         "options": {"baseline": list(baseline) or [i for p in parts for i in p.view.baseline], "seed": seed},
         **{key: value for p in parts for key, value in p.evidence.items()},
         "views": [p.name for p in parts],
         **({"notes": list(notes)} if notes else {}),
     }
     return Diagnosis(
-        lead.verdict, mismatch, found, shapes,
+        "unexplained" if contradictions and lead.verdict == "adequate" else lead.verdict, mismatch, found,
+        (*shapes, *(u for x in contradictions for u in x.shapes)),
         replace(lead.fit, views={p.name: p.fit for p in parts}) if len(parts) > 1 else lead.fit, provenance,
-        " ".join(filter(None, [words, *also])), lead.curves,
-        calibration_of(recording, parts, diagnosis_sentences.reservation(lead.verdict, found, shapes)), outcome,
+        " ".join(filter(None, [*words, *also])), lead.curves,
+        calibration_of(parts, diagnosis_sentences.reservation(lead.verdict, found, shapes)),
+        joined([s.rstrip(".") for s in (*(x.in_words for x in contradictions), outcome) if s]),
         laws=tuple(law for p in parts for law in p.laws),
         recommend=next(filter(None, (p.recommend for p in by_weight)), ""),
     )  # fmt: skip
@@ -59,8 +67,14 @@ def _rank(p: ViewDiagnosis) -> tuple[int, float]:
     return VERDICTS.index(p.verdict), 0.0 if p.verdict == "adequate" else p.fit.chi2_reduced_before
 
 
-def calibration_of(recording: Recording, parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
+def sources_of(parts: Sequence[ViewDiagnosis]) -> tuple[Recording, ...]:
+    """Return the recordings behind the views."""
+    return next((p.sources for p in parts if p.sources), (parts[0].view.source,))
+
+
+def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
     """Return the calibration that the views end in."""
+    sources = sources_of(parts)
     forces = next((p.calibration for p in parts if p.calibration is not None), None)
     if forces is not None and len(parts) == 1:
         return replace(forces, outcome=" ".join(filter(None, [outcome, forces.outcome])))
@@ -71,7 +85,7 @@ def calibration_of(recording: Recording, parts: Sequence[ViewDiagnosis], outcome
             linear = [p for p in model.parameters if p.field not in {f.name for f in constants(CATALOGUE[p.effect])}]
             found = v.calibrate(model.effects, linear)
             return replace(
-                found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin([recording], causes)
+                found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin(sources, causes)
             )
     seen = [Seen(v, model) for v, model in fitted if v.name != "slews"]  # time stamps are shifted, not calibrated
-    return calibrated_views(recording, seen, causes, outcome, forces)
+    return calibrated_views(sources[0], seen, causes, outcome, forces)

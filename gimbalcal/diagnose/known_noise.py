@@ -1,13 +1,15 @@
-r"""Diagnosis of forces at known attitude in a known noise: a multi-position recording or a static run.
+r"""Diagnosis of forces at known attitude in a stated noise: one recording, or several of one unit.
 
-observe ──> noise ──> library ──> search ──> decide ──> model ──> verify ──> recommend
-                                    └──> locate (before and after)
+view 1 ──> search ─┐                       ┌─> fit, verify, locate ─┐
+view 2 ──> search ─┴─> combine ──> decide ─┴─> fit, verify, locate ─┴─> sizes pooled ──> one diagnosis
+
+Of one recording the combined ranking is its own search, and the pooled sizes are its own fit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,79 +19,132 @@ from gimbalcal.diagnose.answer import Curves, in_print, plotted_against
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import settle
-from gimbalcal.diagnose.laws.law_claims import Lawful, beyond_walk, lawful, misheld
+from gimbalcal.diagnose.laws.law_claims import APART, Lawful, beyond_walk, lawful, misheld
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.result import Estimate, Finding, Shape, Shift, StatedNoiseFit
-from gimbalcal.diagnose.rows.baseline import carried
-from gimbalcal.diagnose.search.fitted_causes import (
-    FittedCauses,
-    JointCovariance,
-    calibration_fit,
-    constant_value,
-    fit_causes,
-    joint_covariance,
+from gimbalcal.diagnose.result import (
+    Estimate,
+    Finding,
+    Mismatch,
+    RecordingFit,
+    RecordingSize,
+    SeparateVerdict,
+    Shape,
+    Shift,
+    SizeAgreement,
+    StatedNoiseFit,
 )
-from gimbalcal.diagnose.search.ranking import Search, search
+from gimbalcal.diagnose.rows.baseline import carried
+from gimbalcal.diagnose.search.combine import combine
+from gimbalcal.diagnose.search.fitted_causes import FittedCauses, calibration_fit, fit_causes
+from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.relinearise import about_causes, about_settings
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering
+from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.detection_limits import detection_limits
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
 from gimbalcal.diagnose.verdict.manoeuvres import advise, sentence
-from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, Scan, mismatches, scan
-from gimbalcal.diagnose.verdict.random_walk import decide_with_walk, without_single_walks
-from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_jointly
+from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, LISTED, Scan, mismatches, scan
+from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, Part, agreement_on_size, common_sizes, parts
+from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
+from gimbalcal.diagnose.verdict.refit_calibration import Constants, calibrated, found_of
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
-from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
+from gimbalcal.diagnose.view_diagnosis import Contradiction, ViewDiagnosis
 from gimbalcal.effects import CATALOGUE, Parameter
-from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
-from gimbalcal.views.core import Fit
+from gimbalcal.views.core import Fit, View
 from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.words import diagnosis_sentences
 from gimbalcal.words.naming import spaced
 
 MAX_CHI2_TO_LINEARISE = 100.0  # reduced chi^2 above which rows are linearised about nominal constants
+AVERAGED = ("chi2_reduced", "heldout")  # numbers of a fit that are averages over its rows
 
 
-def diagnose_known_noise(
-    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
-) -> ViewDiagnosis:
-    """Diagnose the forces, or what else is read, of a recording whose attitude and noise are known."""
-    rng = np.random.default_rng(seed)
-    ids = tuple(baseline) or BASELINE.get(recording.kind, ())
-    s = searched(recording, calibration, ids, tell)
+@dataclass(frozen=True)
+class Alone:
+    """What one recording by itself would have said: its verdict, a walk of one sensor, and the bar it is held to."""
+
+    decision: Decision
+    walk: RandomWalkFinding | None
+    needed: float
+
+
+@dataclass(frozen=True)
+class Share:
+    """One recording in the common answer: its part of the fit, where it is off before, its numbers and residuals."""
+
+    part: Part
+    before: Scan
+    fit: StatedNoiseFit
+    curves: Curves
+
+
+@dataclass(frozen=True)
+class _Case:
+    """What the recordings of a unit say by themselves and jointly, before anything is reported.
+
+    clean (draws,): evidence of simulated clean recordings of these designs; alone: of several recordings; known: the
+    calibration that the diagnosis started from.
+    """
+
+    clean: Array
+    alone: tuple[Alone, ...]
+    known: Calibration | None
+    rng: np.random.Generator
+    seed: int
+    tell: Tell
+
+
+def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed: int, tell: Tell) -> ViewDiagnosis:
+    """Diagnose the forces, or what else is read, of one unit whose attitude and noise are known in every view.
+
+    known: a calibration to start from.
+    """
+    rng, searches = np.random.default_rng(seed), []
+    for k, v in enumerate(views):
+        if len(views) > 1:
+            tell(f"recording {k + 1} of {len(views)}: {v.title}")
+        searches.append(searched(v, known, tell))
+    if len(views) > 1:
+        tell("adding up the evidence of all recordings")
+    c = combine(searches)
     tell("sending simulated clean recordings of this design through the same comparison")
-    clean = clean_evidence(s, rng)
-    held = without_single_walks(s)
-    d, walk = decide_with_walk(s, held, bar(clean))
+    clean, each = clean_evidence(c, rng)
+    held = without_single_walks(c)
+    d, walk = decide_with_walk(c, held, bar(clean))
+    alone = [
+        Alone(*decide_with_walk(s, without_single_walks(s), bar(x)), bar(x))
+        for s, x in (zip(searches, each, strict=True) if len(views) > 1 else ())
+    ]
+    case = _Case(clean, tuple(alone), known, rng, seed, tell)
     if walk is not None and d.verdict == "adequate":  # unless a deterministic law is as probable as the random walk
-        none, law, odds = beyond_walk([held], held, walk, seed, tell)
-        made = _report(held, none, clean, rng, seed, tell, calibration, law)
+        none, law, odds = beyond_walk(held, walk, seed, tell)
+        made = _report(case, held, none, law)
         return made if odds > CLAIM else made.with_walk(walk, only=odds < -CLAIM)
-    made = _report(s, d, clean, rng, seed, tell, calibration)
+    made = _report(case, c, d)
     if walk is not None:
         return made.with_walk(walk, only=False)
     assert isinstance(made.fit, StatedNoiseFit)
-    if d.hypothesis is None or (made.fit.scan_p_after >= LEFT and strained(s, d.hypothesis.members) < CLAIM):
+    if d.hypothesis is None or (made.fit.scan_p_after >= LEFT and strained(c, d.hypothesis.members) < CLAIM):
         return made
-    none = unnamed(s)
-    law = lawful([s], [none.shapes[:1]], s, none.verdict, seed, tell, instead=True)
-    return _report(s, none, clean, rng, seed, tell, calibration, law) if law.laws else made
+    none = unnamed(c)
+    law = lawful(c, none, seed, tell, instead=True)
+    return _report(case, c, none, law) if law.laws else made
 
 
-def searched(recording: Recording, calibration: Calibration | None, baseline: tuple[str, ...], tell: Tell) -> Search:
-    """Every cause of the catalogue tried on one recording."""
-    tell(f"fitting the model: {', '.join(spaced(i) for i in baseline)} (another: --baseline)")
-    start = carried(calibration, baseline)
-    o = settle(fit_baseline(recording, baseline, start))
+def searched(view: View, known: Calibration | None, tell: Tell) -> Search:
+    """Compare every cause of the catalogue with what the baseline of a view leaves."""
+    tell(f"fitting the model: {', '.join(spaced(i) for i in view.baseline)} (another: --baseline)")
+    start = carried(known, view.baseline)
+    o = settle(fit_baseline(view, start))
     nominal = o.view.kind.stabilised and _misfit(o) > MAX_CHI2_TO_LINEARISE
     if nominal:
-        o = settle(fit_baseline(recording, baseline, start, steps=0))
+        o = settle(fit_baseline(view, start, steps=0))
     o = about_settings(o)
     tell("comparing every cause of the catalogue, alone and in pairs")
     s = search(o, library(o), noises(o))
@@ -111,107 +166,127 @@ def _misfit(o: Fit) -> float:
     return float((left**2).sum() / max(len(y) - Z.shape[1], 1))
 
 
-def _report(
-    s: Search, d: Decision, clean: Array, rng: np.random.Generator, seed: int, tell: Tell,
-    known: Calibration | None = None, law: Lawful | None = None,
-) -> ViewDiagnosis:  # fmt: skip
+def _report(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> ViewDiagnosis:
+    """Return the diagnosis that a decision makes: findings, shapes or a law, the fit with them, and the calibration."""
     members = d.hypothesis.members if d.hypothesis else ()
-    f = fit_causes(s, members)
-    seen = fit_causes(s, members or tuple(d.shapes[:1]))  # the noise as it is once the shape is allowed for
-    tell("locating the mismatch and checking held-out data")
-    before, fitted, curves = measured(s, f, seen, rng)
-    mismatch = () if d.verdict == "adequate" else mismatches(before, at_least=1)
-    named = findings(s, d, f)
-    shapes = tuple(shape(s.library.candidates[i]) for i in d.shapes[:3])
+    causes = [c.library.candidates[m] for m in members]
+    case.tell("locating the mismatch and checking held-out data")
+    shares = tuple(_share(c, d, k, part, case.rng) for k, part in enumerate(parts(c, members)))
+    lead = min(range(len(shares)), key=lambda k: (shares[k].before.p_value, -shares[k].before.statistic.max()))
+    mismatch = () if d.verdict == "adequate" else _mismatch(shares, lead)
+    sizes = common_sizes([s.part for s in shares], causes)
+    named = _findings(c, d, [s.part for s in shares], sizes)
+    shapes = tuple(_shape(c, i) for i in d.shapes[:3])
+    law = law or lawful(c, d, case.seed, case.tell)
+    shares = _with_law(shares, law)
+    fitted = _sums(shares, lead)
     if d.verdict == "adequate":
-        fitted = replace(fitted, unseen=detection_limits(s.library.candidates, s.projections))
-    law = law or lawful([s], [d.shapes[:1]], s, d.verdict, seed, tell)
-    for law_fit, left in law.each:
-        fitted = law_fit.summary(fitted)
-        curves = replace(curves, after=left)
-    tell("the model with what was found, as a calibration")
-    sigma = np.broadcast_to(s.fit.sigma, curves.after.shape)
-    return ViewDiagnosis(
-        s.fit.view, d.verdict, mismatch, named, shapes, fitted, curves, sigma,
-        calibration=calibrated_alone(s, f, "", known), laws=law.laws, recommend=law.recommend,
-        outcome=misheld(s, d.verdict), evidence={**evidence_of(s, clean), "probability_unknown": round(d.unknown, 4)},
+        fitted = replace(fitted, unseen=detection_limits([(s.library.candidates, s.projections) for s in c.searches]))
+    case.tell("the model with what was found, as a calibration")
+    seen = [(s.part.search.fit, s.part.fit.projection.node, s.part.slots) for s in shares]
+    calibration, between = calibrated(seen, found_of(sizes), "", case.known)
+    curves, o = shares[lead].curves, c.searches[lead].fit
+    made = ViewDiagnosis(
+        o.view, d.verdict, mismatch, named, shapes, fitted, curves,
+        np.broadcast_to(o.sigma, curves.after.shape), calibration=calibration, laws=law.laws,
+        recommend=law.recommend, outcome=misheld(c, d.verdict), evidence=_evidence(c, d, case.clean),
+        sources=tuple(s.fit.view.source for s in c.searches),
+    )  # fmt: skip
+    return made if between is None else _of_several(made, case, c, shares, between)
+
+
+def _of_several(
+    made: ViewDiagnosis, case: _Case, c: Ranking, shares: Sequence[Share], between: ConstantsAgreement
+) -> ViewDiagnosis:
+    """Return the diagnosis with what each recording says by itself, and how well they agree on the constants."""
+    rows = tuple(_row(c, k, *both) for k, both in enumerate(zip(shares, case.alone, strict=True)))
+    alone = "; ".join(f"recording {row.recording}: {row.alone.in_words}" for row in rows)
+    sizes = [f.agreement.in_words for f in made.findings if f.agreement and f.agreement.in_words]
+    only = _shown_by_one(c, case.alone) if made.verdict == "adequate" else ()
+    differing = (Shape("all", "constants that differ between the recordings"),)
+    contradictions = (
+        Contradiction(between.in_words, differing),
+        Contradiction("What one recording shows by itself is contradicted by the others." if only else "", only),
+    )
+    return replace(
+        made, fit=replace(made.fit, recordings=rows, constants=between),
+        contradictions=tuple(x for x in contradictions if x.in_words),
+        remarks=(*sizes, f"With this model each alone would have said: {alone}."),
+        recommend=made.recommend or APART * bool(between.in_words),
     )  # fmt: skip
 
 
-def evidence_of(s: Search, clean: Array) -> dict[str, Any]:
-    """Return the evidence of a search and of simulated clean recordings (draws,), for the provenance."""
+def _evidence(c: Ranking, d: Decision, clean: Array) -> dict[str, Any]:
+    """Return the evidence of a ranking and of simulated clean recordings (draws,), for the provenance."""
     return {
-        "ln_bayes_factor": round(s.ln_total, 3),
+        "ln_bayes_factor": round(c.ln_total, 3),
         "ln_bayes_factor_needed": round(bar(clean), 3),
         "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
-        "causes_compared": len([c for c in s.library.candidates if not c.rival]),
-        "excess_kurtosis": round(s.fit.view.noise.kurtosis, 3),
+        "causes_compared": len({x.key for x in c.library.candidates if not x.rival}),
+        "excess_kurtosis": round(max(s.fit.view.noise.kurtosis for s in c.searches), 3),
+        "probability_unknown": round(d.unknown, 4),
     }
 
 
-def calibrated_alone(s: Search, f: FittedCauses, outcome: str, known: Calibration | None = None) -> Calibration:
-    """The calibration of one recording with the causes of a fit."""
-    causes = [s.library.candidates[m] for m in f.members]
-    joint = joint_covariance(s, f)
-    told = [_constants_of(s, f, joint, j) for j in range(len(causes))]
-    found = found_jointly(causes, told, f.x, joint)
-    return calibrated([(s.fit, f.projection.node, range(len(causes)))], found, outcome, known)[0]
-
-
-def _constants_of(s: Search, f: FittedCauses, joint: JointCovariance, j: int) -> tuple[tuple[str, float, float], ...]:
-    """Return the constants of member j: name, value and sigma in SI, of continuous ones with all else fitted."""
-    sigma = joint.sigma_of(j)
-    return tuple((name, value, sigma.get(name, spread)) for name, value, spread in constant_value(s, f, j))
-
-
-def measured(
-    s: Search, f: FittedCauses, seen: FittedCauses, rng: np.random.Generator
-) -> tuple[Scan, StatedNoiseFit, Curves]:
-    """Return where one recording is off before anything is added, the numbers of its fit, and its residuals.
-
-    `f` is the fit of what was found, `seen` the same or that of a shape, whose noise counts.
-    """
+def _share(c: Ranking, d: Decision, k: int, part: Part, rng: np.random.Generator) -> Share:
+    """Return where a recording is off before anything is added, the numbers of its fit, and its residuals."""
+    s, f = part.search, part.fit
+    seen = f
+    if not d.hypothesis and (shapes := c.within(d.shapes, k)):
+        seen = fit_causes(s, shapes[:1])  # the noise as it is once the shape is allowed for
     physical, node = physical_columns(s, f), seen.projection.node
     before = scan(s.fit, s.rows, node, rng)
     after = scan(s.fit, s.rows, node, rng, s.library.X[:, list(f.index)]) if f.index else before
     fitted = verify(s, f if f.index else seen, physical).summary(node, before.p_value, after.p_value)
     fitted = replace(fitted, calibration_moved=moved(s, f) if f.index else ())
+    v = s.fit.view
     left, rest = residual_rows(s.fit, physical @ f.x)
-    sigma, units = in_print(s.fit.view.channels, np.broadcast_to(s.fit.sigma, left.shape))
-    return (
-        before,
-        fitted,
-        Curves(
-            s.fit.view.stimulus.time,
-            s.fit.view.stimulus.position,
-            s.fit.view.channels,
-            left,
-            rest,
-            sigma,
-            units,
-            plotted_against(s.fit.view.stimulus),
-        ),
-    )
+    sigma, units = in_print(v.channels, np.broadcast_to(s.fit.sigma, left.shape))
+    against = plotted_against(v.stimulus)
+    curves = Curves(v.stimulus.time, v.stimulus.position, v.channels, left, rest, sigma, units, against)
+    return Share(part, before, fitted, curves)
 
 
-def findings(s: Search, d: Decision, f: FittedCauses) -> tuple[Finding, ...]:
-    """Return what is named: effect, axis, probability, significance, sizes, what fits alike and how to separate it."""
-    joint, out, at = joint_covariance(s, f), [], 0
-    for n, j in enumerate(d.judgements):
-        c = j.cause
-        size = f.x[at : at + len(c.parameters)]
-        sigma = np.sqrt(np.diag(joint.covariance))[at : at + len(c.parameters)] / [p.sigma for p in c.parameters]
-        at += len(c.parameters)
-        advice = ""
-        if j.alike:
-            advice = sentence(advise(s.fit, c, f.variants[n], size, j.alike[0]), c, j.alike[0])
-        rows = printed(c.parameters, size, sigma) + constants(c, _constants_of(s, f, joint, n))
-        out.append(entry(j, axes_of(j), f.significance[n], rows, advice))
+def _with_law(shares: tuple[Share, ...], law: Lawful) -> tuple[Share, ...]:
+    """Return the shares with what a law that no catalogue holds, if there is one, makes of their numbers."""
+    each = zip(shares, law.each, strict=True) if law.each else ()
+    made = (replace(x, fit=law.summary(x.fit), curves=replace(x.curves, after=r)) for x, (law, r) in each)
+    return tuple(made) or shares
+
+
+def _mismatch(shares: Sequence[Share], lead: int) -> tuple[Mismatch, ...]:
+    """Return where each recording is off, the one that is off most first."""
+    if len(shares) == 1:
+        return mismatches(shares[0].before, at_least=1)
+    out = []
+    for k in sorted(range(len(shares)), key=lambda k: k != lead):
+        for m in mismatches(shares[k].before, at_least=int(k == lead)):
+            words = f"In recording {k + 1}, {m.in_words[0].lower()}{m.in_words[1:]}"
+            out.append(replace(m, recording=k + 1, in_words=words))
+    return tuple(out[:LISTED])
+
+
+def _findings(c: Ranking, d: Decision, shares: Sequence[Part], sizes: CommonSizes) -> tuple[Finding, ...]:
+    """Return what is named: effect, axis, probability, significance, sizes, what fits alike and how to separate it.
+
+    Of several recordings the size by each stands beside the common one.
+    """
+    x, sigma, out, at = sizes.x, np.sqrt(np.diag(sizes.joint.covariance)), [], 0
+    for slot, j in enumerate(d.judgements):
+        own = slice(at, at + len(j.cause.parameters))
+        at = own.stop
+        rows = printed(j.cause.parameters, x[own], sigma[own] / [p.sigma for p in j.cause.parameters])
+        rows += constants_in_print(j.cause, sizes.constants[slot])
+        significance = float(np.sqrt(sum(p.significance(slot) ** 2 for p in shares)))
+        named = entry(j, axes_of(j), significance, rows, _advice(c, d, shares, slot, x[own]))
+        if len(shares) > 1:
+            named = replace(named, recordings=_sizes(shares, slot), agreement=_agreement(shares, slot, named))
+        out.append(named)
     return tuple(out)
 
 
 def printed(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[Estimate]:
-    """Parameters in printed units, from sizes and sigmas (p,) in prior sigmas; without those that nothing shows."""
+    """Return parameters as printed, from sizes and sigmas (p,) in prior sigmas; without those that nothing shows."""
     rows = []
     for p, x, e in zip(parameters, size, sigma, strict=True):
         if e == 0:
@@ -221,13 +296,46 @@ def printed(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[
     return rows
 
 
-def constants(c: Candidate, values: Sequence[tuple[str, float, float]]) -> list[Estimate]:
-    """Non-linear constants in printed units, from name, value and sigma in SI."""
+def constants_in_print(c: Candidate, values: Constants) -> list[Estimate]:
+    """Return non-linear constants as printed, from name, value and sigma in SI."""
     units = {g.name: g.metadata["unit"] for g in CATALOGUE[c.effect].__dataclass_fields__.values() if g.metadata}
     return [
         Estimate(name, "", float(from_si(value, units[name])), float(from_si(spread, units[name])), units[name])
         for name, value, spread in values
     ]
+
+
+def _sizes(shares: Sequence[Part], slot: int) -> tuple[RecordingSize, ...]:
+    """Return the size that each recording gives a member."""
+    out = []
+    for k, p in enumerate(shares):
+        if slot in p.slots:
+            at = p.span(slot)
+            sigma = np.sqrt(np.diag(p.fit.covariance))[at]
+            rows = printed(p.cause(slot).parameters, p.fit.x[at], sigma)
+            out.append(RecordingSize(k + 1, round(p.significance(slot), 2), tuple(rows)))
+    return tuple(out)
+
+
+def _agreement(shares: Sequence[Part], slot: int, found: Finding) -> SizeAgreement:
+    a = agreement_on_size(shares, slot)
+    return SizeAgreement(
+        round(a.chi2, 3), a.dof, a.p_value, a.against(diagnosis_sentences.cause_in_words(found.effect, found.axis))
+    )
+
+
+def _advice(c: Ranking, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
+    """Return what would separate a member from the cause most like it, in the recording that shows it best."""
+    for fits in d.judgements[slot].alike[:1]:
+        alike = next(i for i, one in enumerate(c.library.candidates) if one is fits)
+        both = [k for k in c.sees(alike) if slot in shares[k].slots]
+        for k in sorted(both, key=lambda k: -shares[k].significance(slot))[:1]:
+            s, found = c.searches[k], shares[k].cause(slot)
+            variant = shares[k].fit.variants[shares[k].slots.index(slot)]
+            (at,) = c.within((alike,), k)
+            other = s.library.candidates[at]
+            return sentence(advise(s.fit, found, variant, size, other), found, other)
+    return ""
 
 
 def moved(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
@@ -241,6 +349,63 @@ def moved(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
     return tuple(sorted(out, key=lambda row: -abs(row.in_sigmas)))
 
 
-def shape(c: Candidate) -> Shape:
-    """Return what remains unexplained."""
-    return Shape(f"{c.channel} {c.axis}".strip(), c.rival)
+def _shape(c: Ranking, i: int) -> Shape:
+    """Return a shape without a cause; of several recordings, with those that show it."""
+    of = c.library.candidates[i]
+    channel = f"{of.channel} {of.axis}".strip()
+    if len(c.searches) == 1:
+        return Shape(channel, of.rival)
+    seen = [k + 1 for k in c.sees(i)]
+    where = f"recording {seen[0]}" if len(seen) == 1 else "every recording that could show it"
+    return Shape(f"{channel} of {where}", of.rival, recordings=tuple(seen))
+
+
+def _sums(shares: Sequence[Share], lead: int) -> StatedNoiseFit:
+    """Return the numbers of all recordings; noise and calibration are those of the recording that is off most."""
+    if len(shares) == 1:
+        return shares[0].fit
+    sums: dict[str, Any] = {}
+    sizes = [x.part.search.rows.Q.shape for x in shares]
+    for what in AVERAGED:
+        for when in ("before", "after"):
+            fitted = [len(x.part.fit.index) if when == "after" else 0 for x in shares]
+            weight = [R - (q + p if what == "chi2_reduced" else 0) for (R, q), p in zip(sizes, fitted, strict=True)]
+            key = f"{what}_{when}"
+            sums[key] = float(np.average([getattr(x.fit, key) for x in shares], weights=weight))
+    for when in ("before", "after"):
+        p = [getattr(x.fit, f"scan_p_{when}") for x in shares]
+        sums[f"scan_p_{when}"] = float(-np.expm1(len(p) * np.log1p(-min(*p, 1 - 1e-15))))
+    return replace(shares[lead].fit, **sums, heldout_by=" and ".join(dict.fromkeys(x.fit.heldout_by for x in shares)))
+
+
+def _row(c: Ranking, k: int, x: Share, alone: Alone) -> RecordingFit:
+    """Return one recording in `fit`: what it is, its numbers, and what it alone would have said."""
+    s = c.searches[k]
+    walks = alone.walk is not None and alone.decision.verdict == "adequate"
+    verdict = "unexplained" if walks else alone.decision.verdict
+    said = SeparateVerdict(verdict, _called(alone), round(s.ln_total, 3), round(alone.needed, 3))
+    return RecordingFit(k + 1, s.fit.view.title, s.fit.view.kind, x.fit, said)
+
+
+def _called(alone: Alone) -> str:
+    """Return the verdict on one recording by itself in a few words."""
+    d = alone.decision
+    if alone.walk is not None and d.verdict == "adequate":
+        return diagnosis_sentences.walk_in_words(alone.walk)
+    if d.verdict == "adequate":
+        return "nothing is missing"
+    if d.hypothesis is None:
+        return "something is missing that no cause of the catalogue explains"
+    return " and ".join(
+        diagnosis_sentences.cause_in_words(j.cause.effect, j.cause.axis, j.confounded) for j in d.judgements
+    )
+
+
+def _shown_by_one(c: Ranking, each: Sequence[Alone]) -> tuple[Shape, ...]:
+    """Return, as shapes, what recordings show by themselves beyond the odds that one of so many shows it by chance."""
+    odds = float(np.log(len(each)))
+    return tuple(
+        Shape(f"recording {k + 1}", _called(alone), (k + 1,))
+        for k, alone in enumerate(each)
+        if alone.decision.verdict != "adequate" and c.searches[k].ln_total > alone.needed + odds
+    )

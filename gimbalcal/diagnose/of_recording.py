@@ -20,13 +20,13 @@ from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
-from gimbalcal.diagnose.rows.baseline import by_triad, carried
+from gimbalcal.diagnose.rows.baseline import by_triad, carried, unfit
 from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
 from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, diagnose_view
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects import Effect
+from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
@@ -44,6 +44,7 @@ from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS, pointing
 from gimbalcal.views.slews import view_of_slews
@@ -75,7 +76,7 @@ def diagnose_recording(
     """Diagnose every view of a recording, and return one diagnosis. Raises InputError where nothing is to compare."""
     notes: list[str] = []
     if recording.kind.stabilised:
-        parts = [diagnose_known_noise(recording, calibration, baseline, seed, tell)]
+        parts = [diagnose_known_noise([known_view(recording, calibration, baseline)], calibration, seed, tell)]
     elif not has_unstated_noise(recording):
         means = recording.kind.rotating and not recording.instant
         recording = _with_rests(recording)
@@ -89,7 +90,59 @@ def diagnose_recording(
             f"{recording.title!r} leaves nothing to compare: at rest it takes {FORCE} along x, y and z, and "
             f"{RATE} in a unit with a scale for the gyroscopes. {' '.join(notes)}".strip()
         )
-    return joint_diagnosis(recording, parts, notes, baseline, seed)
+    return joint_diagnosis(parts, notes, baseline, seed)
+
+
+def known_view(recording: Recording, calibration: Calibration | None, baseline: Sequence[str]) -> View:
+    """Return the view of forces at known attitude, whose scatter is seen about the values of a calibration."""
+    ids = tuple(baseline) or BASELINE.get(recording.kind, ())
+    return view_at_known_attitude(recording, ids, carried(calibration, ids))
+
+
+def diagnose_recordings(
+    recordings: Sequence[Recording], calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
+) -> Diagnosis:
+    """Diagnose several recordings of one unit at known attitude jointly; InputError if they are not that."""
+    check_one_unit(recordings)
+    for r in recordings:
+        if has_gyroscopes(r):
+            tell(f"{r.title}: its gyroscopes are not looked at together with other recordings; give it alone for them")
+    ids = [baseline_of(r, recordings, baseline) for r in recordings]
+    views = [known_view(r, calibration, own) for r, own in zip(recordings, ids, strict=True)]
+    made = diagnose_known_noise(views, calibration, seed, tell)
+    return joint_diagnosis([made], [], [list(own) for own in ids], seed)
+
+
+def check_one_unit(recordings: Sequence[Recording]) -> None:
+    """Raise InputError where recordings are not of one unit at known attitude, or where one is given twice."""
+    first = recordings[0]
+    for r in recordings:
+        if has_unstated_noise(r) or r.kind not in BASELINE:
+            raise InputError(
+                f"{r.title!r} is a {r.kind} recording of {r.platform.name!r}: `diagnose` combines multi-position and "
+                "static-run recordings with gimbals; give this one alone"
+            )
+        if (r.platform.name, r.platform.axis_names) != (first.platform.name, first.platform.axis_names):
+            raise InputError(
+                f"{first.title!r} is of platform {first.platform.name!r} and {r.title!r} of {r.platform.name!r}: "
+                "`diagnose` combines recordings of one unit; run it on each"
+            )
+    files = [s for r in recordings for s in r.source if not s.path.endswith(".toml")]  # headers may well be alike
+    seen = [s.sha256 for s in files]
+    twice = next((s.path for s in files if seen.count(s.sha256) > 1), "")
+    if twice or len({id(r) for r in recordings}) < len(recordings):
+        raise InputError(f"{twice or first.title!r} is given twice: the same data are no more evidence; give it once")
+
+
+def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[str]) -> tuple[str, ...]:
+    """Return the effects that the model of one recording holds: those wanted that it can show, or the usual ones.
+
+    A constant of the sensors that any of the recordings calibrates is part of the model in all of them.
+    """
+    if wanted:
+        return tuple(i for i in wanted if not unfit(i, r)) or BASELINE[r.kind]
+    every = [i for other in recordings for i in BASELINE[other.kind] if CATALOGUE[i].stage in SENSOR_STAGES]
+    return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if r.kind in CATALOGUE[i].kinds)]))
 
 
 def of_single_view(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> Parts:
@@ -139,7 +192,7 @@ def of_triads(recording: Recording, calibration: Calibration | None, baseline: S
         told.append(diagnose_view(norm(recording, mine), tell))
     if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline)):
         return told, []
-    made = calibration_of(recording, told, "") if told else calibration
+    made = calibration_of(told, "") if told else calibration
     at_rest = rest_rates(recording, gyro, made)
     if at_rest is None:
         note = diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)
@@ -184,7 +237,7 @@ def of_gimballed_unit(
     mine, gyro = by_triad(baseline)
     parts, notes = list[ViewDiagnosis](), list[str]()
     if (recording.has(FORCE) or not recording.has(RATE)) and (mine or not baseline):
-        parts.append(diagnose_known_noise(recording, calibration, mine, seed, tell))
+        parts.append(diagnose_known_noise([known_view(recording, calibration, mine)], calibration, seed, tell))
     forces = parts[0].calibration if parts else None
     if recording.has(RATE) and not (mine and not gyro):
         made = calibration if forces is None else _accelerometers(forces)

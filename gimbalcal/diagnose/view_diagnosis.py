@@ -33,9 +33,18 @@ from gimbalcal.diagnose.verdict.view_fit import row_sigma, view_fit
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
+from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """What recordings of one unit contradict each other in: in a sentence, and as entries of `unexplained`."""
+
+    in_words: str
+    shapes: tuple[Shape, ...]
 
 
 @dataclass(frozen=True)
@@ -44,6 +53,9 @@ class ViewDiagnosis:
 
     sigma (n, C): of a row, SI. model: findings and their constants fitted, where no noise is stated; calibration: the
     same where it is. outcome: what else speaks against the view; evidence: what it adds to the provenance.
+
+    Several recordings of one unit in a stated noise have one diagnosis, of the view that is off most: contradictions
+    between them are said before it, remarks after it, and sources are the recordings.
     """
 
     view: View
@@ -60,6 +72,9 @@ class ViewDiagnosis:
     recommend: str = ""
     outcome: str = ""
     evidence: Mapping[str, Any] = field(default_factory=dict)
+    contradictions: tuple[Contradiction, ...] = ()
+    remarks: tuple[str, ...] = ()
+    sources: tuple[Recording, ...] = ()
 
     @property
     def name(self) -> str:
@@ -135,7 +150,7 @@ def diagnosis_as(
     fit, lawful = view_fit(c, sigma), Lawful()
     if verdict == "adequate" and not c.start.exact:
         remaining = library(c.end)
-        fit = replace(fit, unseen=detection_limits(remaining.candidates, projections_of(c.end, remaining.X)))
+        fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
     if verdict == "unexplained" and formulas:
         tell(SOUGHT)
         lawful, with_law = laws_of_view(c.end, sigma)

@@ -91,14 +91,11 @@ def view_of_readings(
     return view
 
 
-def fit_baseline(
-    recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = (), steps: int = 2
-) -> Fit:
-    """Fit the baseline of this kind of recording and return residuals and sensitivities about it.
+def fit_baseline(view: View, known: Sequence[Effect] = (), steps: int = 2) -> Fit:
+    """Fit the baseline of a view of stated noise and return residuals and sensitivities about it.
 
     `known` are values to start from, `steps` the Gauss-Newton steps (none for a recording that is only planned).
     """
-    view = view_at_known_attitude(recording, baseline, known)
     names = view.stimulus.axis_names
     # a gimbal that was not read has no zero to fit
     every = (p for i in view.baseline for p in view.parameters_of(i))

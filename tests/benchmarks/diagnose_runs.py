@@ -14,7 +14,7 @@ from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Recording
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.benchmarks.diagnose_static import AXIS, static_recording
 from tests.diagnose.law_plants import Law, at_size, laws, oddities, unforeseen
 from tests.diagnose.plant import record
@@ -146,7 +146,7 @@ def nearest(run: Run, size: float) -> tuple[float, str]:
     """Sigmas that the nearest cause of the catalogue, at its best size and constants, leaves of an oddity; its name."""
     error, options = concealed(run)[0].error, dict(run.options)
     with_it, without = (record(np.random.default_rng(run.seed), error, s, **options) for s in (size, 0.0))
-    o = fit_baseline(without)
+    o = fit_baseline(view_at_known_attitude(without))
     node, known = nominal(o), library(o)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))
     d = (with_it.triad("specific_force") - without.triad("specific_force")) / o.sigma

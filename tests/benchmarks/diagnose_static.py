@@ -16,7 +16,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose.law_plants import Law
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def _made(seed: int, effect: str, size: float) -> Recording:
 
 def _strength(with_it: Recording, without: Recording) -> float:
     """Sigmas above noise after the calibration took what it can."""
-    o = fit_baseline(without)
+    o = fit_baseline(view_at_known_attitude(without))
     d = np.stack([with_it.channels[k] - without.channels[k] for k in o.view.channels], axis=-1)
     angle = np.array([k[0] == "gimbal_angle" for k in o.view.channels])
     d = np.where(angle, (d + np.pi) % (2 * np.pi) - np.pi, d)  # the platform gimbal is read within one turn

@@ -28,7 +28,7 @@ from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose.law_plants import Law
 from tests.diagnose.plant import record
 
@@ -49,7 +49,7 @@ class Problem:
 
 def problems(recording: Recording) -> tuple[Problem, Problem]:
     """The same library twice: whitened and profiled, and as residuals of a finished calibration."""
-    o = settle(fit_baseline(recording))
+    o = settle(fit_baseline(view_at_known_attitude(recording)))
     found = library(o)
     names: dict[int, str] = {}
     for c in found.candidates:
@@ -268,7 +268,7 @@ def speed(rows: Sequence[dict[str, Any]], say: Callable[[str], None]) -> None:
 
     _plain = evidence.any_size
     with threadpool_limits(limits=1):
-        o = settle(fit_baseline(recording))
+        o = settle(fit_baseline(view_at_known_attitude(recording)))
         found, grid = library(o), nodes(o)
         evidence.any_size = refine.any_size = counting  # type: ignore[attr-defined]
         begin = perf_counter()

@@ -21,7 +21,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.core import Fit, View
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose import static_plant
 from tests.diagnose.plant import ARCSEC, UG, Error, record
 from tests.diagnose.test_unknown_noise import tilted as turned_base
@@ -34,12 +34,16 @@ __all__ = ["columns_at"]  # the rest is written here
 def observed(seed: int = 1, error: Error | None = None, size: float = 0.0, **options: Any) -> Fit:
     """Residual rows of 18 positions with 12 readings each; `size` in ug, where the error is one of an output."""
     options.setdefault("dwell", 12)
-    return settle(fit_baseline(record(np.random.default_rng(seed), error, size * UG, **options)))
+    return settle(
+        fit_baseline(view_at_known_attitude(record(np.random.default_rng(seed), error, size * UG, **options)))
+    )
 
 
 def at_rest(seed: int = 1, error: static_plant.Error | None = None, size: float = 0.0) -> Fit:
     """Residual rows of a static run of 48 h."""
-    return settle(fit_baseline(static_plant.record(np.random.default_rng(seed), error, size * UG)))
+    return settle(
+        fit_baseline(view_at_known_attitude(static_plant.record(np.random.default_rng(seed), error, size * UG)))
+    )
 
 
 def few(o: Fit, *labels: str) -> Library:

@@ -63,10 +63,10 @@ def record(rng: np.random.Generator, error: Error | None = None, size: float = 0
 def strength(seed: int, error: Error, size: float) -> float:
     """Sigmas above noise of an effect, after the calibration took what it can."""
     from gimbalcal.diagnose.evidence.projection import orthonormal
-    from gimbalcal.views.known_attitude import fit_baseline
+    from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 
     with_it, without = (record(np.random.default_rng(seed), error, x) for x in (size, 0.0))
-    o = fit_baseline(without)
+    o = fit_baseline(view_at_known_attitude(without))
     d = np.stack([with_it.channels[k] - without.channels[k] for k in o.view.channels], axis=-1) / o.sigma
     y, Q = o.reduced(d[:, :, None])[:, 0], orthonormal(o.reduced(o.Z))
     return float(np.linalg.norm(y - Q @ (Q.T @ y)))

@@ -9,7 +9,7 @@ from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.inference.algebra import orthonormal
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose.law_plants import PROBE, at_size, laws, oddities
 from tests.diagnose.plant import record, strength
 
@@ -20,7 +20,9 @@ AXIS = {name: n % 3 for n, name in enumerate(NAMES)}
 @cache
 def setting(logged):
     """Fit of a clean recording, its library, and the basis of its calibration."""
-    o = fit_baseline(record(np.random.default_rng(1), laws(0)["fan"].error if logged else None, 0.0))
+    o = fit_baseline(
+        view_at_known_attitude(record(np.random.default_rng(1), laws(0)["fan"].error if logged else None, 0.0))
+    )
     found = library(o)
     node = nominal(o)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))

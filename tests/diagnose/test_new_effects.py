@@ -21,7 +21,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 from gimbalcal.views.core import View
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import pointing
 from gimbalcal.views.tilting_table import tilting_table
@@ -101,7 +101,7 @@ def views(r: Recording) -> list[View]:
 def tried(r: Recording) -> set[str]:
     """Ids of the causes that either road compares."""
     if r.platform.axes and r.kind != "pointing":
-        o = fit_baseline(r)
+        o = fit_baseline(view_at_known_attitude(r))
         return {c.effect for c in library(o).candidates}
     out = set()
     for v in views(r):

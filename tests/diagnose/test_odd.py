@@ -20,7 +20,7 @@ from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site, dwell_means, write
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.views.norm import inverted
 from gimbalcal.views.pointing import pointing
 from gimbalcal.words.diagnosis_sentences import largest
@@ -111,7 +111,10 @@ def test_a_gap_in_a_long_static_run_is_not_taken_for_physics(monkeypatch: pytest
     monkeypatch.setattr(static_plant, "rest", lambda rng: short(rng, hours=LONG / 60, step=60.0))
     r = static_plant.record(np.random.default_rng(3))
     row = np.arange(len(r.time))
-    whole, broken = (fit_baseline(r.select(rows), steps=0) for rows in (row >= 0, (row <= 2000) | (row > 2400)))
+    whole, broken = (
+        fit_baseline(view_at_known_attitude(r.select(rows)), steps=0)
+        for rows in (row >= 0, (row <= 2000) | (row > 2400))
+    )
     assert len(broken.residual) < LONG / 2
     assert np.abs(broken.residual).max() < 1.1 * np.abs(whole.residual).max()  # same noise, same constants
 
@@ -127,7 +130,7 @@ def test_positions_of_a_static_run_do_no_harm() -> None:
 
 def test_without_a_readout_of_the_platform_gimbal_the_force_tells_the_phase() -> None:
     r = changed(static_plant.record(np.random.default_rng(1)), without=[("gimbal_angle", "platform")])
-    assert np.sqrt(np.mean(fit_baseline(r).residual ** 2)) == pytest.approx(
+    assert np.sqrt(np.mean(fit_baseline(view_at_known_attitude(r)).residual ** 2)) == pytest.approx(
         1.0, abs=0.1
     )  # 1440 numbers: 4 sigma, and a K of 1e-6
 
@@ -168,7 +171,7 @@ def test_effects_of_named_channels_are_candidates_where_these_were_logged() -> N
     n = len(CLEAN.time)
     x = np.linspace(0, 1, n)
     named = {("covariate", k): x for k in ("pressure", "servo_x", "servo_y", "servo_z", "fan")}
-    o = fit_baseline(changed(CLEAN, named))
+    o = fit_baseline(view_at_known_attitude(changed(CLEAN, named)))
     assert {"pressure", "servo_following_error"} <= set(available(o.view))
     assert not {"supply_voltage", "vibration_rectification"} & set(available(o.view))
     assert sources(CATALOGUE["pressure"], o.view.stimulus) == ("",)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import Diagnosis, diagnose
-from gimbalcal.diagnose.several import baseline_of
+from gimbalcal.diagnose.of_recording import baseline_of
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN

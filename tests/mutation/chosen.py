@@ -189,7 +189,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "1 + np.exp(-self.ln_odds)"),
         ("diagnose.verdict.random_walk", "decide_with_walk", "None or walk.ln_odds > CLAIM",
          "None or walk.ln_odds > -CLAIM"),
-        ("diagnose.verdict.random_walk", "single_walk", "total - held.ln_total, total",
+        ("diagnose.verdict.random_walk", "single_walk", "clearest.ln_total - held.ln_total",
          "held.ln_total - total, total"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "from_si(np.exp(mean)", "from_si(mean"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "spread * walk, ln_odds", "spread, ln_odds"),
@@ -197,7 +197,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.search.single_axis_random_walk", "wandering", "s.ln_total - CLAIM", "s.ln_total + CLAIM"),
     ),
     "diagnose/verdict/test_random_walk.py::test_a_weak_drift_is_told_with_the_walk_that_it_may_be": (
-        ("diagnose.verdict.random_walk", "without_single_walks", "logsumexp(joint, axis=0) - logsumexp(null)",
+        ("diagnose.verdict.random_walk", "_in_common_noises", "logsumexp(joint, axis=0) - logsumexp(null)",
          "logsumexp(joint, axis=0)"),
     ),
     "diagnose/verdict/test_random_walk.py::test_a_clear_drift_is_no_walk": (
@@ -228,7 +228,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.search.combine", "matched", "[k] if c.once", "[ABSENT] if c.once"),
     ),
     "diagnose/search/test_combine.py::test_a_recording_that_does_not_see_a_cause_says_what_it_does_without": (
-        ("diagnose.search.combine", "CombinedRanking.summed", "total[~seen] += otherwise[k]",
+        ("diagnose.search.ranking", "Ranking.summed", "total[~seen] += otherwise[k]",
          "total[~seen] -= otherwise[k]"),
     ),
     "report/test_calibration_page.py": (

@@ -22,7 +22,6 @@ from gimbalcal.diagnose.laws.law_search import Ground, Law, same
 from gimbalcal.diagnose.laws.model_comparison import compared
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
-from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.refit import fitted_columns
@@ -32,10 +31,11 @@ from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, scan
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
 from gimbalcal.diagnose.verdict.verify import Verification, residual_rows, verify
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.position_outliers import Fault
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.views.core import Fit
+from gimbalcal.views.core import Fit, View
 from gimbalcal.words.diagnosis_sentences import repeat_advice
 from gimbalcal.words.naming import spaced
 
@@ -109,62 +109,64 @@ def _more(kind: str) -> str:
     return "further " + {"pointing": "stars", "static-run": "hours"}.get(kind, "positions")
 
 
-def lawful(
-    searches: Sequence[Search], shapes: Sequence[Sequence[int]], ranked: Ranking, verdict: str, seed: int, tell: Tell,
-    instead: bool = False,
-) -> Lawful:  # fmt: skip
-    """A formula for what no cause explains; where positions of one recording were not held, that is a fault and no law.
+def lawful(ranked: Ranking, d: Decision, seed: int, tell: Tell, instead: bool = False) -> Lawful:
+    """Return a formula for what no cause explains, in the noise that the likeliest shape leaves in each recording.
 
-    shapes: of each recording the likeliest, whose noise counts; ranked: all that was weighed; instead: of causes that
-    leave a rest.
+    Where positions of one recording were not held, that is a fault and no law. ranked: all that was weighed; instead:
+    of causes that leave a rest.
     """
-    if verdict != "unexplained":
+    if d.verdict != "unexplained":
         return Lawful()
     tell(INSTEAD if instead else SOUGHT)
-    fault = any(misheld(s, verdict) for s in searches)
-    if fault and len(searches) == 1:
+    fault = bool(misheld(ranked, d.verdict))
+    if fault and len(ranked.searches) == 1:
         return Lawful(recommend=AGAIN)
-    nodes = [fit_causes(s, tuple(own)).projection.node for s, own in zip(searches, shapes, strict=True)]
-    law = law_of_searches(searches, nodes, ranked, np.random.default_rng(seed), instead)
+    nodes = [fit_causes(s, ranked.within(d.shapes, k)[:1]).projection.node for k, s in enumerate(ranked.searches)]
+    law = law_of_searches(ranked, nodes, np.random.default_rng(seed), instead)
     return law if law.laws or not fault else Lawful(recommend=AGAIN)  # no position is held wrongly twice by chance
 
 
-def beyond_walk(
-    searches: Sequence[Search], held: Ranking, walk: RandomWalkFinding, seed: int, tell: Tell
-) -> tuple[Decision, Lawful, float]:
+def beyond_walk(held: Ranking, walk: RandomWalkFinding, seed: int, tell: Tell) -> tuple[Decision, Lawful, float]:
     """Return the shapes and the formula that compete with the walk of one sensor, and ln odds of the formula to it.
 
-    searches: those of `held`, without noises in which a single sensor walks. A walk has no formula.
+    held: the ranking without noises in which a single sensor walks. A walk has no formula.
     """
     none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
-    shapes = [held.within(none.shapes, k)[:1] if isinstance(held, CombinedRanking) else none.shapes[:1]
-              for k in range(len(searches))]  # fmt: skip
-    law = lawful(searches, shapes, held, none.verdict, seed, tell) if none.shapes else Lawful()
+    law = lawful(held, none, seed, tell) if none.shapes else Lawful()
     odds = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
-    advice = law.recommend or repeat_advice(searches[0].fit.view.kind.stabilised)
+    advice = law.recommend or repeat_advice(held.searches[0].fit.view.kind.stabilised)
     return none, law if odds > -CLAIM else Lawful(recommend=advice), odds
 
 
-def misheld(s: Search, verdict: str) -> str:
-    """Sentences on positions that were not held where the readouts say, which is a fault and no physics."""
-    if verdict != "unexplained" or not s.fit.view.kind.in_positions:
+def misheld(ranked: Ranking, verdict: str) -> str:
+    """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
+    if verdict != "unexplained":
         return ""
-    try:
-        faults = trusted_positions(s.fit.view.source).faults
-    except InputError:  # too few positions or accelerometers to tell one that was not held
-        return ""
-    told = [f"{f.in_words[:1].upper()}{f.in_words[1:].rstrip('.')}." for f in faults]
+    each = [[f.in_words.rstrip(".") for f in _faults(s.fit.view)] for s in ranked.searches]
+    told = [
+        f"{words[:1].upper()}{words[1:]}{f' in recording {k + 1}' * (len(each) > 1)}."
+        for k, own in enumerate(each) for words in own
+    ]  # fmt: skip
     return " ".join([*told, "`gimbalcal calibrate` leaves such positions out."]) if told else ""
 
 
-def law_of_searches(
-    searches: Sequence[Search], nodes: Sequence[Node], ranked: Ranking, rng: np.random.Generator, instead: bool = False
-) -> Lawful:
+def _faults(v: View) -> tuple[Fault, ...]:
+    """Return the positions of a view that were not held where the readouts say."""
+    if not v.kind.in_positions:
+        return ()
+    try:
+        return trusted_positions(v.source).faults
+    except InputError:  # too few positions or accelerometers to tell one that was not held
+        return ()
+
+
+def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: bool = False) -> Lawful:
     """Seek a law in recordings of known attitude of one unit that nothing known explains.
 
     nodes: the likeliest noise of each; ranked: all other hypotheses. instead: of causes that leave a rest; the law then
     has to be 20 times as likely as these.
     """
+    searches = ranked.searches
     b = compared(searches, nodes, ranked, alone=instead)
     assert b is not None  # every recording of known attitude has outputs
     g, every = b.ground, b.laws

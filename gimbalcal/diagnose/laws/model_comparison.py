@@ -19,7 +19,6 @@ from gimbalcal.diagnose.evidence.projection import projected
 from gimbalcal.diagnose.laws.grounds import ground, together
 from gimbalcal.diagnose.laws.law_search import Ground, Law, laws_of
 from gimbalcal.diagnose.library.candidates import Candidate, Library
-from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, log_evidence, reduced
 from gimbalcal.diagnose.search.refit import with_columns
@@ -75,9 +74,7 @@ def compared(
     best = Beside(g, laws_of(g), searches=tuple(searches))
     for h in () if alone else _likely(ranked):
         member = h.members[0]
-        places = [ranked.within((member,), k) if isinstance(ranked, CombinedRanking) else (member,)
-                  for k in range(len(searches))]  # fmt: skip
-        own = tuple(_with_cause(s, at) for s, at in zip(searches, places, strict=True))
+        own = tuple(_with_cause(s, ranked.within((member,), k)) for k, s in enumerate(searches))
         if (g := common_ground(own)) is not None:
             c = ranked.library.candidates[member]
             best = _better(best, Beside(g, laws_of(g, products=False), c, h.ln_weight, own), ranked)
@@ -117,4 +114,4 @@ def _with_cause(s: Search, members: Sequence[int]) -> Search:
     rows = reduced(fit, none.X, nodes)
     each = projected(nodes, rows)
     null, empty = log_evidence(each), np.zeros((len(each), 0))
-    return Search(none, (), fit, rows, each, null, empty, empty[0], empty[0])
+    return Search(none, (), empty[0], fit, rows, each, null, empty, empty[0])

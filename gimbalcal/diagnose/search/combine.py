@@ -15,48 +15,34 @@ would otherwise lose to a wrong cause whose evidence accumulates.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import DETECTED, SINGLE, UNKNOWN
 from gimbalcal.diagnose.library.candidates import Candidate, Library
-from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, beside, log_priors, pairs
+from gimbalcal.diagnose.search.ranking import ABSENT, Hypothesis, Ranking, Search, beside, log_priors, pairs
 from gimbalcal.number import Array
 
-ABSENT = -1
 Pairs = dict[tuple[int, ...], dict[int, float]]
 
 
 @dataclass(frozen=True)
 class CombinedRanking(Ranking):
-    """A ranking over several searches; `place` (candidates, recordings) is each candidate's index in each, or -1."""
+    """A ranking over several searches; `places` (candidates, views): of each candidate in each library, or `ABSENT`."""
 
-    searches: tuple[Search, ...]
-    place: Array
-    share: Array  # (candidates,) ln prior share of each alone
+    each: tuple[Search, ...]
+    places: Array
 
-    def within(self, members: Sequence[int], recording: int) -> tuple[int, ...]:
-        """Indices that these candidates have in the library of one recording, those that it does not see left out."""
-        at = self.place[list(members), recording]
-        return tuple(int(i) for i in at[at != ABSENT])
+    @property
+    def searches(self) -> tuple[Search, ...]:
+        """The search of each view."""
+        return self.each
 
-    def sees(self, member: int) -> tuple[int, ...]:
-        """Recordings that see a candidate."""
-        return tuple(int(k) for k in np.flatnonzero(self.place[member] != ABSENT))
-
-    def summed(self, values: Sequence[Array], otherwise: Sequence[Array] | None = None) -> Array:
-        """Values per candidate of each recording (C_k, ...) added up over recordings (C, ...).
-
-        A recording that does not see a candidate adds what it says without: `otherwise` (...), or nothing.
-        """
-        total = np.zeros((len(self.place), *values[0].shape[1:]))
-        for k, v in enumerate(values):
-            seen = self.place[:, k] != ABSENT
-            total[seen] += v[self.place[seen, k]]
-            if otherwise is not None:
-                total[~seen] += otherwise[k]
-        return total
+    @property
+    def place(self) -> Array:
+        """The ordinal of each candidate in the library of each view (candidates, views), or `ABSENT`."""
+        return self.places
 
 
 def matched(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
@@ -74,13 +60,18 @@ def matched(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
     return tuple(c for c, _ in kept), place
 
 
-def combine(searches: Sequence[Search]) -> CombinedRanking:
-    """Singles, pairs and thirds over all recordings, every pair judged in every recording that sees one of it."""
+def combine(searches: Sequence[Search]) -> Ranking:
+    """Rank singles, pairs and thirds over all views, every pair judged in every view that sees one of it.
+
+    The ranking of one view is its own search.
+    """
+    if len(searches) == 1:
+        return searches[0]
     candidates, place = matched(searches)
     prior = log_priors(candidates)
     rival = np.array([bool(c.rival) for c in candidates])
     share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
-    c = CombinedRanking(Library(candidates, np.zeros((0, 0))), (), tuple(searches), place, share)
+    c = CombinedRanking(Library(candidates, np.zeros((0, 0))), (), share, tuple(searches), place)
     ln = c.summed([s.singles for s in searches])
     own = [{} if ln.max() > DETECTED else _own_pairs(s) for s in searches]
 
@@ -90,7 +81,7 @@ def combine(searches: Sequence[Search]) -> CombinedRanking:
     found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
     found += pairs(candidates, ln, prior, float((ln + prior).max()), gained)
     found.sort(key=lambda h: -h.ln_weight)
-    return CombinedRanking(c.library, tuple(found), c.searches, place, share)
+    return replace(c, hypotheses=tuple(found))
 
 
 def _with_second(

@@ -86,6 +86,14 @@ class JointCovariance:
     constants: tuple[tuple[int, Parameter], ...]
     covariance: Array
 
+    @property
+    def information(self) -> Array:
+        """The inverse of the covariance (p + k, p + k); zero where nothing is known."""
+        sigma = np.sqrt(np.diag(self.covariance))
+        scale = np.where(sigma > 0, sigma, np.inf)
+        correlation = self.covariance / np.outer(scale, scale)
+        return np.asarray(np.linalg.pinv(correlation, rcond=1e-13, hermitian=True) / np.outer(scale, scale))
+
     def sigma_of(self, member: int) -> dict[str, float]:
         """Return one sigma of each continuous constant of a member, by name, SI."""
         own = np.sqrt(np.diag(self.covariance)[len(self.covariance) - len(self.constants) :])

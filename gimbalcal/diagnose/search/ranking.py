@@ -37,6 +37,7 @@ from gimbalcal.views.core import Fit
 
 FIRST = 14  # of them
 KEEP, KEEP_FEW = 8, 2  # noises over which a second cause is judged, where something is found and where nothing is
+ABSENT = -1  # place of a candidate in the library of a view that does not see it
 VISIBLE = 0.05  # sigmas per prior sigma: less is not seen by this recording at any plausible size
 
 
@@ -65,10 +66,46 @@ def total(hypotheses: Sequence[Hypothesis]) -> float:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Candidates, and hypotheses over them, best first."""
+    """Candidates, and hypotheses over them, best first, by one view or by several of one unit.
+
+    share: ln prior share (candidates,) of each alone.
+    """
 
     library: Library
     hypotheses: tuple[Hypothesis, ...]
+    share: Array
+
+    @property
+    def searches(self) -> tuple[Search, ...]:
+        """The search of each view."""
+        raise NotImplementedError
+
+    @property
+    def place(self) -> Array:
+        """The ordinal of each candidate in the library of each view (candidates, views), or `ABSENT`."""
+        raise NotImplementedError
+
+    def within(self, members: Sequence[int], view: int) -> tuple[int, ...]:
+        """Return the ordinals of these candidates in the library of one view, without those that it does not see."""
+        at = self.place[list(members), view]
+        return tuple(int(i) for i in at[at != ABSENT])
+
+    def sees(self, member: int) -> tuple[int, ...]:
+        """Return the ordinals of the views that see a candidate."""
+        return tuple(int(k) for k in np.flatnonzero(self.place[member] != ABSENT))
+
+    def summed(self, values: Sequence[Array], otherwise: Sequence[Array] | None = None) -> Array:
+        """Return values per candidate of each view (C_k, ...) added up over the views (C, ...).
+
+        A view that does not see a candidate adds what it says without: `otherwise` (...), or nothing.
+        """
+        total = np.zeros((len(self.place), *values[0].shape[1:]))
+        for k, v in enumerate(values):
+            seen = self.place[:, k] != ABSENT
+            total[seen] += v[self.place[seen, k]]
+            if otherwise is not None:
+                total[~seen] += otherwise[k]
+        return total
 
     @property
     def ln_total(self) -> float:
@@ -96,7 +133,16 @@ class Search(Ranking):
     null: Array  # (nodes,) ln prior x likelihood of nothing missing
     joint: Array  # (nodes, candidates) ln prior x likelihood of each alone
     singles: Array  # (candidates,) ln Bayes factors
-    share: Array  # (candidates,) ln prior share of each alone
+
+    @property
+    def searches(self) -> tuple[Search, ...]:
+        """The search itself."""
+        return (self,)
+
+    @property
+    def place(self) -> Array:
+        """The ordinals of its own candidates (candidates, 1)."""
+        return np.arange(len(self.library.candidates))[:, None]
 
     def columns(self, X: Array) -> Array:
         """Return columns (n, C, p) as reduced rows (R, p) in the unit of this search."""
@@ -197,7 +243,7 @@ def ranked(
     floor = float(joint.max() - logsumexp(null)) + float(prior.min())
     found += pairs(library.candidates, ln, prior, floor, gained)
     found.sort(key=lambda h: -h.ln_weight)
-    return Search(library, tuple(found), fit, rows, projections, null, joint, ln, share)
+    return Search(library, tuple(found), share, fit, rows, projections, null, joint, ln)
 
 
 def _visible(library: Library, p: Projection) -> Library:

@@ -60,7 +60,7 @@ def decide(s: Ranking, threshold: float = CLAIM) -> Decision:
     )
     sure = min(j.probability for j in judgements) >= SURE / 2 and not any(j.alike for j in judgements)
     d = Decision("missing-physics" if sure else "not-identifiable", best, judgements, rest, s.unknown)
-    if rest or not isinstance(s, Search) or strained(s, best.members) < CLAIM:
+    if rest or strained(s, best.members) < CLAIM:
         return d
     return d.scaled(lambda p: UNSURE * p)
 
@@ -80,12 +80,18 @@ def capped(probability: float) -> float:
     return round(min(probability, 1 - OUTSIDE), 4)
 
 
-def strained(s: Search, members: Sequence[int]) -> float:
+def strained(s: Ranking, members: Sequence[int]) -> float:
     """Return the ln likelihood that another noise than the stated one gains once these causes are in the model.
 
     A nearly correct model leaves a residual, which a larger noise variance absorbs; the stated one does not. The noise
-    may well be larger, so the cause stays named, but it is not sure.
+    may well be larger, so the cause stays named, but it is not sure. Of several views it is that of the one that gains
+    most.
     """
+    return max(_gain_of_other_noise(one, s.within(members, k)) for k, one in enumerate(s.searches))
+
+
+def _gain_of_other_noise(s: Search, members: Sequence[int]) -> float:
+    """Return the same of one view."""
     likelihood = []
     for p, ln in zip(s.projections, s.null, strict=True):
         here, total = p, float(ln) - float(np.log(p.node.prior))

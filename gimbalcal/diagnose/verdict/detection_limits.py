@@ -22,21 +22,31 @@ SHOWS = 8.0  # sigmas
 FAINT = 0.08  # sigmas at the usual size; a hundred times that would not show: the calibration takes all of it
 
 
-def detection_limits(candidates: Sequence[Candidate], projections: Sequence[Projection]) -> tuple[DetectionLimit, ...]:
+def detection_limits(
+    each: Sequence[tuple[Sequence[Candidate], Sequence[Projection]]],
+) -> tuple[DetectionLimit, ...]:
     """Return, of each effect that was compared, the least size that would have shown and the usual one, as printed.
 
-    What happened once, as a step, is left out; what bends with its size is taken as it begins.
+    each: candidates of each view of a unit, and the projections of their columns; what one shows and another shows adds
+    up in quadrature. What happened once, as a step, is left out; what bends with its size is taken as it begins.
     """
-    p = max(projections, key=lambda q: np.log(q.node.prior) + q.log_likelihood()[0])
-    shows = np.sqrt(np.maximum(p.G.diagonal, 0.0)) / float(p.scale.sigma(p.misfit[0]))
+    shown: dict[tuple[str, ...], tuple[float, Candidate, Parameter]] = {}
+    for candidates, projections in each:
+        p = max(projections, key=lambda q: np.log(q.node.prior) + q.log_likelihood()[0])
+        shows = np.sqrt(np.maximum(p.G.diagonal, 0.0)) / float(p.scale.sigma(p.misfit[0]))
+        for c in candidates:
+            if c.rival or c.once or "," in c.axis:
+                continue
+            sigmas, q = max(
+                ((float(shows[i]), q) for v in c.variants for i, q in zip(v.index, c.parameters, strict=True)),
+                key=lambda one: one[0],
+            )
+            before, first, own = shown.get(c.key, (0.0, c, q))
+            shown[c.key] = (float(np.hypot(before, sigmas)), first, own)
     worst: dict[str, tuple[float, Candidate, Parameter]] = {}
-    for c in candidates:
-        if c.rival or c.once or "," in c.axis:
-            continue
-        best = max(((float(shows[i]), q) for v in c.variants for i, q in zip(v.index, c.parameters, strict=True)),
-                   key=lambda told: told[0])  # fmt: skip
-        if best[0] > FAINT and best[0] < worst.get(c.effect, (np.inf,))[0]:
-            worst[c.effect] = (best[0], c, best[1])
+    for sigmas, c, q in shown.values():
+        if sigmas > FAINT and sigmas < worst.get(c.effect, (np.inf,))[0]:
+            worst[c.effect] = (sigmas, c, q)
     return tuple(
         DetectionLimit(effect, c.axis, float(from_si(SHOWS / sigmas * q.sigma, q.unit)),
                        float(from_si(q.sigma, q.unit)), q.unit)

@@ -17,7 +17,6 @@ from gimbalcal.diagnose.evidence.projection import Projection, at_best, log_baye
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.search.combine import CombinedRanking
 from gimbalcal.diagnose.search.ranking import (
     Ranking,
     Search,
@@ -132,11 +131,8 @@ def best_evidence(s: Ranking, others: Sequence[int] = ()) -> Array:
 
     Of several recordings the size is the same in all.
     """
-    if isinstance(s, CombinedRanking):
-        ln = _evidence_of_common_size(s, others)
-    else:
-        assert isinstance(s, Search)
-        ln = _evidence_of_any_size(s, others)
+    one = s.searches[0] if len(s.searches) == 1 else None
+    ln = _evidence_of_common_size(s, others) if one is None else _evidence_of_any_size(one, others)
     return np.where([bool(c.rival) for c in s.library.candidates], -np.inf, ln)
 
 
@@ -152,7 +148,7 @@ def _evidence_of_any_size(s: Search, others: Sequence[int]) -> Array:
     return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
 
 
-def _evidence_of_common_size(c: CombinedRanking, others: Sequence[int]) -> Array:
+def _evidence_of_common_size(c: Ranking, others: Sequence[int]) -> Array:
     """Return the same of several recordings, at the best plausible size common to all.
 
     A size of its own in each would excuse a cause for being strong in one recording and absent from the next.

@@ -22,7 +22,7 @@ from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import Fit
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.words.diagnosis_sentences import separation_advice
 from gimbalcal.words.naming import spaced
 
@@ -95,7 +95,7 @@ def apart(o: Fit, signal: Array, others: Iterable[Array]) -> float:
 def planned_rows(recording: Recording, o: Fit) -> Fit:
     """Sensitivities of a planned recording; its readings do not matter, only where and when they would be taken."""
     ids = tuple(dict.fromkeys(p.effect for p in o.parameters))
-    return fit_baseline(recording, ids, o.effects, steps=0)
+    return fit_baseline(view_at_known_attitude(recording, ids, o.effects), o.effects, steps=0)
 
 
 def menu(recording: Recording) -> tuple[Manoeuvre, ...]:

@@ -13,15 +13,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from gimbalcal.diagnose.evidence.projection import project, projected, rows_like
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
-from gimbalcal.diagnose.search.combine import CombinedRanking
-from gimbalcal.diagnose.search.fitted_causes import FittedCauses, constant_value, fit_causes
-from gimbalcal.diagnose.search.ranking import Search, reduced
+from gimbalcal.diagnose.search.fitted_causes import (
+    FittedCauses,
+    JointCovariance,
+    constant_value,
+    fit_causes,
+    inverse_of_information,
+    joint_covariance,
+)
+from gimbalcal.diagnose.search.ranking import Ranking, Search, reduced
 from gimbalcal.diagnose.verdict.agreement import UNOBSERVABLE, Agreement, inverse_of, mean_of
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
@@ -31,49 +38,74 @@ Constants = tuple[tuple[str, float], ...]
 
 @dataclass(frozen=True)
 class Part:
-    """One recording's share: its search with nothing but the members it sees, their fit, and which members those are.
+    """The share of one recording: its search, the fit of the members that it sees, and the ordinals of those.
 
-    Without members, search and fit are those of nothing found.
+    Where members have constants that are common to several recordings, the search holds nothing but the members it
+    sees, at those constants; `alone` is the search with everything, and `own` its fit with constants of its own.
     """
 
     search: Search
     fit: FittedCauses
     slots: tuple[int, ...]
+    alone: Search
+    own: FittedCauses
+
+    @property
+    def causes(self) -> tuple[Candidate, ...]:
+        """The members that the recording sees."""
+        return tuple(self.search.library.candidates[m] for m in self.fit.members)
+
+    def cause(self, slot: int) -> Candidate:
+        """Return a member as the recording sees it."""
+        return self.causes[self.slots.index(slot)]
 
     def span(self, slot: int) -> slice:
         """Return the slice of a member's parameters in the fit."""
-        counts = [len(c.parameters) for c in self.search.library.candidates]
+        counts = [len(c.parameters) for c in self.causes]
         j = self.slots.index(slot)
         return slice(sum(counts[:j]), sum(counts[: j + 1]))
 
+    def significance(self, slot: int) -> float:
+        """Return the significance [sigma] of a member beyond all else; zero where it is not seen."""
+        return self.fit.significance[self.slots.index(slot)] if slot in self.slots else 0.0
 
-def parts(c: CombinedRanking, members: Sequence[int]) -> tuple[Part, ...]:
-    """Each recording fitted with the members it sees, their constants common to all."""
+    @cached_property
+    def joint(self) -> JointCovariance:
+        """The covariance of sizes and continuous constants, of which those of each member go by its ordinal."""
+        made = joint_covariance(self.search, self.fit)
+        return replace(made, constants=tuple((self.slots[n], p) for n, p in made.constants))
+
+    def spreads(self, slot: int) -> list[float]:
+        """Return how far each constant of a member may be off among the values that were tried, SI."""
+        return [spread for *_, spread in constant_value(self.alone, self.own, self.slots.index(slot))]
+
+
+def parts(c: Ranking, members: Sequence[int]) -> tuple[Part, ...]:
+    """Return each recording fitted with the members it sees, their constants common to all."""
     own = [fit_causes(s, c.within(members, k)) for k, s in enumerate(c.searches)]
     common = [_common(c, members, j, own) if _shared(c, m) else None for j, m in enumerate(members)]
     out = []
     for k, s in enumerate(c.searches):
         slots = _slots(c, members, k)
-        if not slots:
-            out.append(Part(s, own[k], ()))
+        if all(common[j] is None for j in slots):
+            out.append(Part(s, own[k], slots, s, own[k]))
             continue
-        chosen = [_columns(s, own[k], n, common[j]) for n, j in enumerate(slots)]
-        small = _only(s, chosen)
-        out.append(Part(small, fit_causes(small, range(len(slots))), slots))
+        small = _only(s, [_columns(s, own[k], n, common[j]) for n, j in enumerate(slots)])
+        out.append(Part(small, fit_causes(small, range(len(slots))), slots, s, own[k]))
     return tuple(out)
 
 
-def _slots(c: CombinedRanking, members: Sequence[int], recording: int) -> tuple[int, ...]:
+def _slots(c: Ranking, members: Sequence[int], recording: int) -> tuple[int, ...]:
     return tuple(j for j, m in enumerate(members) if recording in c.sees(m))
 
 
-def _shared(c: CombinedRanking, member: int) -> bool:
+def _shared(c: Ranking, member: int) -> bool:
     """Return whether a cause has constants that several recordings determine."""
     found = c.library.candidates[member]
     return len(c.sees(member)) > 1 and bool(found.variants[0].constants) and CATALOGUE[found.effect].linear
 
 
-def _common(c: CombinedRanking, members: Sequence[int], j: int, own: Sequence[FittedCauses]) -> Constants:
+def _common(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCauses]) -> Constants:
     """The constants of member j, of all that any recording tried, at which all together fit best."""
     seen = c.sees(members[j])
     tried = list(dict.fromkeys(v.constants for k in seen for v in _candidate(c, members[j], k).variants))
@@ -90,8 +122,9 @@ def _common(c: CombinedRanking, members: Sequence[int], j: int, own: Sequence[Fi
     return tried[int(np.argmax(total))]
 
 
-def _candidate(c: CombinedRanking, member: int, recording: int) -> Candidate:
-    return c.searches[recording].library.candidates[int(c.place[member, recording])]
+def _candidate(c: Ranking, member: int, recording: int) -> Candidate:
+    (at,) = c.within((member,), recording)
+    return c.searches[recording].library.candidates[at]
 
 
 def _index(s: Search, f: FittedCauses, n: int) -> tuple[int, ...]:
@@ -125,8 +158,28 @@ def _only(s: Search, chosen: Sequence[tuple[Candidate, Variant, Array]]) -> Sear
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class CommonSizes:
+    """Causes by all recordings: sizes x (p,) in prior sigmas, constants of each, and the covariance of all in SI."""
+
+    causes: tuple[Candidate, ...]
+    x: Array
+    constants: tuple[tuple[tuple[str, float, float], ...], ...]
+    joint: JointCovariance
+
+
+def common_sizes(shares: Sequence[Part], causes: Sequence[Candidate]) -> CommonSizes:
+    """Return the sizes of causes at the constants that are common to all recordings, and what these leave open."""
+    joint = _joint(shares, causes)
+    x, _ = pooled(shares, [len(c.parameters) for c in causes])
+    constants = tuple(_constants(shares, j, joint) for j in range(len(causes)))
+    return CommonSizes(tuple(causes), x, constants, joint)
+
+
 def pooled(shares: Sequence[Part], counts: Sequence[int]) -> tuple[Array, Array]:
-    """Sizes (p,) of all members, `counts` parameters each, in prior sigmas, and their covariance (p, p)."""
+    """Return sizes (p,) of all members, `counts` parameters each, in prior sigmas, and their covariance (p, p)."""
+    if len(shares) == 1:
+        return shares[0].fit.x, shares[0].fit.covariance
     starts = np.cumsum([0, *counts])
     N, v = np.zeros((starts[-1], starts[-1])), np.zeros(starts[-1])
     for part in shares:
@@ -138,6 +191,21 @@ def pooled(shares: Sequence[Part], counts: Sequence[int]) -> tuple[Array, Array]
     return C @ v, C
 
 
+def _joint(shares: Sequence[Part], causes: Sequence[Candidate]) -> JointCovariance:
+    """Return the covariance of the sizes and continuous constants of all members, whose information adds."""
+    if len(shares) == 1:
+        return shares[0].joint
+    starts = np.cumsum([0, *(len(c.parameters) for c in causes)])
+    constants = tuple(dict.fromkeys(one for part in shares for one in part.joint.constants))
+    p = int(starts[-1])
+    N = np.zeros((p + len(constants), p + len(constants)))
+    for part in shares:
+        at = [i for j in part.slots for i in range(starts[j], starts[j + 1])]
+        at += [p + constants.index(one) for one in part.joint.constants]
+        N[np.ix_(at, at)] += part.joint.information
+    return JointCovariance(constants, inverse_of_information(N))
+
+
 def agreement_on_size(shares: Sequence[Part], slot: int) -> Agreement:
     """Return how well the recordings that see a member agree on its size."""
     seen = [(p.fit.x[p.span(slot)], inverse_of(p.fit.covariance[p.span(slot), p.span(slot)]))
@@ -145,20 +213,21 @@ def agreement_on_size(shares: Sequence[Part], slot: int) -> Agreement:
     return mean_of(seen)[2]
 
 
-def common_constants(
-    c: CombinedRanking, members: Sequence[int], shares: Sequence[Part], slot: int
-) -> tuple[tuple[str, float, float], ...]:
-    """Non-linear constants of a member: name, value, and sigma from all recordings that see it."""
-    each = []
-    if not c.library.candidates[members[slot]].variants[0].constants:
-        return ()
-    for k, (s, part) in enumerate(zip(c.searches, shares, strict=True)):
-        if slot in part.slots:
-            n = part.slots.index(slot)
-            each.append((part.search.library.candidates[n].variants[0].constants,
-                         constant_value(s, fit_causes(s, c.within(members, k)), n)))  # fmt: skip
-    out = []
-    for n, (name, value) in enumerate(each[0][0]):
-        weight = sum(1 / sigma**2 for _, rows in each for _, _, sigma in [rows[n]] if sigma > 0)
-        out.append((name, float(value), float(1 / np.sqrt(weight)) if weight > 0 else 0.0))
-    return tuple(out)
+def _constants(shares: Sequence[Part], slot: int, joint: JointCovariance) -> tuple[tuple[str, float, float], ...]:
+    """Return the non-linear constants of a member: name, value and sigma in SI, from all recordings that see it.
+
+    The sigma of a continuous constant is that of the fit with all else, of others that of the values that were tried.
+    """
+    seen = [p for p in shares if slot in p.slots]
+    first, sigma = seen[0], joint.sigma_of(slot)
+    variant = first.cause(slot).variants[first.fit.variants[first.slots.index(slot)]]
+    spread = [_of_all(each) for each in zip(*(p.spreads(slot) for p in seen), strict=True)]
+    return tuple((name, float(x), sigma.get(name, s)) for (name, x), s in zip(variant.constants, spread, strict=True))
+
+
+def _of_all(sigma: Sequence[float]) -> float:
+    """Return one sigma of the mean of values with these sigmas, of which those that are zero say nothing."""
+    if len(sigma) == 1:
+        return sigma[0]
+    weight = sum(1 / s**2 for s in sigma if s > 0)
+    return float(1 / np.sqrt(weight)) if weight > 0 else 0.0

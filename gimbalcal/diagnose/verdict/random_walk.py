@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK, Node
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.diagnose.search.combine import CombinedRanking
+from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.search.ranking import Ranking, Search, ranked
 from gimbalcal.diagnose.verdict.decide import Decision, decide
 from gimbalcal.effects.process import RandomWalk
@@ -88,25 +87,34 @@ def single_walk(s: Ranking, held: Ranking) -> RandomWalkFinding | None:
 
     Walks of several recordings are independent, so that their ln Bayes factors add up.
     """
-    if isinstance(s, CombinedRanking) and isinstance(held, CombinedRanking):
-        each = [single_walk(*both) for both in zip(s.searches, held.searches, strict=True)]
-        shown = {k: w for k, w in enumerate(each) if w is not None}
-        if not shown:
-            return None
-        k, clearest = max(shown.items(), key=lambda item: item[1].ln_total)
-        total = sum(max(w.ln_total, 0.0) for w in shown.values())
-        return replace(clearest, ln_total=total, ln_odds=total - held.ln_total, recording=k + 1)
-    one = cast("Search", s)
-    single = np.array([bool(p.node.single_walk) for p in one.projections])
+    shown = {k: walk for k, one in enumerate(s.searches) if (walk := _walk_in(one)) is not None}
+    if not shown:
+        return None
+    k, clearest = max(shown.items(), key=lambda item: item[1].ln_total)
+    if len(s.searches) == 1:
+        return replace(clearest, ln_odds=clearest.ln_total - held.ln_total)
+    total = sum(max(w.ln_total, 0.0) for w in shown.values())
+    return replace(clearest, ln_total=total, ln_odds=total - held.ln_total, recording=k + 1)
+
+
+def _walk_in(s: Search) -> RandomWalkFinding | None:
+    """Return the likeliest walk of a single accelerometer in one recording; its odds are those to nothing."""
+    single = np.array([bool(p.node.single_walk) for p in s.projections])
     if not single.any():
         return None
-    total = float(logsumexp(one.null[single]) - logsumexp(one.null[~single]))
-    weight = np.exp(one.null - one.null[single].max()) * single
-    nodes = [p.node for p in one.projections]
-    return likeliest_walk(nodes, weight, _units(one), "specific_force", total - held.ln_total, total)
+    total = float(logsumexp(s.null[single]) - logsumexp(s.null[~single]))
+    weight = np.exp(s.null - s.null[single].max()) * single
+    nodes = [p.node for p in s.projections]
+    return likeliest_walk(nodes, weight, _units(s), "specific_force", total, total)
 
 
-def without_single_walks(s: Search) -> Search:
+def without_single_walks(s: Ranking) -> Ranking:
+    """Return the ranking in the noises in which no accelerometer walks alone."""
+    each = [_in_common_noises(one) for one in s.searches]
+    return s if all(a is b for a, b in zip(each, s.searches, strict=True)) else combine(each)
+
+
+def _in_common_noises(s: Search) -> Search:
     """Return the search in the noises in which no accelerometer walks alone."""
     kept = np.array([not p.node.single_walk for p in s.projections])
     if kept.all():

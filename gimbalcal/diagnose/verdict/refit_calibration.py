@@ -24,8 +24,8 @@ import gimbalcal
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.search.fitted_causes import JointCovariance
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement, agreement_on_constants
+from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.inference.information import Information, Solution, information, solve
@@ -80,25 +80,16 @@ class Found:
         return out
 
 
-def found_jointly(
-    causes: Sequence[Candidate], constants: Sequence[Constants], x: Array, joint: JointCovariance
-) -> Found:
-    """Return causes from sizes x (p,) in prior sigmas, with the joint covariance of sizes and constants."""
+def found_of(sizes: CommonSizes) -> Found:
+    """Return causes as parameters in SI, their continuous constants among them."""
+    causes, constants, x, joint = sizes.causes, sizes.constants, sizes.x, sizes.joint
     scale = np.array([p.sigma for c in causes for p in c.parameters])
     first = {p: i for i, (_, p) in reversed(list(enumerate(joint.constants)))}  # an effect has each constant once
     kept = [i for i, (_, p) in enumerate(joint.constants) if first[p] == i]
     continuous = tuple(joint.constants[i] for i in kept)
     values = [value for j, p in continuous for name, value, _ in constants[j] if name == p.field]
     at = [*range(len(x)), *(len(x) + i for i in kept)]
-    return Found(
-        tuple(causes), tuple(constants), np.append(x * scale, values), joint.covariance[np.ix_(at, at)], continuous
-    )
-
-
-def found_of(causes: Sequence[Candidate], constants: Sequence[Constants], x: Array, covariance: Array) -> Found:
-    """Causes from sizes x (p,) in prior sigmas with covariance (p, p)."""
-    scale = np.array([p.sigma for c in causes for p in c.parameters])
-    return Found(tuple(causes), tuple(constants), x * scale, covariance * np.outer(scale, scale))
+    return Found(causes, constants, np.append(x * scale, values), joint.covariance[np.ix_(at, at)], continuous)
 
 
 def calibrated(

@@ -14,8 +14,7 @@ from gimbalcal.diagnose.evidence.gram import Gram
 from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
 from gimbalcal.diagnose.library.candidates import Layout
-from gimbalcal.diagnose.search.combine import CombinedRanking
-from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.search.ranking import Ranking, Search
 from gimbalcal.inference.algebra import eigh, logsumexp
 from gimbalcal.number import Array
 
@@ -23,13 +22,11 @@ DRAWS = 200  # clean recordings: the 99 % point rests on two of them, and CLAIM 
 UNLIKELY = 1e-4  # weight of a noise below which it is left out
 
 
-def clean_evidence(s: Search, rng: np.random.Generator) -> Array:
-    """ln Bayes factors (DRAWS,) of "something is missing" on simulated clean recordings of this design."""
-    return anything(clean_singles(s, rng), s.share)
+def clean_evidence(c: Ranking, rng: np.random.Generator) -> tuple[Array, tuple[Array, ...]]:
+    """Return ln Bayes factors (DRAWS,) of "something is missing" on simulated clean recordings of these designs.
 
-
-def clean_evidence_jointly(c: CombinedRanking, rng: np.random.Generator) -> tuple[Array, tuple[Array, ...]]:
-    """Return ln Bayes factors (DRAWS,) of several simulated clean recordings together, and of each by itself."""
+    First those of all recordings together, then those of each by itself.
+    """
     drawn = [clean_singles(s, rng) for s in c.searches]
     each = tuple(anything(d, s.share) for d, s in zip(drawn, c.searches, strict=True))
     return anything(c.summed(drawn), c.share), each

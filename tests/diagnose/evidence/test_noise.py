@@ -12,7 +12,7 @@ from gimbalcal.diagnose.evidence.stated_noise import coloured, nodes, settle, si
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import covariance
 from gimbalcal.inference.noise_processes import chain
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose.law_plants import held_before
 from tests.diagnose.plant import UG, on, record
 from tests.diagnose.small import covariance as covariance_of
@@ -33,7 +33,7 @@ def with_creep(size, seed=3):
 
 
 def test_rows_stay_as_measured_where_tails_are_heavy():
-    o = fit_baseline(with_creep(150.0))
+    o = fit_baseline(view_at_known_attitude(with_creep(150.0)))
     settled = settle(o)
     assert settled.view.noise.kurtosis > 0.6
     np.testing.assert_allclose(settled.residual * settled.sigma, o.residual * o.sigma, rtol=1e-12)
@@ -42,7 +42,9 @@ def test_rows_stay_as_measured_where_tails_are_heavy():
 
 
 def test_an_effect_inside_dwells_costs_no_row_its_weight():
-    without, with_it = (settle(fit_baseline(with_creep(size))).view.noise.weights for size in (0.0, 150.0))
+    without, with_it = (
+        settle(fit_baseline(view_at_known_attitude(with_creep(size)))).view.noise.weights for size in (0.0, 150.0)
+    )
     # the effect falls by 7 sigma of a row over the first minute, which a median of each block does not follow
     moved = np.abs(with_it - without)
     assert np.mean(moved > 0.25) < 0.02
@@ -55,8 +57,8 @@ def test_outliers_lose_their_weight_and_their_pull():
     hit = channels["specific_force", "x"].copy()
     hit[100::180] += 2000 * UG
     channels["specific_force", "x"] = hit
-    o = settle(fit_baseline(clean))
-    spoiled = settle(fit_baseline(replace(clean, channels=channels)))
+    o = settle(fit_baseline(view_at_known_attitude(clean)))
+    spoiled = settle(fit_baseline(view_at_known_attitude(replace(clean, channels=channels))))
     assert spoiled.view.noise.weights[100::180, 0].max() < 0.05
     # twelve of 2160 rows, each worth 100 sigma of a row, in plain means 22 sigma of a block of 20
     moved = (spoiled.reduced(spoiled.residual[:, :, None]) - o.reduced(o.residual[:, :, None]))[::3, 0]
@@ -67,7 +69,7 @@ def test_outliers_lose_their_weight_and_their_pull():
 def test_weighted_rows_have_unit_variance(tails):
     chi2, dof = 0.0, 0
     for seed in range(4):
-        o = settle(fit_baseline(record(np.random.default_rng(seed), tails=tails, loose=0.0)))
+        o = settle(fit_baseline(view_at_known_attitude(record(np.random.default_rng(seed), tails=tails, loose=0.0))))
         y, Z = o.reduced(o.residual[:, :, None])[:, 0], o.reduced(o.Z)
         left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-10)[0]
         chi2, dof = chi2 + left @ left, dof + len(y) - 17
@@ -89,7 +91,7 @@ def test_an_oscillation_keeps_its_size_in_heavy_tails(hours):
         tails = 2 * UG * rng.standard_t(3.0, (len(r.t), 3))
         return tails + np.outer(20 * UG * np.sin(2 * np.pi * r.t / (3600 * hours)), [0.0, 0.0, 1.0])
 
-    o = settle(fit_baseline(at_rest(rng, error, 1.0)))
+    o = settle(fit_baseline(view_at_known_attitude(at_rest(rng, error, 1.0))))
     assert o.view.noise.weights is not None
     angle = 2 * np.pi * o.view.stimulus.time / (3600 * hours)
     X = np.zeros((*o.residual.shape, 2))
@@ -106,7 +108,7 @@ def test_a_channel_that_always_reads_the_same_breaks_nothing(tails):
     rng = np.random.default_rng(6)
     r = at_rest(rng, (lambda r: 2 * UG * rng.standard_t(tails, (len(r.t), 3))) if tails else None, 1.0)
     stuck = {**r.channels, ("gimbal_angle", "outer"): np.zeros(len(r.time))}
-    o = settle(fit_baseline(replace(r, channels=stuck)))
+    o = settle(fit_baseline(view_at_known_attitude(replace(r, channels=stuck))))
     assert (o.view.noise.weights is not None) == bool(tails)
     assert np.all(np.isfinite(o.residual))
     assert np.all(o.sigma > 0)
@@ -127,7 +129,7 @@ def of_rows(o, node):
 
 @pytest.mark.parametrize("loose", [0.5, 2.83])
 def test_a_node_is_the_covariance_of_its_processes(loose):
-    o = fit_baseline(record(np.random.default_rng(5), dwell=12))
+    o = fit_baseline(view_at_known_attitude(record(np.random.default_rng(5), dwell=12)))
     node = next(n for n in nodes(o) if dict(n.name) == {"setting error": loose, "random walk": 0.0})
     V = of_rows(o, node)
     np.testing.assert_allclose(node.whiten(node.whiten(V).T), np.eye(len(V)), atol=1e-10)
@@ -136,7 +138,7 @@ def test_a_node_is_the_covariance_of_its_processes(loose):
 
 
 def test_the_walk_of_a_node_is_its_process_at_the_middle_of_each_block():
-    o = fit_baseline(record(np.random.default_rng(5), dwell=12))
+    o = fit_baseline(view_at_known_attitude(record(np.random.default_rng(5), dwell=12)))
     still, walking = (next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": w})
                       for w in (0.0, 2.5))  # fmt: skip
     V, W = (covariance_of(n, 3 * len(o.view.noise.starts)) for n in (still, walking))
@@ -153,7 +155,7 @@ def test_the_walk_of_a_node_is_its_process_at_the_middle_of_each_block():
 
 
 def test_a_lone_walk_is_that_of_one_accelerometer():
-    o = fit_baseline(record(np.random.default_rng(5), dwell=12))
+    o = fit_baseline(view_at_known_attitude(record(np.random.default_rng(5), dwell=12)))
     still = next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": 0.0})
     named = (("setting error", 1.0), ("random walk y", pytest.approx(250.0)))
     alone = next(n for n in single_walks_of_stated_noise(o) if n.single_walk == "y" and n.name == named)
@@ -165,7 +167,7 @@ def test_a_lone_walk_is_that_of_one_accelerometer():
 
 
 def test_a_static_node_is_the_covariance_of_its_processes():
-    o = fit_baseline(at_rest(np.random.default_rng(1)))
+    o = fit_baseline(view_at_known_attitude(at_rest(np.random.default_rng(1))))
     node = next(n for n in nodes(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0})
     n, C = o.residual.shape
     low = dct(np.eye(n), axis=0, norm="ortho")[1 : coloured(o) // C]
@@ -181,7 +183,7 @@ def test_a_static_node_is_the_covariance_of_its_processes():
 
 
 def test_a_lone_walk_of_a_static_run_is_that_of_one_accelerometer():
-    o = fit_baseline(at_rest(np.random.default_rng(1)))
+    o = fit_baseline(view_at_known_attitude(at_rest(np.random.default_rng(1))))
     grid = next(n for n in nodes(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0})
     for size in SINGLE_WALK:
         named = {"random walk of forces z": size, "random walk of angles": 1.0}

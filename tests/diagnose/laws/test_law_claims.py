@@ -23,7 +23,7 @@ from gimbalcal.diagnose.library.variables import Variable, variables
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, write
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.words.diagnosis_headline import headline
 from tests.benchmarks import unknown_mount
 from tests.diagnose import plant, static_plant
@@ -148,7 +148,7 @@ def test_a_law_of_another_size_in_each_recording_is_none() -> None:
 
 def test_what_tells_a_law_from_the_next_is_taken_from_the_menu() -> None:
     r = plant.record(np.random.default_rng(4), dwell=20)
-    o = fit_baseline(r)
+    o = fit_baseline(view_at_known_attitude(r))
     place = Place(
         "specific_force",
         "z",

@@ -12,7 +12,7 @@ from gimbalcal.diagnose.library.candidates import Candidate, by_mechanism, choic
 from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose.plant import at_strength, on, record
 
 GIMBALS = ("platform", "inner", "middle")
@@ -49,7 +49,7 @@ def test_one_vector_is_one_candidate() -> None:
 
 
 def test_two_mechanisms_of_one_axis_are_two_causes() -> None:
-    found = [c for c in library(fit_baseline(RECORDING)).candidates if c.axis == "inner"]
+    found = [c for c in library(fit_baseline(view_at_known_attitude(RECORDING))).candidates if c.axis == "inner"]
     flexure = [c for c in found if c.effect == "gimbal_flexure"]
     assert len({c.key for c in flexure}) == len(flexure) == 2
 
@@ -62,7 +62,7 @@ def test_what_happens_once_is_told_by_its_constants() -> None:
 
 
 def test_columns_stand_where_the_variants_say() -> None:
-    o = fit_baseline(RECORDING)
+    o = fit_baseline(view_at_known_attitude(RECORDING))
     made = library(o)
     c = next(c for c in made.candidates if c.label == "warm_up:y")
     for v in c.variants:
@@ -96,7 +96,7 @@ def test_an_effect_says_where_it_is_a_candidate(effect: str, known: bool, unknow
 
 
 def test_what_the_model_holds_is_not_missing_from_it() -> None:
-    o = fit_baseline(RECORDING)
+    o = fit_baseline(view_at_known_attitude(RECORDING))
     assert "bias_drift" in available(o.view)
     assert "bias_drift" not in available(replace(o.view, baseline=("bias_drift",)))
 

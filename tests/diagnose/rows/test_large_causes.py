@@ -12,7 +12,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 from gimbalcal.views.core import Fit, absent_effect
-from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at
+from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at, view_at_known_attitude
 
 SCENARIO: dict[str, Any] = {
     "format": 1, "kind": "static-run", "site": {"latitude": {"value": 52.0, "unit": "deg"}},
@@ -37,10 +37,13 @@ def fitted(o: Fit, effect: str) -> tuple[float, Array, Array]:
 
 def test_the_rows_about_a_large_cause_are_explained_by_it() -> None:
     run: Recording = simulate(SCENARIO, 4)[0]
-    dragged = settle(fit_baseline(run))
+    dragged = settle(fit_baseline(view_at_known_attitude(run)))
     assert fitted(dragged, "gyro_drift")[0] > 5  # about constants that the cause has dragged away
 
-    o, wanted = fit_baseline(run, steps=0), parameters(CATALOGUE["gyro_drift"], run.platform.axis_names)
+    o, wanted = (
+        fit_baseline(view_at_known_attitude(run), steps=0),
+        parameters(CATALOGUE["gyro_drift"], run.platform.axis_names),
+    )
     first, shift, size = fitted(o, "gyro_drift")
     assert first > 1.2  # products of 1500 sigmas
     found = [(absent_effect("gyro_drift", o.view.stimulus), wanted, size)]

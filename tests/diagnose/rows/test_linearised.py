@@ -11,7 +11,7 @@ from gimbalcal.effects import parameters
 from gimbalcal.effects.thermal import ScaleTemperature
 from gimbalcal.simulate import simulate
 from gimbalcal.views.core import Fit, absent_effect
-from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at
+from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at, view_at_known_attitude
 
 UG = 9.80665e-6
 DAY: dict[str, Any] = {
@@ -35,7 +35,7 @@ def misfit(o: Fit) -> float:
 def test_bias_less_scale_is_no_copy_of_a_scale_factor_in_temperature() -> None:
     # z lies along the Earth's axis and feels the same force all day: bias and scale factor differ by the cause alone,
     # which was "adequate" at 4700 sigma
-    o = settle(fit_baseline(simulate(DAY, 1)[0], steps=0))
+    o = settle(fit_baseline(view_at_known_attitude(simulate(DAY, 1)[0]), steps=0))
     wanted = [p for p in parameters(ScaleTemperature) if p.axis == "z"]
     effect = absent_effect("scale_temperature", o.view.stimulus)
     size = np.array([150 * UG / np.sin(np.radians(40.0)) / 9.80])  # what looks like 150 ug/degC of bias

@@ -11,14 +11,14 @@ from gimbalcal.forward import predict
 from gimbalcal.number import STEP
 from gimbalcal.recording import block_means, read
 from gimbalcal.views.core import absent_effect
-from gimbalcal.views.known_attitude import MOST_ROWS, fit_baseline
+from gimbalcal.views.known_attitude import MOST_ROWS, fit_baseline, view_at_known_attitude
 from tests.diagnose.plant import ARCSEC, UG, record
 from tests.golden import refused
 
 
 @pytest.fixture(scope="module")
 def o():
-    return fit_baseline(record(np.random.default_rng(5)))
+    return fit_baseline(view_at_known_attitude(record(np.random.default_rng(5))))
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_noise_of_a_clean_recording_is_what_the_header_says(o):
 
 
 def test_heavy_tails_are_clipped_and_stay_white():
-    settled = settle(fit_baseline(record(np.random.default_rng(1), tails=3.0)))
+    settled = settle(fit_baseline(view_at_known_attitude(record(np.random.default_rng(1), tails=3.0))))
     assert settled.view.noise.kurtosis > 1
     # Student's t with 3 degrees of freedom: the clipped mean is worth 1.5 to 2 times as many samples as the plain one
     assert np.all(settled.sigma < 0.9 * 20 * UG)
@@ -57,7 +57,7 @@ def test_setting_errors_have_the_covariance_of_the_node():
     """Differences between a record with and without setting errors, whitened by the nominal node, have chi^2 of 1."""
     node_chi2 = []
     for seed in range(6):
-        loose = fit_baseline(record(np.random.default_rng(seed), loose=1.0))
+        loose = fit_baseline(view_at_known_attitude(record(np.random.default_rng(seed), loose=1.0)))
         y = nominal(loose).whiten(loose.reduced(loose.residual[:, :, None]))[:, 0]
         Z = nominal(loose).whiten(loose.reduced(loose.Z))
         left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-10)[0]
@@ -72,14 +72,14 @@ def test_priors_of_the_noise_sum_to_one(o):
 
 def test_an_unknown_baseline_is_refused(o):
     with refused():
-        fit_baseline(o.view.source, ["bais"])
+        fit_baseline(view_at_known_attitude(o.view.source, ["bais"]))
 
 
 def test_a_long_static_run_is_averaged_first_and_says_the_same():
     run = read("data/space_stable_static")
     means = block_means(run, 5)
     assert means.weight.sum() == run.weight.sum()
-    fine, coarse = fit_baseline(run), fit_baseline(means)
+    fine, coarse = fit_baseline(view_at_known_attitude(run)), fit_baseline(view_at_known_attitude(means))
     C = np.linalg.pinv(np.einsum("ncp,ncq->pq", fine.Z, fine.Z), hermitian=True)
     moved = values(fine.effects, fine.parameters) - values(coarse.effects, coarse.parameters)
     moved /= np.array([p.sigma for p in fine.parameters]) * np.sqrt(np.diag(C))
@@ -88,13 +88,13 @@ def test_a_long_static_run_is_averaged_first_and_says_the_same():
     assert np.max(np.abs(moved)) < 3
     long = replace(run, time=np.arange(9000) * 20.0, weight=np.ones(9000),
                    channels={k: np.resize(v, 9000) for k, v in run.channels.items()})  # fmt: skip
-    assert len(fit_baseline(long, steps=0).residual) <= MOST_ROWS
+    assert len(fit_baseline(view_at_known_attitude(long), steps=0).residual) <= MOST_ROWS
 
 
 def test_blocks_are_counted_without_gaps_where_a_position_has_few_rows(o):
     """A screen of laws takes a block's ordinal for its place among the means."""
     r = o.view.source
     rows = np.flatnonzero((r.position != 4) | (np.cumsum(r.position == 4) <= 2))
-    few = fit_baseline(r.select(rows))
+    few = fit_baseline(view_at_known_attitude(r.select(rows)))
     assert few.view.noise.block.max() + 1 == len(few.view.noise.starts) == len(o.view.noise.starts) - 4
     assert set(np.diff(few.view.noise.block)) == {0, 1}

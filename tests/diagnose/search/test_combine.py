@@ -12,11 +12,11 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.odds import SINGLE, UNKNOWN
 from gimbalcal.diagnose.known_noise import searched
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine, matched
-from gimbalcal.diagnose.several import baseline_of
+from gimbalcal.diagnose.of_recording import baseline_of
 from gimbalcal.diagnose.verdict.pooled_sizes import pooled
-from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Source
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.diagnose import static_plant
 from tests.diagnose.plant import UG, G, at_strength, known, on, record, strange, strength
 from tests.golden import golden_text, refused
@@ -168,7 +168,7 @@ def test_what_happens_once_is_of_one_recording_and_a_shape_of_one_or_of_all_that
 
 def test_a_recording_that_does_not_see_a_cause_says_what_it_does_without():
     place = np.array([[0, 0], [1, -1]])
-    both = CombinedRanking(None, (), (), place, np.zeros(2))
+    both = CombinedRanking(None, (), np.zeros(2), (), place)
     values = [np.array([1.0, 2.0]), np.array([10.0])]
     np.testing.assert_array_equal(both.summed(values), [11.0, 2.0])
     np.testing.assert_array_equal(both.summed(values, [np.array(100.0), np.array(7.0)]), [11.0, 9.0])
@@ -177,7 +177,7 @@ def test_a_recording_that_does_not_see_a_cause_says_what_it_does_without():
 def test_order_does_not_matter_and_singles_add_up():
     with threadpool_limits(limits=1):
         made = (record(np.random.default_rng(seed)) for seed in (1, 2))
-        a, b = (searched(r, None, BASELINE["multi-position"], str) for r in made)
+        a, b = (searched(view_at_known_attitude(r), None, str) for r in made)
         one, other = combine([a, b]), combine([b, a])
     assert one.ln_total == pytest.approx(other.ln_total, abs=1e-9)
     label = "scale_factor_asymmetry:y"

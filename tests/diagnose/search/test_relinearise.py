@@ -12,7 +12,7 @@ from gimbalcal.diagnose.search.relinearise import about_settings
 from gimbalcal.estimate.grade import graded
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose.grade_plant import PATTERNS, Rests, of_force, on_gimbals
 
 DEGREE = 3600.0
@@ -21,7 +21,7 @@ DEGREE = 3600.0
 def observed(setting: float) -> Fit:
     """A clean unit in 18 positions of a table that sets its angles to so many arcsec."""
     r = on_gimbals(3, "tactical", setting=setting)
-    return settle(fit_baseline(graded([r], "").of([r])[0]))
+    return settle(fit_baseline(view_at_known_attitude(graded([r], "").of([r])[0])))
 
 
 def misfit(o: Fit) -> float:

@@ -8,13 +8,13 @@ from gimbalcal.diagnose.evidence.stated_noise import nodes, settle
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search.ranking import search
 from gimbalcal.diagnose.verdict.decide import decide, strained
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose.law_plants import Law, at_size, laws, unforeseen
 
 
 def searched(law, seed, sigmas):
     recording, _ = at_size(seed, law, sigmas)
-    o = settle(fit_baseline(recording))
+    o = settle(fit_baseline(view_at_known_attitude(recording)))
     return search(o, library(o), nodes(o))
 
 

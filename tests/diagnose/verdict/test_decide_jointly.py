@@ -10,7 +10,7 @@ from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.verdict.decide import decide
 from gimbalcal.diagnose.verdict.judgement import best_evidence
-from gimbalcal.diagnose.verdict.threshold import anything, clean_evidence_jointly, clean_singles
+from gimbalcal.diagnose.verdict.threshold import anything, clean_evidence, clean_singles
 from gimbalcal.inference.algebra import logsumexp
 from tests.diagnose.plant import known
 from tests.diagnose.small import candidate, observed, searched
@@ -77,7 +77,7 @@ def test_one_recording_together_is_that_recording() -> None:
 
 def test_the_bar_is_set_by_clean_recordings_of_all_designs() -> None:
     """Draws of each recording by itself, with the same random numbers, added up candidate by candidate."""
-    bar, alone = clean_evidence_jointly(ALIKE, np.random.default_rng(1))
+    bar, alone = clean_evidence(ALIKE, np.random.default_rng(1))
     rng = np.random.default_rng(1)
     drawn = [clean_singles(s, rng) for s in ALIKE.searches]
     for mine, d, s in zip(alone, drawn, ALIKE.searches, strict=True):

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.search.fitted_causes import constant_value, fit_causes
 from gimbalcal.diagnose.verdict.agreement import inverse_of
-from gimbalcal.diagnose.verdict.pooled_sizes import agreement_on_size, common_constants, parts, pooled
+from gimbalcal.diagnose.verdict.pooled_sizes import agreement_on_size, common_sizes, parts, pooled
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from tests.diagnose.plant import cooled, known, on
@@ -27,6 +27,7 @@ def two(sizes: tuple[float, float]) -> CombinedRanking:
     return combine([searched(o, *LABELS, count=1) for o in made])
 
 
+SI = np.array([1e-6, 100.0])  # of a size and a lag
 ALIKE = two((150.0, 150.0))
 
 
@@ -103,9 +104,13 @@ def test_a_lag_is_common_and_surer_together() -> None:
     c = combine([searched(o, label, count=1) for o in made])
     both = parts(c, (0,))
     (common,) = {p.search.library.candidates[0].variants[0].constants for p in both}
-    ((name, value, sigma),) = common_constants(c, (0,), both, 0)
+    sizes = common_sizes(both, c.library.candidates[:1])
+    (((name, value, sigma),),) = sizes.constants
     assert (name, value) == common[0]
     assert abs(value - 750.0) < 3.5 * sigma
     alone = [constant_value(s, fit_causes(s, (0,)), 0)[0] for s in c.searches]
-    assert sigma == pytest.approx(1 / np.sqrt(sum(1 / s**2 for _, _, s in alone)))
+    each = [np.linalg.inv(p.joint.covariance / np.outer(SI, SI)) for p in both]  # of size and lag: both add up
+    assert sigma == pytest.approx(np.sqrt(np.linalg.inv(sum(each))[1, 1]) * SI[1], rel=1e-6)
+    # by the values that were tried, which are a grid
+    assert sigma == pytest.approx(1 / np.sqrt(sum(1 / s**2 for _, _, s in alone)), rel=0.3)
     assert min(x for _, x, _ in alone) <= value <= max(x for _, x, _ in alone)

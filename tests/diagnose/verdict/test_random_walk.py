@@ -18,11 +18,11 @@ from gimbalcal.diagnose.verdict.decide import Decision
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
-from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.pipeline import silent
 from gimbalcal.recording.kinds import MULTI_POSITION, STATIC_RUN
 from gimbalcal.units import to_si
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.benchmarks import unknown_hand
 from tests.diagnose import static_plant
 from tests.diagnose.plant import UG, at_strength, on, record
@@ -44,7 +44,7 @@ def drift(b):
 
 
 def search_of(recording):
-    return searched(recording, None, BASELINE["multi-position"], silent)
+    return searched(view_at_known_attitude(recording), None, silent)
 
 
 def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():

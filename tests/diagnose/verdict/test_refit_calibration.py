@@ -12,15 +12,14 @@ import pytest
 from gimbalcal.calibration import Calibration, Provenance, from_dict
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import settle
-from gimbalcal.diagnose.known_noise import calibrated_alone
 from gimbalcal.diagnose.search.combine import combine
-from gimbalcal.diagnose.search.fitted_causes import fit_causes
-from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.diagnose.verdict.pooled_sizes import common_constants, parts, pooled
+from gimbalcal.diagnose.search.fitted_causes import JointCovariance, fit_causes
+from gimbalcal.diagnose.search.ranking import Ranking, Search
+from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, common_sizes, parts
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
 from gimbalcal.recording import Recording, Source
 from gimbalcal.units import to_si
-from gimbalcal.views.known_attitude import fit_baseline
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose import static_plant
 from tests.diagnose.plant import ARCSEC, UG, known, record
 from tests.diagnose.small import candidate, searched
@@ -39,14 +38,21 @@ CAUSES = [  # kind of the cause, its label, a size in ug or arcsec that stands f
 
 
 def observed_of(r: Recording, label: str) -> Search:
-    return searched(settle(fit_baseline(r)), label, count=3)
+    return searched(settle(fit_baseline(view_at_known_attitude(r))), label, count=3)
+
+
+def calibration_with(c: Ranking, members: list[int]) -> Calibration:
+    """The calibration of all recordings of a ranking with these causes."""
+    each = parts(c, members)
+    found = found_of(common_sizes(each, [c.library.candidates[i] for i in members]))
+    return calibrated([(p.search.fit, p.fit.projection.node, p.slots) for p in each], found, "")[0]
 
 
 @cache
 def case(kind: str, label: str, size: float) -> tuple[Recording, Search, Calibration]:
     r = record(np.random.default_rng(4), known(1)[kind][0], size, dwell=12)
     s = observed_of(r, label)
-    return r, s, calibrated_alone(s, fit_causes(s, [candidate(s, label)]), "")
+    return r, s, calibration_with(s, [candidate(s, label)])
 
 
 @pytest.mark.parametrize(("kind", "label", "size"), CAUSES)
@@ -106,14 +112,10 @@ def test_recordings_of_one_unit_add_up_and_those_of_two_are_told_apart() -> None
     run = static_plant.record(np.random.default_rng(1))
 
     def together(*recordings: Recording) -> Calibration:
-        c = combine([searched(settle(fit_baseline(r)), *([label] if r is not run else ["bias_drift:x"]), count=1)
-                     for r in recordings])  # fmt: skip
-        m = [next(i for i, x in enumerate(c.library.candidates) if x.label == label)]
-        each = parts(c, m)
-        causes = [c.library.candidates[i] for i in m]
-        x, C = pooled(each, [1])
-        found = found_of(causes, [common_constants(c, m, each, 0)], x, C)
-        return calibrated([(p.search.fit, p.fit.projection.node, p.slots) for p in each], found, "")[0]
+        fits = [settle(fit_baseline(view_at_known_attitude(r))) for r in recordings]
+        c = combine([searched(o, *([label] if r is not run else ["bias_drift:x"]), count=1)
+                     for o, r in zip(fits, recordings, strict=True)])  # fmt: skip
+        return calibration_with(c, [next(i for i, x in enumerate(c.library.candidates) if x.label == label)])
 
     golden_text(together(one[0], other).outcome)
     with_run = together(one[0], run)
@@ -126,11 +128,15 @@ def test_an_effect_that_was_found_twice_with_other_constants_is_fitted_with_one(
     warm = known(1)["warm-up"][0]
     r = record(np.random.default_rng(4), lambda b: {"output": np.outer(warm(b)["output"][:, 1], [0.0, 1.0, 0.8])},
                3000 * UG, dwell=12)  # fmt: skip
-    s = searched(settle(fit_baseline(r)), "warm_up:y", "warm_up:z", count=3)
+    s = searched(settle(fit_baseline(view_at_known_attitude(r))), "warm_up:y", "warm_up:z", count=3)
     f = fit_causes(s, [0, 1])
-    causes = [s.library.candidates[m] for m in f.members]
+    causes = tuple(s.library.candidates[m] for m in f.members)
+    scale = np.array([p.sigma for c in causes for p in c.parameters])
+    joint = JointCovariance((), f.covariance * np.outer(scale, scale))
     one, other = (("tau", 700.0, 10.0),), (("tau", 900.0, 10.0),)
-    made = calibrated([(s.fit, f.projection.node, (0, 1))], found_of(causes, [one, other], f.x, f.covariance), "")[0]
+    made = calibrated(
+        [(s.fit, f.projection.node, (0, 1))], found_of(CommonSizes(causes, f.x, (one, other), joint)), ""
+    )[0]
     values = dict(zip((p.label for p in made.parameters), made.values, strict=True))
     assert values["warm_up.tau"] == pytest.approx(700.0)
     assert values["warm_up:z"] == pytest.approx(0.8 * values["warm_up:y"], rel=0.05)

@@ -58,6 +58,7 @@ def test_clean_evidence_is_that_of_recordings_drawn_one_by_one(s: Search) -> Non
 def test_anything_is_the_mean_over_candidates_by_their_shares() -> None:
     ln, share = np.log([[4.0, 1.0], [1.0, 16.0]]), np.log([0.25, 0.5])
     np.testing.assert_allclose(np.exp(anything(ln, share)), [0.25 * 4 + 0.5 * 1, 0.25 * 1 + 0.5 * 16])
-    whole = clean_evidence(TABLE, np.random.default_rng(6))
+    whole, (alone,) = clean_evidence(TABLE, np.random.default_rng(6))
+    np.testing.assert_array_equal(whole, alone)
     each = clean_singles(TABLE, np.random.default_rng(6))
     np.testing.assert_allclose(np.exp(whole), np.exp(TABLE.share) @ np.exp(each))
