@@ -7,27 +7,31 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
+
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import refuse_other_gimbals
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.caveats import with_reservation
-from gimbalcal.diagnose.of_recording import diagnose_recording, diagnose_recordings, has_unstated_noise
+from gimbalcal.diagnose.of_recording import diagnose_jointly, diagnose_recording, has_unstated_noise, unfit
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.loading import outside
 from gimbalcal.entries import plain
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.fit_summary import joined
+from gimbalcal.estimate.caveats import input_errors, reservations
 from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.recording import Recording, completed, join, when_recorded
+from gimbalcal.recording.columns import SPARSE
 from gimbalcal.unusual_constants import with_question
+from gimbalcal.views.core import by_triad
 from gimbalcal.views.pointing import nights
 
 
@@ -128,13 +132,31 @@ def _judged(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
         return found if asked.calibration else with_reservation(found, recordings, asked.baseline)
 
 
+def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str]) -> Diagnosis:
+    """Return the diagnosis; where it is adequate and a calibration is not, with an `outcome` that says why.
+
+    Where nothing explains a unit turned in its place, an input error that a calibration names is stated.
+    """
+    if d.verdict == "unexplained":
+        slips = [slip for r in recordings for slip in input_errors(r)]
+        return replace(d, in_words=f"{d.in_words} {slips[0][:1].upper()}{slips[0][1:]}.") if slips else d
+    if d.verdict != "adequate":
+        return d
+    said = list(dict.fromkeys(words for r in recordings for words in reservations(r, baseline)))
+    if not said:
+        return d
+    outcome = joined(said)
+    words = "No catalogued cause is significant, but the residuals exceed the stated noise"
+    return replace(d, outcome=outcome, in_words=f"{words}. {outcome}.")
+
+
 def _of_all(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
     if all(r.kind.sighting for r in recordings):
         return _nights(recordings, asked)
     if len(recordings) > 1 and all(has_unstated_noise(r) and r.kind.in_positions for r in recordings):
         return _sessions(recordings, asked)
     if len(recordings) > 1:
-        return diagnose_recordings(recordings, *asked)
+        return diagnose_jointly(recordings, *asked)
     return diagnose_recording(recordings[0], *asked)
 
 
@@ -187,3 +209,22 @@ def _held_together(made: Diagnosis, each: str, alike: str, ask: Callable[[], Cal
         provenance={**made.provenance, f"{each}s": listed},
         outcome=told.outcome,
     )
+
+
+def check_baseline(ids: Sequence[str], recordings: Sequence[Recording]) -> None:
+    """Raise InputError for an effect that none of the recordings can hold in its model."""
+    for effect_id in ids:
+        reasons = [unfit(effect_id, r) for r in recordings]
+        if all(reasons):
+            raise InputError(f"the baseline names {effect_id!r}, which {reasons[0]}; leave it out of --baseline")
+
+
+def check_finite(recording: Recording) -> None:
+    """Raise InputError, with row and channel, for a value that is no number."""
+    for (quantity, axis), x in recording.channels.items():
+        bad = np.flatnonzero(~np.isfinite(x)) if quantity not in SPARSE else np.zeros(0)
+        if bad.size:
+            name = f"{quantity} {axis}".strip()
+            raise InputError(
+                f"{recording.title!r}, row {bad[0] + 1}, {name}: the value is not a finite number; leave such rows out"
+            )

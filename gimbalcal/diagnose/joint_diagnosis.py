@@ -15,7 +15,7 @@ from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.effect import constants
 from gimbalcal.estimate.accelerometers.fit_summary import joined
-from gimbalcal.recording import Recording
+from gimbalcal.views.core import View
 from gimbalcal.words import diagnosis_sentences
 
 
@@ -44,7 +44,7 @@ def joint_diagnosis(
     ]
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": [file for r in sources_of(parts) for file in r.files],
+        "recordings": [file for v in _views(parts) for file in v.source.files],
         "options": {"baseline": list(baseline) or [i for p in parts for i in p.view.baseline], "seed": seed},
         **{key: value for p in parts for key, value in p.evidence.items()},
         "views": [p.name for p in parts],
@@ -67,14 +67,13 @@ def _rank(p: ViewDiagnosis) -> tuple[int, float]:
     return VERDICTS.index(p.verdict), 0.0 if p.verdict == "adequate" else p.fit.chi2_reduced_before
 
 
-def sources_of(parts: Sequence[ViewDiagnosis]) -> tuple[Recording, ...]:
-    """Return the recordings behind the views."""
-    return next((p.sources for p in parts if p.sources), (parts[0].view.source,))
+def _views(parts: Sequence[ViewDiagnosis]) -> tuple[View, ...]:
+    """Return one view of each recording."""
+    return next((p.together for p in parts if p.together), (parts[0].view,))
 
 
 def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
     """Return the calibration that the views end in."""
-    sources = sources_of(parts)
     forces = next((p.calibration for p in parts if p.calibration is not None), None)
     if forces is not None and len(parts) == 1:
         return replace(forces, outcome=" ".join(filter(None, [outcome, forces.outcome])))
@@ -85,7 +84,7 @@ def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
             linear = [p for p in model.parameters if p.field not in {f.name for f in constants(CATALOGUE[p.effect])}]
             found = v.calibrate(model.effects, linear)
             return replace(
-                found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin(sources, causes)
+                found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin(_views(parts), causes)
             )
     seen = [Seen(v, model) for v, model in fitted if v.name != "slews"]  # time stamps are shifted, not calibrated
-    return calibrated_views(sources[0], seen, causes, outcome, forces)
+    return calibrated_views(_views(parts), seen, causes, outcome, forces)

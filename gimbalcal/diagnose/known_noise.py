@@ -34,7 +34,6 @@ from gimbalcal.diagnose.result import (
     SizeAgreement,
     StatedNoiseFit,
 )
-from gimbalcal.diagnose.rows.baseline import carried
 from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.search.fitted_causes import FittedCauses, calibration_fit, fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
@@ -44,11 +43,11 @@ from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.detection_limits import detection_limits
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
-from gimbalcal.diagnose.verdict.manoeuvres import advise, sentence
 from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, LISTED, Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, Part, agreement_on_size, common_sizes, parts
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
 from gimbalcal.diagnose.verdict.refit_calibration import Constants, calibrated, found_of
+from gimbalcal.diagnose.verdict.separation import advise, sentence
 from gimbalcal.diagnose.verdict.threshold import clean_evidence
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
 from gimbalcal.diagnose.view_diagnosis import Contradiction, ViewDiagnosis
@@ -56,7 +55,7 @@ from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
-from gimbalcal.views.core import Fit, View
+from gimbalcal.views.core import Fit, View, carried
 from gimbalcal.views.known_attitude import fit_baseline
 from gimbalcal.words import diagnosis_sentences
 from gimbalcal.words.naming import spaced
@@ -190,7 +189,7 @@ def _report(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> 
         o.view, d.verdict, mismatch, named, shapes, fitted, curves,
         np.broadcast_to(o.sigma, curves.after.shape), calibration=calibration, laws=law.laws,
         recommend=law.recommend, outcome=misheld(c, d.verdict), evidence=_evidence(c, d, case.clean),
-        sources=tuple(s.fit.view.source for s in c.searches),
+        together=tuple(s.fit.view for s in c.searches),
     )  # fmt: skip
     return made if between is None else _of_several(made, case, c, shares, between)
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -20,30 +21,28 @@ from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
-from gimbalcal.diagnose.rows.baseline import by_triad, carried, unfit
-from gimbalcal.diagnose.rows.rest_rates import RESTS, rest_rates
-from gimbalcal.diagnose.rows.turns import FEWEST, view_of_turns
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, diagnose_view
-from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.estimate.caveats import misheld_positions
+from gimbalcal.estimate.extra_effects import unfit as not_shown
+from gimbalcal.estimate.gyroscopes.cleared_views import MIN_RESTS, MIN_TURNS, view_at_rest, view_of_turns
 from gimbalcal.estimate.pointing.pattern import MISTAKEN, strays, why_far
 from gimbalcal.estimate.systematic.calibrate import navigation_view
 from gimbalcal.estimate.systematic.segments import turned_in_place
-from gimbalcal.forward import gyroscopes
-from gimbalcal.kinematics import ideal_force, stimulus_from_readings
-from gimbalcal.number import Array
+from gimbalcal.kinematics import ideal_force
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
-from gimbalcal.views.core import View
+from gimbalcal.views.core import View, by_triad, carried, known_effect
+from gimbalcal.views.earth_rate import without_earth_rate
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS, pointing
@@ -96,10 +95,11 @@ def diagnose_recording(
 def known_view(recording: Recording, calibration: Calibration | None, baseline: Sequence[str]) -> View:
     """Return the view of forces at known attitude, whose scatter is seen about the values of a calibration."""
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
-    return view_at_known_attitude(recording, ids, carried(calibration, ids))
+    v = view_at_known_attitude(recording, ids, carried(calibration, ids))
+    return replace(v, misheld=partial(misheld_positions, recording)) if recording.kind.in_positions else v
 
 
-def diagnose_recordings(
+def diagnose_jointly(
     recordings: Sequence[Recording], calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
 ) -> Diagnosis:
     """Diagnose several recordings of one unit at known attitude jointly; InputError if they are not that."""
@@ -117,7 +117,7 @@ def check_one_unit(recordings: Sequence[Recording]) -> None:
     """Raise InputError where recordings are not of one unit at known attitude, or where one is given twice."""
     first = recordings[0]
     for r in recordings:
-        if has_unstated_noise(r) or r.kind not in BASELINE:
+        if has_unstated_noise(r):
             raise InputError(
                 f"{r.title!r} is a {r.kind} recording of {r.platform.name!r}: `diagnose` combines multi-position and "
                 "static-run recordings with gimbals; give this one alone"
@@ -142,7 +142,7 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     if wanted:
         return tuple(i for i in wanted if not unfit(i, r)) or BASELINE[r.kind]
     every = [i for other in recordings for i in BASELINE[other.kind] if CATALOGUE[i].stage in SENSOR_STAGES]
-    return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if r.kind in CATALOGUE[i].kinds)]))
+    return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if CATALOGUE[i].shows_in(r.kind))]))
 
 
 def of_single_view(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> Parts:
@@ -193,7 +193,7 @@ def of_triads(recording: Recording, calibration: Calibration | None, baseline: S
     if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline)):
         return told, []
     made = calibration_of(told, "") if told else calibration
-    at_rest = rest_rates(recording, gyro, made)
+    at_rest = view_at_rest(recording, gyro, made)
     if at_rest is None:
         note = diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)
         tell(note)
@@ -247,7 +247,11 @@ def of_gimballed_unit(
     turns = next((p.model for p in parts if p.view.name == "turns"), None)
     both = recording.has(RATE) and recording.has(FORCE)
     late, why_not = of_slews(
-        without_earth(recording) if both else recording, forces or NOTHING, turns.effects if turns else (), tell, means
+        without_earth_rate(recording) if both else recording,
+        forces or NOTHING,
+        turns.effects if turns else (),
+        tell,
+        means,
     )
     for note in (*notes, *why_not):
         tell(note)
@@ -279,8 +283,8 @@ def _gyroscopes(
 ) -> Parts:
     """Diagnose the views of the gyroscopes, and note in sentences what was not analysed."""
     rests = len(dwell_means(recording).time)
-    if rests < RESTS:
-        return [], [diagnosis_sentences.gyroscopes_not_analysed(f"that takes {RESTS} dwells, not {rests}")]
+    if rests < MIN_RESTS:
+        return [], [diagnosis_sentences.gyroscopes_not_analysed(f"that takes {MIN_RESTS} dwells, not {rests}")]
     if not recording.has(FORCE):
         force = ideal_force(recording, recording.angles())
         recording = replace(
@@ -288,14 +292,14 @@ def _gyroscopes(
         )
         made = NOTHING
     made = made or multiposition(recording, LINEAR)
-    turning = view_of_turns(without_earth(recording), made) if explained and not gyro else None
+    turning = view_of_turns(without_earth_rate(recording), made) if explained and not gyro else None
     linear = start(turning).effects if turning else ()
-    still = rest_rates(without_earth(recording, linear), gyro, made)
+    still = view_at_rest(without_earth_rate(recording, linear), gyro, made)
     if still is None:
         return [], [diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)]
     notes = []
     if turning is None and not gyro:
-        why = f"fewer than {FEWEST} turns between rests were logged" if explained else "nothing explains the forces"
+        why = f"fewer than {MIN_TURNS} turns between rests were logged" if explained else "nothing explains the forces"
         notes = [diagnosis_sentences.rate_not_analysed(why)]
 
     def looked(v: View) -> ViewDiagnosis:
@@ -304,32 +308,14 @@ def _gyroscopes(
 
     told = [looked(replace(still, missed_by_turns=None))]
     if turning and (found := found_at_rest(told[0])):
-        turning = view_of_turns(without_earth(recording), made, found)
+        turning = view_of_turns(without_earth_rate(recording), made, found)
     return [*told, *([looked(turning)] if turning else [])], notes
 
 
-def without_earth(recording: Recording, gyro: Sequence[Effect] = ()) -> Recording:
-    """Return rates less what the gyroscopes, with these effects, read of the Earth's rate; counts are unchanged."""
-    L = recording.site.latitude
-    if L is None or recording.counted(RATE):
-        return recording
-    rest = dwell_means(recording)
-    A = EARTH_RATE * attitude_of(rest)
-    u = rest.triad(FORCE) / rest.site.gravity
-    level = np.concatenate([np.einsum("ij,n->nij", np.eye(3), np.ones(len(u))), np.einsum("ij,nk->nijk", np.eye(3), u)
-                            .reshape(len(u), 3, 9)], axis=-1)  # fmt: skip
-    columns = np.concatenate([np.cos(L) * A[..., :2], EARTH_RATE * level], axis=-1).reshape(3 * len(u), -1)
-    north = np.linalg.lstsq(columns, rest.triad(RATE).ravel(), rcond=1e-9)[0][:2]
-    size = float(np.hypot(*north))
-    north = north / size if size > 0 else np.array([1.0, 0.0])
-    earth = EARTH_RATE * attitude_of(recording) @ np.array([*(np.cos(L) * north), -np.sin(L)])
-    seen = gyroscopes(earth, stimulus_from_readings(recording), gyro)
-    rate = recording.triad(RATE) - seen
-    channels = {**recording.channels, **{(RATE, a): rate[:, i] for i, a in enumerate("xyz")}}
-    # at the equator the vertical has no part of the Earth's rate: nothing is left there to take off once more
-    return replace(recording, channels=channels, site=replace(recording.site, latitude=0.0))
-
-
-def attitude_of(recording: Recording) -> Array:
-    """Return C_bp (n, 3, 3) by the gimbals."""
-    return recording.platform.attitude(recording.angles())
+def unfit(effect_id: str, recording: Recording) -> str:
+    """Return why the model of a recording cannot hold an effect, to follow "which"; empty where it can."""
+    cls, logs = known_effect(effect_id), recording.axes("covariate")
+    reason = not_shown(cls, recording)
+    if not reason and follows(cls) == "" and len(logs) > 1:
+        return f"follows one covariate, and {recording.title!r} has {len(logs)} of them"
+    return reason

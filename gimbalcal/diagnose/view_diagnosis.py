@@ -33,7 +33,6 @@ from gimbalcal.diagnose.verdict.view_fit import row_sigma, view_fit
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences
@@ -55,7 +54,7 @@ class ViewDiagnosis:
     same where it is. outcome: what else speaks against the view; evidence: what it adds to the provenance.
 
     Several recordings of one unit in a stated noise have one diagnosis, of the view that is off most: contradictions
-    between them are said before it, remarks after it, and sources are the recordings.
+    between them are said before it, remarks after it, and together are their views.
     """
 
     view: View
@@ -74,7 +73,7 @@ class ViewDiagnosis:
     evidence: Mapping[str, Any] = field(default_factory=dict)
     contradictions: tuple[Contradiction, ...] = ()
     remarks: tuple[str, ...] = ()
-    sources: tuple[Recording, ...] = ()
+    together: tuple[View, ...] = ()
 
     @property
     def name(self) -> str:

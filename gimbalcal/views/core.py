@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration
+from gimbalcal.calibration import Calibration, Readout
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters
-from gimbalcal.effects.effect import constants
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants
 from gimbalcal.effects.sensor_grades import Grade, hurried
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
@@ -50,6 +50,7 @@ class View:
     groups: Array
     noise: NoiseModel
     source: Recording  # what it was made of, for plans and provenance
+    readout: Readout = field(default_factory=Readout)  # nominal scales of counts, names of gimbals
     label: Array | None = None  # (n,) number of the dwell or star of each row, if it is called by a number
     session: Array | None = None  # (n,) power-up of each row, where nobody knows the time between them
     read_gimbals: tuple[str, ...] = ()  # whose angles were read
@@ -64,6 +65,7 @@ class View:
     displaced: Callable[[Sequence[Effect], Array], View] | None = None  # at readouts displaced by (n, k) [rad]
     added: Callable[[str, str, Array], Array] | None = None  # columns of a basis added to a sensor that is no channel
     missed_by_turns: Callable[[Sequence[Effect]], float] | None = None  # rad of gravity, with these effects at rest
+    misheld: Callable[[], tuple[str, ...]] | None = None  # positions that were not held as read, in sentences
     cache: dict[Any, Any] = field(default_factory=dict)  # models of a search and columns that were scanned
 
     def __len__(self) -> int:
@@ -206,6 +208,18 @@ def known_effect(effect_id: str) -> type[Effect]:
     return CATALOGUE[effect_id]
 
 
+def by_triad(ids: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Effects of the forces, and those of the gyroscopes."""
+    gyro = [i for i in ids if known_effect(i).stage in GYROSCOPE_STAGES]
+    return [i for i in ids if i not in gyro], gyro
+
+
+def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
+    """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
+    held = SENSOR_STAGES | GYROSCOPE_STAGES
+    return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in held)
+
+
 def absent_effect(effect_id: str, s: Stimulus, source: str = "", **constants: float) -> Effect:
     """Return an effect of the catalogue with zero parameters, these constants, following covariate `source`."""
     named: dict[str, Any] = {"covariate": source} if source else {}
@@ -230,5 +244,5 @@ def recording_fields(recording: Recording) -> dict[str, Any]:
         "title": recording.title, "source": recording, "kind": recording.kind,
         "time": recording.time - recording.time[0],
         "session": recording.session if recording.restarts else None, "grade": recording.grade,
-        "read_gimbals": recording.axes("gimbal_angle"),
+        "read_gimbals": recording.axes("gimbal_angle"), "readout": Readout(gimbals=recording.platform.axis_names),
     }  # fmt: skip

@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from gimbalcal.calibration import Readout
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
@@ -85,6 +86,7 @@ def view_of_readings(
         noise=noise,
         label=s.position,
         read_gimbals=recording.axes("gimbal_angle"),
+        readout=Readout(gimbals=recording.platform.axis_names),
         displaced=displaced,
         source=recording,
     )

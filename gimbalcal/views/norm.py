@@ -34,7 +34,8 @@ MAX_FACE_TILT = 0.3  # of gravity, across an axis that is called upright
 
 def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """Return the view of dwells of unknown attitude: one row each. Gimbal angles are not used."""
-    means, _ = scaled_by_gravity(dwell_means(recording))
+    means, counts = scaled_by_gravity(dwell_means(recording))
+    readout = Readout(counts, gimbals=means.platform.axis_names)
     channels = {k: x for k, x in means.channels.items() if k[0] != "gimbal_angle"}
     means = replace(means, platform=BENCH, channels=channels)
     y, g = means.triad(FORCE), means.site.gravity
@@ -54,8 +55,8 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     sample = means.sigma("accelerometer")
     noise = (sample / np.sqrt(means.weight))[:, None] if sample else None  # a channel of few levels may not scatter
     return View(
-        "norm", unit="mg", channels=((FORCE, "norm"),), **recording_fields(means), stimulus=s, label=s.position,
-        evaluate=rows, reference=lambda effects: rows(effects, noise_free=True), stages=SENSOR_STAGES,
+        "norm", unit="mg", channels=((FORCE, "norm"),), **{**recording_fields(means), "readout": readout}, stimulus=s,
+        label=s.position, evaluate=rows, reference=lambda effects: rows(effects, noise_free=True), stages=SENSOR_STAGES,
         baseline=tuple(baseline) or ACCELEROMETER_TERMS, gauge=gauges(SENSOR_STAGES), groups=np.arange(len(y)),
         noise=NoiseModel(sample=noise, wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None]),
     )  # fmt: skip

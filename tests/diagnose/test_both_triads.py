@@ -13,9 +13,9 @@ import pytest
 
 import gimbalcal.simulate
 from gimbalcal.diagnose import Diagnosis, diagnose
-from gimbalcal.diagnose.of_recording import without_earth
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.simulate import simulate
+from gimbalcal.views.earth_rate import without_earth_rate
 from gimbalcal.words.diagnosis_sentences import COUNTS_WITHOUT_SCALE
 from tests.golden import golden_text, refused
 
@@ -132,11 +132,11 @@ def test_a_rotation_without_rests_is_refused() -> None:
 
 def test_the_earth_leaves_whatever_way_the_base_points() -> None:
     made = gimballed(gyro_bias={"x": 0.0})
-    rest = dwell_means(without_earth(made)).triad("angular_rate")
+    rest = dwell_means(without_earth_rate(made)).triad("angular_rate")
     # 24 means of 120 samples of 20 deg/h, 1.8 deg/h; a common bias stays and is zero here but for the truth drawn
     assert np.rad2deg(3600 * rest).std(axis=0).max() < 3.0
     turned = replace(made, channels={**made.channels, ("gimbal_angle", "outer"): made.triad("gimbal_angle", (
         "outer", "outer", "outer"))[:, 0] + 1.0})  # fmt: skip
-    again = dwell_means(without_earth(turned)).triad("angular_rate")
+    again = dwell_means(without_earth_rate(turned)).triad("angular_rate")
     # the heading is told by rates of 13 deg/h with 1.8 / sqrt(36) of noise: 1.3 deg, that is 0.3 deg/h
     assert np.rad2deg(3600 * np.abs(again - rest)).max() < 0.5

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.caveats import reservations, with_reservation
+from gimbalcal.diagnose.entry import with_reservation
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
+from gimbalcal.estimate.caveats import reservations
 from gimbalcal.recording import Recording
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record

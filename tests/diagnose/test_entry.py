@@ -12,6 +12,7 @@ from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose import diagnose, entry, of_recording
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, completed
 from tests.diagnose import static_plant
@@ -41,7 +42,7 @@ def taken(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
     for name in PARTS:
         monkeypatch.setattr(of_recording, name, reached(name, (["a part"], [])))
     monkeypatch.setattr(of_recording, "joint_diagnosis", lambda *_: nothing)
-    monkeypatch.setattr(entry, "diagnose_several", reached("diagnose_several", nothing))
+    monkeypatch.setattr(entry, "diagnose_jointly", reached("diagnose_jointly", nothing))
     return out
 
 
@@ -50,7 +51,7 @@ def taken(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
     [
         ([TABLE], "of_gimballed_unit"),
         ([REST], "diagnose_known_noise"),
-        ([TABLE, REST], "diagnose_several"),
+        ([TABLE, REST], "diagnose_jointly"),
         ([replace(TABLE, channels={**TABLE.channels, **RATES})], "of_gimballed_unit"),
         ([telescope(1)], "of_single_view"),
         ([replace(TABLE, platform=BENCH)], "of_triads"),
@@ -62,6 +63,10 @@ def test_each_kind_reaches_its_views(taken: list[tuple[str, Any]], recordings: l
     assert diagnose(recordings, baseline=(), seed=7).verdict == "adequate"
     ((name, given),) = taken
     assert name == part
+    if part == "diagnose_known_noise":
+        assert [(v.title, v.baseline) for v in given[0]] == [(recordings[0].title, BASELINE["static-run"])]
+        assert given[1:3] == (None, 7)
+        return
     assert given[0] is recordings[0] if len(recordings) == 1 else list(given[0]) == recordings
     assert given[1:3] == (None, ())
     assert 7 in given or part in ("of_single_view", "of_triads")

@@ -12,11 +12,10 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library.assemble import library
-from gimbalcal.diagnose.rows.rest_rates import rest_rates
-from gimbalcal.diagnose.rows.turns import view_of_turns
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest, view_of_turns
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
@@ -94,7 +93,7 @@ def views(r: Recording) -> list[View]:
         return [pointing(r)]
     if r.kind == "rotation":
         return [tilting_table(r)]
-    found = (norm(r), rest_rates(r), view_of_turns(r))
+    found = (norm(r), view_at_rest(r), view_of_turns(r))
     return [v for v in found if v is not None]
 
 

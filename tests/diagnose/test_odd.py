@@ -13,10 +13,10 @@ from gimbalcal import cli
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library.assemble import available
 from gimbalcal.diagnose.library.candidates import sources
-from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import BASELINE
+from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site, dwell_means, write
@@ -139,7 +139,7 @@ def test_rests_of_one_row_each_count_alike() -> None:
     """One row says nothing of its own scatter: no rest is surer than another."""
     r = turned_by_hand()
     assert r.position is not None
-    view = rest_rates(first_rows(r.select(r.position > 0), 1))
+    view = view_at_rest(first_rows(r.select(r.position > 0), 1))
     assert view is not None
     assert view.noise.sigma is None
     assert np.isfinite(start(view).covariance).all()

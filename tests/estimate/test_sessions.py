@@ -9,10 +9,10 @@ import pytest
 
 from gimbalcal import from_arrays
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.thermal import BiasDrift, BiasStep
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
@@ -129,7 +129,7 @@ def test_a_gyroscope_has_a_bias_of_its_own_in_each_session() -> None:
     a, b = session(91, rests=10, moving=True), session(96, rests=10, moving=True)
     key = ("angular_rate", "y")
     off = replace(b, channels={**b.channels, key: b.channels[key] + 3e-3})
-    same, other = (rest_rates(join([a, second])) for second in (b, off))
+    same, other = (view_at_rest(join([a, second])) for second in (b, off))
     assert same is not None
     assert other is not None
     misfit = [v.evaluate(()).residual[:, 1] for v in (same, other)]

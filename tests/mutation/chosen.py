@@ -190,7 +190,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.verdict.random_walk", "decide_with_walk", "None or walk.ln_odds > CLAIM",
          "None or walk.ln_odds > -CLAIM"),
         ("diagnose.verdict.random_walk", "single_walk", "clearest.ln_total - held.ln_total",
-         "held.ln_total - total, total"),
+         "held.ln_total - clearest.ln_total"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "from_si(np.exp(mean)", "from_si(mean"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "spread * walk, ln_odds", "spread, ln_odds"),
         ("diagnose.search.single_axis_random_walk", "wandering", "s.ln_total >= CLAIM", "s.ln_total < CLAIM"),

@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.law_file import STAGES, printed
 from gimbalcal.diagnose.laws.law_search import Law
-from gimbalcal.diagnose.verdict.manoeuvres import apart, fastest
+from gimbalcal.diagnose.verdict.separation import apart, fastest
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit

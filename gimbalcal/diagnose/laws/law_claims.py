@@ -30,12 +30,9 @@ from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
 from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, scan
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
 from gimbalcal.diagnose.verdict.verify import Verification, residual_rows, verify
-from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.position_outliers import Fault
-from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.views.core import Fit, View
+from gimbalcal.views.core import Fit
 from gimbalcal.words.diagnosis_sentences import repeat_advice
 from gimbalcal.words.naming import spaced
 
@@ -142,22 +139,14 @@ def misheld(ranked: Ranking, verdict: str) -> str:
     """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
     if verdict != "unexplained":
         return ""
-    each = [[f.in_words.rstrip(".") for f in _faults(s.fit.view)] for s in ranked.searches]
+    each = [
+        [words.rstrip(".") for words in s.fit.view.misheld()] if s.fit.view.misheld else [] for s in ranked.searches
+    ]
     told = [
         f"{words[:1].upper()}{words[1:]}{f' in recording {k + 1}' * (len(each) > 1)}."
         for k, own in enumerate(each) for words in own
     ]  # fmt: skip
     return " ".join([*told, "`gimbalcal calibrate` leaves such positions out."]) if told else ""
-
-
-def _faults(v: View) -> tuple[Fault, ...]:
-    """Return the positions of a view that were not held where the readouts say."""
-    if not v.kind.in_positions:
-        return ()
-    try:
-        return trusted_positions(v.source).faults
-    except InputError:  # too few positions or accelerometers to tell one that was not held
-        return ()
 
 
 def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: bool = False) -> Lawful:

@@ -30,8 +30,8 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, v
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording, when_recorded
-from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.recording import when_recorded
+from gimbalcal.views.core import Fit, View, absent_effect
 
 ROUNDS = 4  # linearisations at most: each leaves a product of two errors of what is left
 FAR = 20.0  # prior sigmas of one step: interchanged positions ask for nonlinearities that no force could be read with
@@ -116,7 +116,6 @@ def calibrated(
     if kept and known is not None:
         at = [known.parameters.index(p) for p in kept]
         P[n + len(held) :, n + len(held) :] = known.covariance[np.ix_(at, at)]
-    recordings = [s.fit.view.source for s in here]
     calibration = Calibration(
         method="diagnosis",
         effects=tuple(e for e in made if e.id in {p.effect for p in wanted}),
@@ -126,15 +125,17 @@ def calibrated(
         residual=Residual(solution.chi2, solution.dof, _rms(here, made)),
         outcome=" ".join(filter(None, (outcome, between.in_words if between else ""))),
         provenance=replace(
-            origin(recordings, [c.label for c in found.causes]), agreement=between.to_dict() if between else None
+            origin([s.fit.view for s in here], [c.label for c in found.causes]),
+            agreement=between.to_dict() if between else None,
         ),
-        readout=Readout(gimbals=recordings[0].platform.axis_names),
+        readout=Readout(gimbals=here[0].fit.view.readout.gimbals),
     )
     return calibration, between
 
 
-def origin(recordings: Sequence[Recording], causes: Sequence[str]) -> Provenance:
-    """Return the provenance of a calibration of a diagnosis."""
+def origin(views: Sequence[View], causes: Sequence[str]) -> Provenance:
+    """Return the provenance of a calibration of a diagnosis, with the files behind the views."""
+    recordings = list(dict.fromkeys(v.source for v in views))
     return Provenance(
         recordings=tuple(file for r in recordings for file in r.source),
         version=gimbalcal.__version__,

@@ -12,21 +12,13 @@ from typing import Protocol
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Counts, Readout, Residual
+from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.diagnose.verdict.refit_calibration import origin
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
-from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
-from gimbalcal.effects.effect import SENSOR_STAGES
-from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import rotations_of_the_triad
-from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.inference.information import Unobservable, keeps_prior
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording, dwell_means
-from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import View
-from gimbalcal.views.norm import scaled_by_gravity
-from gimbalcal.views.turns import turns_between_rests
 
 
 class Fitted(Protocol):
@@ -58,10 +50,14 @@ class Seen:
 
 
 def calibrated_views(
-    recording: Recording, seen: Sequence[Seen], causes: Sequence[str], outcome: str, forces: Calibration | None = None
+    views: Sequence[View], seen: Sequence[Seen], causes: Sequence[str], outcome: str, forces: Calibration | None = None
 ) -> Calibration:
-    """The calibration of all views together; `forces`: the calibration of the accelerometers at known attitude."""
-    blocks = [_block(s, recording.platform.axis_names) for s in seen]
+    """Return the calibration of what was seen in some of the views of a unit.
+
+    forces: the calibration of the accelerometers at known attitude.
+    """
+    readout = _readout(views, seen)
+    blocks = [_block(s, readout.gimbals) for s in seen]
     if forces is not None:
         blocks.insert(0, (forces.effects, forces.parameters, forces.covariance))
     effects: tuple[Effect, ...] = ()
@@ -71,7 +67,7 @@ def calibrated_views(
         new = [i for i, p in enumerate(fitted) if p not in wanted]
         effects = (*effects, *(e for e in theirs if e.id not in {o.id for o in effects}))
         mine = tuple(fitted[i] for i in new)
-        effects = with_values(effects, mine, values(theirs, mine), recording.platform.axis_names)
+        effects = with_values(effects, mine, values(theirs, mine), readout.gimbals)
         P = np.block([[P, np.zeros((len(P), len(new)))],
                       [np.zeros((len(new), len(P))), covariance[np.ix_(new, new)]]])  # fmt: skip
         wanted = (*wanted, *mine)
@@ -84,8 +80,8 @@ def calibrated_views(
         unobservable=(*(forces.unobservable if forces else ()), *_unseen(seen)),
         residual=_residual(seen, forces),
         outcome=outcome,
-        provenance=origin([recording], causes),
-        readout=_readout(recording, seen),
+        provenance=origin(views, causes),
+        readout=readout,
     )
 
 
@@ -126,15 +122,9 @@ def _residual(seen: Sequence[Seen], forces: Calibration | None) -> Residual:
     return Residual(float(dof), dof, rms)
 
 
-def _readout(recording: Recording, seen: Sequence[Seen]) -> Readout:
-    """Nominal scales of what counts, as the views had them, and the names of the gimbals."""
-    forces = rates = None
-    if recording.counted(FORCE) and any(s.view.stages & SENSOR_STAGES for s in seen):
-        forces = scaled_by_gravity(dwell_means(recording))[1]
-    if recording.counted(RATE) and any(q == RATE for s in seen for q, _ in s.view.channels):
-        try:
-            scale = turns_between_rests(recording, multiposition(recording, ACCELEROMETER_TERMS))[2]
-            rates = Counts((scale,) * 3)
-        except InputError:  # nothing on the way says how much a count is
-            rates = None
-    return Readout(forces, rates, recording.platform.axis_names)
+def _readout(views: Sequence[View], seen: Sequence[Seen]) -> Readout:
+    """Return nominal scales of what counts, as the first of the views that were seen had them, and the gimbals."""
+    each = [s.view.readout for s in seen]
+    forces = next((r.accelerometers for r in each if r.accelerometers), None)
+    rates = next((r.gyroscopes for r in each if r.gyroscopes), None)
+    return Readout(forces, rates, views[0].readout.gimbals)

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.rows.baseline import by_triad, check_baseline, check_finite, known_effect, unfit
+from gimbalcal.diagnose.entry import check_baseline, check_finite
+from gimbalcal.diagnose.of_recording import unfit
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
+from gimbalcal.views.core import by_triad, known_effect
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record
 from tests.diagnose.small import telescope

@@ -11,7 +11,7 @@ import pytest
 
 import gimbalcal.simulate
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.rows.turns import view_of_turns
+from gimbalcal.estimate.gyroscopes.cleared_views import view_of_turns
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate

@@ -9,10 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.rows.rest_rates import rest_rates
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.view_diagnosis import diagnosis_of
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
 from gimbalcal.platform import BENCH
@@ -62,7 +62,7 @@ def view(name: str) -> View:
     made = unit(G * UP * 1.001 + 0.02, 1e-4 * noise((20, 3)))
     if name == "norm":
         return norm(made)
-    at_rest = rest_rates(made)
+    at_rest = view_at_rest(made)
     assert at_rest is not None
     return at_rest
 
@@ -115,7 +115,7 @@ def test_a_corrected_norm_is_gravity() -> None:
 
 def test_rates_at_rest_lose_what_the_effects_say() -> None:
     w = 1e-4 * np.random.default_rng(3).standard_normal((20, 3))
-    v = rest_rates(replace(unit(G * UP, w), site=Site(0.0, 0.0, G)))  # at the equator nothing turns about the vertical
+    v = view_at_rest(replace(unit(G * UP, w), site=Site(0.0, 0.0, G)))  # nothing turns about the vertical
     assert v is not None
     ps = parameters(CATALOGUE["gyro_bias"])
     effects = with_values((), ps, np.array([1e-5, 2e-5, -3e-5]))
@@ -134,7 +134,7 @@ def test_rests_are_judged_where_too_few_turns_were_logged_to_prove_it() -> None:
     time[40:] += time[39] + 1 - time[40]  # at all other turns the clock pauses
     position = np.insert(at.position, one, np.zeros(20, dtype=int))
     r = Recording("multi-position", "unit", BENCH, Site(0.0, 0.0, G), {}, time, position, channels)
-    v = rest_rates(r)
+    v = view_at_rest(r)
     assert v is not None
     assert v.missed_by_turns is not None
     found = diagnosis_of(stepwise(v, silent), silent)
@@ -146,7 +146,7 @@ def test_the_earth_s_vertical_rate_is_no_g_sensitivity_where_no_latitude_tells_i
     """10 deg/h about the vertical are taken for the Earth; of 40 the rests keep what is more than the Earth's 15.04."""
     hour = np.pi / 648000
     for rate, left in ((10.0, 0.0), (40.0, 40.0 - 15.041)):
-        v = rest_rates(unit(G * UP, rate * hour * UP + [1e-5, 2e-5, -3e-5]))
+        v = view_at_rest(unit(G * UP, rate * hour * UP + [1e-5, 2e-5, -3e-5]))
         assert v is not None
         r = v.linearised((), ())[0]
         np.testing.assert_allclose(r, left * hour * UP + [1e-5, 2e-5, -3e-5], atol=1e-4 * hour)

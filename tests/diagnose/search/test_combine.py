@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.odds import SINGLE, UNKNOWN
 from gimbalcal.diagnose.known_noise import searched
-from gimbalcal.diagnose.search.combine import CombinedRanking, combine, matched
 from gimbalcal.diagnose.of_recording import baseline_of
+from gimbalcal.diagnose.search.combine import CombinedRanking, combine, matched
 from gimbalcal.diagnose.verdict.pooled_sizes import pooled
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Source

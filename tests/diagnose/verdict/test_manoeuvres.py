@@ -5,28 +5,30 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gimbalcal.design.manoeuvres import menu, repeated
 from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.verdict import manoeuvres
-from gimbalcal.diagnose.verdict.manoeuvres import (
-    SETTLED,
-    Advice,
-    advise,
-    menu,
-    planned_rows,
-    repeated,
-    sentence,
-    separation,
-)
+from gimbalcal.diagnose.verdict import separation as module
+from gimbalcal.diagnose.verdict.separation import SETTLED, Advice, advise, sentence, separation
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
+from gimbalcal.recording import Recording
 from gimbalcal.views.core import Fit
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.words.diagnosis_sentences import separation_advice
 from tests.diagnose.small import at_rest, columns_at, covariance, few, observed, rows_of
 
 TABLE = observed(1, dwell=3)
 REST = at_rest(1)
+
+
+def planned_rows(r: Recording, o: Fit) -> Fit:
+    """The rows of a planned recording about the model of a fit."""
+    ids = tuple(dict.fromkeys(p.effect for p in o.parameters))
+    return fit_baseline(view_at_known_attitude(r, ids, o.effects), o.effects, steps=0)
+
+
 REVERSED, LATER, OBLIQUE, OTHER, WARMER = (m.words for m in menu(TABLE.view.source))
 
 
@@ -92,7 +94,7 @@ def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found: str, other: s
 def test_a_long_static_run_is_planned_with_fewer_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     ramp, day = causes(REST, "bias_drift:x", "bias_temperature:x")
     whole = advise(REST, ramp, 0, np.array([1.0]), day)
-    monkeypatch.setattr(manoeuvres, "ENOUGH", 144)
+    monkeypatch.setattr(module, "ENOUGH", 144)
     half = advise(REST, ramp, 0, np.array([1.0]), day)
     assert half.ln_bayes == pytest.approx(whole.ln_bayes, rel=0.02)  # every second row stands for two
 

@@ -108,9 +108,11 @@ def of_nodes(told, **more):
     nodes = [SimpleNamespace(single_walk=a, noise={"specific_force": (RandomWalk(size),)}) for a, size, _ in told]
     o = SimpleNamespace(residual=np.zeros((4, 3)), sigma=np.array([1.0, 3.0, 9.0]) * to_si(1.0, "ug/sqrt(h)"),
                         view=SimpleNamespace(channels=tuple(("specific_force", a) for a in "xyz")))  # fmt: skip
-    return SimpleNamespace(
+    s = SimpleNamespace(
         projections=tuple(SimpleNamespace(node=n) for n in nodes), null=np.array([ln for *_, ln in told]), fit=o, **more
     )
+    s.searches = (s,)
+    return s
 
 
 WALKS = [("", 0.0, 0.0), ("x", 8.0, -4.0), ("y", 1.0, np.log(1.5)), ("y", 4.0, np.log(1.5))]

@@ -1,7 +1,7 @@
-"""What stands against "adequate": a calibration of the same recording that does not fit, or only in a larger noise.
+"""What the usual calibration of a recording says against its model: it does not fit, or only in a larger noise.
 
-A diagnosis integrates over noise, so a noise larger than stated is no missing physics: the verdict stays adequate, and
-says so. `calibrate` takes the noise as stated. Both must say the same of one recording.
+A diagnosis integrates over noise, so a noise larger than stated is no missing physics: its verdict stays adequate, and
+these sentences stand beside it. A calibration takes the noise as stated. Both must say the same of one recording.
 """
 
 from __future__ import annotations
@@ -10,12 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.rows.baseline import by_triad
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.excess_scatter import larger_noise_in_words, scatter_in_words
-from gimbalcal.estimate.accelerometers.fit_summary import excess_in_words, joined, outliers_in_words
+from gimbalcal.estimate.accelerometers.fit_summary import excess_in_words, outliers_in_words
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.static_run.system import static
@@ -24,24 +22,7 @@ from gimbalcal.estimate.systematic.segments import turned_in_place
 from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE
-
-
-def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str]) -> Diagnosis:
-    """The diagnosis; where it is adequate and a calibration is not, with an `outcome` that says why.
-
-    Where nothing explains a unit turned in its place, a slip that a calibration would name is told.
-    """
-    if d.verdict == "unexplained":
-        slips = [slip for r in recordings for slip in _slips(r)]
-        return replace(d, in_words=f"{d.in_words} {slips[0][:1].upper()}{slips[0][1:]}.") if slips else d
-    if d.verdict != "adequate":
-        return d
-    said = list(dict.fromkeys(words for r in recordings for words in reservations(r, baseline)))
-    if not said:
-        return d
-    outcome = joined(said)
-    words = "No catalogued cause is significant, but the residuals exceed the stated noise"
-    return replace(d, outcome=outcome, in_words=f"{words}. {outcome}.")
+from gimbalcal.views.core import by_triad
 
 
 def reservations(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
@@ -49,31 +30,31 @@ def reservations(recording: Recording, baseline: Sequence[str] = ()) -> list[str
     usual = not baseline or set(baseline) == set(BASELINE.get(recording.kind, ()))
     out = []
     if recording.kind.stabilised and usual:
-        out += _said(lambda: list(filter(None, [static(recording).outcome.partition(", so ")[0]])))
+        out += _reported(lambda: list(filter(None, [static(recording).outcome.partition(", so ")[0]])))
     if turned_in_place(recording) and usual:
-        out += _said(lambda: list(filter(None, [systematic(recording, "30").outcome.partition(";")[0]])))
+        out += _reported(lambda: list(filter(None, [systematic(recording, "30").outcome.partition(";")[0]])))
     if not recording.kind.in_positions or recording.position is None or not recording.has(FORCE):
         return out
     if recording.has("gimbal_angle"):
-        out += _said(lambda: _of_positions(recording)) if usual else []
+        out += _reported(lambda: _of_positions(recording)) if usual else []
     mine, gyro = by_triad(baseline)
     if recording.has("gimbal_angle") and not recording.has(RATE):
         return out
     if mine or not baseline:
         terms = () if recording.has("gimbal_angle") else tuple(mine)
-        out += _said(lambda: _of_unit(recording, terms, bool(gyro) or not baseline))
+        out += _reported(lambda: _of_unit(recording, terms, bool(gyro) or not baseline))
     return out
 
 
-def _slips(recording: Recording) -> list[str]:
+def input_errors(recording: Recording) -> list[str]:
     """Return the likeliest input error by the calibration of a unit turned in its place, where it names one."""
     if not turned_in_place(recording):
         return []
-    slips = _said(lambda: [systematic(recording, "30").outcome.partition("; ")[2]])
+    slips = _reported(lambda: [systematic(recording, "30").outcome.partition("; ")[2]])
     return [slip for slip in slips if slip and "`gimbalcal diagnose`" not in slip]
 
 
-def _said(ask: Callable[[], list[str]]) -> list[str]:
+def _reported(ask: Callable[[], list[str]]) -> list[str]:
     """Return what an estimator reports; nothing where it does not take the recording."""
     try:
         return ask()
@@ -94,8 +75,16 @@ def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[s
     made = multiposition(recording, terms)
     times, excess = made.provenance.options.excess_over_noise, made.provenance.options.excess_scatter
     forces = scatter_in_words(recording, excess, excess / times) if times and excess and times > 0 else ""
-    return list(filter(None, [forces, *(_said(lambda: [_of_gyroscopes(recording, made)]) if both else [])]))
+    return list(filter(None, [forces, *(_reported(lambda: [_of_gyroscopes(recording, made)]) if both else [])]))
 
 
 def _of_gyroscopes(recording: Recording, made: Calibration) -> str:
     return with_gyroscopes(recording, replace(made, outcome="")).outcome
+
+
+def misheld_positions(recording: Recording) -> tuple[str, ...]:
+    """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
+    try:
+        return tuple(f.in_words for f in trusted_positions(recording).faults)
+    except InputError:  # too few positions or accelerometers to tell one that was not held
+        return ()

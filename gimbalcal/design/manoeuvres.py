@@ -1,0 +1,74 @@
+"""What could be recorded in addition at known attitude: manoeuvres, and the recordings that they would make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.recording import Recording
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """One thing to do on the bench: in words, hours it takes, and the recording it would add to."""
+
+    words: str
+    hours: float
+    apply: Callable[[Recording], Recording]
+
+
+def menu(recording: Recording) -> tuple[Manoeuvre, ...]:
+    """Manoeuvres for this kind of recording."""
+    hours = float(recording.time[-1] - recording.time[0]) / 3600.0
+    if recording.kind.stabilised:
+        return (Manoeuvre("let the run go on as long again", hours, _extended),)
+    out = [
+        Manoeuvre("repeat the positions in reversed order", hours, lambda r: repeated(r, reverse=True)),
+        Manoeuvre("wait 6 h and repeat the positions", hours + 6, lambda r: repeated(r, pause=6 * 3600.0)),
+        Manoeuvre("take the positions with gimbals at 30 and 60 degrees", hours, lambda r: repeated(r, share=2 / 3)),
+    ]
+    if {"inner", "middle"} <= set(recording.axes("gimbal_angle")):
+        words = "repeat the positions with the other gimbal solution"
+        out.append(Manoeuvre(words, hours, lambda r: repeated(r, other=True)))
+    if recording.has("temperature"):
+        out.append(
+            Manoeuvre("repeat the positions 6 degC warmer", hours + 2, lambda r: repeated(r, 7200.0, warmer=6.0))
+        )
+    return tuple(out)
+
+
+def repeated(
+    r: Recording, pause: float = 60.0, *, reverse: bool = False, share: float = 1.0, other: bool = False,
+    warmer: float = 0.0,
+) -> Recording:  # fmt: skip
+    """The recording followed by a second pass: in reverse order, over part of the angles, flipped, or warmer."""
+    n = len(r.time)
+    step = float(np.median(np.diff(r.time)))
+    order = np.arange(n)[::-1] if reverse else np.arange(n)
+    channels = {key: np.concatenate([v, v[order]]) for key, v in r.channels.items()}
+    for (quantity, axis), v in r.channels.items():
+        second = v[order] * (share if quantity == "gimbal_angle" else 1.0)
+        second = second + (warmer if quantity == "temperature" else 0.0)
+        if other and quantity == "gimbal_angle" and axis in ("inner", "middle"):
+            second = second + np.pi if axis == "inner" else np.pi - second
+        channels[quantity, axis] = np.concatenate([v, second])
+    moved = r.time[-1] - r.time[order] if reverse else r.time - r.time[0]
+    time = np.concatenate([r.time, r.time[-1] + step + pause + moved])
+    position = None if r.position is None else np.concatenate([r.position, r.position[order]])
+    return replace(r, time=time, position=position, channels=channels, weight=np.concatenate([r.weight, r.weight]))
+
+
+def _extended(r: Recording) -> Recording:
+    """A static run of twice the length; readouts go on as the Earth turns."""
+    step = float(np.median(np.diff(r.time)))
+    shift = float(r.time[-1] - r.time[0]) + step
+    channels = {}
+    for (quantity, axis), v in r.channels.items():
+        turn = EARTH_RATE * shift if (quantity, axis) == ("gimbal_angle", "platform") else 0.0
+        channels[quantity, axis] = np.concatenate([v, v + turn])
+    position = None if r.position is None else np.concatenate([r.position, r.position])
+    return replace(r, time=np.concatenate([r.time, r.time + shift]), position=position, channels=channels,
+                   weight=np.concatenate([r.weight, r.weight]))  # fmt: skip

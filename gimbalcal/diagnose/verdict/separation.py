@@ -1,0 +1,84 @@
+r"""Which experiment separates causes that this recording confounds: expected log Bayes factor per hour of bench time.
+
+For two causes i and j and the size at which i was found, the recording extended by a manoeuvre separates them by
+
+.. math:: \lambda^2 = \min_a \| X_i \hat\beta - X_j a \|^2_{V^{-1}}, \qquad E[\ln BF] = \lambda^2 / 2 ,
+
+the calibration profiled out of both. Each manoeuvre of the menu is laid out as rows and passed through the same model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimbalcal.design.manoeuvres import menu
+from gimbalcal.diagnose.evidence.stated_noise import nominal
+from gimbalcal.diagnose.library.assemble import columns_at
+from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.number import Array
+from gimbalcal.views.core import Fit
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.words.diagnosis_sentences import separation_advice
+from gimbalcal.words.naming import spaced
+
+TRIED = 12  # variants of the other cause: the grid of its constants
+ENOUGH = 720  # rows of a static run that a planned one is laid out with
+SETTLED = 3.0  # nats: a factor 20
+
+
+@dataclass(frozen=True)
+class Advice:
+    """The best manoeuvre ("" where none helps), the log Bayes factor it is expected to bring, and its hours."""
+
+    words: str
+    ln_bayes: float
+    hours: float
+
+
+def advise(o: Fit, found: Candidate, variant: int, size: Array, other: Candidate) -> Advice:
+    """The manoeuvre that separates `found`, at its fitted size in prior sigmas, from `other` fastest."""
+    return fastest(o, lambda planned: separation(planned, found, variant, size, other))
+
+
+def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
+    """The manoeuvre of the menu that brings most per hour; `gained`: ln Bayes factor of the planned rows."""
+    step = max(1, len(o.view.source.time) // ENOUGH) if o.view.kind.stabilised else 1
+    thin = o.view.source.select(slice(None, None, step))
+    ids = tuple(dict.fromkeys(p.effect for p in o.parameters))
+    best = Advice("", 0.0, 0.0)
+    for m in menu(thin):
+        planned = view_at_known_attitude(m.apply(thin), ids, o.effects)  # readings do not matter, only where and when
+        ln_bayes = step * gained(fit_baseline(planned, o.effects, steps=0))
+        if ln_bayes > SETTLED and (not best.words or ln_bayes / m.hours > best.ln_bayes / best.hours):
+            best = Advice(m.words, ln_bayes, m.hours)
+    return best
+
+
+def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
+    """Return the advice as one sentence."""
+    return separation_advice(a.words, a.hours, a.ln_bayes, spaced(found.effect), spaced(other.effect))
+
+
+def separation(o: Fit, found: Candidate, variant: int, size: Array, other: Candidate) -> float:
+    """Expected log Bayes factor between the two causes in the nominal noise."""
+    signal = columns_at(o, found, found.variants[variant].constants) @ size[:, None]
+    return apart(o, signal, [columns_at(o, other, v.constants) for v in other.variants[:TRIED]])
+
+
+def apart(o: Fit, signal: Array, others: Iterable[Array]) -> float:
+    """Expected log Bayes factor of a signal (R, 1) against the best of other columns (R, p), in the nominal noise."""
+    node = nominal(o)
+    Q = orthonormal(node.whiten(o.reduced(o.Z)))
+    y = node.whiten(signal)[:, 0]
+    y = y - Q @ (Q.T @ y)
+    least = float(y @ y)
+    for columns in others:
+        X = node.whiten(columns)
+        X = X - Q @ (Q.T @ X)
+        left = y - X @ np.linalg.lstsq(X, y, rcond=1e-9)[0]
+        least = min(least, float(left @ left))
+    return least / 2

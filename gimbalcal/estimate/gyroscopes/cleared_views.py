@@ -1,0 +1,117 @@
+r"""Views of gyroscopes that need an estimate first: dwells and turns with their nuisances eliminated.
+
+What the accelerometers leave open of gravity is noise of the turns. With A the derivative of the rows by the parameters
+of the accelerometers, of covariance P, and sigma the scatter of the turns, the rows are weighed by
+
+.. math:: W = \left(1 + A P A^T / \sigma^2\right)^{-1/2} ,
+
+one for a turn that the accelerometers tell well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.calibration import Calibration, Counts, Readout
+from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects import CATALOGUE, Effect, parameters
+from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, GYROSCOPE_INPUT_TERMS
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.fit import LEAST_SIGNAL, fit
+from gimbalcal.estimate.gyroscopes.rests import BIAS, fit_rests, level_of, rests
+from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns
+from gimbalcal.recording import Recording
+from gimbalcal.recording.record import RATE
+from gimbalcal.views.core import View
+from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, VERTICAL
+from gimbalcal.views.turns import Turns, gravity_after_turns, logged_turns, turns_between_rests, with_headings
+
+MIN_RESTS = 6  # fewer do not tell a pattern of the attitude from chance
+
+MIN_TURNS = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
+MIN_NUMBERS_LEFT = (
+    6  # numbers that must be left of the turns to tell their scatter beside what the accelerometers leave open
+)
+
+
+def view_at_rest(
+    recording: Recording, baseline: Sequence[str] = (), accelerometers: Calibration | None = None
+) -> View | None:
+    """Return the mean rates of dwells, with their nuisances eliminated.
+
+    `accelerometers` calibrates the force (left out, the positions do). None where the outputs are counts and no turns
+    between the rests say how much a count is.
+    """
+    made = accelerometers or multiposition(recording, ACCELEROMETER_TERMS)
+    moving = logged_turns(recording)
+    if recording.counted(RATE) and not moving:
+        return None
+    turns, scale = _turns(recording, made) if moving else (None, 1.0)
+    still = rests(recording, made, scale, turns)
+    if any(p.name == VERTICAL for p in still.nuisances) and len(still) >= MIN_RESTS:
+        (vertical,), _ = fit_rests(still, still.baseline).nuisance(VERTICAL)
+        still = rests(recording, made, scale, turns, float(np.clip(vertical, -EARTH_RATE, EARTH_RATE)))
+    still = still.without_nuisances()
+
+    def missed(at_rest: Sequence[Effect]) -> float:
+        return np.sqrt(2) * fit_turns(turns_between_rests(recording, made, at_rest)[0], GYROSCOPE_INPUT_TERMS).rms
+
+    noise = still.noise
+    if noise.sigma is None or np.any(noise.sigma <= MIN_RATE_SIGMA):  # one row per dwell says nothing of its scatter
+        noise = replace(noise, sigma=None, sample=None)
+    return replace(
+        still, baseline=tuple(baseline) or still.baseline, noise=noise, readout=_readout(still, recording, scale),
+        missed_by_turns=missed if moving else None,
+    )  # fmt: skip
+
+
+def _turns(recording: Recording, made: Calibration) -> tuple[Turns | None, float]:
+    """The turns between dwells and rad/s per unit; none where they are too few, or none is without a pause."""
+    try:
+        turns, _, scale = turns_between_rests(recording, made)
+    except InputError:
+        if recording.counted(RATE):
+            raise
+        return None, 1.0
+    return turns, scale
+
+
+def view_of_turns(
+    recording: Recording, accelerometers: Calibration | None = None, at_rest: Sequence[Effect] = ()
+) -> View | None:
+    """Return the turns of a recording; None where there are too few or nothing was logged on the way.
+
+    accelerometers: their model, with its covariance (left out, bias, scale and misalignment by the norm of gravity);
+    at_rest: effects by which the rests tell what gyroscopes read that do not turn (left out, bias and g-sensitivity).
+    """
+    if recording.position is None or not np.any(recording.position == 0):
+        return None
+    made = accelerometers or multiposition(recording, ACCELEROMETER_TERMS)
+    try:
+        turns, _, scale = turns_between_rests(recording, made, at_rest)
+        level = level_of(rests(recording, made, scale, turns), True)[0]
+        if not at_rest and len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
+            turns = turns_between_rests(recording, made, level.effects)[0]
+    except InputError:
+        return None
+    if len(turns.ends) < MIN_TURNS:
+        return None
+    view = gravity_after_turns(with_headings(turns, made.apply(recording)), made)
+    return replace(view.without_nuisances(_scatter(view)), readout=_readout(view, recording, scale))
+
+
+def _readout(view: View, recording: Recording, scale: float) -> Readout:
+    """Return how the unit of a view is read, with gyroscopes of `scale` [rad/s] per count where they count."""
+    return replace(view.readout, gyroscopes=Counts((scale,) * 3) if recording.counted(RATE) else None)
+
+
+def _scatter(view: View) -> float:
+    """Scatter of turns about a linear model [rad], with all that the accelerometers leave open where enough is left."""
+    wanted = [p for i in GYROSCOPE_INPUT_TERMS for p in parameters(CATALOGUE[i])]
+    enough = len(wanted) + len(view.nuisances) + MIN_NUMBERS_LEFT <= 2 * len(view)
+    free = tuple(replace(p, sigma=np.inf) for p in view.nuisances) if enough else ()
+    return max(fit([replace(view, nuisances=free)], wanted, min_signal=LEAST_SIGNAL).excess, 1e-150)
