@@ -41,7 +41,7 @@ def calibrate(
     more, states, grade: as `--terms`, `--with`, `--states`, `--grade`. Raises InputError as the command does; of
     several sensors logged side by side the first is returned.
     """
-    return _calibration_told(methods.calibrate(_listed(recordings), method, terms, tell, more, states, grade)[0])
+    return _printing(methods.calibrate(_listed(recordings), method, terms, tell, more, states, grade)[0])
 
 
 def diagnose(
@@ -51,13 +51,13 @@ def diagnose(
     """Return what the model of one recording, or of several of one unit, misses, as `gimbalcal diagnose` says it."""
     from gimbalcal.report.console import diagnosis_in_words
 
-    made = run_diagnosis(load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
-    refit = made.calibration and _calibration_told(made.calibration)
-    return replace(made, printer=diagnosis_in_words, calibration=refit)
+    result = run_diagnosis(load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
+    refit = result.calibration and _printing(result.calibration)
+    return replace(result, printer=diagnosis_in_words, calibration=refit)
 
 
 def from_frame(frame: Any, columns: Mapping[str, Entry] | None = None, **options: Any) -> Recording:
-    """A recording whose rows are those of a data frame (pandas, polars), or of any mapping of names to columns.
+    """Return a recording whose rows are those of a data frame (pandas, polars) or of a mapping of names to columns.
 
     columns: for each name what it holds, ``"specific_force x [g]"``, ``"time [s]"``; all options are those of
     `recording.from_frame`. Without columns they are guessed as `gimbalcal new` guesses those of a log, by names,
@@ -73,15 +73,15 @@ def from_frame(frame: Any, columns: Mapping[str, Entry] | None = None, **options
 
 
 def read_calibration(path: str | Path) -> Calibration:
-    """The calibration in a calibration.json, or another program's file: Kalibr .yaml, PSINS .mat, TPOINT .mod, .csv."""
-    return _calibration_told(exchange.read_calibration(Path(path)))
+    """Return the calibration in a calibration.json or a file of Kalibr (.yaml), PSINS (.mat), TPOINT (.mod) or .csv."""
+    return _printing(exchange.read_calibration(Path(path)))
 
 
-def _calibration_told(made: Calibration) -> Calibration:
-    """The same, which prints itself as the console prints it."""
+def _printing(calibration: Calibration) -> Calibration:
+    """Return the calibration with the text of the console as its `str`."""
     from gimbalcal.report.console import calibration_in_words
 
-    return replace(made, printer=calibration_in_words)
+    return replace(calibration, printer=calibration_in_words)
 
 
 def _listed(recordings: Source | Sequence[Source]) -> Sequence[Source]:

@@ -187,7 +187,7 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
             raw = unit if is_raw(unit) else ""
             out.append(Channel((quantity, axis), each.sensor, raw, c, fit(c), float(np.median(each.weight))))
     if not out:
-        raise InputError(f"{recording.title!r} has no specific_force or angular_rate: no sensor's noise to tell")
+        raise InputError(f"{recording.title!r} has no specific_force or angular_rate: so no noise can be determined")
     return tuple(out)
 
 

@@ -77,15 +77,15 @@ def calibrate_each(
         method = usual_method(groups[0])
         stars = method == "pointing"
         tell("method: the terms of the mount, by least squares" if stars else f"method: {method} (another: --method)")
-    made = []
+    results = []
     for group in groups:
         if len(groups) > 1:
             tell(f"calibrating {group[0].title}")
         request = Request(group, tuple(terms), tuple(more), states, grade, tell)
-        made.append((_calibrated(method, request), group))
-    if len(made) == 1:
-        return tuple(made)
-    checks = cross_checks(made, tell)
+        results.append((_calibrated(method, request), group))
+    if len(results) == 1:
+        return tuple(results)
+    checks = cross_checks(results, tell)
     words = tuple(check.in_words for check in checks)
     off = [check.in_words for check in checks if not check.agree]
     return tuple(
@@ -97,21 +97,21 @@ def calibrate_each(
             ),
             group,
         )
-        for c, group in made
+        for c, group in results
     )
 
 
 def cross_checks(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], tell: Tell = silent) -> list[CrossCheck]:
     """Compare every triad with the first in the rests of the first recording, where that is possible."""
-    made = []
+    checks = []
     (a, (r, *_)) = each[0]
     for b, (s, *_) in each[1:]:
         try:
-            made.append(cross_check((r, a), (s, b), (r.sensor, s.sensor)))
-            tell(made[-1].in_words)
+            checks.append(cross_check((r, a), (s, b), (r.sensor, s.sensor)))
+            tell(checks[-1].in_words)
         except InputError as problem:
             tell(f"note: no cross-check: {problem}")
-    return made
+    return checks
 
 
 def _calibrated(method: str, request: Request) -> Calibration:
@@ -123,44 +123,44 @@ def _calibrated(method: str, request: Request) -> Calibration:
     def again(changed: Sequence[Recording]) -> Calibration:
         return METHODS[method].estimate(replace(request, recordings=tuple(changed), tell=silent))
 
-    made = METHODS[method].estimate(request)
-    options = made.provenance.options
+    calibration = METHODS[method].estimate(request)
+    options = calibration.provenance.options
     sessions = [f"{session.title}: {session.in_words}" for session in options.sessions or ()]
     for words in (*sessions, *filter(None, [options.in_words]), *(f"note: {w}" for w in _left_out(options))):
         request.tell(words)
-    made = with_gravity(made, recordings)
+    calibration = with_gravity(calibration, recordings)
     if all(r.kind.inertial for r in recordings):
-        made = with_question(made, recordings, graded(recordings, request.grade), again)
-    made = replace(made, provenance=provenance(recordings, made, request.terms, request.more))
-    refuse_not_finite(made.to_dict(), " and ".join(repr(r.title) for r in recordings))
-    return made
+        calibration = with_question(calibration, recordings, graded(recordings, request.grade), again)
+    calibration = replace(calibration, provenance=provenance(recordings, calibration, request.terms, request.more))
+    refuse_not_finite(calibration.to_dict(), " and ".join(repr(r.title) for r in recordings))
+    return calibration
 
 
 def _left_out(options: Options) -> list[str]:
     """Return what was requested and is not part of the result, and why, from the options of its provenance."""
     both = [each.declined or {} for each in (options, options.gyro) if each]
     declined = ", ".join(dict.fromkeys(term for terms in both for term in terms)).replace("_", " ")
-    told = [f"these data do not show {declined}, so they are left out; why, and how large each may be, says the report"]
-    gyroscopes = [f"the gyroscopes stay out: {options.gyroscopes}"] if options.gyroscopes else []
-    return [*(told if declined else []), *gyroscopes]
+    reasons = [f"these data do not show {declined}, so they are left out; the report gives reasons and bounds"]
+    gyroscopes = [f"the gyroscopes are left out: {options.gyroscopes}"] if options.gyroscopes else []
+    return [*(reasons if declined else []), *gyroscopes]
 
 
 def provenance(
-    recordings: Sequence[Recording], made: Calibration, terms: Sequence[str], more: Sequence[str] = ()
+    recordings: Sequence[Recording], calibration: Calibration, terms: Sequence[str], more: Sequence[str] = ()
 ) -> Provenance:
     """Return the provenance of a calibration: files with their hashes, version, options, time, and remarks."""
     options = replace(
-        made.provenance.options,
+        calibration.provenance.options,
         direction=DIRECTION,
         sensor=recordings[0].sensor or None,
-        method=made.method,
+        method=calibration.method,
         terms=tuple(terms),
         with_=tuple(more) or None,
     )
     return replace(
-        made.provenance,
+        calibration.provenance,
         recordings=tuple(file for r in recordings for file in r.source),
-        effects=outside({p.effect for p in made.parameters}) or None,
+        effects=outside({p.effect for p in calibration.parameters}) or None,
         version=gimbalcal.__version__,
         options=options,
         recorded=when_recorded(recordings),

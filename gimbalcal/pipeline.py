@@ -65,14 +65,14 @@ def calibrate_in_three_stages(request: Request) -> Calibration:
     recordings = request.recordings
     fitted = tuple(i for r in sorted(recordings, key=lambda r: r.kind.in_positions) for i in r.kind.baseline)
     extra = extra_effects(request.more, recordings, fitted)
-    made = three_stage(recordings, request.tell, extra, request.grade)
+    calibration = three_stage(recordings, request.tell, extra, request.grade)
     if not any(r.has(RATE) for r in recordings):
-        return made
+        return calibration
     why = (
         "the three stages calibrate accelerometers; --method multiposition takes both triads, and --method rate-table "
         "holds gyroscopes against the angles of the table that turns them"
     )
-    return replace(made, provenance=made.provenance.with_options(gyroscopes=why))
+    return replace(calibration, provenance=calibration.provenance.with_options(gyroscopes=why))
 
 
 def three_stage(
@@ -93,8 +93,8 @@ def three_stage(
     recordings = [completed(r) for r in recordings]
     unit = graded(recordings, grade)
     tell(unit.in_words)
-    made = _three_stages(unit.of(recordings), tell, more, judged)
-    return replace(made, provenance=made.provenance.with_options(grade=unit.origin))
+    calibration = _three_stages(unit.of(recordings), tell, more, judged)
+    return replace(calibration, provenance=calibration.provenance.with_options(grade=unit.origin))
 
 
 def _three_stages(
@@ -158,12 +158,12 @@ def _refuse_too_little(device: Recording) -> None:
             f"{device.title!r} has no gimbal_angle column, so its attitude is not known; add the readouts to "
             "[columns], or calibrate it from the norm of the force with --method multiposition"
         )
-    held = sorted({d.position for d in dwells(device)})
-    if len(held) < FEWEST_POSITIONS:
+    positions = sorted({d.position for d in dwells(device)})
+    if len(positions) < FEWEST_POSITIONS:
         raise InputError(
-            f"{device.title!r} holds {amount(len(held), 'position')} ({', '.join(map(str, held))}), from which the "
-            f"errors of three accelerometers cannot be told; hold {FEWEST_POSITIONS} or more, each axis up, down and "
-            "tilted"
+            f"{device.title!r} holds {amount(len(positions), 'position')} ({', '.join(map(str, positions))}), from "
+            f"which the errors of three accelerometers cannot be determined; hold {FEWEST_POSITIONS} or more, each "
+            "axis up, down and tilted"
         )
 
 
@@ -178,7 +178,7 @@ def _one_of_each(recordings: Sequence[Recording]) -> tuple[Recording | None, Rec
         if (other := by_kind.get(recording.kind)) is not None:
             raise InputError(
                 f"{other.title!r} and {recording.title!r} are both {recording.kind} recordings; "
-                "give one of each kind, and calibrate the other by itself"
+                "give one of each kind, and calibrate the other alone"
             )
         by_kind[recording.kind] = recording
     return by_kind.get("multi-position"), by_kind.get("static-run")

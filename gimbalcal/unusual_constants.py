@@ -36,45 +36,45 @@ Limit = Callable[[Parameter], float]
 
 
 def with_question(
-    made: Calibration, recordings: Sequence[Recording], unit: Graded, again: Again, found: Container[str] = ()
+    c: Calibration, recordings: Sequence[Recording], unit: Graded, again: Again, known: Container[str] = ()
 ) -> Calibration:
-    """The calibration, whose outcome asks where a constant is none of a unit of this grade; `again` calibrates.
+    """Return the calibration, whose outcome asks where a constant is none of a unit of this grade; `again` calibrates.
 
-    found: effects that a diagnosis tells with their size and evidence, which are no question.
+    known: effects that a diagnosis reports with size and evidence, which are no question.
     """
     lasted = max(float(np.ptp(r.time)) for r in recordings)
-    counted = made.readout.gyroscopes is not None  # where zero is and what a count is, and so of which grade, is open
+    counted = c.readout.gyroscopes is not None  # where zero is and what a count is, and so of which grade, is open
 
     def limit(p: Parameter) -> float:
-        open_size = p.effect in found or (counted and CATALOGUE[p.effect].stage in GYROSCOPE_STAGES)
+        open_size = p.effect in known or (counted and CATALOGUE[p.effect].stage in GYROSCOPE_STAGES)
         return np.inf if open_size else largest_usual(unit, lasted, p)
 
-    beyond = beyond_grade(made, limit)
+    beyond = beyond_grade(c, limit)
     if not beyond:
-        return made
-    cause = likeliest(made, recordings, limit, again)
-    question = in_words(made, beyond, limit, cause, f"{unit.grade.name} grade: {unit.source}")
-    outcome = "; ".join(filter(None, [question, made.outcome]))
-    return replace(made, outcome=outcome, provenance=made.provenance.with_options(question=question))
+        return c
+    cause = likeliest(c, recordings, limit, again)
+    question = in_words(c, beyond, limit, cause, f"{unit.grade.name} grade: {unit.source}")
+    outcome = "; ".join(filter(None, [question, c.outcome]))
+    return replace(c, outcome=outcome, provenance=c.provenance.with_options(question=question))
 
 
 def largest_usual(unit: Graded, lasted: float, p: Parameter) -> float:
-    """The size [SI] beyond which a constant is hardly one of this unit, recorded for so many seconds."""
+    """Return the size [SI] beyond which a constant is hardly one of this unit, recorded for so many seconds."""
     return hurried(CATALOGUE[p.effect], lasted) * unit.grade.most(p)
 
 
-def beyond_grade(made: Calibration, limit: Limit) -> tuple[int, ...]:
+def beyond_grade(c: Calibration, limit: Limit) -> tuple[int, ...]:
     """Return the parameters beyond what a unit of this grade has, the farthest first."""
-    over = (np.abs(made.values) - MIN_SIGMAS * made.sigmas) / np.array([limit(p) for p in made.parameters])
+    over = (np.abs(c.values) - MIN_SIGMAS * c.sigmas) / np.array([limit(p) for p in c.parameters])
     return tuple(int(i) for i in np.argsort(-over) if over[i] > 1)
 
 
-def in_words(made: Calibration, beyond: Sequence[int], limit: Limit, cause: str, grade: str) -> str:
+def in_words(c: Calibration, beyond: Sequence[int], limit: Limit, cause: str, grade: str) -> str:
     """Return in words the constants beyond the grade, their usual size, and the likely cause."""
     stated = []
     for i in beyond[:MAX_SHOWN]:
-        p = made.parameters[i]
-        size, sigma, usual = (from_si(x, p.unit) for x in (made.values[i], made.sigmas[i], limit(p)))
+        p = c.parameters[i]
+        size, sigma, usual = (from_si(x, p.unit) for x in (c.values[i], c.sigmas[i], limit(p)))
         stated.append(
             f"{p.name.replace('_', ' ')} {p.axis} is {size:.4g} +- {sigma:.2g} {p.unit}, usual is below {usual:.3g}"
         )
@@ -85,19 +85,19 @@ def in_words(made: Calibration, beyond: Sequence[int], limit: Limit, cause: str,
     return f"{', '.join(stated)}{more} ({grade}): {end}"
 
 
-def likeliest(made: Calibration, recordings: Sequence[Recording], limit: Limit, again: Again) -> str:
+def likeliest(c: Calibration, recordings: Sequence[Recording], limit: Limit, again: Again) -> str:
     """Return in words the corrections with which every constant is usual; empty for none."""
 
     def misfit(correction: Correction) -> int:
         other = again([correction.corrected(r) for r in recordings])
-        return len(beyond_grade(other, limit)) + (bool(other.outcome) and not made.outcome)
+        return len(beyond_grade(other, limit)) + (bool(other.outcome) and not c.outcome)
 
-    tried = trials(islice(corrections(made, recordings, limit), MAX_TRIALS), misfit, most=MAX_TRIALS)
+    tried = trials(islice(corrections(c, recordings, limit), MAX_TRIALS), misfit, most=MAX_TRIALS)
     usual = [trial.candidate.words for trial in tried if not trial.misfit]
     return f"every constant is usual if {alternatives(usual)}; correct recording.toml" if usual else ""
 
 
-def corrections(made: Calibration, recordings: Sequence[Recording], limit: Limit) -> Iterator[Correction]:
+def corrections(c: Calibration, recordings: Sequence[Recording], limit: Limit) -> Iterator[Correction]:
     """Yield the input errors that would make these constants, the likeliest first."""
     for r in recordings:
         measured, stated = measured_latitude(r), r.site.latitude
@@ -105,8 +105,8 @@ def corrections(made: Calibration, recordings: Sequence[Recording], limit: Limit
             words = f"the latitude is {np.degrees(measured):.4g} deg, not {np.degrees(stated):.4g} deg"
             yield Correction(words, latitude=measured)
     for effect, quantity in SCALED.items():
-        sizes = {p.axis: 1 + v for p, v in zip(made.parameters, made.values, strict=True) if p.effect == effect}
-        wrong = [p.axis for p in (made.parameters[i] for i in beyond_grade(made, limit)) if p.effect == effect]
+        sizes = {p.axis: 1 + v for p, v in zip(c.parameters, c.values, strict=True) if p.effect == effect}
+        wrong = [p.axis for p in (c.parameters[i] for i in beyond_grade(c, limit)) if p.effect == effect]
         if wrong and quantity == "angular_rate" and len(wrong) == len(sizes):
             for factor, unit in CLOCK_UNITS.items():
                 if _alike(sizes.values(), factor):

@@ -121,7 +121,7 @@ class CampaignFolder:
             identity = json.loads(path.read_text(encoding="utf-8"))["identity"]
         except (ValueError, KeyError, TypeError):
             raise InputError(
-                f"{path} is damaged, so that nobody can tell whose campaign is in {self.folder}: give another --out, "
+                f"{path} is damaged, so it is not known which campaign is in {self.folder}: give another --out, "
                 "or --overwrite to replace"
             ) from None
         if identity != self.task.identity.to_dict():

@@ -13,7 +13,7 @@ from gimbalcal.errors import InputError
 
 CANCELLED = (asyncio.CancelledError, concurrent.futures.CancelledError)
 PATIENCE = 10.0  # s without a share that is done before it is asked whether anybody works
-RESUMABLE = "what is done is kept, and the same command goes on from there"
+RESUMABLE = "finished runs are kept, and the same command continues from there"
 
 
 def connect(address: str, timeout: float = 10.0) -> Any:

@@ -78,7 +78,7 @@ def remember(store: Path | None, unit: str, kind: str, content: Mapping[str, Any
 )
 @click.option(
     "--states", default="51", show_default=True, metavar="30|51|EFFECT[:AXIS],...",
-    help="systematic: the parameters to estimate beside the nine navigation errors, as a list or by their number.",
+    help="systematic: the parameters to estimate besides the nine navigation errors, as a list or by their number.",
 )  # fmt: skip
 @GRADE
 @stored

@@ -77,7 +77,7 @@ def export(kind: str, known: Path, overwrite: bool, out: Path | None, quiet: boo
         progress(quiet)(f"note: {words}")
     result = {"file": str(path), "direction": DIRECTION[kind], "lost": list(lost)}
     corrects = DIRECTION[kind] == "readings to physics"
-    does = "corrects readings" if corrects else "tells what a unit reads of the truth"
+    does = "corrects readings" if corrects else "gives what a unit reads for true quantities"
     show(result, f"wrote {path}, which {does}", as_json, quiet)
 
 

@@ -155,7 +155,7 @@ GRADE = click.option(
     default="",
     metavar="NAME",
     help="navigation, tactical, industrial or consumer: how large the sensors' errors usually are.  "
-    "[default: as their noise tells]",
+    "[default: from their noise]",
 )
 DAMPING = click.option(
     "--damping", type=Number(min=0, max=5), default=None,

@@ -279,7 +279,7 @@ def campaign(
             lambda result: marked(campaign_report(result), target.question), overwrite,
         )  # fmt: skip
     except KeyboardInterrupt:
-        tell(f"the runs that are done stay in {target.folder}; the same command goes on from there")
+        tell(f"finished runs are kept in {target.folder}; the same command continues from there")
         raise
     wrote(target.folder, "campaign.json", quiet)
     show(summary.to_dict(), headline(summary), as_json, quiet, target.page)

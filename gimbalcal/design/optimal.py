@@ -145,7 +145,7 @@ class ScheduleComparison:
     def in_words(self) -> str:
         """The comparison in one sentence."""
         quantity = {
-            "D": "the mean radius of what stays uncertain", "A": "the rms of what stays uncertain",
+            "D": "the mean radius of the remaining uncertainty", "A": "the rms of the remaining uncertainty",
             "position": "the error of position",
         }[self.criterion]  # fmt: skip
         return (
@@ -217,7 +217,7 @@ class PositionsDesign:
     @property
     def in_words(self) -> str:
         """The answer in one paragraph."""
-        unseen = [f"not seen: {u.why}" for u in self.unobservable]
+        unseen = [f"not observable: {u.why}" for u in self.unobservable]
         first = len(self.remarks) - len(self.unsupported)
         return "\n".join([self.origin, *self.remarks[:first], *unseen, *self.remarks[first:]])
 

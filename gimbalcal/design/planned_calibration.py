@@ -65,8 +65,8 @@ class PlannedCalibration:
 def planned_calibration(plans: Plans, state_list: str, more: Sequence[str], hours: float) -> PlannedCalibration:
     """Return the information of scenarios of one kind; the base is at rest for `hours` after its alignment.
 
-    asked: the states of turns; more: effects that the calibration estimates too. Raises InputError for scenarios of
-    another kind or platform, or without noise or latitude, and for effects that they do not show.
+    state_list: the states of turns; more: effects that the calibration estimates too. Raises InputError for scenarios
+    of another kind or platform, or without noise or latitude, and for effects that they do not show.
     """
     if any(s.recording_kind.rotating for _, s in plans):
         return _by_turns(plans, state_list or "51", more, hours)
@@ -151,7 +151,7 @@ def _first_site(scenarios: Sequence[Scenario]) -> Site:
     """Return the first site with a latitude."""
     site = next((s.site for s in scenarios if s.site.latitude is not None), None)
     if site is None or site.latitude is None:
-        raise InputError("a budget needs site.latitude in one of the scenarios: the base stands somewhere")
+        raise InputError("a budget needs site.latitude in one of the scenarios")
     return _with_gravity(site.latitude, site.height, site.gravity)
 
 

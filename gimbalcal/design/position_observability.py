@@ -113,7 +113,7 @@ class Observability:
         """The answer in one paragraph."""
         n, unobservable = len(self.solution.parameters), self.unobservable
         lines = [f"{self.schedule} sees {n - len(unobservable)} of {amount(n, 'combination')} of parameters"]
-        lines += [f"not seen: {u.why}" for u in unobservable]
+        lines += [f"not observable: {u.why}" for u in unobservable]
         lines += [f"confounded: {t.one} and {t.other} (cosine {t.cosine:+.4f})" for t in self.confounded]
         hidden = [c.effect for c in self.candidates if c.strength < MIN_SIGNAL_TO_NOISE]
         lines += [f"would not show at their usual size: {', '.join(hidden)}"] if hidden else []

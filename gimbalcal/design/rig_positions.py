@@ -99,7 +99,7 @@ def design_parameters(rig: PositioningRig, terms: Sequence[str]) -> tuple[Parame
     if np.isinf(rig.setting):
         gimbals = [t for t in terms if parameters(CATALOGUE[t], rig.platform.axis_names) != parameters(CATALOGUE[t])]
         if gimbals:
-            raise InputError(f"{gimbals[0]} is an angle error, which cannot be seen where no angle is known")
+            raise InputError(f"{gimbals[0]} is an angle error, which is not observable where no angle is known")
         return tied([p for t in terms for p in parameters(CATALOGUE[t])])
     return position_parameters(rig.platform, terms)
 

@@ -129,9 +129,9 @@ def bound(rows: Array) -> Array:
 
 
 def turning_experiment(
-    latitude: float, asked: str, rate_noise: float = 0.002, force_noise: float = 5.0, velocity: float = 1e-5
+    latitude: float, state_list: str, rate_noise: float = 0.002, force_noise: float = 5.0, velocity: float = 1e-5
 ) -> TurningExperiment:
-    """Return the experiment at `latitude` [deg] on the states `asked` (`state_lists.states`).
+    """Return the experiment at `latitude` [deg] on the states `state_list` (`state_lists.states`).
 
     rate_noise [deg/sqrt(h)], force_noise [ug/sqrt(Hz)], velocity [m/s]: one sigma of that of the place. Raises
     InputError for a pole, and for states that do not exist.
@@ -140,7 +140,7 @@ def turning_experiment(
         raise InputError(f"--latitude must be between -90 and 90 deg, got {latitude:g}")
     recording = unrecorded(np.deg2rad(latitude))
     noise = TurningNoise(to_si(force_noise, "ug/sqrt(Hz)"), to_si(rate_noise, "deg/sqrt(h)"), velocity)
-    return TurningExperiment(recording, states(asked, recording), noise)
+    return TurningExperiment(recording, states(state_list, recording), noise)
 
 
 def unrecorded(latitude: float, height: float = 0.0) -> Recording:

@@ -266,7 +266,7 @@ def table_of(step: float, limit: float, rate: float, ramp: float, total: float) 
 def design_turning(
     table: TwoAxisTable,
     latitude: float,
-    asked: str = "51",
+    state_list: str = "51",
     against: Sequence[str] = (),
     criterion: str = "max",
     noise: tuple[float, float, float] = (0.002, 5.0, 1e-5),
@@ -274,13 +274,13 @@ def design_turning(
     seed: int = 1,
     tell: Callable[[str], None] = lambda _: None,
 ) -> TurnsDesign:
-    """Return the schedule of turns with the smallest sigmas of the states `asked` at `latitude` [deg].
+    """Return the schedule of turns with the smallest sigmas of the states `state_list` at `latitude` [deg].
 
     against: schedules to compare with, in as much time, each at its own rate or at the table's, whichever is better;
     none: the usual size of each error. noise: deg/sqrt(h), ug/sqrt(Hz), m/s. Raises InputError for what does not exist
     and for too little time.
     """
-    search = TurningSearch(table, turning_experiment(latitude, asked, *noise))
+    search = TurningSearch(table, turning_experiment(latitude, state_list, *noise))
     others = {name: _best_rate(search, read_rotation(name)) for name in against}
     reference = (
         np.min([_largest(search, s) for s in others.values()], axis=0) if others else np.ones(len(search.groups))

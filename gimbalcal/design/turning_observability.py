@@ -128,7 +128,7 @@ class TurningObservability:
 def observe_turning(
     schedule: RotationSchedule | str | Path,
     latitude: float,
-    asked: str = "51",
+    state_list: str = "51",
     rate_noise: float = 0.002,
     force_noise: float = 5.0,
     velocity: float = 1e-5,
@@ -139,7 +139,7 @@ def observe_turning(
     InputError for schedules and states that do not exist.
     """
     turns = schedule if isinstance(schedule, RotationSchedule) else read_rotation(schedule)
-    experiment = turning_experiment(latitude, asked, rate_noise, force_noise, velocity)
+    experiment = turning_experiment(latitude, state_list, rate_noise, force_noise, velocity)
     noise = {
         "gyroscope_deg_per_sqrt_h": rate_noise,
         "accelerometer_ug_per_sqrt_Hz": force_noise,

@@ -237,7 +237,7 @@ class ViewsFit:
 
     @property
     def determined(self) -> bool:
-        """Whether rows determine every parameter, nuisances included, far above rounding."""
+        """Return whether rows determine every parameter, nuisances included, far above rounding."""
         return independent(self.whitened[0])
 
     @property

@@ -187,7 +187,7 @@ def compare(
                 named[p.label] = p
     common = {label: at for label, at in estimated_in.items() if len(at) > 1}
     if not common:
-        raise InputError("these calibrations have no parameter in common that both of them tell")
+        raise InputError("these calibrations have no parameter in common that both of them determine")
     limits = _limits(allowed or {}, named.values())
     time = np.array([d.date.timestamp() for d in ordered])
     independent = [not (ordered[i].hashes & ordered[i + 1].hashes) for i in range(len(ordered) - 1)]

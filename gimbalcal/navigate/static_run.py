@@ -89,7 +89,7 @@ def refuse(recording: Recording) -> None:
     """Raise InputError for anything but a static run of a space-stable platform with its force and a latitude."""
     refuse_other_platform(recording)
     if abs(required_latitude(recording.site.latitude)) > np.deg2rad(89):
-        raise InputError(f"{recording.title!r} stands at a pole, where there is no longitude")
+        raise InputError(f"{recording.title!r} is at a pole, where longitude is undefined")
     if recording.counted(FORCE):
         raise InputError(f"{recording.title!r} reads its force in counts: apply its calibration first")
     recording.triad(FORCE)

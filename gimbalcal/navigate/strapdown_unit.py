@@ -139,7 +139,7 @@ def refuse(recording: Recording) -> None:
     if latitude is None:
         raise InputError(f"{recording.title!r} needs `latitude` in [site] of recording.toml: the Earth turns below it")
     if abs(latitude) > np.deg2rad(89):
-        raise InputError(f"{recording.title!r} stands at a pole, where there is no longitude")
+        raise InputError(f"{recording.title!r} is at a pole, where longitude is undefined")
     for quantity in (FORCE, RATE):
         if recording.counted(quantity):
             raise InputError(f"{recording.title!r} reads its {quantity} in counts: apply its calibration first")

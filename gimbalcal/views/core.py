@@ -182,7 +182,7 @@ class Fit:
 
     @property
     def exact(self) -> bool:
-        """Whether a residual in SI is the rounding of numbers that were made without noise."""
+        """Return whether a residual in SI is the rounding of numbers that were made without noise."""
         return self.rms < EXACT
 
     def reduced(self, X: Array) -> Array:

@@ -116,7 +116,7 @@ def _moved(motion: Motion) -> int:
 
 
 def lateness(v: View) -> dict[str, tuple[float, float]]:
-    """By how much each channel of slews is late, and one sigma [s], whatever the others are."""
+    """Return the delay of each channel of slews with one sigma [s], whatever the others are."""
     out = {}
     for c, (_, axis) in enumerate(v.channels):
         (p,) = parameters(CATALOGUE["time_tag_latency" if axis == "force" else "gyro_latency"])

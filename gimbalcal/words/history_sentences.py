@@ -33,7 +33,7 @@ def comparison_in_words(c: Comparison) -> str:
         names = [c.calibrations[k].name for k in (worst.before, worst.after)]
         text = (
             f"{start} do not agree: {names[0]} and {names[1]} differ in their parameters together "
-            f"(p = {worst.p_value:.2g}), though no parameter does by itself."
+            f"(p = {worst.p_value:.2g}), though no single parameter does."
         )
     else:
         more = f", and {len(moved) - 3} more" if len(moved) > 3 else ""
@@ -58,7 +58,7 @@ def _dates_in_words(c: Comparison) -> str:
     write = "write date = 2026-11-18, say, into each recording.toml and calibrate again."
     if dated and len(dated) < len(c.calibrations):
         few = "one of them says" if len(dated) == 1 else f"{len(dated)} of them say"
-        return f" Only {few} when it was recorded; others stand at the day they were computed: {write}"
+        return f" Only {few} when it was recorded; others are dated by the day they were computed: {write}"
     one_day = np.ptp([d.date.timestamp() for d in c.calibrations]) < SOLAR_DAY
     if not dated and one_day and len(c.calibrations) > 2:
         return (

@@ -166,7 +166,7 @@ def test_a_cluster_without_workers_or_that_goes_away_is_one_sentence(
             for each in workers:
                 each.kill()
 
-        with pytest.raises(InputError, match="has no worker left; what is done is kept"):
+        with pytest.raises(InputError, match="has no worker left; finished runs are kept"):
             run_campaign(PULSES, 4000, tmp_path / "c", scheduler=address, progress=kill_all)
         for each in workers:
             each.wait()

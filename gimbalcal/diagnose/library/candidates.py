@@ -72,7 +72,7 @@ class Candidate:
 
     @property
     def once(self) -> bool:
-        """Whether it is part of one recording, as a mistake at one position or a step at one moment does."""
+        """Return whether it is part of one recording, as a mistake at one position or a step at one moment does."""
         return not self.rival and any(kind(f).once for f in constants(CATALOGUE[self.effect]))
 
 
