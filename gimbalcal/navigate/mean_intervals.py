@@ -92,8 +92,8 @@ def _refuse_lost_turns(run: Recording, dt: Array, usual: float) -> None:
         rate = run.triad(RATE)[max(k - 1, 0) : k + 1]
         if np.abs(rate[0] - rate[-1]).max() * dt[k] > np.deg2rad(1.0) or np.abs(rate).max() > np.deg2rad(0.5):
             raise InputError(
-                f"{run.title!r}: the clock pauses for {dt[k]:.3g} s before row {k + 1} while the unit turns, so nobody "
-                "knows where it points after that; give a recording without that pause"
+                f"{run.title!r}: the clock pauses for {dt[k]:.3g} s before row {k + 1} while the unit turns, so its "
+                "attitude after that is unknown; give a recording without that pause"
             )
 
 
