@@ -103,8 +103,8 @@ def fourier(
     except np.linalg.LinAlgError:
         turned = np.rad2deg(np.ptp(angle))
         raise InputError(
-            f"the run covers {turned:.1f} deg of the Earth's turn, too little for harmonics {tuple(orders)} from "
-            f"each other and from {drift} drift terms: record a longer run or ask for fewer terms"
+            f"the run covers {turned:.1f} deg of the Earth's turn, too little to separate harmonics {tuple(orders)} "
+            f"from each other and from {drift} drift terms: record a longer run or ask for fewer terms"
         ) from None
     r = y - A @ fit.beta[:, 0]
     return Harmonics(
