@@ -23,7 +23,7 @@ import numpy as np
 
 from gimbalcal.design.turning_observability import observe_turning
 from gimbalcal.schedule import ROTATIONS
-from gimbalcal.schedule.rotation import contradictions, direction
+from gimbalcal.schedule.commands import contradictions, direction
 from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.units import from_si
 

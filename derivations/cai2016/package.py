@@ -137,7 +137,7 @@ def inversion() -> float:
 @once
 def _schedule() -> tuple[Any, Any]:
     """Return the package's attitudes (19, 3, 3) body to east, north, up, and speed [deg/s], stop [s]."""
-    from gimbalcal.schedule.rotations import ROTATIONS
+    from gimbalcal.schedule.published import ROTATIONS
 
     schedule = ROTATIONS["cai2016-18"]
     return TURN @ schedule.attitudes(), np.array([np.degrees(schedule.rate), schedule.stop])

@@ -69,7 +69,7 @@ checks(SOURCE, "Eq. (6)", "Eq. (8)", where=_A)(partial(angles, "misalignment", d
 @once
 def _attitudes() -> Any:
     """Return the package's (31, 3, 3) body to east, north, up."""
-    from gimbalcal.schedule.rotations import ROTATIONS
+    from gimbalcal.schedule.published import ROTATIONS
 
     return TURN @ ROTATIONS["wei2022-30"].attitudes()
 

@@ -30,7 +30,7 @@ from gimbalcal.navigate.stationary_base import static_plan, still_base, still_un
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import ROTATIONS, Hold, RotationSchedule, Schedule
-from gimbalcal.schedule.rotation import standing
+from gimbalcal.schedule.commands import standing
 from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.simulate import Scenario
 from gimbalcal.simulate.timetable import planned as position_schedule

@@ -26,8 +26,8 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.rotation import exponential
 from gimbalcal.schedule import ROTATIONS, Move, RotationSchedule
+from gimbalcal.schedule.commands import direction, standing
 from gimbalcal.schedule.file import read_rotation
-from gimbalcal.schedule.rotation import direction, standing
 from gimbalcal.schedule.trajectory import Trajectory, trajectory
 from gimbalcal.units import from_si
 

@@ -34,7 +34,7 @@ from gimbalcal.navigate.uncertainty import uncertain
 from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
-from gimbalcal.schedule.rotation import standing
+from gimbalcal.schedule.commands import standing
 from gimbalcal.views.core import without_sizes
 
 DAY = 24.0  # h that a still base is navigated

@@ -21,7 +21,7 @@ from gimbalcal.report import figures
 from gimbalcal.report.chart import Chart, lasting, sensible_time
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.schedule import Schedule
-from gimbalcal.schedule.rotation import RotationSchedule
+from gimbalcal.schedule.commands import RotationSchedule
 from gimbalcal.words import naming
 from gimbalcal.words.naming import counted, label_in_words, precision, unit_in_print
 from gimbalcal.words.rounding import minus, significant

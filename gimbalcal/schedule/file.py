@@ -16,10 +16,8 @@ from gimbalcal.platform import KNOWN, Platform
 from gimbalcal.recording.document import LARGEST, Document, shortened
 from gimbalcal.recording.header import platform_of
 from gimbalcal.recording.writing import platform_toml, toml_text
-from gimbalcal.schedule.published import SCHEDULES
-from gimbalcal.schedule.rotation import BODY, DIRECTIONS, TABLE, Move, RotationSchedule
-from gimbalcal.schedule.rotations import ROTATIONS
-from gimbalcal.schedule.schedule import Hold, Schedule
+from gimbalcal.schedule.commands import BODY, DIRECTIONS, TABLE, Hold, Move, RotationSchedule, Schedule
+from gimbalcal.schedule.published import ROTATIONS, SCHEDULES
 from gimbalcal.units import from_si
 
 

@@ -1,4 +1,4 @@
-"""The published schedules, as data tables."""
+"""Schedules by name, published ones and one found here; what their rows print is checked by the moves."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, SPACE_STABLE
-from gimbalcal.schedule.schedule import Hold, Schedule
+from gimbalcal.schedule.commands import Hold, Move, RotationSchedule, Schedule
 
 # Wu et al. (2018), Table 1: platform, inner and middle angle of positions 1 to 18 in units of pi/4
 # (the printed arrows, "unchanged", resolved; derivations/ proves the gravity components from these).
@@ -49,3 +49,108 @@ REVOLUTION_AXES: Array = np.array(
 )
 
 SCHEDULES: dict[str, Schedule] = {s.name: s for s in (EIGHTEEN_POSITIONS, FIFTEEN_POSITIONS)}
+
+# --- turns ------------------------------------------------------------------------------------------------------------
+
+FIVE, TEN = float(np.deg2rad(5.0)), float(np.deg2rad(10.0))
+
+
+def _moves(words: str) -> tuple[Move, ...]:
+    """Return the moves from "y+90 z-180": axis, sign and angle [deg]."""
+    split = [(w[: w.index(s)], w[w.index(s) :]) for w in words.split() for s in "+-" if s in w]
+    return tuple(Move(axis, float(np.deg2rad(float(angle)))) for axis, angle in split)
+
+
+def _reversed(moves: tuple[Move, ...]) -> tuple[Move, ...]:
+    return tuple(Move(m.axis, -m.angle) for m in moves)
+
+
+def _along(moves: tuple[Move, ...], directions: str) -> tuple[Move, ...]:
+    return tuple(Move(m.axis, m.angle, along=d) for m, d in zip(moves, directions.split(), strict=True))
+
+
+# Cai et al. (2016), Table 1 and section 3.4: a table with a horizontal outer axis, 5 deg/s, stops of 180 s. The paper
+# says "1 h": 18 turns with ramps of 1 s and the 19 stops take 3870 s.
+CAI_18 = RotationSchedule(
+    "cai2016-18",
+    ("east", "north", "up"),
+    _moves(
+        "outer+90 outer+180 outer+180 inner+90 inner+180 inner+180 outer+90 outer+180 outer+180 "
+        "outer+90 outer+90 outer+90 inner+90 inner+90 inner+90 outer+90 outer+90 outer+90"
+    ),
+    rate=FIVE,
+    stop=180.0,
+    outer="east",
+    stated=(
+        ("east", "up", "south"), ("east", "down", "north"), ("east", "up", "south"),
+        ("up", "west", "south"), ("down", "east", "south"), ("up", "west", "south"),
+        ("south", "west", "down"), ("north", "west", "up"), ("south", "west", "down"),
+        ("down", "west", "north"), ("north", "west", "up"), ("up", "west", "south"),
+        ("west", "down", "south"), ("down", "east", "south"), ("east", "up", "south"),
+        ("east", "south", "down"), ("east", "down", "north"), ("east", "north", "up"),
+    ),
+    source="cai2016",
+)  # fmt: skip
+
+# Wei et al. (2022), Table 1: the axis of the unit and the direction that it points in, of rows 1 to 15; 16 to 30 are
+# "the same, and the direction is opposite". The start follows from the rows, and is the (0, -90, -90) deg of section
+# 4.1 read as pitch, roll and yaw. Rate and stops are not printed.
+_HALF = _moves("y+90 y+90 y+90 y-180 y-90 z+90 x+90 x+90 x+90 x-180 x-90 z+90 z+90 z-180 z-90")
+WEI_30 = RotationSchedule(
+    "wei2022-30",
+    ("up", "east", "north"),
+    _along(_HALF, "east east east east east north east east east east east north north north north") + _reversed(_HALF),
+    rate=TEN,
+    stop=100.0,
+    source="wei2022",
+)
+
+# The classic 19 positions, 18 turns, as the PSINS toolbox has them (demos/test_system_calibration_19pos.m): 9 s a turn.
+XIE_19 = RotationSchedule(
+    "xie2011-19",
+    ("up", "east", "north"),
+    _moves("y+90 y+90 y+90 y-90 y-90 y-90 z+90 x+90 x+90 x+90 x-90 x-90 x-90 z+90 z+90 z-90 z-90 z-90"),
+    rate=TEN,
+    stop=100.0,
+    source="xie2011",
+)
+
+# Eight turns about the unit's own axes, the fast scheme of Jia as the PSINS toolbox has it.
+JIA_9 = RotationSchedule(
+    "jia2014-9",
+    ("east", "north", "up"),
+    _moves("x+90 z+90 y-90 x-90 z-90 y+90 x+90 z-90"),
+    rate=TEN,
+    stop=100.0,
+    source="jia2014",
+)
+
+# Each axis up and down, turned by half turns: Yan's textbook, section 10.4, as the PSINS toolbox has it.
+YAN_9 = RotationSchedule(
+    "yan2012-9",
+    ("east", "north", "up"),
+    _moves("z+180 x+180 y+90 x+180 y+180 z+90 y+180 z+180"),
+    rate=TEN,
+    stop=100.0,
+    source="yan2012",
+)
+
+# Found by `gimbalcal design --kind rotation --step 90 --against cai2016-18,wei2022-30 --latitude 34.2` (8000 tries,
+# seed 3): better than both in every group of the 51 states, in their 3870 s and at either rate.
+TURNS_63 = RotationSchedule(
+    "turns-63",
+    ("up", "west", "south"),
+    _moves(
+        "outer+180 inner-90 outer-180 inner+90 inner+90 outer-180 outer+90 outer+180 inner+180 inner-180 inner-180 "
+        "outer+90 inner-90 inner+90 inner-180 outer+90 outer+180 outer-90 inner+180 inner+90 outer-90 outer+90 "
+        "outer-90 inner-180 outer+90 outer-90 outer+90 outer-90 outer-90 outer-180 inner+90 outer-180 outer-180 "
+        "outer+180 outer+90 inner-180 outer-180 outer+90 inner+90 outer-90 outer-90 inner-90 inner+90 outer+90 "
+        "inner+90 inner+90 outer+90 outer-180 inner+90 inner-90 outer+180 inner+180 outer+180 inner-90 outer+180 "
+        "inner-90 inner+90 inner+180 inner+180 inner-90 outer+180 inner-90 outer-90"
+    ),
+    rate=TEN,
+    stop=47.109375,
+    outer="east",
+)
+
+ROTATIONS: dict[str, RotationSchedule] = {s.name: s for s in (CAI_18, WEI_30, XIE_19, JIA_9, YAN_9, TURNS_63)}

@@ -1,12 +1,18 @@
-r"""How a unit moves through a rotation schedule, in closed form.
+r"""How a unit moves in its place, in closed form: through a rotation schedule, or swinging.
 
-A turn speeds up at a constant rate over the ramp r, keeps its rate w, and slows down as it sped up:
+A turn of a schedule speeds up at a constant rate over the ramp r, keeps its rate w, and slows down as it sped up:
 
 .. math:: \theta(u) = \tfrac{w}{2r} u^2 \;(u \le r), \qquad w (u - \tfrac{r}{2}), \qquad
           \theta(T - u) = \theta(T) - \theta(u), \qquad T = |\theta| / w + r .
 
 A turn too short for its rate comes to the rate that its acceleration w / r allows. The Earth turns beneath: rates
 against inertial space are :math:`\omega = a \dot\theta + C_n^b \omega_{ie}`.
+
+A swinging table turns the unit from where it stands by a heading h, a pitch p and a roll r about its own z, y and x,
+each :math:`a \sin 2 \pi f t`, so that
+
+.. math:: \omega = (\dot r - \dot h \sin p, \;\; \dot p \cos r + \dot h \cos p \sin r, \;\;
+          \dot h \cos p \cos r - \dot p \sin r) .
 """
 
 from __future__ import annotations
@@ -18,11 +24,11 @@ import numpy as np
 
 from gimbalcal.earth import rate_at
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.rotation import exponential
-from gimbalcal.schedule.rotation import RotationSchedule, standing
+from gimbalcal.rotation import exponential, frame_rotation
+from gimbalcal.schedule.commands import RotationSchedule, standing
 
 
-class Path(Protocol):
+class Motion(Protocol):
     """How a unit in its place turns: in closed form, smooth between `corners`."""
 
     @property
@@ -86,6 +92,44 @@ class Trajectory:
         axis = self.axis[i]
         C = self.attitude[i] @ exponential(-angle[:, None] * axis)
         return C, speed[:, None] * axis, speeding[:, None] * axis
+
+
+@dataclass(frozen=True, eq=False)
+class Swing:
+    """amplitude (3,) [rad] and frequency (3,) [Hz] of heading, pitch and roll about the attitude start (3, 3), C_bn."""
+
+    amplitude: Array
+    frequency: Array
+    start: Array
+    duration: float
+
+    @property
+    def corners(self) -> Array:
+        """Return no times: the motion is smooth."""
+        return np.zeros(0)
+
+    def moving(self, start: Array, stop: Array) -> Array:
+        """Return true at all times: a swing never rests."""
+        return np.asarray(stop > start)
+
+    def at(self, time: Array) -> tuple[Array, Array, Array]:
+        """Return C_bn (n, 3, 3), angular rate against the Earth (n, 3) [rad/s] and its slope (n, 3) [rad/s^2]."""
+        w = 2 * np.pi * self.frequency
+        s, c = np.sin(np.outer(time, w)), np.cos(np.outer(time, w))
+        (h, p, r), (dh, dp, dr) = (self.amplitude * s).T, (self.amplitude * w * c).T
+        ddh, ddp, ddr = (-self.amplitude * w**2 * s).T
+        C = self.start @ np.swapaxes(frame_rotation("x", r) @ frame_rotation("y", p) @ frame_rotation("z", h), -1, -2)
+        sp, cp, sr, cr = np.sin(p), np.cos(p), np.sin(r), np.cos(r)
+        rate = np.stack([dr - dh * sp, dp * cr + dh * cp * sr, dh * cp * cr - dp * sr], axis=-1)
+        slope = np.stack(
+            [
+                ddr - ddh * sp - dh * dp * cp,
+                ddp * cr - dp * dr * sr + ddh * cp * sr - dh * dp * sp * sr + dh * dr * cp * cr,
+                ddh * cp * cr - dh * dp * sp * cr - dh * dr * cp * sr - ddp * sr - dp * dr * cr,
+            ],
+            axis=-1,
+        )
+        return C, rate, slope
 
 
 def trajectory(schedule: RotationSchedule, tilt: Array | None = None, angle_error: Array | None = None) -> Trajectory:

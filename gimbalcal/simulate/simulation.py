@@ -21,7 +21,7 @@ from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Key
 from gimbalcal.schedule.drive import Drive
-from gimbalcal.schedule.trajectory import Path as Course
+from gimbalcal.schedule.trajectory import Motion
 from gimbalcal.simulate.scenario import QuantityHistory, Scenario, check_content, load
 from gimbalcal.simulate.sensor_noise import coloured, noises, of_rates, stated
 from gimbalcal.simulate.timetable import Timetable, planned, platform_of, row_times, sidereal, timetable, turned_times
@@ -51,7 +51,7 @@ class Run:
     environment: dict[Key, Callable[[Array], Array]]
     read: tuple[str, ...]
     seed: int
-    path: Course | None = None  # of a unit that a schedule turns
+    path: Motion | None = None  # of a unit that a schedule turns
 
 
 def prepare(scenario: Scenario, seed: int | None = None) -> Run:
@@ -154,7 +154,7 @@ def _block(
     )
 
 
-def _turned(run: Run, path: Course, time: Array, past: Array) -> dict[str, Array]:
+def _turned(run: Run, path: Motion, time: Array, past: Array) -> dict[str, Array]:
     """Return the readings of a turned unit, means over the intervals that end at `time` (n,) [s] or of the instant."""
     motion = run.scenario.schedule
     at = nodes(path, time, 1 / motion.rate, motion.rates == "instant")
@@ -237,7 +237,7 @@ def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Gene
     return channels
 
 
-def _reference(path: Course, scenario: Scenario, time: Array, rng: np.random.Generator) -> dict[Key, Array]:
+def _reference(path: Motion, scenario: Scenario, time: Array, rng: np.random.Generator) -> dict[Key, Array]:
     """Return the position of a vehicle as a satellite receiver reports it; nothing of a unit in its place."""
     if not isinstance(path, Drive):
         return {}

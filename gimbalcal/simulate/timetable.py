@@ -12,7 +12,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import Platform, known
 from gimbalcal.recording.memory_limit import memory_limit
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
-from gimbalcal.schedule.trajectory import Path as Course
+from gimbalcal.schedule.trajectory import Motion
 from gimbalcal.simulate.scenario import FaultsSection, Scenario, ScheduleSection
 
 SLEW_RATE = float(np.deg2rad(6.0))  # rad/s, of a table or platform from hold to hold
@@ -166,7 +166,7 @@ def row_times(scenario: Scenario, table: Timetable | None) -> Array:
     return time
 
 
-def turned_times(scenario: Scenario, path: Course) -> Array:
+def turned_times(scenario: Scenario, path: Motion) -> Array:
     """Return the ends (n,) [s] of the sampling intervals of a unit that is turned along a path."""
     rate = scenario.schedule.rate
     _refuse_many(path.duration, rate)

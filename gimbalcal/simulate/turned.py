@@ -24,11 +24,10 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import exponential
 from gimbalcal.schedule import ROTATIONS, Move, RotationSchedule
+from gimbalcal.schedule.commands import standing
 from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.file import read_rotation
-from gimbalcal.schedule.rotation import standing
-from gimbalcal.schedule.swing import Swing
-from gimbalcal.schedule.trajectory import Path, earth_rate, trajectory
+from gimbalcal.schedule.trajectory import Motion, Swing, earth_rate, trajectory
 from gimbalcal.simulate.scenario import ScheduleSection
 
 QUIVER_PERIOD_S = 0.2  # s
@@ -50,7 +49,7 @@ class Nodes:
         return np.asarray(np.add.reduceat(weight * values, self.first, axis=0))
 
 
-def nodes(path: Path, time: Array, interval: float | Array, instant: bool) -> Nodes:
+def nodes(path: Motion, time: Array, interval: float | Array, instant: bool) -> Nodes:
     """Return where to evaluate the readings of rows that end at `time` (n,) [s], after an interval [s]."""
     n = len(time)
     interval = np.broadcast_to(interval, (n,))
@@ -84,7 +83,7 @@ def nodes(path: Path, time: Array, interval: float | Array, instant: bool) -> No
     return out
 
 
-def stimulus(path: Path, like: Recording, time: Array) -> Stimulus:
+def stimulus(path: Motion, like: Recording, time: Array) -> Stimulus:
     """Return the stimulus at `time` (N,) [s] of the recording's clock; `like` holds the environment there."""
     C_bn, own, slope = path.at(time)
     if isinstance(path, Drive):
@@ -131,7 +130,7 @@ def schedule_of(motion: ScheduleSection) -> RotationSchedule:
     )
 
 
-def flown(motion: ScheduleSection, setting: float, rng: np.random.Generator, site: Site) -> Path:
+def flown(motion: ScheduleSection, setting: float, rng: np.random.Generator, site: Site) -> Motion:
     """Return the trajectory as it truly is: the start a little off, and each axis set with an error at every stop."""
     tilt = motion.start_sigma * rng.standard_normal(3)
     if motion.drive is not None:
@@ -155,7 +154,7 @@ def flown(motion: ScheduleSection, setting: float, rng: np.random.Generator, sit
 
 
 def shaken(
-    path: Path,
+    path: Motion,
     time: Array,
     step: float,
     sigma: float,

@@ -150,7 +150,7 @@ def test_a_slip_in_a_compiled_loop_is_named(monkeypatch, module, old, new, calle
 @pytest.mark.parametrize(("source", "row"), [(CAI, 5), (WEI, 2), (WEI, 24)])
 def test_a_schedule_that_turns_the_other_way_is_named(slip, source, row):
     assert compare(source, f"Table 1, row {row}").same
-    slip("schedule.rotation", "RotationSchedule.attitudes", "-move.angle", "move.angle / 2")
+    slip("schedule.commands", "RotationSchedule.attitudes", "-move.angle", "move.angle / 2")
     assert not compare(source, f"Table 1, row {row}").same
 
 

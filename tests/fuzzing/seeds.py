@@ -20,8 +20,7 @@ from gimbalcal.methods import calibrate
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, read, write
 from gimbalcal.schedule.file import rotation_toml, schedule_toml
-from gimbalcal.schedule.published import SCHEDULES
-from gimbalcal.schedule.rotations import ROTATIONS
+from gimbalcal.schedule.published import ROTATIONS, SCHEDULES
 
 DATA = Path(__file__).resolve().parent.parent.parent / "data"
 DEVICE, STATIC, HAND = "device", "static", "hand"  # folders of recordings

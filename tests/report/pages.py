@@ -38,7 +38,7 @@ from gimbalcal.report.navigation_page import budget_report, navigation_report
 from gimbalcal.report.new_page import proposal_page
 from gimbalcal.report.noise_page import noise_report
 from gimbalcal.report.plan_page import design_report, observability_report, plan_report
-from gimbalcal.schedule.rotations import ROTATIONS
+from gimbalcal.schedule.published import ROTATIONS
 from tests.estimate.pointing.mounts import ALT_AZ, effects, run, sky
 from tests.report.example import example
 

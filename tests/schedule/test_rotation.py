@@ -7,8 +7,8 @@ import pytest
 
 from gimbalcal.rotation import exponential
 from gimbalcal.schedule import ROTATIONS, Move, RotationSchedule
+from gimbalcal.schedule.commands import contradictions
 from gimbalcal.schedule.file import is_rotation, read_rotation, read_schedule, rotation_toml
-from gimbalcal.schedule.rotation import contradictions
 from gimbalcal.schedule.trajectory import trajectory
 from tests.golden import refused
 

@@ -1,8 +1,8 @@
-r"""A rotation schedule as data: how a unit stands at the start, and the turns and stops that follow.
+r"""Commands to a platform as data: holds at gimbal angles in order, or the turns and stops of a unit.
 
-A move turns the unit about one of its own axes (x, y, z), or about an axis of the table that carries it: `outer` stays
-put in the room, `inner` turns with the unit. Both stay put in the unit and in the room during the move, so attitudes
-follow in closed form,
+A schedule has no clock and no state; the simulator gives it both. A move of a `RotationSchedule` turns the unit about
+one of its own axes (x, y, z), or about an axis of the table that carries it: `outer` stays put in the room, `inner`
+turns with the unit. Both stay put in the unit and in the room during the move, so attitudes follow in closed form,
 
 .. math:: C_b^n \leftarrow C_b^n R(a, \theta) \quad (\text{inner, x, y, z}), \qquad
           C_b^n \leftarrow R(u, \theta) C_b^n \quad (\text{outer}),
@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.errors import alternatives
-from gimbalcal.number import Array
+from gimbalcal.number import Array, apply_matrix
+from gimbalcal.platform import Platform
 from gimbalcal.rotation import exponential
 
 DIRECTIONS: Mapping[str, tuple[float, float, float]] = {  # in north, east, down
@@ -31,6 +32,33 @@ DIRECTIONS: Mapping[str, tuple[float, float, float]] = {  # in north, east, down
 }
 BODY = ("x", "y", "z")
 TABLE = ("outer", "inner")
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Stay at gimbal angles `angles` [rad], in the platform's axis order, for `duration` [s]."""
+
+    angles: tuple[float, ...]
+    duration: float = 600.0  # s; Wu et al. (2018) section 4 holds 10 min (20 s for the coarse stage)
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Ordered holds on one platform; slews between them run at `slew_rate` [rad/s]."""
+
+    name: str
+    platform: Platform
+    holds: tuple[Hold, ...]
+    slew_rate: float = np.deg2rad(6.0)
+
+    @property
+    def angles(self) -> Array:
+        """Return gimbal angles (m, k) [rad] of the holds."""
+        return np.array([hold.angles for hold in self.holds], dtype=float).reshape(len(self.holds), -1)
+
+    def gravity_directions(self) -> Array:
+        """Return unit gravity in platform axes (m, 3) at each hold, on a level base: C_bp (0, 0, 1)."""
+        return apply_matrix(self.platform.attitude(self.angles), np.array([0.0, 0.0, 1.0]))
 
 
 @dataclass(frozen=True)
