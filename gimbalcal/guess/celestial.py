@@ -17,6 +17,7 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import ANGLES, plain, unit_written
 from gimbalcal.guess.text_table import Table
+from gimbalcal.importers.pointing_files import about_other_pole
 from gimbalcal.number import Array
 from gimbalcal.recording.record import Recording
 from gimbalcal.units import from_si
@@ -140,8 +141,8 @@ def refuse_below_horizon(path: Path, run: Recording, why: str) -> None:
     """Raise InputError where a sidereal time that was worked out puts stars below the horizon."""
     latitude = run.site.latitude or 0.0
     h, d = (run.channels["true_angle", axis] for axis in ("hour_angle", "declination"))
-    up = np.sin(d) * np.sin(latitude) + np.cos(d) * np.cos(latitude) * np.cos(h)
-    if (below := int(np.count_nonzero(up < np.sin(MIN_ELEVATION_RAD)))) > 0:
+    up = about_other_pole(h, d, latitude)[1]
+    if (below := int(np.count_nonzero(up < MIN_ELEVATION_RAD))) > 0:
         raise InputError(
             f"{path}: {below} of {len(up)} stars would stand below the horizon with the sidereal time {why}; are the "
             "times UTC, and is the longitude counted eastward (west is negative)? Say it with --longitude DEG, or add "

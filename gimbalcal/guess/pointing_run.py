@@ -18,7 +18,7 @@ from gimbalcal.guess.celestial import angle_stated, latitude_column, sidereal, s
 from gimbalcal.guess.column_names import ANGLES, by_name, by_spelling, plain, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.guess.text_table import Table
-from gimbalcal.importers.pointing import elapsed, in_order, pointing_run
+from gimbalcal.importers.pointing_files import elapsed, in_order, pointing_run
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN

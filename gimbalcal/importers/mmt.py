@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.pointing import elapsed, pointing_run, sexagesimal
+from gimbalcal.importers.pointing_files import elapsed, pointing_run, sexagesimal
 from gimbalcal.importers.registry import importer
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording.record import Recording, Site

@@ -22,7 +22,7 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity
 from gimbalcal.errors import InputError, amount
-from gimbalcal.importers.pointing import pointing_run
+from gimbalcal.importers.pointing_files import about_other_pole, pointing_run
 from gimbalcal.importers.registry import importer
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
@@ -105,9 +105,7 @@ def _hour_angle(path: Path, pointed: str, latitude: float) -> float:
     if re.search(rf"Hour angle{_NUMBER}", pointed):
         return float(np.radians(15 * _header_value(path, pointed, "Hour angle", "where the mount pointed")))
     up, around = (np.radians(_header_value(path, pointed, name, "or else its Hour angle")) for name in ("Alt", "Az"))
-    west = -np.cos(up) * np.sin(around)
-    south = np.sin(up) * np.cos(latitude) - np.cos(up) * np.sin(latitude) * np.cos(around)
-    return float(np.arctan2(west, south))
+    return float(about_other_pole(np.array(around), np.array(up), latitude)[0])
 
 
 def _chosen(path: Path, options: Mapping[str, str], stretches: Sequence[_Stretch]) -> int:

@@ -33,7 +33,7 @@ import numpy as np
 
 from gimbalcal.earth import normal_gravity
 from gimbalcal.errors import InputError
-from gimbalcal.importers.pointing import elapsed, in_order, pointing_run, sexagesimal
+from gimbalcal.importers.pointing_files import about_other_pole, elapsed, in_order, pointing_run, sexagesimal
 from gimbalcal.importers.registry import importer, one_of
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Axis, Platform
@@ -127,11 +127,8 @@ def _both_sides(hour: Array, declination: Array) -> tuple[dict[str, Array], dict
 
 def _horizontal(hour: Array, declination: Array, site: Site) -> dict[str, Array]:
     """Return elevation and azimuth from north through east [rad] of hour angle and declination [deg]."""
-    h, d, L = np.radians(hour), np.radians(declination), site.latitude or 0.0
-    up = np.sin(d) * np.sin(L) + np.cos(d) * np.cos(L) * np.cos(h)
-    north = np.sin(d) * np.cos(L) - np.cos(d) * np.sin(L) * np.cos(h)
-    east = -np.cos(d) * np.sin(h)
-    return {"elevation": np.arctan2(up, np.hypot(north, east)), "azimuth": np.arctan2(east, north)}
+    azimuth, elevation = about_other_pole(np.radians(hour), np.radians(declination), site.latitude or 0.0)
+    return {"elevation": elevation, "azimuth": azimuth}
 
 
 def _raised(hour: Array, declination: Array, file: _File) -> tuple[Array, Array]:
@@ -139,10 +136,7 @@ def _raised(hour: Array, declination: Array, file: _File) -> tuple[Array, Array]
     place = _horizontal(hour[:, 0], declination[:, 0], file.site)
     E = np.degrees(place["elevation"])
     up = np.radians(E + file.air * 1.02 / 60 / np.tan(np.radians(E + 10.3 / (E + 5.11))))  # Meeus, Eq. (16.4), arcmin
-    around, L = place["azimuth"], file.site.latitude or 0.0
-    d = np.arcsin(np.sin(up) * np.sin(L) + np.cos(up) * np.cos(L) * np.cos(around))
-    south = np.sin(up) * np.cos(L) - np.cos(up) * np.sin(L) * np.cos(around)
-    h = np.arctan2(-np.cos(up) * np.sin(around), south)
+    h, d = about_other_pole(place["azimuth"], up, file.site.latitude or 0.0)
     turns = np.round((hour[:, 0] - np.degrees(h)) / 360)
     return (
         np.column_stack([np.degrees(h) + 360 * turns, hour[:, 1]]),

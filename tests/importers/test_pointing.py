@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.importers import import_files
-from gimbalcal.importers.pointing import SIDEREAL_SECOND_S, sexagesimal
+from gimbalcal.importers.pointing_files import SIDEREAL_SECOND_S, sexagesimal
 from gimbalcal.importers.tpoint import _joined, equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN

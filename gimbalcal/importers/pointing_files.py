@@ -1,4 +1,13 @@
-"""What the importers of telescope pointing runs share: sexagesimal angles, sidereal time, a run of rows."""
+r"""Angles and clocks in files of telescope pointing runs: sexagesimal, sidereal, on the horizon; and a run of rows.
+
+A direction has azimuth A (from north through east) and elevation E, or hour angle h (westward) and declination delta.
+At latitude L
+
+.. math:: \sin E = \sin\delta \sin L + \cos\delta \cos L \cos h, \qquad
+          \tan A = \frac{-\cos\delta \sin h}{\sin\delta \cos L - \cos\delta \sin L \cos h}
+
+and the same with (A, E) and (h, delta) exchanged.
+"""
 
 from __future__ import annotations
 
@@ -23,6 +32,15 @@ def sexagesimal(words: Sequence[str]) -> float:
     """Return the number of sexagesimal words: ``["-00", "30", "36"]`` is -0.51, the sign belongs to the whole."""
     sign = -1.0 if words[0].startswith("-") else 1.0
     return sign * sum(abs(float(word)) / 60**i for i, word in enumerate(words))
+
+
+def about_other_pole(around: Array, up: Array, latitude: float) -> tuple[Array, Array]:
+    """Return azimuth and elevation [rad] of hour angle and declination, or hour angle and declination of those."""
+    s, c = np.sin(latitude), np.cos(latitude)
+    height = np.sin(up) * s + np.cos(up) * c * np.cos(around)
+    meridian = np.sin(up) * c - np.cos(up) * s * np.cos(around)
+    across = -np.cos(up) * np.sin(around)
+    return np.arctan2(across, meridian), np.arctan2(height, np.hypot(meridian, across))
 
 
 def elapsed(path: Path, sidereal_hours: Array) -> tuple[Array, tuple[str, ...]]:
