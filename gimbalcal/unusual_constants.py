@@ -15,7 +15,7 @@ from itertools import islice
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.checks.input_errors import CLOCK_UNITS, SENSOR, Correction, other_units, scaled, trials
+from gimbalcal.checks.input_errors import CLOCK_UNITS, SENSOR, SI, Correction, in_other_units, scaled, trials
 from gimbalcal.checks.sidereal import measured_latitude
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
@@ -30,7 +30,6 @@ MAX_TRIALS, MAX_SHOWN = 6, 2
 ALIKE = 0.2  # relative, of a scale factor and a ratio of units
 MIN_LATITUDE_ERROR_RAD = 1e-3
 SCALED = {"scale_factor": "specific_force", "gyro_scale_factor": "angular_rate"}
-UNITS = {"specific_force": ("m/s^2", "g", "mg", "ug"), "angular_rate": ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")}
 Again = Callable[[Sequence[Recording]], Calibration]
 Limit = Callable[[Parameter], float]
 
@@ -121,10 +120,10 @@ def _of_sensors(sizes: Sequence[float], axes: Sequence[str], quantity: str, r: R
     which = f"the {SENSOR[quantity]}{'s' if several else ''} {' and '.join(axes)} {'are' if several else 'is'}"
     if all(size < 0 for size in sizes):
         yield scaled(quantity, axes, -1.0, f"{which} of the opposite sign")
-    units = UNITS[quantity]
-    for stated, unit, factor in other_units([r.units.get((quantity, axes[0]), units[0])], units):
-        if stated in units and _alike(map(abs, sizes), factor):
-            yield scaled(quantity, axes, factor, f"{which} in {unit}, not in {stated}")
+    words = which + " in {unit}, not in {stated}"
+    for correction in in_other_units(quantity, axes, [r.units.get((quantity, axes[0]), SI[quantity])], words):
+        if _alike(map(abs, sizes), correction.factor(quantity)):
+            yield correction
 
 
 def _alike(sizes: Iterable[float], factor: float) -> bool:

@@ -19,7 +19,7 @@ from math import pi
 import numpy as np
 
 from gimbalcal.checks.check import ROTATION, Check, Examined
-from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, Correction, other_units, permuted, scaled, trials
+from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, SI, Correction, in_other_units, permuted, scaled, trials
 from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -32,7 +32,6 @@ SPAN_S = 0.1  # readouts of a thousandth of a turn show the rate, and no axis tu
 MAX_SPANS = 2000
 MAX_RESIDUAL = 0.26  # of what gyroscopes read, unexplained by the rig: 15 deg
 MIN_RATE_CHANGE = np.radians(0.1)  # rad/s; a rate that changes by less shows nothing
-ANGLE_UNITS, RATE_UNITS = ("deg", "rad", "rev", "gon", "mdeg", "mrad"), ("deg/s", "rad/s", "deg/h", "rev/min")
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,10 +144,10 @@ def _shows(turn: DrivenTurn) -> bool:
 def _corrections(r: Recording, physical: bool) -> Iterator[Correction]:
     """Yield other statements of a rig and of gyroscopes on it, the simplest first; of counts only the axes."""
     logged, names = r.axes(ANGLE), r.platform.axis_names
-    for stated, unit, factor in other_units((r.units.get((ANGLE, a), "rad") for a in logged), ANGLE_UNITS):
-        if physical:
-            remedy = f'write unit = "{unit}" for the column of {" and ".join(logged)}'
-            yield scaled(ANGLE, logged, factor, f"as its angles say in {unit}, not {stated}", remedy, names)
+    if physical:
+        remedy = 'write unit = "{unit}" for the column of ' + " and ".join(logged)
+        stated = [r.units.get((ANGLE, a), SI[ANGLE]) for a in logged]
+        yield from in_other_units(ANGLE, logged, stated, "as its angles say in {unit}, not {stated}", remedy, names)
     for few in sorted(product((0, 1), repeat=len(names)), key=sum) if physical else ():
         turned = [a for a, wrong in zip(names, few, strict=True) if wrong]
         if turned and set(turned) <= set(logged):  # the readout counts backwards, whatever its zero
@@ -165,9 +164,8 @@ def _corrections(r: Recording, physical: bool) -> Iterator[Correction]:
         )
     for p in PERMUTATIONS[1:]:
         yield replace(permuted(RATE, p), words=f"if {p.in_words(RATE)}")
-    for stated, unit, factor in other_units((r.units.get((RATE, a), "rad/s") for a in AXES), RATE_UNITS):
-        if physical:
-            yield scaled(RATE, AXES, factor, f"if they read {unit}, not {stated}", f'write unit = "{unit}" for them')
+    stated = [r.units.get((RATE, a), SI[RATE]) for a in AXES]
+    yield from in_other_units(RATE, AXES, stated, "if they read {unit}, not {stated}", 'write unit = "{unit}" for them')
 
 
 CHECKS = (Check(rates_of_the_table, ROTATION, ("driven",)),)

@@ -25,6 +25,7 @@ from gimbalcal.checks.input_errors import (
     MIN_AGREEMENT,
     MIN_GAIN,
     PERMUTATIONS,
+    UNITS,
     Correction,
     exchanged,
     permuted,
@@ -37,7 +38,7 @@ from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import ANGLE, FORCE, Recording
 from gimbalcal.units import to_si
 
-FORCE_UNITS = {unit: to_si(1.0, unit) for unit in ("m/s^2", "g", "mg", "ug", "ft/s^2", "Gal")}
+FORCE_UNITS = {unit: to_si(1.0, unit) for unit in UNITS[FORCE]}
 MAX_NORM_ERROR = 0.3  # of gravity, rms: above that of any low-cost unit
 NORM_ERROR_EXPLAINED = 0.25  # of it: what another unit may leave
 NO_GRAVITY = 0.1  # of gravity: accelerometers that read less, all of them, had gravity subtracted

@@ -8,7 +8,7 @@ constants are usual. Of equally good corrections the simplest is named, so they 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations, product
 from typing import Generic, TypeVar
@@ -19,7 +19,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.recording.record import Recording
-from gimbalcal.units import to_si
+from gimbalcal.units import is_raw, to_si
 
 AXES = ("x", "y", "z")
 MAX_DEVIATION_RAD = np.radians(15.0)  # far above gimbal zeros, misalignments and hand-set angles, below a wrong axis
@@ -30,6 +30,13 @@ SIGN_CONVENTION = {
     "specific_force": " (f = a - g: one whose axis points down reads -9.8 m/s^2 at rest)",
     "angular_rate": "",
 }
+SI = {"specific_force": "m/s^2", "angular_rate": "rad/s", "gimbal_angle": "rad"}
+UNITS = {
+    "specific_force": ("m/s^2", "g", "mg", "ug", "ft/s^2", "Gal"),
+    "angular_rate": ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h", "rev/min"),
+    "gimbal_angle": ("deg", "rad", "rev", "gon", "mdeg", "mrad"),
+}
+"""Units that columns of a quantity may be in, whatever a header states."""
 CLOCK_UNITS = {1e-3: "ms", 1e3: "s instead of ms", 1e-6: "us", 60.0: "min", 3600.0: "h"}
 """Seconds that one of the stated seconds really is, and the unit that it is then in."""
 
@@ -148,6 +155,11 @@ class Correction:
             scatter=scatter,
         )
 
+    def factor(self, quantity: str) -> float:
+        """Return by what the first column of a quantity that changes is multiplied; 1 where none does."""
+        factors = np.diag(self.matrices[quantity][1]) if quantity in self.matrices else np.ones(1)
+        return float(next((x for x in factors if x != 1), 1.0))
+
     def reversed(self, quantity: str) -> tuple[str, ...]:
         """Return the axes whose columns are of the opposite sign."""
         axes, M = self.matrices.get(quantity, ((), np.zeros((0, 0))))
@@ -221,10 +233,18 @@ def exchanged(quantity: str, of: tuple[str, ...], i: int, j: int, words: str) ->
     return Correction(words, "", {quantity: (of, np.eye(len(of))[order])})
 
 
-def other_units(stated: Iterable[str], units: Iterable[str]) -> Iterator[tuple[str, str, float]]:
-    """Yield the unit that all columns state, another unit, and what the numbers are to be multiplied by in it."""
-    all_stated = set(stated)
-    for unit in units if len(all_stated) == 1 else ():
-        (one,) = all_stated
+def in_other_units(
+    quantity: str, axes: Sequence[str], stated: Iterable[str], words: str, remedy: str = "", of: tuple[str, ...] = AXES
+) -> Iterator[Correction]:
+    """Yield the corrections by which columns that state one unit are in another.
+
+    None where they state several, or counts. words, remedy: with {unit} and {stated} for the other unit and this one.
+    """
+    units = set(stated)
+    if len(units) != 1 or is_raw(one := units.pop()):
+        return
+    for unit in UNITS[quantity]:
         if unit != one:
-            yield one, unit, float(to_si(1.0, unit) / to_si(1.0, one))
+            factor = float(to_si(1.0, unit) / to_si(1.0, one))
+            in_words, to_write = (text.format(unit=unit, stated=one) for text in (words, remedy))
+            yield scaled(quantity, axes, factor, in_words, to_write, of)

@@ -33,9 +33,10 @@ from gimbalcal.checks.input_errors import (
     MIN_AGREEMENT,
     MIN_GAIN,
     PERMUTATIONS,
+    SI,
     AxisPermutation,
     Correction,
-    other_units,
+    in_other_units,
     scaled,
     trials,
 )
@@ -49,7 +50,6 @@ MIN_MOTION_RAD = 0.5  # a turn that moves the reference less deviates by less th
 MIN_TURNS, MAX_TURNS = 3, 40  # those that move the reference most: enough to distinguish 48 permutations
 MAX_STEPS = 4000  # of a turn; longer ones are averaged
 MIN_RESTS = 8  # three of them go into the bias
-RATE_UNITS = ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h")
 MEDIAN_TURNS_RAD = np.geomspace(0.2, 20, 40)  # tried for the median turn, where the scale of a count is unknown
 FACTORS = np.geomspace(1e-2, 1e2, 93)  # of all rates, in steps of 10 %
 MAX_SCALE_ERROR = 3.0  # rates off by less are no wrong unit: a range that was exceeded, rows that were lost
@@ -322,18 +322,17 @@ def _units(recording: Recording) -> list[Correction]:
     """Return other units of the rates and other clocks."""
     step = float(np.median(np.diff(recording.time)))
     increments = f'they are what each step of {step:.3g} s adds to the angle (write quantity = "angle_increment")'
-    stated = recording.units.get((RATE, "x"), "rad/s")
-    units = [(u, f) for _, u, f in other_units([stated], RATE_UNITS)]
+    stated = recording.units.get((RATE, "x"), SI[RATE])
     corrections = [
         scaled(RATE, AXES, 1 / step, increments),
-        *(scaled(RATE, AXES, f, f'the rates are in {u} (write unit = "{u}")') for u, f in units),
+        *in_other_units(RATE, AXES, [stated], 'the rates are in {unit} (write unit = "{unit}")'),
         *(Correction(f"the time is in {u}", clock=f) for f, u in CLOCK_UNITS.items()),
     ]
     return [c for c in corrections if abs(_size(c) - 1) > 1e-6]
 
 
 def _size(correction: Correction) -> float:
-    return correction.clock * float(correction.matrices[RATE][1][0, 0] if RATE in correction.matrices else 1.0)
+    return correction.clock * correction.factor(RATE)
 
 
 def _scales(recording: Recording, turns: MeasuredTurns) -> list[Correction]:
