@@ -19,6 +19,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers import import_files
 from gimbalcal.importers.sandboxed_reader import matlab_variables
 from gimbalcal.pipeline import load
+from gimbalcal.recording import memory_limit
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 HEADER = """
@@ -89,22 +90,32 @@ def test_soft_links_inside_a_file_are_followed(tmp_path: Path) -> None:
     assert made.time.tolist() == list(range(20))
 
 
-def test_archives_and_parquet_that_unpack_to_gigabytes(tmp_path: Path) -> None:
+def test_what_unpacks_to_half_a_gigabyte_and_fifty_times_its_size_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "packed").write_bytes(bytes(1_000_000))
+    memory_limit.refuse_bomb(tmp_path / "packed", 499_000_000, streamed=True)
+    with pytest.raises(InputError, match=r"packed has 1 MB and would take 0\.501 GB"):
+        memory_limit.refuse_bomb(tmp_path / "packed", 501_000_000, streamed=True)
+    (tmp_path / "packed").write_bytes(bytes(11_000_000))
+    memory_limit.refuse_bomb(tmp_path / "packed", 501_000_000, streamed=True)
+
+
+def test_archives_and_parquet_that_unpack_to_gigabytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundredth of what is refused, so that the test takes a second."""
+    monkeypatch.setattr(memory_limit, "LARGE", memory_limit.LARGE // 100)
     with (
         zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed,
         packed.open("vel_HHN.npy", "w", force_zip64=True) as file,
     ):
-        for _ in range(60):
-            file.write(bytes(10_000_000))
-    with pytest.raises(InputError, match=r"would take 0\.6 GB"):
+        file.write(bytes(6_000_000))
+    with pytest.raises(InputError, match=r"would take 0\.006 GB"):
         import_files("tilt-table", [tmp_path / "bomb.npz"])
     folder = tmp_path / "r"
     shutil.copytree(DATA / "space_stable_18", folder)
     header = folder / "recording.toml"
     header.write_text(header.read_text().replace("samples.csv", "samples.parquet"))
     few = pl.read_csv(folder / "samples.csv").head(1)
-    pl.concat([few] * 8_000_000).write_parquet(folder / "samples.parquet")
-    with pytest.raises(InputError, match=r"samples\.parquet has .* and would take 0\.57"):
+    pl.concat([few] * 80_000).write_parquet(folder / "samples.parquet")
+    with pytest.raises(InputError, match=r"samples\.parquet has .* and would take 0\.0057"):
         load([folder])
 
 
