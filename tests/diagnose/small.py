@@ -9,14 +9,17 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 from scipy.fft import idct
 
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.stated_noise import nodes, settle
-from gimbalcal.diagnose.library.assemble import columns_at, library
+from gimbalcal.diagnose.library import assemble
+from gimbalcal.diagnose.library.assemble import available, columns_at, library
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.result import FitSummary
 from gimbalcal.diagnose.search.ranking import Search, search
+from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, Site
@@ -48,7 +51,12 @@ def at_rest(seed: int = 1, error: static_plant.Error | None = None, size: float 
 
 def few(o: Fit, *labels: str) -> Library:
     """The library of a recording with these candidates alone ("bias_drift:x"), each by its first entry."""
-    whole = library(o)
+    effects = {label.partition(":")[0] for label in labels}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(assemble, "available", lambda v: tuple(i for i in available(v) if i in effects))
+        if effects <= set(CATALOGUE):
+            patch.setattr(assemble, "shapes_in_outputs", lambda *_: [])
+        whole = library(o)
     kept, blocks, at = [], [], 0
     for label in labels:
         c = next(c for c in whole.candidates if c.label == label)
