@@ -220,6 +220,8 @@ class Provenance(Entry):
     @classmethod
     def read(cls, content: object) -> Provenance:
         """Return the `provenance` of a calibration.json. Raises InputError, which names the place of a wrong type."""
+        if isinstance(content, Mapping):
+            content = {key: value for key, value in content.items() if value != {}}  # of what is absent
         if isinstance(content, Mapping) and isinstance(options := content.get("options"), Mapping):
             gyro = {key.removeprefix(GYRO): value for key, value in options.items() if key.startswith(GYRO)}
             content = {**content, "options": {**options, "gyro": gyro or None}}
