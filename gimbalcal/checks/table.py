@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from gimbalcal.checks import covariates, driven_rates, forces, rates, sidereal, sightings, turned_unit
 from gimbalcal.checks.check import POSITIONS, STATIC, Check, Examined, examine
-from gimbalcal.recording.completed import with_rests
+from gimbalcal.recording.detection import with_rests
 from gimbalcal.recording.record import FORCE, RATE, Recording
 
 FORCES_NOT_CHECKED = (

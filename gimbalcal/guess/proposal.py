@@ -37,10 +37,9 @@ from gimbalcal.guess.unit_candidates import unit_candidates
 from gimbalcal.importers.mmt import import_mmt
 from gimbalcal.importers.tpoint import import_tpoint
 from gimbalcal.number import Array
-from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
-from gimbalcal.recording.frames import Entry
+from gimbalcal.recording.frames import Rig
 from gimbalcal.recording.record import ANGLE
 
 SELF_DESCRIBING = {"TPOINT's observations": import_tpoint, "a pointing run of the MMT": import_mmt}
@@ -86,7 +85,11 @@ class _Context:
     left_out: tuple[str, ...]
 
     def recording(
-        self, log: Log, platform: Entry = "bench", reversed_columns: Sequence[str] = (), kind: str = "multi-position"
+        self,
+        log: Log,
+        platform: Rig = "bench",
+        reversed_columns: Sequence[str] = (),
+        kind: str = "multi-position",
     ) -> Recording:
         """Return the columns of the log that are known as a recording."""
         return from_frame(
@@ -206,7 +209,7 @@ def _self_describing(path: Path, title: str) -> Proposal | None:
 
 def _turned(table: TurnedLog, context: _Context) -> Proposal:
     """Return the recording of gyroscopes that a table turned."""
-    recording = context.recording(table.log, _platform_entry(table.platform), kind="rotation")
+    recording = context.recording(table.log, table.platform, kind="rotation")
     kind = (
         f"rotation, gyroscopes that a table turned{orientation_note(table.log)}. Give the recordings of all mountings "
         "together"
@@ -268,7 +271,7 @@ def _in_units(log: Log, context: _Context) -> Proposal:
         reversed_columns = [column_of[axis] for axis in chain.reversed(ANGLE) if axis in column_of]
         reversed_columns += log.names(FORCE) if chain.reversed(FORCE) else []
     used = replace(log, guesses={name: g for name, g in log.guesses.items() if name not in outside})
-    recording = context.recording(used, _platform_entry(platform), reversed_columns)
+    recording = context.recording(used, platform or "bench", reversed_columns)
     rests = len(dwells(recording))
     if not rests:
         raise InputError(
@@ -347,19 +350,3 @@ def _entries(guesses: Mapping[str, Guess], reversed_columns: Sequence[str] = ())
         }
         for name, g in guesses.items()
     }
-
-
-def _platform_entry(platform: Platform | None) -> str | dict[str, object]:
-    """Return a platform as a recording.toml has it."""
-    if platform is None or platform.name != "own":
-        return platform.name if platform else "bench"
-    axes = [
-        {
-            "name": a.name,
-            "direction": a.direction,
-            "sign": a.sign,
-            "offset": {"value": float(np.degrees(a.offset)), "unit": "deg"},
-        }
-        for a in platform.axes
-    ]
-    return {"name": "own", "axes": axes}

@@ -8,7 +8,7 @@
 The format is described in docs/recording-format.md. `polars` is imported when a file is opened, not before.
 """
 
-from gimbalcal.recording.completed import completed
+from gimbalcal.recording.detection import completed
 from gimbalcal.recording.dwell import Dwell, block_means, dwell_means, dwells
 from gimbalcal.recording.frames import from_arrays, from_frame
 from gimbalcal.recording.joining import join

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
+from gimbalcal.platform import Platform
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.columns import COUNTED, ROW_STEP_S, UNITLESS, Column
 from gimbalcal.recording.dates import Dates, NoDateError
@@ -25,10 +26,11 @@ from gimbalcal.units import from_si
 TRIADS = ("specific_force", "angular_rate", "velocity_increment", "angle_increment")
 SHORT = re.compile(r"\s*(?P<quantity>\w+)\s*(?P<axis>\w+)?\s*(\[(?P<unit>[^\]]+)\])?\s*")
 Entry = str | Mapping[str, Any]
+Rig = Entry | Platform
 
 
 def from_frame(
-    frame: Any, columns: Mapping[str, Entry], *, kind: str = "multi-position", platform: Entry = "bench",
+    frame: Any, columns: Mapping[str, Entry], *, kind: str = "multi-position", platform: Rig = "bench",
     title: str = "arrays", site: Mapping[str, tuple[float, str]] | None = None,
     noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
     called: str = "arrays", date: str = "",
@@ -37,11 +39,12 @@ def from_frame(
 
     columns: for each name what it holds, ``"specific_force x [g]"``, ``"time [s]"``, ``"position"`` (without a unit:
     SI), or as a table of recording.toml, ``{"quantity": "time", "unit": "s"}``. site and noise: numbers with their
-    units, ``{"latitude": (40.0, "deg")}``, ``{"accelerometer": (20.0, "ug")}``. platform: a name, or axes as in a
-    recording.toml, ``{"axes": [{"name": "roll", "direction": "x"}]}``. `average_s` as in `read`. Dates of a
-    time column count as seconds from midnight of the first. called: how sentences name the rows. date: when it was
-    recorded, ISO 8601, for a unit's history. Raises InputError with the row and the column of what is wrong.
+    units, ``{"latitude": (40.0, "deg")}``, ``{"accelerometer": (20.0, "ug")}``. platform: a name, axes as in a
+    recording.toml, ``{"axes": [{"name": "roll", "direction": "x"}]}``, or a `Platform`. `average_s` as in `read`.
+    Dates of a time column count as seconds from midnight of the first. called: how sentences name the rows. date: when
+    it was recorded, ISO 8601, for a unit's history. Raises InputError with the row and the column of what is wrong.
     """
+    own, platform = (platform, "bench") if isinstance(platform, Platform) else (None, platform)
     content: dict[str, Any] = {
         "format": 1, "kind": kind, "title": title, "date": date,
         "platform": {"name": platform} if isinstance(platform, str) else dict(platform),
@@ -50,7 +53,7 @@ def from_frame(
         "columns": {name: _entry(name, entry) for name, entry in columns.items()},
         **({"samples": {"rates": "instant"}} if instant else {}),
     }  # fmt: skip
-    header = header_of(content, Path(called))
+    header = header_of(content, Path(called), own)
     missing = [name for name in columns if name not in _names(frame)]
     if missing:
         raise InputError(f"the frame has no column {missing[0]!r}; it has {', '.join(map(str, _names(frame)))}")
@@ -61,7 +64,7 @@ def from_frame(
 
 
 def from_arrays(
-    time: ArrayLike, *, units: Mapping[str, str] | None = None, kind: str = "multi-position", platform: Entry = "bench",
+    time: ArrayLike, *, units: Mapping[str, str] | None = None, kind: str = "multi-position", platform: Rig = "bench",
     title: str = "arrays", site: Mapping[str, tuple[float, str]] | None = None,
     noise: Mapping[str, tuple[float, str]] | None = None, instant: bool = False, average_s: float | None = None,
     date: str = "", **quantities: Any,

@@ -81,12 +81,15 @@ def foreign_header(path: Path, samples: Path, skip: int = 0, clock_needed: bool 
     return replace(_header(document, samples, clock_needed), skip=skip, title=title)
 
 
-def header_of(content: Mapping[str, Any], name: Path) -> Header:
-    """Return the header with this content of a recording.toml, for rows in no file; sentences call them `name`."""
-    return _header(Document.of(content, name), name)
+def header_of(content: Mapping[str, Any], name: Path, platform: Platform | None = None) -> Header:
+    """Return the header with this content of a recording.toml, for rows in no file; sentences call them `name`.
+
+    platform: instead of one that the content names or spells out.
+    """
+    return _header(Document.of(content, name), name, platform=platform)
 
 
-def _header(document: Document, samples: Path, clock_needed: bool = True) -> Header:
+def _header(document: Document, samples: Path, clock_needed: bool = True, platform: Platform | None = None) -> Header:
     content, path = document.content, document.path
     document.only("", ("format", "kind", "title", "date", "samples", "site", "platform", "noise", "columns"), content)
     if content.get("format") != 1:
@@ -94,7 +97,7 @@ def _header(document: Document, samples: Path, clock_needed: bool = True) -> Hea
     name = content.get("kind")
     if not isinstance(name, str) or name not in KINDS:
         raise InputError(f"{document.where('', 'kind')}: kind must be one of {alternatives([*KINDS])}, got {name!r}")
-    platform = platform_of(document, name)
+    platform = platform or platform_of(document, name)
     kind = kind_of(name, platform)
     columns = columns_of(document, platform, clock_needed)
     site, remarks = site_of(document, kind)
