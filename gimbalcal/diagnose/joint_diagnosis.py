@@ -86,5 +86,7 @@ def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
             return replace(
                 found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin(_views(parts), causes)
             )
-    seen = [Seen(v, model) for v, model in fitted if v.name != "slews"]  # time stamps are shifted, not calibrated
+    seen = [
+        Seen(v, model) for v, model in fitted if not v.measurement.timing
+    ]  # time stamps are shifted, not calibrated
     return calibrated_views(_views(parts), seen, causes, outcome, forces)

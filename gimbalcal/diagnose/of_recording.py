@@ -48,6 +48,7 @@ from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS, pointing
 from gimbalcal.views.slews import view_of_slews
 from gimbalcal.views.tilting_table import tilting_table
+from gimbalcal.views.turns import TURNS
 from gimbalcal.words import diagnosis_sentences
 
 ROUNDS = 2  # in which stars are omitted: those that the first hid show in the second
@@ -244,7 +245,7 @@ def of_gimballed_unit(
         explained = not parts or parts[0].verdict != "unexplained"
         rates, notes = _gyroscopes(recording, made, gyro, explained, tell)
         parts += rates
-    turns = next((p.model for p in parts if p.view.name == "turns"), None)
+    turns = next((p.model for p in parts if p.view.name == TURNS.name), None)
     both = recording.has(RATE) and recording.has(FORCE)
     late, why_not = of_slews(
         without_earth_rate(recording) if both else recording,
@@ -303,7 +304,7 @@ def _gyroscopes(
         notes = [diagnosis_sentences.rate_not_analysed(why)]
 
     def looked(v: View) -> ViewDiagnosis:
-        tell(f"the gyroscopes: {diagnosis_sentences.channels_of(v)}")
+        tell(f"the gyroscopes: {v.measurement.channels}")
         return diagnose_view(v, tell)
 
     told = [looked(replace(still, missed_by_turns=None))]

@@ -184,9 +184,7 @@ def _walk_of_sensor(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFi
 def curves_of(c: SearchResult, sigma: Array) -> Curves:
     """Return the misfits of a view without and with the findings for a picture, in rows of `sigma` (n, C)."""
     v, n = c.start.view, len(c.start.residual)
-    number = np.ones(n) if v.label is None else np.arange(1, n + 1)
-    if v.name == "pointing":
-        number = v.stimulus.position
+    number = np.ones(n) if v.label is None else v.label
     before, after = c.start.residual / sigma, c.described.residual / sigma
     against = plotted_against(v.stimulus) if len(v.stimulus.time) == n else {}
     in_print = np.asarray(from_si(sigma, v.unit))

@@ -34,13 +34,15 @@ from gimbalcal.recording.dwell import PAUSED
 from gimbalcal.recording.record import RATE
 from gimbalcal.rotation import cross_matrix, exponential, left_jacobian, mean_rates, small_rotation_vector
 from gimbalcal.views.attitude_reference import Reference
-from gimbalcal.views.core import View, nuisance, recording_fields
+from gimbalcal.views.core import Measurement, View, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.swept_rotations import RATES, Sweeps, swept_rows
 
 INTERVAL_S = 0.5  # long enough that the reference's noise is little of a turn, short enough for a wrist's motion
 MAX_INTERVALS = 1200  # of a longer log they are longer
 MOUNTING, LAG = "mounting", "lag"
+
+ATTITUDE = Measurement("attitude", "arcmin")
 
 
 def against_reference(recording: Recording, known: Reference, mounting: Array, lag: float) -> View:
@@ -80,7 +82,7 @@ def against_reference(recording: Recording, known: Reference, mounting: Array, l
             return (whiten @ X.reshape(len(X), -1)).reshape(X.shape)
 
         return View(
-            "attitude", unit="arcmin", channels=RATES, **recording_fields(recording.select(spans[:, -1])), stimulus=s,
+            ATTITUDE, channels=RATES, **recording_fields(recording.select(spans[:, -1])), stimulus=s,
             evaluate=rows, stages=GYROSCOPE_STAGES, baseline=(*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS),
             groups=np.arange(len(start)), noise=NoiseModel(), about=about,
             nuisances=(*(nuisance(MOUNTING, a, "arcmin", np.inf) for a in "xyz"), nuisance(LAG, "", "ms", np.inf)),

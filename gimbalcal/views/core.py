@@ -25,6 +25,29 @@ FLAT = 1e6  # sigmas of all rows together that one sigma of a flat prior stands 
 EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 
 
+@dataclass(frozen=True)
+class Measurement:
+    """What the rows of a kind of view are: the unit they are printed in, what they may follow, and their words.
+
+    rows and channels are plural; channel holds `{axis}`. acts_on: quantities to which a law of no catalogue may be
+    added. patterns: what a row may follow besides a slow course in time, of "fast time", "orientation", "angles",
+    "temperature" and "sensors" (the same along each accelerometer). reads_force: whether columns are made of forces
+    that were read. timing: whether rows are delays, which time stamps correct and no calibration. law_suffix: of the
+    ids of laws, where another kind of view tells laws of the same outputs.
+    """
+
+    name: str
+    unit: str
+    rows: str = "rows"
+    channels: str = "the readings"
+    channel: str = "the reading along {axis}"
+    acts_on: tuple[str, ...] = ()
+    patterns: frozenset[str] = frozenset()
+    reads_force: bool = False
+    timing: bool = False
+    law_suffix: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """Residuals of one kind of measurement as a function of the effects in the model, and what their noise may be.
@@ -36,10 +59,9 @@ class View:
     columns; their prior sigma is in SI, infinite for a flat prior.
     """
 
-    name: str
+    measurement: Measurement
     title: str
     kind: Kind  # of the recording, by which effects say where they show
-    unit: str  # of print
     channels: tuple[Key, ...]
     time: Array  # (n,) s since the first row
     stimulus: Stimulus
@@ -71,6 +93,16 @@ class View:
     def __len__(self) -> int:
         """Return the number of rows n."""
         return len(self.time)
+
+    @property
+    def name(self) -> str:
+        """The kind of measurement, by which results go."""
+        return self.measurement.name
+
+    @property
+    def unit(self) -> str:
+        """The unit of print of the rows."""
+        return self.measurement.unit
 
     @property
     def elapsed(self) -> Array:

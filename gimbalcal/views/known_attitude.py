@@ -29,7 +29,7 @@ from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise_levels import sample_sigma, stated
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import to_si
-from gimbalcal.views.core import Fit, View
+from gimbalcal.views.core import Fit, Measurement, View
 from gimbalcal.views.noise import NoiseModel
 
 DEFAULT_SETTING = float(to_si(1.0, "arcsec"))
@@ -71,10 +71,9 @@ def view_of_readings(
         return replace(view, evaluate=replace(there, value=there.value + moved).rows)
 
     view = View(
-        "static run" if recording.kind.stabilised else "positions",
+        Measurement("static run" if recording.kind.stabilised else "positions", unit=""),
         title=recording.title,
         kind=recording.kind,
-        unit="",
         channels=read.channels,
         time=recording.time - recording.time[0],
         stimulus=s,

@@ -17,8 +17,8 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, absent, co
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.record import RATE
-from gimbalcal.views.core import View, without_sizes
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.views.core import Measurement, View, without_sizes
 from gimbalcal.views.noise import NoiseModel
 
 CHANNELS = tuple(("velocity", axis) for axis in ("north", "east", "down"))
@@ -45,6 +45,12 @@ class InnovationRows:
         return -np.linalg.solve(self.reading_jacobian, np.nan_to_num(self.rows.columns(effect, wanted)))
 
 
+NAVIGATION = Measurement(
+    "navigation", "mm/s", "stops and turns", channels="the velocity of a unit at rest",
+    channel="the velocity {axis} of a unit at rest", acts_on=(FORCE, RATE),
+)  # fmt: skip
+
+
 def navigation(
     recording: Recording, innovations: InnovationRows, fitted: Mapping[Parameter, float], baseline: Sequence[str],
     gauge: frozenset[tuple[str, str]], stated: bool,
@@ -69,7 +75,7 @@ def navigation(
 
     w = innovations
     return View(
-        "navigation", recording.title, recording.kind, "mm/s", CHANNELS, w.time - w.time[0], w.felt, rows,
+        NAVIGATION, recording.title, recording.kind, CHANNELS, w.time - w.time[0], w.felt, rows,
         SENSOR_STAGES | GYROSCOPE_STAGES, tuple(baseline), recording.grade,
         np.cumsum(np.diff(w.stop, prepend=w.stop[0]) != 0), NoiseModel(w.sigma, sample=w.sigma if stated else None),
         recording, gauge=gauge, added=columns.added,

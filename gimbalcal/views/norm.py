@@ -26,9 +26,13 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
-from gimbalcal.views.core import View, gauges, recording_fields
+from gimbalcal.views.core import Measurement, View, gauges, recording_fields
 from gimbalcal.views.noise import NoiseModel
 
+NORM = Measurement(
+    "norm", "mg", "positions", channels="the norm of the force", channel="the norm of the force", acts_on=(FORCE,),
+    patterns=frozenset({"orientation", "sensors"}), reads_force=True,
+)  # fmt: skip
 MAX_FACE_TILT = 0.3  # of gravity, across an axis that is called upright
 
 
@@ -55,7 +59,7 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     sample = means.sigma("accelerometer")
     noise = (sample / np.sqrt(means.weight))[:, None] if sample else None  # a channel of few levels may not scatter
     return View(
-        "norm", unit="mg", channels=((FORCE, "norm"),), **{**recording_fields(means), "readout": readout}, stimulus=s,
+        NORM, channels=((FORCE, "norm"),), **{**recording_fields(means), "readout": readout}, stimulus=s,
         label=s.position, evaluate=rows, reference=lambda effects: rows(effects, noise_free=True), stages=SENSOR_STAGES,
         baseline=tuple(baseline) or ACCELEROMETER_TERMS, gauge=gauges(SENSOR_STAGES), groups=np.arange(len(y)),
         noise=NoiseModel(sample=noise, wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None]),

@@ -22,7 +22,7 @@ from gimbalcal.forward import AXES, Rows, linearise
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.views.core import View, gauges, recording_fields
+from gimbalcal.views.core import Measurement, View, gauges, recording_fields
 from gimbalcal.views.noise import NoiseModel, of_channels
 
 STAGES = frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT})
@@ -32,6 +32,10 @@ MAX_TRAVEL_RAD = 3 * np.pi  # rad that a mount turns, from one stop to the other
 MIN_POLE_COSINE = 0.02  # of the inner angle, below which a mount points along its outer axis
 MAX_FILTERED_STARS = 1000  # a log of guiding has more: noises that are filtered row by row would take half of the time
 MIN_NIGHT_GAP_S = 6 * 3600.0  # s; a longer pause ends a night
+POINTING = Measurement(
+    "pointing", "arcsec", "stars", channels="pointing", channel="pointing {axis}", acts_on=("gimbal_angle",),
+    patterns=frozenset({"fast time", "angles"}),
+)  # fmt: skip
 
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
@@ -48,9 +52,11 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
         return replace(against_stars(recording, there, effects), residual=found.residual)
 
     n = len(recording.time)
+    outer = s.axis_names[0].replace("_", " ")
+    measurement = replace(POINTING, channel=f"{POINTING.channel} {outer}")
     sigma = np.repeat(1 / np.sqrt(recording.weight)[:, None], len(CHANNELS), axis=1)  # in units of one of weight 1
     return View(
-        "pointing", unit="arcsec", channels=CHANNELS, **recording_fields(recording), stimulus=s, label=s.position,
+        measurement, channels=CHANNELS, **recording_fields(recording), stimulus=s, label=s.position,
         evaluate=rows, reference=reference, stages=STAGES, baseline=tuple(baseline) or BASELINE["pointing"],
         gauge=gauges({Stage.BASE}), groups=np.arange(n),
         noise=NoiseModel(sigma, wander=of_channels(n, len(CHANNELS)) if n <= MAX_FILTERED_STARS else None),

@@ -34,7 +34,7 @@ from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import normal_to, rotation_vector
 from gimbalcal.units import from_si
-from gimbalcal.views.core import View, nuisance, recording_fields
+from gimbalcal.views.core import Measurement, View, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.rest_rates import CHANNELS, MIN_RATE_SIGMA, horizontal_sigma
 
@@ -43,6 +43,8 @@ MAX_RATE_CHANGE = 0.005  # of the fastest rate, from one block to the next
 MIN_RATE = np.radians(0.1)  # rad/s; a table that never turns faster stands
 MOUNTING_SIGMA_RAD = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
 MIN_FORCE_SHARE = 0.9  # of the force, in the axes of the base: what a lever arm feels goes round
+
+RATE_TABLE = Measurement("rate table", "deg/h")
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +159,7 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
 
     sigma = np.maximum(np.abs(scale) * np.concatenate([s.sigma for s in stretches]), MIN_RATE_SIGMA)
     return View(
-        "rate table", unit="deg/h", channels=CHANNELS, **{**recording_fields(first), "time": time}, stimulus=felt,
+        RATE_TABLE, channels=CHANNELS, **{**recording_fields(first), "time": time}, stimulus=felt,
         evaluate=rows_about, stages=GYROSCOPE_STAGES, baseline=(*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS),
         groups=np.arange(len(rate)), nuisances=(*of_each, *of_rigs),
         noise=NoiseModel(sigma, sample=sigma, of_each_channel=True),

@@ -37,7 +37,7 @@ from gimbalcal.platform import BENCH, Platform
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.views.core import View, recording_fields
+from gimbalcal.views.core import Measurement, View, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.slew_motion import FEWEST, Motion, by_hand, on_gimbals, slews
 
@@ -50,6 +50,10 @@ HAND = 5e-3  # s, that all turns by one hand may have in common: 9 ms in MPU-915
 SAMPLED = 2e-3  # of a step, the same for gimbals: 8e-4 in revolutions at 10 Hz
 BENT = 5e-3  # of a delay: 3e-3 of 200 ms where slews of 60 deg/s take up their speed in 75 ms
 ROUNDS = 3  # of shifts: each leaves what is left times the delay over the slew
+SLEWS = Measurement(
+    "slews", "ms", "slews", channels="the delay of the sensors in slews",
+    channel="the delay of the {axis} in slews", timing=True,
+)  # fmt: skip
 
 
 def view_of_slews(
@@ -103,7 +107,7 @@ def view_of_slews(
     channels = tuple((q, "force" if q == FORCE else "rate") for q in late)
     s = stimulus_from_readings(ends)
     return View(
-        "slews", unit="ms", channels=channels, **recording_fields(replace(ends, kind=ROTATION)), stimulus=s,
+        SLEWS, channels=channels, **recording_fields(replace(ends, kind=ROTATION)), stimulus=s,
         label=s.position, evaluate=rows, stages=frozenset(base.sensitivity), baseline=(),
         gauge=_others(recording.platform), groups=np.arange(len(sigma)), noise=NoiseModel(sigma),
     )  # fmt: skip

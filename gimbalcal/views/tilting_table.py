@@ -17,7 +17,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import is_raw
-from gimbalcal.views.core import View, recording_fields
+from gimbalcal.views.core import Measurement, View, recording_fields
 from gimbalcal.views.noise import NoiseModel
 
 BLOCK_S = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
@@ -26,6 +26,9 @@ MIN_BLOCKS = 3  # means that can differ from one another in more than a trend
 PRIOR_FACTOR = 3.0  # times the sizes of one unit: sensors of different makers, bolted together
 COARSE_STEP_S, FINE_STEP_S = 0.04, 0.01  # s; steps at which the physics is evaluated, for search and last fit
 SIZE_EFFECT = "accelerometer_lever_arm"  # of which a table that tilts about one axis shows what lever_arm is
+TABLE = Measurement(
+    "table", "ug", "stretches of ten seconds", channels="the force", channel="the force along {axis}", acts_on=(FORCE,)
+)  # fmt: skip
 
 
 def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: float = COARSE_STEP_S) -> View:
@@ -52,7 +55,7 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
     blocks = averaged(fine, BLOCK_S)
     in_group = max(1, round(HELD_OUT_S / float(np.median(np.diff(blocks.time)))))
     return View(
-        "table", unit="ug", channels=channels, **recording_fields(blocks), stimulus=s, evaluate=rows, stages=stages,
+        TABLE, channels=channels, **recording_fields(blocks), stimulus=s, evaluate=rows, stages=stages,
         baseline=tuple(baseline) or ACCELEROMETER_BIAS, gauge=frozenset({(SIZE_EFFECT, a) for a in MATRIX_AXES}),
         prior_factor=PRIOR_FACTOR, groups=np.arange(len(blocks.time)) // in_group, noise=NoiseModel(),
         finer=(lambda: tilting_table(recording, baseline, FINE_STEP_S)) if step > FINE_STEP_S else None,

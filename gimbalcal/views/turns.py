@@ -34,13 +34,18 @@ from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.dwell import PAUSED, usual_step
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import cross_matrix, exponential, mean_rates, normal_to
-from gimbalcal.views.core import View, absent_effect, nuisance, recording_fields
+from gimbalcal.views.core import Measurement, View, absent_effect, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import inverted
 from gimbalcal.views.swept_rotations import Sweeps, swept, swept_rows
 
 MAX_ATTITUDE_CHANGE = 0.01  # of the attitude's elements: gimbals that stand where they stood
 FORCES = tuple((FORCE, a) for a in "xyz")
+TURNS = Measurement(
+    "turns", "arcsec", "turns", channels="the direction of gravity after the turns",
+    channel="the direction of gravity after a turn, {axis}", acts_on=(RATE,), patterns=frozenset({"orientation"}),
+    law_suffix="_turning",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +190,7 @@ def gravity_after_turns(turns: Turns, accelerometers: Calibration | None = None,
 
     s = stimulus_from_readings(ends)
     return View(
-        "turns", unit="arcsec", channels=((RATE, "level"), (RATE, "tilted")), **recording_fields(ends), stimulus=s,
+        TURNS, channels=((RATE, "level"), (RATE, "tilted")), **recording_fields(ends), stimulus=s,
         label=s.position, evaluate=rows, stages=GYROSCOPE_STAGES, baseline=GYROSCOPE_INPUT_TERMS,
         gauge=_shown_at_rest(turns.stimulus), groups=np.arange(len(turns.ends)), noise=NoiseModel(),
         nuisances=tuple(nuisance("accelerometers", str(k + 1), "1", 1.0) for k in range(N.shape[-1])),

@@ -20,18 +20,6 @@ if TYPE_CHECKING:
     from gimbalcal.views.core import View
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
-ROWS = {
-    "pointing": "stars",
-    "norm": "positions",
-    "rest rates": "positions",
-    "turns": "turns",
-    "slews": "slews",
-    "table": "stretches of ten seconds",
-    "navigation": "stops and turns",
-}
-CHANNELS = {"norm": "the norm of the force", "rest rates": "the rates at rest", "table": "the force",
-            "turns": "the direction of gravity after the turns", "slews": "the delay of the sensors in slews",
-            "navigation": "the velocity of a unit at rest"}  # fmt: skip
 MAX_ALTERNATIVES = 3  # confounded causes up to which each of them may be named
 MAX_EXCESS_SCATTER = 1.5  # of residuals over the standard error from their samples; more has a reason
 MAX_HELDOUT_RATIO = 5.0  # of held-out rms to fitted rms; above it the data do not test the model
@@ -188,21 +176,7 @@ def digits(x: float) -> str:
 
 def channel_of(v: View, axis: str) -> str:
     """Return one channel of a view in words."""
-    if v.name == "pointing":
-        return f"pointing {axis} {v.stimulus.axis_names[0].replace('_', ' ')}"
-    if v.name == "turns":
-        return f"the direction of gravity after a turn, {axis}"
-    if v.name == "slews":
-        return f"the delay of the {axis} in slews"
-    if v.name == "navigation":
-        return f"the velocity {axis} of a unit at rest"
-    names = {"norm": "the norm of the force", "rest rates": f"the rate about {axis} at rest"}
-    return names.get(v.name, f"the force along {axis}")
-
-
-def channels_of(v: View) -> str:
-    """Return all channels of a view in words."""
-    return CHANNELS.get(v.name, "pointing")
+    return v.measurement.channel.format(axis=axis)
 
 
 def follows(v: View, axis: str, size: float, pattern: str) -> str:
@@ -212,9 +186,8 @@ def follows(v: View, axis: str, size: float, pattern: str) -> str:
 
 def follows_sensor(v: View, quantity: str, axis: str, size: float, pattern: str) -> str:
     """Return that the output of a navigator has a pattern that a sensor explains."""
-    return (
-        f"The misfit of {channels_of(v)} ({digits(size)} {v.unit} rms) follows {pattern} in {spaced(quantity)} {axis}"
-    )
+    misfit = f"The misfit of {v.measurement.channels} ({digits(size)} {v.unit} rms)"
+    return f"{misfit} follows {pattern} in {spaced(quantity)} {axis}"
 
 
 def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
@@ -224,7 +197,7 @@ def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
         where = f"{', '.join(f'{t:.0f}' for t in time[:-1])} and {time[-1]:.0f} s after the start"
     else:
         *most, last = (str(int(k)) for k in v.label[rows])
-        where = f"at {ROWS[v.name]} {' and '.join([*filter(None, [', '.join(most)]), last])}"
+        where = f"at {v.measurement.rows} {' and '.join([*filter(None, [', '.join(most)]), last])}"
     return (
         f"The misfit of {channel_of(v, axis)} is {digits(size)} {v.unit} rms, {ratio:.3g} times the final residual, "
         f"and largest {where}"
@@ -233,9 +206,10 @@ def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
 
 def misfit_reduction(v: View, fit: ViewFit) -> str:
     """Return the change of a view's misfit by its findings, in its unit."""
+    rows = v.measurement.rows
     out = (
-        f"The misfit of {channels_of(v)} goes from {digits(fit.rms_before)} to {digits(fit.rms_after)} {v.unit} "
-        f"rms, and for held-out {ROWS[v.name]} from {digits(fit.heldout_rms_before)} to "
+        f"The misfit of {v.measurement.channels} goes from {digits(fit.rms_before)} to {digits(fit.rms_after)} "
+        f"{v.unit} rms, and for held-out {rows} from {digits(fit.heldout_rms_before)} to "
         f"{digits(fit.heldout_rms_after)} {v.unit}."
     )
     if t := fit.turns:
@@ -261,19 +235,20 @@ def untested(v: View, fit: ViewFit) -> str:
     """Return that held-out rows are off far more than fitted ones, as for too few rows; empty otherwise."""
     if fit.heldout_rms_after < MAX_HELDOUT_RATIO * fit.rms_after:
         return ""
+    rows = v.measurement.rows
     return (
-        f"But held-out {ROWS[v.name]} are off by {digits(fit.heldout_rms_after)} {v.unit}: a parameter depends on one "
-        f"of them alone, so these data do not test the model; record more {ROWS[v.name]}."
+        f"But held-out {rows} are off by {digits(fit.heldout_rms_after)} {v.unit}: a parameter depends on one of them "
+        f"alone, so these data do not test the model; record more {rows}."
     )
 
 
 def residuals(v: View, fit: ViewFit) -> str:
     """Return the residual of a view that its model explains, relative to the scatter of its samples if known."""
-    if v.name == "slews":
+    if v.measurement.timing:
         bounds = {axis: abs(x.value) + 2 * x.sigma for axis, x in (fit.late or {}).items()}
         late = ", ".join(f"that of the {axis} is below {ms:.2g} ms" for axis, ms in bounds.items())
         return f"In {len(v)} slews no delay is significant: {late}."
-    start = f"The residual of {channels_of(v)} is {digits(fit.rms_after)} {v.unit} rms without a pattern"
+    start = f"The residual of {v.measurement.channels} is {digits(fit.rms_after)} {v.unit} rms without a pattern"
     if fit.chi2_of_samples_after is None:
         return f"{start}."
     ratio = float(np.sqrt(np.mean(list(fit.chi2_of_samples_after.values()))))

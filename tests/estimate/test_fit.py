@@ -36,7 +36,11 @@ def forces(rng: np.random.Generator, sigma: float, noise: NoiseModel | None = No
 def inclinations(rng: np.random.Generator, sigma: float) -> View:
     """The same force as angles [rad] with noise of their own."""
     v = forces(rng, G * sigma)
-    return replace(v, name="inclination", evaluate=lambda effects: v.evaluate(effects).over(np.full(3, G)))
+    return replace(
+        v,
+        measurement=replace(v.measurement, name="inclination"),
+        evaluate=lambda effects: v.evaluate(effects).over(np.full(3, G)),
+    )
 
 
 def test_views_of_different_units_have_a_scale_each() -> None:

@@ -25,9 +25,6 @@ from gimbalcal.views.core import Fit
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
 FEWER = 150  # the same of six sensors at once
-SEEN = {"norm": Stage.ACCELEROMETER, "table": Stage.ACCELEROMETER, "rest rates": Stage.GYROSCOPE,
-        "turns": Stage.GYROSCOPE, "pointing": Stage.ENCODER}  # fmt: skip
-FED = {"navigation": (FORCE, RATE)}  # sensors that a view's channels are worked out from
 CHANNEL = {Stage.ACCELEROMETER: "specific_force", Stage.GYROSCOPE: "angular_rate", Stage.ENCODER: "gimbal_angle"}
 MOVES = 1e-2  # rad
 
@@ -82,9 +79,10 @@ def _places_of_view(fit: Fit) -> list[Place]:
     v = fit.view
     if v.added is not None:
         s, block = v.stimulus, stretches(len(v.stimulus.time), FEWER)
-        sensors = [(q, a, partial(v.added, q, a)) for q in FED.get(v.name, ()) for a in "xyz"]
+        sensors = [(q, a, partial(v.added, q, a)) for q in v.measurement.acts_on for a in "xyz"]
         return [Place(q, a, variables(s), s, block, columns) for q, a, columns in sensors]
-    stage, rows = SEEN.get(v.name), v.noise_free(fit.effects)
+    rows = v.noise_free(fit.effects)
+    stage = next((s for s, q in CHANNEL.items() if q in v.measurement.acts_on), None)
     if stage is None or stage not in rows.sensitivity:
         return []
     names = list(enumerate(v.stimulus.axis_names if stage is Stage.ENCODER else "xyz"))

@@ -252,7 +252,7 @@ def laws_of_view(m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
             return Lawful((), undetermined(every, others, g, v.kind)), m
         with_them, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
         number = sum(o.axis == best.place.axis for o in laws) + 1
-        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.title, number, v.name, b.name))
+        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.title, number, v, b.name))
         left = search(with_them, library(with_them), noises(with_them))
     return Lawful(tuple(laws)), with_them
 

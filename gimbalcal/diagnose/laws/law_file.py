@@ -12,12 +12,12 @@ import numpy as np
 
 from gimbalcal.diagnose.answer import PRINTED
 from gimbalcal.diagnose.laws.expressions import Expression, Term, whole
-from gimbalcal.diagnose.laws.grounds import FED
 from gimbalcal.diagnose.laws.law_search import Law
 from gimbalcal.diagnose.result import Estimate, LawResult
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
+from gimbalcal.views.core import View
 
 TOLD = 6  # alternatives in print
 STAGES = {"specific_force": "ACCELEROMETER", "angular_rate": "GYROSCOPE", "gimbal_angle": "ENCODER"}
@@ -126,7 +126,7 @@ def _with(text: str, values: Mapping[str, float]) -> str:
 
 def found(
     law: Law, x: Array, covariance: Array, heldout: tuple[float, float], others: Sequence[Law], title: str,
-    number: int = 1, view: str = "", beside: Sequence[str] = (),
+    number: int = 1, view: View | None = None, beside: Sequence[str] = (),
 ) -> LawResult:  # fmt: skip
     """A law with its coefficients x (m,) and their covariance (m, m) in SI, and those that fit as well.
 
@@ -135,7 +135,9 @@ def found(
     """
     told, e, place = stated(law.expression), law.expression, law.place
     rows = _parameters(law, told, x, covariance)
-    effect, stating = _identity(law, number, view), {letter for letter, _ in told.constants if view in FED}
+    filtered = view is not None and view.added is not None
+    effect = _identity(law, number, view.measurement.law_suffix if view is not None else "")
+    stating = {letter for letter, _ in told.constants if filtered}
     asked = ",".join([effect, *(f"{r.name}={r.value:.9g}" for r in rows if r.name in stating)])
     units = {v.name: v.unit or "as logged" for v in e.variables}
     made = LawResult(
@@ -181,9 +183,9 @@ def _latex(text: str, names: Sequence[str]) -> str:
     return str(sympy.latex(sympy.sympify(text, locals=symbols), symbol_names=upright))
 
 
-def _identity(law: Law, number: int, view: str) -> str:
+def _identity(law: Law, number: int, suffix: str) -> str:
     """An id for the law as an effect that the catalogue does not have yet."""
-    plain = re.sub(r"\W", "_", f"law_{law.place.channel}_{law.place.axis}" + "_turning" * (view == "turns"))
+    plain = re.sub(r"\W", "_", f"law_{law.place.channel}_{law.place.axis}{suffix}")
     free = (i for i in (plain, *(f"{plain}_{n}" for n in range(2, 1000))) if i not in CATALOGUE)
     return next(itertools.islice(free, number - 1, None))
 

@@ -160,7 +160,7 @@ def _clear_of_noise(v: View, X: Array, misfit: Array, taken: Array) -> Array:
     Poses that come again and again in the same order leave nothing else of what follows the pose: it would be a copy of
     the misfit (n, C). Forces are known to its share of gravity.
     """
-    if v.name != "norm":
+    if not v.measurement.reads_force:
         return X
     A = X.reshape(len(taken), -1)
     left = np.linalg.norm(A - taken @ (taken.T @ A), axis=0)

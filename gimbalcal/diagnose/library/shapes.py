@@ -129,7 +129,10 @@ def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: i
     n, C = misfit.shape[0], len(v.channels)
     out = []
     for c, (quantity, axis) in enumerate(v.channels):
-        for name, words, basis in (*_of_view(v), *(_of_accelerometers(v) if v.name == "norm" else ())):
+        for name, words, basis in (
+            *_of_view(v),
+            *(_of_accelerometers(v) if "sensors" in v.measurement.patterns else ()),
+        ):
             seen = _outer_axis(v) if (quantity, axis) == ("pointing", "across") else 1.0
             scaled = rms * unit_rms((seen * basis)[:, : max(1, free // 2)])
             X = np.zeros((n, C, scaled.shape[1]))
@@ -201,14 +204,15 @@ def _outer_axis(v: View) -> Array:
 
 def _of_view(v: View) -> Iterator[Shape]:
     """Yield what a channel may follow as it is."""
+    follows = v.measurement.patterns
     yield "time", "a smooth function of time", _course(v, SLOW)
-    if v.name in ("rest rates", "pointing"):
+    if "fast time" in follows:
         yield "fast time", "a pattern in time", _course(v, FAST)
-    if v.name == "pointing":
+    if "angles" in follows:
         yield from _angle_harmonics(v)
-    elif v.name not in ("table", "slews"):
+    if "orientation" in follows:
         yield "orientation", "a smooth function of the direction of gravity", polynomials(_along(v))
-    if v.name == "rest rates" and _warms(v):
+    if "temperature" in follows and _warms(v):
         yield "temperature", "a function of temperature", thermal(v.time, _temperature(v))
 
 

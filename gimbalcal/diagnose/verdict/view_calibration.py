@@ -105,7 +105,8 @@ def _unseen(seen: Sequence[Seen]) -> list[Unobservable]:
         silent = keeps_prior(s.model.parameters, values(s.model.effects, s.model.parameters), sigma)
         labels = [p.label for p, at_prior in zip(s.model.parameters, silent, strict=True) if at_prior]
         out += [Unobservable({one: 1.0}, f"{one} does not show in {s.view.name}") for one in labels]
-        if s.view.name == "norm" and any(p.effect == "misalignment" for p in s.model.parameters):
+        turned = {effect for effect, _ in s.view.gauge}  # of the accelerometers, as a triad
+        if "misalignment" in turned and any(p.effect == "misalignment" for p in s.model.parameters):
             out += rotations_of_the_triad()
     return out
 

@@ -29,7 +29,7 @@ def view_fit(c: SearchResult, sigma: Array) -> ViewFit:
     v, before, after = c.start.view, c.start, c.described
     (held_before, held_rms_before), (held_after, held_rms_after) = (_held_out(m, sigma) for m in (before, after))
     late = turns = None
-    if v.name == "slews":
+    if v.measurement.timing:
         every = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in lateness(v).items()}
         late = {axis: Delay(x, s, "ms") for axis, (x, s) in every.items()}
     if v.missed_by_turns is not None and c.steps:
