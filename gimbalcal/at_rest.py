@@ -16,13 +16,13 @@ import numpy as np
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.systematic.segments import stops
 from gimbalcal.inference.allan import MIN_P_VALUE, MIN_ROWS, AllanCurve, AllanFit, curve, fit, law
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, Source, dwells
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import SENSORS, Key
 from gimbalcal.units import from_si, is_raw
+from gimbalcal.views.segments import stops
 
 UNITS: Mapping[str, tuple[str, str, str]] = {
     "specific_force": ("ug/sqrt(Hz)", "ug", "ug/sqrt(h)"),

@@ -24,6 +24,7 @@ from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.static_run.run import static_parameters, static_readings
 from gimbalcal.estimate.static_run.system import misfit_of_run, static
 from gimbalcal.method_table import Request
+from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording, completed, dwells, read
 from gimbalcal.recording.header import read_header
 from gimbalcal.recording.record import RATE
@@ -101,9 +102,12 @@ def _three_stages(
     recordings: Sequence[Recording], tell: Tell, more: Sequence[ExtraEffect], judged: bool
 ) -> Calibration:
     device, run = _one_of_each(recordings)
-    if device is None and run is not None:
+    at_rest = static_readings(run) if run is not None else None
+    if device is None and run is not None and at_rest is not None:
         tell("system level: static run alone")
-        return _static(run, _extension(more, None, run))
+        extra = _extension(more, None, at_rest)
+        wanted = (*static_parameters(at_rest), *extra.parameters)
+        return extra.complete(static(run, extra.effects, wanted))
     if device is None:
         raise InputError("`calibrate` needs a multi-position recording, a static run, or one of each")
 
@@ -114,27 +118,26 @@ def _three_stages(
     tell("stage 2: fine, from the norm of the force at every position")
     second = fine(positions, first)
     tell("stage 2: all 18 coefficients jointly, with the setting error of each position")
-    extra = _extension(more, positions, run)
+    extra = _extension(more, positions, at_rest)
     if more:
         shown = extra.shown_by(device)
         positions = trusted_positions(device, shown.effects, shown.parameters)
     both = joint(positions, second, judged)
     stages = (*first.stages, *second.stages, *both.stages)
-    if run is None:
+    if run is None or at_rest is None:
         return extra.complete(replace(both, method="three-stage", stages=stages))
 
     tell("stage 3: system level, force, gimbals and attitude error of the static run")
-    readings = static_readings(run)
-    wanted = (*static_parameters(readings), *extra.shown_by(run).parameters)
+    wanted = (*static_parameters(at_rest), *extra.shown_by(run).parameters)
     absent = tuple(e for e in extra.effects if e.id not in {o.id for o in both.effects})
     both = replace(both, effects=(*both.effects, *absent))
-    device_level, system_level, solution = both_levels(positions, readings, both.effects, wanted)
+    device_level, system_level, solution = both_levels(positions, at_rest, both.effects, wanted)
     third = fuse(device_level, system_level, both, solution)
     alone = static(run).stages
     return extra.complete(replace(third, method="three-stage", stages=(*stages, *alone, *third.stages)))
 
 
-def _extension(more: Sequence[ExtraEffect], positions: Positions | None, run: Recording | None) -> Extension:
+def _extension(more: Sequence[ExtraEffect], positions: Positions | None, run: Readings | None) -> Extension:
     """The extra effects, with constants that start where all recordings together fit best."""
     parts = [misfit_of_positions(positions, more)] if positions is not None and more else []
     parts += [misfit_of_run(run, more)] if run is not None and more else []
@@ -143,12 +146,6 @@ def _extension(more: Sequence[ExtraEffect], positions: Positions | None, run: Re
     stimulus = parts[0][1]
     sizes = [p for e in more for p in e.parameters(stimulus.axis_names)]
     return extension(more, sizes, stimulus, lambda effects: sum(cost(effects) for cost, _ in parts))
-
-
-def _static(run: Recording, extra: Extension) -> Calibration:
-    """A static run with extra effects."""
-    wanted = (*static_parameters(static_readings(run)), *extra.parameters)
-    return extra.complete(static(run, extra.effects, wanted))
 
 
 def _refuse_too_little(device: Recording) -> None:

@@ -17,7 +17,6 @@ from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE
 from gimbalcal.estimate.systematic.filter_pass import POSITION_SIGMA_M, VELOCITY_STATES
-from gimbalcal.estimate.systematic.segments import CHANNELS, UPDATE_INTERVAL_S
 from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.forward import linearise
 from gimbalcal.inference.information import Information, information
@@ -31,6 +30,7 @@ from gimbalcal.schedule import RotationSchedule
 from gimbalcal.schedule.trajectory import Trajectory, trajectory
 from gimbalcal.simulate.turned import nodes, stimulus
 from gimbalcal.units import to_si
+from gimbalcal.views.segments import CHANNELS, UPDATE_INTERVAL_S
 
 TURN_INTERVAL_RATE_HZ = 20.0
 INITIAL_ATTITUDE_SIGMA_RAD = np.deg2rad(1.0)

@@ -26,7 +26,6 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.systematic.calibrate import calibrated
 from gimbalcal.estimate.systematic.iterate import iterate
-from gimbalcal.estimate.systematic.segments import turned_in_place
 from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE
 from gimbalcal.navigate.stationary_base import ROW, still_base, still_unit
@@ -36,6 +35,7 @@ from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
 from gimbalcal.schedule.commands import standing
 from gimbalcal.views.core import without_sizes
+from gimbalcal.views.segments import turned_in_place
 
 DAY = 24.0  # h that a still base is navigated
 EAST_NORTH_UP = standing(("east", "north", "up"))  # how a unit stands on it

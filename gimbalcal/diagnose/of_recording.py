@@ -34,7 +34,6 @@ from gimbalcal.estimate.extra_effects import unfit as not_shown
 from gimbalcal.estimate.gyroscopes.cleared_views import MIN_RESTS, MIN_TURNS, view_at_rest, view_of_turns
 from gimbalcal.estimate.pointing.pattern import MISTAKEN, strays, why_far
 from gimbalcal.estimate.systematic.calibrate import navigation_view
-from gimbalcal.estimate.systematic.segments import turned_in_place
 from gimbalcal.kinematics import ideal_force
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
@@ -46,6 +45,7 @@ from gimbalcal.views.earth_rate import without_earth_rate
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS, pointing
+from gimbalcal.views.segments import turned_in_place
 from gimbalcal.views.slews import view_of_slews
 from gimbalcal.views.tilting_table import tilting_table
 from gimbalcal.views.turns import TURNS

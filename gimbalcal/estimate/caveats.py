@@ -18,11 +18,11 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.static_run.system import static
 from gimbalcal.estimate.systematic.calibrate import systematic
-from gimbalcal.estimate.systematic.segments import turned_in_place
 from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import by_triad
+from gimbalcal.views.segments import turned_in_place
 
 
 def reservations(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
@@ -74,7 +74,7 @@ def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[s
     """Return the caveats of `multiposition` on the norm of the force, and on gyroscopes between the same dwells."""
     made = multiposition(recording, terms)
     times, excess = made.provenance.options.excess_over_noise, made.provenance.options.excess_scatter
-    forces = scatter_in_words(recording, excess, excess / times) if times and excess and times > 0 else ""
+    forces = scatter_in_words(recording.noise, excess, excess / times) if times and excess and times > 0 else ""
     return list(filter(None, [forces, *(_reported(lambda: [_of_gyroscopes(recording, made)]) if both else [])]))
 
 

@@ -101,7 +101,12 @@ def _one(
     every = parameters(cls, gimbals)
     if not every:
         raise InputError(f"--with {said}: {effect} is of gimbals, and {recordings[0].title!r} has none")
-    made = ExtraEffect(effect, (axis,) if axis else (), _stated(said, cls, settings), _followed(said, cls, recordings))
+    made = ExtraEffect(
+        effect,
+        (axis,) if axis else (),
+        _stated(said, cls, settings),
+        _followed(said, cls, [a for r in recordings for a in r.axes("covariate")]),
+    )
     if not made.parameters(gimbals):
         axes = ", ".join(dict.fromkeys(p.axis for p in every if p.axis)) or "no axes"
         raise InputError(f"--with {said}: {effect} has no axis {axis!r}; it has {axes}")
@@ -137,11 +142,11 @@ def _stated(said: str, cls: type[Effect], settings: Mapping[str, str]) -> tuple[
     return tuple(out)
 
 
-def _followed(said: str, cls: type[Effect], recordings: Sequence[Recording]) -> str:
-    """The one covariate that is there, for an effect that follows any of them."""
+def _followed(said: str, cls: type[Effect], logged: Sequence[str]) -> str:
+    """The one covariate that was logged, for an effect that follows any of them."""
     if follows(cls) != "":
         return ""
-    logs = list(dict.fromkeys(a for r in recordings for a in r.axes("covariate")))
+    logs = list(dict.fromkeys(logged))
     if len(logs) != 1:
         raise InputError(f"--with {said}: {cls.id} follows one covariate, and there are {len(logs)}: keep one column")
     return logs[0]

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, values, with_values
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import limits
@@ -202,6 +202,11 @@ class ViewsFit:
             **{"method": method, "effects": self.effects, "parameters": self.parameters, "covariance": self.covariance,
                "unobservable": self.unobservable, "residual": residual, **fields}
         )  # fmt: skip
+
+    def stage(self, name: str, in_words: str, rms: float | None = None) -> StageResult:
+        """Return the fit as a stage of a calibration; rms [SI] of its residuals by default."""
+        labels = tuple(p.label for p in self.parameters)
+        return StageResult(name, labels, self.x, self.sigmas, self.rms if rms is None else rms, in_words)
 
     def nuisance(self, name: str) -> tuple[Array, Array]:
         """Return estimates and sigmas of the nuisance parameters of a name, SI."""

@@ -18,7 +18,8 @@ from gimbalcal.calibration.provenance import AssumedGrade
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects.sensor_grades import DEG_ROOT_H, GRADES, UG, Grade, grade_named, grade_of_noise
 from gimbalcal.errors import InputError
-from gimbalcal.recording import SENSORS, Recording, dwell_means, dwells
+from gimbalcal.number import Array
+from gimbalcal.recording import SENSORS, Dwell, Recording, dwell_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.views.norm import scaled_by_gravity
@@ -86,7 +87,8 @@ def walk(recording: Recording, sensor: str) -> float | None:
     """
     quantity = SENSORS[sensor]
     recording = whole_means(recording) if rests_are_means(recording) else recording
-    step = _step(recording)
+    stays = dwells(recording)
+    step = _step(recording.time, recording.weight, stays)
     if step is None or not recording.has(quantity):
         return None
     if recording.counted(quantity):
@@ -99,38 +101,42 @@ def walk(recording: Recording, sensor: str) -> float | None:
         recording = in_si(recording, Readout(accelerometers=counts))
     sigma = recording.noise.get(sensor)
     if sigma is None:
-        means = _of_means(recording, quantity, step)
+        rests = stays if recording.position is not None else []
+        means = _of_means(
+            np.stack([recording.channels[quantity, a] for a in recording.axes(quantity)], -1), rests, step
+        )
         if means is not None:
             return means
         sigma = recording.sigma(sensor)
     return None if sigma is None else sigma * float(np.sqrt(step / np.median(recording.weight)))
 
 
-def _step(recording: Recording) -> float | None:
+def _step(time: Array, weight: Array, stays: Sequence[Dwell]) -> float | None:
     """Usual time [s] from a row to the next in one dwell, or from dwell to dwell where these are the rows.
 
     A reading that comes less than once a second is taken for one of a second: nobody says that it is a longer mean.
     """
-    within = np.concatenate([np.diff(recording.time[d.rows]) for d in dwells(recording)] or [np.zeros(0)])
-    apart, samples = np.diff(recording.time), float(np.median(recording.weight))
+    within = np.concatenate([np.diff(time[d.rows]) for d in stays] or [np.zeros(0)])
+    apart, samples = np.diff(time), float(np.median(weight))
     if not len(within) and (samples == 1 or not len(apart)):
         return None
     return min(float(np.median(within if len(within) else apart)), AVERAGING_S * samples)
 
 
-def _of_means(recording: Recording, quantity: str, step: float) -> float | None:
-    """Return the scatter of means over a second at rest, at least that of a converter step; None without dwells."""
-    size, axes = max(1, round(AVERAGING_S / step)), recording.axes(quantity)
-    x = np.stack([recording.channels[quantity, a] for a in axes], axis=-1)
-    squares = []
-    for d in dwells(recording) if recording.position is not None else ():
+def _of_means(x: Array, stays: Sequence[Dwell], step: float) -> float | None:
+    """Return the scatter of means of readings (n, C) over a second at rest, at least that of a converter step.
+
+    None where no dwell holds two means.
+    """
+    size, squares = max(1, round(AVERAGING_S / step)), []
+    for d in stays:
         n = (d.stop - d.start) // size
         if n > 1:
             means = x[d.start : d.start + n * size].reshape(n, size, -1).mean(axis=1)
             squares.append((np.diff(means, axis=0) ** 2 / 2).mean(axis=0))
     if not squares:
         return None
-    coarse = max(resolution(recording.channels[quantity, a]) for a in axes) / np.sqrt(12 * size)
+    coarse = max(map(resolution, x.T)) / np.sqrt(12 * size)
     return float(max(np.sqrt(np.median(squares)), coarse) * np.sqrt(size * step))
 
 

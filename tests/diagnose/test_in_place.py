@@ -7,8 +7,8 @@ from gimbalcal import calibrate, diagnose, load_effects
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.effects import CATALOGUE, parameters, with_values
-from gimbalcal.estimate.systematic.segments import turned_in_place
 from gimbalcal.units import from_si
+from gimbalcal.views.segments import turned_in_place
 from tests.estimate.systematic.table import turning_unit
 from tests.golden import golden_text
 

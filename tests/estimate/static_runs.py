@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.estimate.fit import fit, information_of
+from gimbalcal.estimate.static_run.run import static_parameters, static_readings, static_view
 from gimbalcal.forward import predict
+from gimbalcal.inference.information import Information
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site
@@ -58,3 +61,13 @@ def run(
                 e = rng.normal(size=len(values)) * noise[sensor[q]] if rng is not None else 0.0
                 channels[q, axis] = values[:, i] + e
     return dataclasses.replace(blank, channels=channels)
+
+
+def static_information(
+    recording: Recording, effects: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
+) -> Information:
+    """Return the information of a static run about the wanted parameters, linearised at its own estimate."""
+    readings = static_readings(recording)
+    wanted = static_parameters(readings) if wanted is None else wanted
+    found = fit([static_view(readings, wanted)], wanted, effects)
+    return information_of(found.views, found.effects, wanted)

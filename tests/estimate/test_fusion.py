@@ -10,11 +10,10 @@ import pytest
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.estimate.fusion import fuse
-from gimbalcal.estimate.static_run.system import static_information
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import Information, information, solve
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
-from tests.estimate.static_runs import ARCSEC, run
+from tests.estimate.static_runs import ARCSEC, run, static_information
 from tests.golden import golden_text
 from tests.stimuli import eighteen
 

@@ -70,7 +70,7 @@ def coarse(positions: Positions) -> Calibration:
         unobservable=solution.unobservable,
         residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
         outcome=joined(outliers_in_words(positions.faults)),
-        provenance=replace(provenance(positions.recording, p, fit, positions.faults), notes=tuple(notes)),
+        provenance=replace(provenance(p, fit, positions.faults), notes=tuple(notes)),
         readout=Readout(gimbals=p.platform.axis_names),
         stages=(stage("coarse", p, fit, joined(["faces and tilted positions, nonlinearity ignored", *notes])),),
     )

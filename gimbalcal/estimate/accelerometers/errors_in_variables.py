@@ -133,7 +133,9 @@ def problem(
     averaged: bool = True,
 ) -> Problem:
     """The fit of a recording: of one mean per dwell, or of every row where what happens inside a dwell matters."""
-    rows = dwell_means(recording) if averaged else _at_rest(recording)
+    rows = dwell_means(recording) if averaged else recording
+    if not averaged and recording.position is not None:
+        rows = recording.select(recording.position > 0)
     rows.triad(FORCE)  # all three axes, or InputError
     read = readings(rows)
     visit = read.stimulus.visit
@@ -145,10 +147,6 @@ def problem(
         effects=tuple(effects),
         parameters=tuple(wanted if wanted is not None else position_parameters(rows.platform, grade=rows.grade)),
     )
-
-
-def _at_rest(recording: Recording) -> Recording:
-    return recording if recording.position is None else recording.select(recording.position > 0)
 
 
 def model(p: Problem, x: Array, e: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import replace
 
 import numpy as np
@@ -31,11 +32,14 @@ def noise_of_a_mean(recording: Recording, sample: float, counts: Counts | None =
     return float(max(own, step / np.sqrt(12))) if sample < step else own
 
 
-def scatter_in_words(recording: Recording, excess: float, own: float) -> str:
-    """A sentence where positions scatter by `excess` [m/s^2] far beyond `own`, the noise of their means."""
+def scatter_in_words(stated: Container[str], excess: float, own: float) -> str:
+    """A sentence where positions scatter by `excess` [m/s^2] far beyond `own`, the noise of their means.
+
+    stated: sensors whose noise the header states.
+    """
     if not own or excess <= MAX_SCATTER_RATIO * own:
         return ""
-    of = "stated noise" if "accelerometer" in recording.noise else "scatter of the samples"
+    of = "stated noise" if "accelerometer" in stated else "scatter of the samples"
     return (
         f"the positions scatter by {excess:.2g} m/s^2 about the model, {excess / own:.2g} times what the {of} explains "
         f"({own:.2g} m/s^2 for the mean of a position)"

@@ -65,7 +65,7 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
         unobservable=_unobservable(solution, coarse),
         residual=Residual(solution.chi2, solution.dof, {NORM: float(left)}),
         outcome=joined([*outliers_in_words(positions.faults), *misfit]),
-        provenance=provenance(positions.recording, p, positions.fit, positions.faults),
+        provenance=provenance(p, positions.fit, positions.faults),
         readout=Readout(gimbals=p.platform.axis_names),
         stages=(_stage(solution, x, float(left)),),
     )

@@ -12,7 +12,6 @@ from gimbalcal.estimate.accelerometers.expected import lost
 from gimbalcal.estimate.accelerometers.position_outliers import Fault, acceptable
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.inference.p_value import probability
-from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 
@@ -73,8 +72,9 @@ def joined(sentences: Sequence[str]) -> str:
     return ". ".join(s[0].upper() + s[1:] for s in sentences)
 
 
-def provenance(recording: Recording, p: Problem, fit: PositionFit, faults: Sequence[Fault]) -> Provenance:
+def provenance(p: Problem, fit: PositionFit, faults: Sequence[Fault]) -> Provenance:
     """Return the provenance: files, noise and its source, visits left out, setting errors, positions missing."""
+    recording = p.readings.recording
     names = recording.platform.axis_names
     return Provenance(
         recordings=recording.source,

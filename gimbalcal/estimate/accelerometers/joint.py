@@ -42,7 +42,7 @@ def joint(positions: Positions, start: Calibration | None = None, judged: bool =
     first = starting_values(p, start.effects) if start else positions.fit.solution.x
     fit = gauss_newton(p, positions.noise, first)
     estimate = with_values(p.effects, p.parameters, fit.solution.x, p.platform.axis_names)
-    origin = provenance(positions.recording, p, fit, positions.faults)
+    origin = provenance(p, fit, positions.faults)
     words = "; ".join(filter(None, [in_words(p, fit), origin.lost]))
     return Calibration(
         method="joint",

@@ -73,8 +73,10 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     more_sigma = covariance_of_omitted_terms(best, list(declined))
     wider = in_words(more_sigma, best.solution.covariance)
     told = [(term, why + wider) for term, why in declined.items()]
-    made = _calibration(recording, best, tried, told, counts)
-    return extra.complete(replace(made, covariance=made.covariance + more_sigma))
+    own = noise_of_a_mean(recording, sample_sigma(view), counts)
+    made = _calibration(best, tried, told, counts, own)
+    return extra.complete(replace(made, covariance=made.covariance + more_sigma,
+                                  readout=replace(made.readout, gimbals=recording.platform.axis_names)))  # fmt: skip
 
 
 def _extension(view: View, base: Sequence[str], more: Sequence[ExtraEffect]) -> Extension:
@@ -128,23 +130,20 @@ def _refusal(term: str, without: ViewsFit, candidate: ViewsFit | None, tried: in
 
 
 def _calibration(
-    recording: Recording,
     best: ViewsFit,
     tried: Sequence[tuple[tuple[str, ...], ViewsFit]],
     declined: Sequence[tuple[str, str]],
     counts: Counts | None,
+    own: float,
 ) -> Calibration:
-    from gimbalcal import __version__
-
-    solution = best.solution
+    solution, source = best.solution, best.views[0].source
     turned = any(q.effect == "misalignment" for q in best.parameters)
     unobservable = rotations_of_the_triad() if turned else []
     unobservable += [Unobservable.of(unknowns([t]), why) for t, why in declined]
     sample, left_out = sample_sigma(best.views[0]), left_out_rms(best)
-    own = noise_of_a_mean(recording, sample, counts)
-    noise = Noise(sample, np.inf, HEADER if "accelerometer" in recording.noise else SAMPLES, ATTITUDE)
+    noise = Noise(sample, np.inf, HEADER if "accelerometer" in source.noise else SAMPLES, ATTITUDE)
     options = Options(
-        gravity=recording.site.gravity,
+        gravity=source.site.gravity,
         direction=DIRECTION,
         excess_scatter=best.excess,
         excess_over_noise=best.excess / own if own else nan,
@@ -157,30 +156,23 @@ def _calibration(
         "multiposition",
         Residual(solution.chi2, solution.dof, {FORCE: best.rms}),
         unobservable=(*best.unobservable, *unobservable),
-        outcome=_outcome(recording, best, own),
-        provenance=Provenance(recordings=recording.source, version=__version__, noise=assumed_noise(noise),
-                              options=options),
+        outcome=_outcome(best, own),
+        provenance=Provenance(recordings=source.source, noise=assumed_noise(noise), options=options),
         stages=tuple(_stage(terms, made) for terms, made in tried),
-        readout=Readout(accelerometers=counts, gimbals=recording.platform.axis_names),
+        readout=Readout(accelerometers=counts),
     )  # fmt: skip
 
 
-def _outcome(recording: Recording, best: ViewsFit, own: float) -> str:
+def _outcome(best: ViewsFit, own: float) -> str:
     if best.steps == 0:
         return "the fit did not settle: the positions do not determine these terms together"
-    words = scatter_in_words(recording, best.excess, own)
+    words = scatter_in_words(best.views[0].source.noise, best.excess, own)
     scaled = "; all sigma are scaled to that scatter, and `gimbalcal diagnose` looks for what the model misses"
     return words and words + scaled
 
 
 def _stage(terms: Sequence[str], made: ViewsFit) -> StageResult:
-    solution, left_out = made.solution, left_out_rms(made)
+    left_out, positions = left_out_rms(made), len(made.views[0])
     left = f", {left_out:.2g} m/s^2 for a position left out" if np.isfinite(left_out) else ""
-    return StageResult(
-        name=" + ".join(terms),
-        labels=tuple(q.label for q in solution.parameters),
-        values=solution.x,
-        sigmas=solution.sigma,
-        rms=made.rms,
-        in_words=f"norm of gravity at {len(made.views[0])} positions; condition number {made.condition:.0f}{left}",
-    )
+    words = f"norm of gravity at {positions} positions; condition number {made.condition:.0f}{left}"
+    return made.stage(" + ".join(terms), words)

@@ -75,41 +75,44 @@ def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
     None where the others do not fit each other without them either.
     """
     every = dwell_means(recording)
-    if every.position is None or not np.isfinite(every.triad(FORCE)).all():
+    y, g, position = every.triad(FORCE), every.site.gravity, every.position
+    if position is None or not np.isfinite(y).all():
         return ()
+    unit = None if every.counted(FORCE) else g
+    noise = (every.sigma("accelerometer") or 0.0) / np.sqrt(every.weight)
     left, found = np.arange(len(every.time)), dict[int, float]()
     while len(found) <= MAX_OUTLIERS:
-        more = _odd(every, left, 1) or _odd(every, left, 2)  # two together hide each other
+        more = _odd(y, unit, noise, left, 1) or _odd(y, unit, noise, left, 2)  # two together hide each other
         if not more:
-            g, position = every.site.gravity, every.position
             return tuple(NormOutlier(k, int(position[k]), g * off) for k, off in sorted(found.items()))
         found |= more
         left = np.setdiff1d(left, list(more))
     return ()
 
 
-def _odd(every: Recording, left: NDArray[np.int64], several: int) -> dict[int, float]:
-    """The rests without which the others agree best, and how far they are off [g]; empty where one of them is not."""
+def _odd(y: Array, unit: float | None, noise: Array, left: NDArray[np.int64], several: int) -> dict[int, float]:
+    """The rests without which the others agree best, and how far they are off [g]; empty where one of them is not.
+
+    y (m, 3), noise (m,): forces of all rests and their noise, of which 1 g is `unit`, or unknown in counts (None).
+    """
     m = len(left)
     if m < MIN_POINTS + MIN_SPARE_DWELLS + several - 1:
         return {}
-    rests = every.select(left)
-    everyone = _ellipsoids(rests, np.ones((1, m)))
+    everyone = _ellipsoids(y[left], unit, np.ones((1, m)))
     suspects = np.sort(np.argsort(-np.abs(everyone.rho[0]))[:MAX_SUSPECTS])
     choices = np.array(list(combinations(suspects, several)))
     kept = np.ones((len(choices), m))
     np.put_along_axis(kept, choices, 0.0, axis=1)
-    through = _ellipsoids(rests, kept)
+    through = _ellipsoids(y[left], unit, kept)
     best = int(np.argmin(through.usual))
     if not np.isfinite(through.usual[best]):
         return {}
     gone = choices[best]
     off, tied = _against_others(through, best, gone)
-    noise = (rests.sigma("accelerometer") or 0.0) / np.sqrt(rests.weight[gone]) / through.size[best]
     from scipy.special import stdtrit
 
     least = max(MIN_OUTLIER_SIGMAS, -float(stdtrit(m - several - MIN_POINTS, SIGNIFICANCE / comb(m, several))))
-    sigmas = np.abs(off) / np.hypot(through.usual[best] * np.sqrt(1 + tied), noise)
+    sigmas = np.abs(off) / np.hypot(through.usual[best] * np.sqrt(1 + tied), noise[left[gone]] / through.size[best])
     return dict(zip(left[gone].tolist(), off.tolist(), strict=True)) if np.all(sigmas > least) else {}
 
 
@@ -130,9 +133,9 @@ class _Ellipsoids(NamedTuple):
     usual: Array
 
 
-def _ellipsoids(rests: Recording, kept: Array) -> _Ellipsoids:
+def _ellipsoids(y: Array, unit: float | None, kept: Array) -> _Ellipsoids:
     """Through the rests that are kept (r, m)."""
-    u, size = _points(rests, kept)
+    u, size = _points(y, unit, kept)
     A = design(u)
     G = np.swapaxes(A * kept[..., None], -1, -2) @ A + RIDGE**2 * np.eye(MIN_POINTS)
     lacks = (1 - A @ SPHERE) * kept
@@ -147,15 +150,14 @@ def _ellipsoids(rests: Recording, kept: Array) -> _Ellipsoids:
     return _Ellipsoids(u, size, c, G, rho, s, np.where(closed, np.sqrt(square), np.inf))
 
 
-def _points(rests: Recording, kept: Array) -> tuple[Array, Array]:
+def _points(y: Array, unit: float | None, kept: Array) -> tuple[Array, Array]:
     """Readings (r, m, 3) as points about the unit sphere, and what 1 is in their unit (r,).
 
     Counts have their middle and size from the rests that are kept (r, m).
     """
-    y, r = rests.triad(FORCE)[None], len(kept)
-    if not rests.counted(FORCE):
-        g = rests.site.gravity
-        return np.repeat(y / g, r, axis=0), np.full(r, g)
+    y, r = y[None], len(kept)
+    if unit is not None:
+        return np.repeat(y / unit, r, axis=0), np.full(r, unit)
     there = kept[..., None] > 0
     high, low = np.where(there, y, -np.inf).max(1), np.where(there, y, np.inf).min(1)
     size = (high - low).mean(-1) / 2

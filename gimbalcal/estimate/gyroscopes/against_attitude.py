@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual, StageResult
+from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual
 from gimbalcal.calibration.provenance import AttitudeReference
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError, amount
@@ -38,14 +38,14 @@ def gyroscopes_against_attitude(recording: Recording) -> Calibration:
     y, time = recording.triad(RATE), recording.time
     known = reference_of(recording)
     lag = _first_lag(time, y, known)
-    M = _first_mounting(recording, time, y, known, lag)
+    M = _first_mounting(recording.title, time, y, known, lag)
     view = against_reference(recording, known, M, lag)
     if len(view) < MIN_INTERVALS:
         raise InputError(
             f"{recording.title!r} holds {amount(len(view), 'interval')} of {INTERVAL_S:g} s in which rates and "
             f"attitude were logged; at least {MIN_INTERVALS} are needed"
         )
-    return _calibration(recording, fit([view], triangle_of_first_order(), min_signal=LEAST_SIGNAL), M, lag, known)
+    return _calibration(fit([view], triangle_of_first_order(), min_signal=LEAST_SIGNAL), M, lag, known)
 
 
 def _left_out(known: Reference) -> list[str]:
@@ -87,7 +87,7 @@ def _first_lag(time: Array, y: Array, known: Reference) -> float:
     return (int(np.argmax(match)) - most) * step
 
 
-def _first_mounting(recording: Recording, time: Array, y: Array, known: Reference, lag: float) -> Array:
+def _first_mounting(title: str, time: Array, y: Array, known: Reference, lag: float) -> Array:
     """M (3, 3) from the rates of both (Wahba's problem); InputError for a triad that only a mirror would fit."""
     at, w = known.rates()
     inside = (at - lag > time[0]) & (at - lag < time[-1])
@@ -100,19 +100,18 @@ def _first_mounting(recording: Recording, time: Array, y: Array, known: Referenc
         left = [float(np.linalg.norm(a - b @ R.T)) for R in (proper, mirrored)]
         if left[0] > MIRROR_RATIO * left[1]:
             raise InputError(
-                f"the rates of {recording.title!r} are a mirror image of the attitude's: one axis counts backwards, "
+                f"the rates of {title!r} are a mirror image of the attitude's: one axis counts backwards, "
                 "or two are interchanged; correct axis or sign in [columns]"
             )
     return proper
 
 
-def _calibration(recording: Recording, found: ViewsFit, M: Array, lag: float, known: Reference) -> Calibration:
-    from gimbalcal import __version__
-
+def _calibration(found: ViewsFit, M: Array, lag: float, known: Reference) -> Calibration:
+    source = found.views[0].source
     sigma, (turned, tilt), ((late,), (jitter,)) = found.sigmas, found.nuisance(MOUNTING), found.nuisance(LAG)
     if not found.determined or not np.all(np.concatenate([sigma[3:], tilt, [jitter]]) < MAX_SIGMA):  # all but the bias
         raise InputError(
-            f"the motion of {recording.title!r} does not tell scale, mounting and lag apart: turn it about all three "
+            f"the motion of {source.title!r} does not tell scale, mounting and lag apart: turn it about all three "
             "axes, to and fro"
         )
     m, noise, M, lag = len(found.residual[0]), found.excess, exponential(turned) @ M, lag + float(late)
@@ -127,14 +126,14 @@ def _calibration(recording: Recording, found: ViewsFit, M: Array, lag: float, kn
         f"{m} intervals; the attitude is late by {from_si(lag, 'ms'):.3g} +- {from_si(float(jitter), 'ms'):.2g} ms and "
         f"its frame turned by {angle:.3g} deg; each attitude scatters by {from_si(noise, 'arcmin'):.2g} arcmin"
     )
-    dof, labels = max(3 * m - len(found.solution.x), 1), tuple(p.label for p in found.parameters)
+    dof = max(3 * m - len(found.solution.x), 1)
     return found.calibration(
         "attitude", Residual(float(dof), dof, {"attitude": noise}),
         provenance=Provenance(
-            recordings=recording.source, version=__version__, limits=tuple(_left_out(known)),
+            recordings=source.source, limits=tuple(_left_out(known)),
             options=Options(direction=DIRECTION, reference=reference, in_words=words,
                             frame="x along the first input axis, y in the plane of the first two"),
         ),
-        stages=(StageResult("against the attitude", labels, found.x, sigma, noise, words),),
-        readout=Readout(gimbals=recording.platform.axis_names),
+        stages=(found.stage("against the attitude", words, noise),),
+        readout=Readout(gimbals=source.platform.axis_names),
     )  # fmt: skip

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.calibration import DIRECTION, Calibration, Counts, Options, Provenance, Readout, Residual, StageResult
+from gimbalcal.calibration import DIRECTION, Calibration, Counts, Options, Provenance, Readout, Residual
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
@@ -43,6 +43,7 @@ from gimbalcal.estimate.gyroscopes.rests import (
 )
 from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns, with_reference_error
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
+from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -65,9 +66,10 @@ def gyroscopes_between_rests(
     the rests. What `more` adds is fitted in any case, at rest or on the way. Raises InputError where there are too
     few turns or no rates.
     """
-    asked = {a.effect for a in more}
-    wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or _default(recording)) if t not in asked)
-    _check(wanted, recording)
+    asked, further = {a.effect for a in more}, [t for t in FURTHER if not lacking(CATALOGUE[t], recording.has)]
+    wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or (*LINEAR, *further)) if t not in asked)
+    for t in wanted:
+        _refuse(t, lacking(CATALOGUE[t], recording.has) if t in CATALOGUE else "", recording.title)
     turns, _, scale = turns_between_rests(recording, accelerometers)
     terms_moving = tuple(t for t in wanted if t != G_SENSITIVITY)
     base = tuple(t for t in terms_moving if t in LINEAR) or terms_moving[:1]
@@ -82,15 +84,15 @@ def gyroscopes_between_rests(
     fits, declined = _taken_up(turns, base, further, tried, moving) if base or moving.parameters else ([], {})
     if why:
         declined[G_SENSITIVITY] = why
-    said = rests_in_words(recording, level)
+    said = rests_in_words(level)
     if fits:
         fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, accelerometers)
         fit = fits[-1][1]
         said += singular_in_words(fit.condition) or (
-            turns_in_words(recording, turns, accelerometers, level.residual[0], scale, fit.rms)
+            turns_in_words(turns, accelerometers, level.residual[0], scale, fit.rms)
             + sizes_in_words(turns, fit.effects)
         )
-    made = replace(_calibration(recording, level, fits, declined, scale), outcome=joined(said))
+    made = replace(_calibration(level, fits, declined, scale), outcome=joined(said))
     return extra.complete(made)
 
 
@@ -112,17 +114,12 @@ def _extension(more: Sequence[ExtraEffect], still: View, turns: Turns, base: tup
     return extension(more, sizes, still.stimulus, misfit)
 
 
-def _default(recording: Recording) -> tuple[str, ...]:
-    return (*LINEAR, *(t for t in FURTHER if not lacking(CATALOGUE[t], recording.has)))
-
-
-def _check(terms: Sequence[str], recording: Recording) -> None:
-    for t in terms:
-        if t not in CATALOGUE or CATALOGUE[t].stage not in GYROSCOPE_STAGES or t == BIAS:
-            raise InputError(f"--terms names {t!r}, which is not a gyroscope effect that turns between rests can show")
-        missing = lacking(CATALOGUE[t], recording.has)
-        if missing:
-            raise InputError(f"--terms names {t}, which needs the channel {missing}; {recording.title!r} has none")
+def _refuse(term: str, missing: str, title: str) -> None:
+    """Raise InputError for a term that turns between rests cannot show, or not without the channel that is missing."""
+    if term not in CATALOGUE or CATALOGUE[term].stage not in GYROSCOPE_STAGES or term == BIAS:
+        raise InputError(f"--terms names {term!r}, which is not a gyroscope effect that turns between rests can show")
+    if missing:
+        raise InputError(f"--terms names {term}, which needs the channel {missing}; {title!r} has none")
 
 
 Fits = list[tuple[tuple[str, ...], ViewsFit]]
@@ -164,39 +161,35 @@ def _dof(fit: ViewsFit) -> int:
     return fit.residual[0].size - len(fit.x)
 
 
-def _calibration(
-    recording: Recording, level: ViewsFit, fits: Fits, declined: dict[str, str], scale: float
-) -> Calibration:
-    from gimbalcal import __version__
-
+def _calibration(level: ViewsFit, fits: Fits, declined: dict[str, str], scale: float) -> Calibration:
     fit = fits[-1][1] if fits else None
     wanted = (*level.parameters, *(fit.parameters if fit else ()))
     x = np.concatenate([level.x, fit.x if fit else np.zeros(0)])
-    n = len(level.x)
-    covariance = np.zeros((len(x), len(x)))
-    covariance[:n, :n] = level.covariance
+    source = level.views[0].source
     nominal = {"scale": scale} if scale != 1.0 else None
     options = Options(direction=DIRECTION, declined=declined, frame="accelerometers", nominal=nominal)
     rms = {"rate_at_rest": level.rms}
     if fit:
-        covariance[n:, n:] = fit.covariance
         angles = _inter_triad(dict(zip(fit.parameters, fit.x, strict=True)))
         options = replace(options, condition=fit.condition, leave_one_out_rms=fit.left_out_rms,
                           inter_triad_arcsec=tuple(float(from_si(a, "arcsec")) for a in angles))  # fmt: skip
         rms["gravity_direction"] = fit.rms
-    readout = Readout(gyroscopes=Counts((scale,) * 3) if scale != 1.0 else None, gimbals=recording.platform.axis_names)
+    readout = Readout(gyroscopes=Counts((scale,) * 3) if scale != 1.0 else None, gimbals=source.platform.axis_names)
     stages = tuple(
-        StageResult(" + ".join(terms), tuple(p.label for p in f.parameters), f.x, f.sigmas, f.rms,
-              f"gravity after {len(f.residual[0])} turns; condition number {f.condition:.0f}, "
-              f"{f.left_out_rms:.2g} rad for a turn left out")
+        f.stage(
+            " + ".join(terms),
+            f"gravity after {len(f.residual[0])} turns; condition number {f.condition:.0f}, {f.left_out_rms:.2g} rad "
+            "for a turn left out",
+        )
         for terms, f in fits
-    )  # fmt: skip
+    )
     dof = _dof(fit or level)
     return Calibration(
-        "turns", with_values((*level.effects, *(fit.effects if fit else ())), wanted, x), wanted, covariance,
+        "turns", with_values((*level.effects, *(fit.effects if fit else ())), wanted, x), wanted,
+        block_diagonal([f.covariance for f in (level, fit) if f]),
         tuple(Unobservable.of(parameters(CATALOGUE[t]), why) for t, why in declined.items()),
         Residual(float(dof), dof, rms),
-        provenance=Provenance(recordings=recording.source, version=__version__, options=options),
+        provenance=Provenance(recordings=source.source, options=options),
         stages=stages,
         readout=readout,
     )  # fmt: skip

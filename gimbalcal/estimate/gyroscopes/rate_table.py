@@ -8,6 +8,7 @@ that of a scale factor holds the cosine of such a tilt. See `views.rate_table` f
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from gimbalcal.calibration import (
     Provenance,
     Readout,
     Residual,
-    StageResult,
 )
 from gimbalcal.checks.driven_rates import refuse_unlike_table
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
@@ -35,6 +35,7 @@ from gimbalcal.inference.information import Unobservable
 from gimbalcal.method_table import Request
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.recording.joining import refuse_twice
 from gimbalcal.recording.record import RATE
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
@@ -65,12 +66,12 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:
     them. What no recording turned about is not estimated and named. Raises InputError without rates or angles of a
     rig, where nothing turns steadily, and where counts are of an axis that was never turned.
     """
-    for k, r in enumerate(recordings):
+    refuse_twice(recordings)
+    for r in recordings:
         _refuse(r)
-        _refuse_twice(r, recordings[:k])
         refuse_unlike_table(r)
     each = [stretches_of(r) for r in recordings]
-    scale = _nominal(recordings, each)
+    scale = _nominal([r.counted(RATE) for r in recordings], each)
     view = rate_table(recordings, each, scale, np.eye(3))
     wanted, unseen = _seen(view)
     first = _fit(view, wanted)
@@ -78,7 +79,11 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:
     M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in BASE[1:]))
     view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
     best, declined = _chosen(view, _fit(view, wanted))
-    return _calibration(recordings, best, unseen, declined, scale, [len(s.time) for s in each])
+    made = _calibration(best, unseen, declined, [len(s.time) for s in each])
+    counts = Counts(tuple(map(float, scale))) if recordings[0].counted(RATE) else None
+    files = tuple(file for r in recordings for file in r.source)
+    return replace(made, provenance=replace(made.provenance, recordings=files),
+                   readout=Readout(gyroscopes=counts, gimbals=recordings[0].platform.axis_names))  # fmt: skip
 
 
 def _refuse(r: Recording) -> None:
@@ -91,15 +96,8 @@ def _refuse(r: Recording) -> None:
         )
 
 
-def _refuse_twice(r: Recording, before: Sequence[Recording]) -> None:
-    rows = {f["sha256"] for f in r.files}
-    if again := next((b for b in before if rows & {f["sha256"] for f in b.files}), None):
-        raise InputError(f"{again.title!r} and {r.title!r} hold the same rows; give each recording once")
-
-
-def _nominal(recordings: Sequence[Recording], each: Sequence[Stretches]) -> Array:
+def _nominal(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:
     """Rad/s per unit of the readings (3,): ones where they have a scale, else by the turns about each own axis."""
-    counted = [r.counted(RATE) for r in recordings]
     if not any(counted):
         return np.ones(3)
     if not all(counted):
@@ -161,16 +159,15 @@ def _chosen(view: View, best: ViewsFit) -> tuple[ViewsFit, dict[str, str]]:
     return best, declined
 
 
-def _calibration(recordings: Sequence[Recording], best: ViewsFit, unseen: Sequence[Parameter],
-                 declined: dict[str, str], scale: Array, stretches: Sequence[int]) -> Calibration:  # fmt: skip
-    from gimbalcal import __version__
-
+def _calibration(
+    best: ViewsFit, unseen: Sequence[Parameter], declined: dict[str, str], stretches: Sequence[int]
+) -> Calibration:
     sample = best.views[0].noise.sample
     assert sample is not None
     dof = best.residual[0].size - len(best.x)
     many = amount(sum(stretches), "stretch", "stretches")
     words = (
-        f"{many} of steady turning in {amount(len(recordings), 'recording')}; what is left is "
+        f"{many} of steady turning in {amount(len(stretches), 'recording')}; what is left is "
         f"{from_si(best.rms, 'deg/h'):.3g} deg/h rms"
     )
     mounted = (
@@ -179,23 +176,18 @@ def _calibration(recordings: Sequence[Recording], best: ViewsFit, unseen: Sequen
     )
     options = Options(direction=DIRECTION, frame="the table's axes", in_words=words, stretches=tuple(stretches),
                       declined=declined)  # fmt: skip
-    counts = Counts(tuple(map(float, scale))) if any(r.counted(RATE) for r in recordings) else None
     rate = best.views[0].stimulus.rate
     still = " and ".join(a for a, w in zip("xyz", rate.T, strict=True) if np.abs(w).max() < MIN_RATE)
     seldom = "no recording turns the unit about every axis" + (f", none about {still}" if still else "")
     dark = [Unobservable.of([p], seldom) for p in unseen]
     dark += [Unobservable.of(parameters(CATALOGUE[t]), why) for t, why in declined.items()]
     chi2 = float(((best.residual[0] / sample) ** 2).sum()) if np.all(sample > MIN_RATE_SIGMA) else float(dof)
-    told = tuple(p.label for p in best.parameters)
-    usual = tuple(recordings[0].grade.at_power_on(p) for p in best.parameters)  # no fit here has a prior
-    files = tuple(file for r in recordings for file in r.source)
+    usual = tuple(best.views[0].grade.at_power_on(p) for p in best.parameters)  # no fit here has a prior
     return best.calibration(
         "rate-table", Residual(chi2, dof, {RATE: best.rms}), parameters=usual,
         unobservable=(*best.unobservable, *dark), outcome=_unsteady(sample, best.residual[0]),
-        provenance=Provenance(recordings=files, version=__version__, noise=AssumedNoise(from_=SAMPLES),
-                              options=options, limits=(mounted,)),
-        stages=(StageResult("against the table", told, best.x, best.sigmas, best.rms, words),),
-        readout=Readout(gyroscopes=counts, gimbals=recordings[0].platform.axis_names),
+        provenance=Provenance(noise=AssumedNoise(from_=SAMPLES), options=options, limits=(mounted,)),
+        stages=(best.stage("against the table", words),),
     )  # fmt: skip
 
 

@@ -20,7 +20,6 @@ from gimbalcal.effects import Effect
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.forward import gyroscopes
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, horizontal_sigma
@@ -33,12 +32,12 @@ SMALL_RATE = 1e-3  # rad/s; what is linear in the rate shows alone
 MAX_CONDITION_NUMBER = 1e6  # condition number, columns of length one
 
 
-def rests_in_words(recording: Recording, level: ViewsFit) -> list[str]:
+def rests_in_words(level: ViewsFit) -> list[str]:
     """A sentence where what a fit leaves at rest is far above the noise of the means."""
     sample = level.views[0].noise.sample
     if sample is None or np.any(sample <= MIN_RATE_SIGMA):
         return []  # one row a rest says nothing of its scatter
-    explained = np.sqrt((sample**2).mean(0) + horizontal_sigma(recording.site.latitude) ** 2)
+    explained = np.sqrt((sample**2).mean(0) + horizontal_sigma(level.views[0].source.site.latitude) ** 2)
     left = np.sqrt((level.residual[0] ** 2).mean(0))
     i = int(np.argmax(left / explained))
     if left[i] <= MAX_RATE_SCATTER_RATIO * explained[i]:
@@ -51,14 +50,12 @@ def rests_in_words(recording: Recording, level: ViewsFit) -> list[str]:
     ]
 
 
-def turns_in_words(
-    recording: Recording, turns: Turns, accelerometers: Calibration, wander: Array, scale: float, rms: float
-) -> list[str]:
+def turns_in_words(turns: Turns, accelerometers: Calibration, wander: Array, scale: float, rms: float) -> list[str]:
     """A sentence where gravity after the turns is missed by far more than noise explains; rms [rad] per component.
 
     wander (m, 3) [rad/s]: misfit of the rests; scale: rad/s per unit of the rates.
     """
-    explained = turn_sigma(recording, turns, accelerometers, wander, scale)
+    explained = turn_sigma(turns, accelerometers, wander, scale)
     if not explained or rms <= MAX_RATE_SCATTER_RATIO * explained:
         return []
     return [
@@ -69,33 +66,32 @@ def turns_in_words(
     ]
 
 
-def turn_sigma(recording: Recording, turns: Turns, accelerometers: Calibration, wander: Array, scale: float) -> float:
+def turn_sigma(turns: Turns, accelerometers: Calibration, wander: Array, scale: float) -> float:
     """Return the error of gravity after turns due to noise [rad rms, per component], see above; 0 where it is unknown.
 
     In the units that the rates were logged in, `scale` rad/s each.
     """
-    white = recording.sigma("gyroscope")
+    white, n = turns.means.sigma("gyroscope"), turns.means.weight
     if white is None:
         return 0.0
-    n = dwell_means(recording).weight
     first, last = turns.ends - 1, turns.ends
     steps, T = (turns.step > 0).sum(1), turns.step.sum(1)
     usual = SIGMA_PER_MEDIAN * float(np.median(np.abs(wander)))  # one odd rest makes no turn uncertain
-    down = _direction_sigma(recording, accelerometers, n)
+    down = _direction_sigma(turns, accelerometers)
     level = (T * scale * white) ** 2 / 4 * (1 / n[first] + 1 / n[last])
     on_the_way = steps * (scale * white * T / steps) ** 2
     variance = down[first] ** 2 + down[last] ** 2 + on_the_way + level + T**2 / 2 * usual**2
     return float(np.sqrt(variance.mean()))
 
 
-def _direction_sigma(recording: Recording, accelerometers: Calibration, n: Array) -> Array:
+def _direction_sigma(turns: Turns, accelerometers: Calibration) -> Array:
     """One sigma (m,) [rad] of gravity's direction at the rests, per component."""
-    sample = recording.sigma("accelerometer") or 0.0
+    sample = turns.means.sigma("accelerometer") or 0.0
     nominal = accelerometers.readout.accelerometers
-    if recording.counted(FORCE):
+    if turns.means.counted(FORCE):
         sample *= float(np.mean(np.abs(nominal.scale))) if nominal else 0.0
     excess = accelerometers.provenance.options.excess_scatter or 0.0
-    return np.asarray(np.sqrt(sample**2 / n + excess**2) / recording.site.gravity)
+    return np.asarray(np.sqrt(sample**2 / turns.means.weight + excess**2) / turns.means.site.gravity)
 
 
 def sizes_in_words(turns: Turns, effects: Sequence[Effect]) -> list[str]:

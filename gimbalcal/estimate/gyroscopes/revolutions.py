@@ -13,6 +13,7 @@ the last to first order in K2, and with the angles of Eq. (5) of Wu et al. (2018
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -49,7 +50,9 @@ def gyroscopes_from_revolutions(recording: Recording) -> Calibration:
         found, used = revolutions_of(recording, bias)
         fit = gyroscope_pulses(found)
         bias = fit.pulses.bias[0]
-    return _calibration(recording, found, fit, used)
+    made = _calibration(found, fit, used, recording.sigma("gyroscope") is not None)
+    return replace(made, provenance=replace(made.provenance, recordings=recording.source),
+                   readout=Readout(gimbals=recording.platform.axis_names))  # fmt: skip
 
 
 def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Revolutions, int]:
@@ -62,9 +65,10 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
     stays = dwells(recording)
     y = recording.triad(RATE)
     earth = [y[d.rows].mean(0) + (0.0 if bias is None else bias) for d in stays]
+    spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
     moved = [
-        _integrals(recording, y, slice(a.stop - 1, b.start + 1), e)
-        for (a, b), e in zip(pairwise(stays), earth, strict=False)
+        _integrals(recording.time[span], y[span], e, paused(recording, span))
+        for span, e in zip(spans, earth, strict=False)
     ]
     pairs = _pairs(moved)
     if len(pairs) < 6:
@@ -89,18 +93,18 @@ Moved = tuple[Array, float, float]
 """Integrals of N and N^2 (2, 3), time [s], angle [rad]: whole revolutions, or nan."""
 
 
-def _integrals(recording: Recording, y: Array, span: slice, earth: Array) -> Moved:
+def _integrals(time: Array, rows: Array, earth: Array, interrupted: bool) -> Moved:
     """Trapezoids over a move, and the whole number of revolutions that it is, if it is one.
 
     The Earth's rate across the axis would average out at constant speed; what it leaves while the speed comes and goes
     is integrated along the measured phase, from `earth` (3,) [rad/s] before the move, and taken off.
     """
-    dt, rows = np.diff(recording.time[span]), y[span]
+    dt = np.diff(time)
     both = np.stack([rows, rows**2], axis=1)
     S = ((both[1:] + both[:-1]) / 2 * dt[:, None, None]).sum(0)
     angle = float(np.linalg.norm(S[0]))
     whole = round(angle / (2 * np.pi))
-    if whole < 1 or paused(recording, span) or abs(angle / (2 * np.pi) - whole) >= MAX_REVOLUTION_ERROR * whole:
+    if whole < 1 or interrupted or abs(angle / (2 * np.pi) - whole) >= MAX_REVOLUTION_ERROR * whole:
         return S, float(dt.sum()), float("nan")
     u = S[0] / angle
     along = rows @ u
@@ -150,17 +154,15 @@ def triangle() -> tuple[Parameter, ...]:
     return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in LOWER_TRIANGLE)
 
 
-def _outcome(recording: Recording, converged: bool, times: float) -> str:
+def _outcome(converged: bool, noise_is_known: bool, times: float) -> str:
     if not converged:
         return "the fit did not settle: the revolutions do not determine the triad"
-    if recording.sigma("gyroscope") is None or times <= MAX_RATE_SCATTER_RATIO:
+    if not noise_is_known or times <= MAX_RATE_SCATTER_RATIO:
         return ""
     return f"revolutions and rests are off by {times:.2g} times what the noise of the gyroscopes explains"
 
 
-def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs: int) -> Calibration:
-    from gimbalcal import __version__
-
+def _calibration(found: Revolutions, fit: PulseFit, pairs: int, noise_is_known: bool) -> Calibration:
     x = fit.pulses.vector()[0][FREE]
     J = complex_step(as_effects, x)
     dof = 3 * pairs + found.rest.shape[1] - 12
@@ -182,7 +184,6 @@ def _calibration(recording: Recording, found: Revolutions, fit: PulseFit, pairs:
                       "a rotation of the whole triad changes no norm and no angle: it needs a reference, such as the "
                       "accelerometers (gimbalcal.estimate.gyroscopes.inter_triad)"),),
         Residual(chi2, dof, {RATE: float(found.sigma_angle / found.duration * np.sqrt(scale))}),
-        outcome=_outcome(recording, bool(fit.converged[0]), excess),
-        provenance=Provenance(recordings=recording.source, version=__version__, options=options),
-        readout=Readout(gimbals=recording.platform.axis_names),
+        outcome=_outcome(bool(fit.converged[0]), noise_is_known, excess),
+        provenance=Provenance(options=options),
     )  # fmt: skip

@@ -8,20 +8,21 @@ part of its bias where it feels the same force in every rest, and is named there
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual, StageResult
+from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual
 from gimbalcal.calibration.provenance import North
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.inference.p_value import probability
-from gimbalcal.kinematics import DOWN
-from gimbalcal.number import apply_matrix
 from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.record import RATE
 from gimbalcal.units import from_si
+from gimbalcal.views.core import View
 from gimbalcal.views.rest_rates import HEADING, rest_rates_on_gimbals
 
 BIAS = "gyro_bias"
@@ -51,7 +52,7 @@ def two_position(recording: Recording) -> Calibration:
             f"the {amount(len(view), 'rest')} of {recording.title!r} do not tell the Earth's rate from the bias: "
             "reverse the unit by 180 deg about the vertical, or about east, and stay longer"
         )
-    return _calibration(recording, best)
+    return _calibration(best)
 
 
 def _chi2(fit: ViewsFit) -> float:
@@ -81,9 +82,7 @@ def _refuse(recording: Recording) -> None:
         )
 
 
-def _calibration(recording: Recording, best: ViewsFit) -> Calibration:
-    from gimbalcal import __version__
-
+def _calibration(best: ViewsFit) -> Calibration:
     (heading,), (heading_sigma,) = best.nuisance(HEADING)
     chi2, dof = _chi2(best), best.residual[0].size - len(best.solution.x)
     chance = probability(chi2, dof)
@@ -106,20 +105,18 @@ def _calibration(recording: Recording, best: ViewsFit) -> Calibration:
             "gravity acts on the gyroscopes"
         )
     options = Options(direction=DIRECTION, frame="the gimbals' platform", in_words=words, north=North(east, off))
-    labels = tuple(p.label for p in best.parameters)
     return best.calibration(
         "two-position", Residual(chi2, dof, {RATE: best.rms}), outcome=outcome, covariance=covariance,
-        unobservable=(*best.unobservable, *_unobservable(recording)),
-        provenance=Provenance(recordings=recording.source, version=__version__, options=options),
-        stages=(StageResult("two positions", labels, best.x, np.sqrt(np.diag(covariance)), best.rms, words),),
-        readout=Readout(gimbals=recording.platform.axis_names),
+        unobservable=(*best.unobservable, *_unobservable(best.views[0])),
+        provenance=Provenance(recordings=best.views[0].source.source, options=options),
+        stages=(replace(best.stage("two positions", words), sigmas=np.sqrt(np.diag(covariance))),),
+        readout=Readout(gimbals=best.views[0].stimulus.axis_names),
     )  # fmt: skip
 
 
-def _unobservable(recording: Recording) -> tuple[Unobservable, ...]:
+def _unobservable(view: View) -> tuple[Unobservable, ...]:
     """Name the g-sensitivity that is confounded with the bias where all rests feel the same force."""
-    means = dwell_means(recording)
-    down = apply_matrix(means.platform.attitude(means.angles()), DOWN)
+    down = -view.stimulus.force / view.stimulus.gravity
     if np.abs(down - down[0]).max() > SAME_DIRECTION:
         return ()
     axis = "xyz"[int(np.argmax(np.abs(down[0])))]

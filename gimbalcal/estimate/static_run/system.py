@@ -17,33 +17,19 @@ from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Readout
 from gimbalcal.effects import Effect, Parameter, Stimulus
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
-from gimbalcal.estimate.fit import fit, information_of
+from gimbalcal.estimate.fit import fit
 from gimbalcal.estimate.static_run.combined import Combined, combined
 from gimbalcal.estimate.static_run.run import noise_from, static_parameters, static_readings, static_view
-from gimbalcal.inference.information import Information, Solution
+from gimbalcal.inference.information import Solution
 from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording
 
 MAX_REDUCED_CHI2 = 1.1  # chi^2 per degree of freedom: the header's sigma is not known better than to 5 %
 
 
-def static_information(
-    recording: Recording, effects: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
-) -> Information:
-    """Return the information of a static run about the wanted parameters (default: the baseline).
-
-    Linearised at `effects` and what the run adds to them; effects that are not wanted are held.
-    """
-    run = static_readings(recording)
-    wanted = static_parameters(run) if wanted is None else wanted
-    found = fit([static_view(run, wanted)], wanted, effects)
-    return information_of(found.views, found.effects, wanted)
-
-
-def misfit_of_run(recording: Recording, more: Sequence[ExtraEffect]) -> tuple[Cost, Stimulus]:
+def misfit_of_run(run: Readings, more: Sequence[ExtraEffect]) -> tuple[Cost, Stimulus]:
     """Return chi^2 of every row with the sizes of extra effects beside the baseline, and what the rows experienced."""
-    run, sizes = static_readings(recording), sizes_shown_by(more, recording)
-    wanted = static_parameters(run)
+    wanted, sizes = static_parameters(run), sizes_shown_by(more, run.recording)
     return fit([static_view(run, (*wanted, *sizes))], wanted).cost_of_sizes(sizes), run.stimulus
 
 

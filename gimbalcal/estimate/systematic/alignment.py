@@ -17,10 +17,10 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, rate_at
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
 from gimbalcal.rotation import exponential
+from gimbalcal.views.segments import Segments
 
 MAX_ITERATIONS = 6
 LEVEL_SIGMA_RAD = np.radians(1.0)  # at the start

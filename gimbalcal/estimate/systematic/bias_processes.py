@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.estimate.systematic.segments import CHANNELS, Segments
 from gimbalcal.number import Array
 from gimbalcal.recording.noise_levels import coloured
+from gimbalcal.views.segments import CHANNELS, Segments
 
 SHORTEST_PERIOD_S = 2.0  # flicker of shorter periods is below the white noise of any instrument
 

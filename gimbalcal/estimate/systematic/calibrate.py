@@ -32,6 +32,9 @@ from gimbalcal.recording import Recording
 from gimbalcal.views.core import View, without_sizes
 from gimbalcal.views.navigation import navigation
 
+TABLE_CAVEAT = (
+    "what the table read is no reference: gravity and the turn of the Earth alone tell the scale of the gyroscopes"
+)
 LARGE_HEADING_SIGMA_RAD = np.radians(3.0)  # beyond, second order counts
 
 
@@ -49,17 +52,10 @@ def systematic(
     calibration = calibrated(m)
     if m.converged and (calibration.unobservable or m.last.attitude[2, 2] > LARGE_HEADING_SIGMA_RAD**2):
         calibration = _with_linearisation_error(calibration, linearisation_covariance(m, calibration.covariance))
-    origin = _with_limits(calibration, *_table_caveat(recording)).with_options(states=asked)
+    origin = _with_limits(calibration, *([TABLE_CAVEAT] if recording.has("gimbal_angle") else [])).with_options(
+        states=asked
+    )
     return replace(calibration, provenance=origin)
-
-
-def _table_caveat(recording: Recording) -> list[str]:
-    """Return the caveat that table angles are not used; an empty list where none were logged."""
-    if not recording.has("gimbal_angle"):
-        return []
-    return [
-        "what the table read is no reference: gravity and the turn of the Earth alone tell the scale of the gyroscopes"
-    ]
 
 
 def _with_linearisation_error(calibration: Calibration, linearisation: Array) -> Calibration:

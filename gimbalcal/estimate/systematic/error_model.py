@@ -16,12 +16,12 @@ import numpy as np
 from gimbalcal.earth import rate_at
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.systematic.bias_processes import augment, bias_processes
-from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.estimate.systematic.sensor_inversion import sensitivity
 from gimbalcal.navigate.error_growth import NAV, transitions
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
 from gimbalcal.rotation import cross_matrix, exponential, rotation_vector
+from gimbalcal.views.segments import Segments
 
 BATCH_INTERVALS = 20_000  # intervals at a time: what a column of them takes stays below 50 MB
 STATE_SCALE = np.repeat([1e-3, 1e-3, 1e-3], 3)  # rad, m/s, m: scale of the navigation states

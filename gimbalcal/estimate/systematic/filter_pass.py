@@ -23,12 +23,12 @@ from gimbalcal.estimate.systematic.alignment import Alignment
 from gimbalcal.estimate.systematic.bias_processes import bias_processes
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE, ErrorModel, defects, error_model
 from gimbalcal.estimate.systematic.observability import WIDE_PRIOR_SIGMAS, data_information, inverse_factor
-from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.inference import adjoint, square_root_filter
 from gimbalcal.inference.information import solve
 from gimbalcal.inference.square_root_filter import Filtered
 from gimbalcal.number import Array
 from gimbalcal.rotation import rotation_vector
+from gimbalcal.views.segments import Segments
 
 POSITION_SIGMA_M = 1e-3  # at the start
 VELOCITY_STATES = np.arange(3, 6)

@@ -24,7 +24,6 @@ from gimbalcal.estimate.systematic.filter_pass import (
     with_velocity_jumps,
 )
 from gimbalcal.estimate.systematic.iterate import SystematicFit
-from gimbalcal.estimate.systematic.segments import CHANNELS
 from gimbalcal.estimate.systematic.sensor_inversion import KIND, invert_readings, reading_jacobian
 from gimbalcal.forward import linearise
 from gimbalcal.inference import adjoint, square_root_filter
@@ -33,6 +32,7 @@ from gimbalcal.navigate.error_growth import NAV
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.views.navigation import InnovationRows
+from gimbalcal.views.segments import CHANNELS
 
 SINGLE_UPDATES = 20  # after a turn that make a row each; later in a stop innovations change slowly
 JOINED_UPDATES = 10  # of the later ones in one row

@@ -12,10 +12,10 @@ from gimbalcal.effects import Parameter
 from gimbalcal.errors import amount
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE
 from gimbalcal.estimate.systematic.filter_pass import GATE_NIS, Pass
-from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
+from gimbalcal.views.segments import Segments
 
 MIN_P_VALUE = 1e-5  # of each of three tests
 CURVE_POINTS = 120  # in the report

@@ -13,12 +13,12 @@ from gimbalcal.estimate.systematic.alignment import Alignment, align, attitudes
 from gimbalcal.estimate.systematic.error_model import rotated
 from gimbalcal.estimate.systematic.filter_pass import Pass, filter_and_smooth
 from gimbalcal.estimate.systematic.innovation_tests import suspect_updates
-from gimbalcal.estimate.systematic.segments import Segments, segment
 from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
 from gimbalcal.estimate.systematic.stationarity import refuse_carried
 from gimbalcal.estimate.systematic.turn_consistency import gyro_scale_errors
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.views.segments import Segments, segment
 
 MAX_PASSES = 12
 CONVERGED_SIGMAS = 0.03  # largest step of an estimate, in its sigmas, at which the passes end

@@ -16,12 +16,12 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.effect import Stimulus
-from gimbalcal.estimate.systematic.segments import CHANNELS, Segments
 from gimbalcal.forward import linearise, picked, predict
 from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
+from gimbalcal.views.segments import CHANNELS, Segments
 
 MAX_ITERATIONS, CONVERGED_RESIDUAL = 40, 1e-14  # each multiplies the residual by the sensors' errors, 5 % at most
 DIVERGENCE_RATIO = 10.0  # to the smallest residual

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.number import Array
+from gimbalcal.views.segments import Segments
 
 MIN_DRIFT_RATIO = 10.0  # to the median over turns: errors of the sensors are alike in all of them
 MIN_SPEED_M_S, MIN_DISTANCE_M = 0.2, 0.5  # less than this is a lever arm, or a hand

@@ -18,9 +18,9 @@ from gimbalcal.estimate.systematic.error_model import in_body
 from gimbalcal.estimate.systematic.filter_pass import GATE_NIS
 from gimbalcal.estimate.systematic.innovation_rows import innovation_rows
 from gimbalcal.estimate.systematic.iterate import SystematicFit
-from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.estimate.systematic.turn_consistency import NONLINEAR_SCALE_ERROR
 from gimbalcal.number import Array
+from gimbalcal.views.segments import Segments
 
 MAX_DIFFERENCE = 0.1  # of the scale errors of a triad that have one cause
 MIN_SHARE = 0.8  # of the misfit, that an input error has to explain

@@ -13,10 +13,10 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.systematic.segments import Segments
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
 from gimbalcal.rotation import cross_matrix
+from gimbalcal.views.segments import Segments
 
 EDGE_INTERVALS = 5  # of a stop on each side of a turn, some seconds: longer, the Earth turns the vertical
 SCALE_ERROR_SIGMA = 0.05  # of an element of M

@@ -15,13 +15,13 @@ from gimbalcal.effects import CATALOGUE, Effect, values
 from gimbalcal.estimate.static_run.combined import MEANS, NAMES, matrix
 from gimbalcal.estimate.static_run.force_filter import ForceState, observation_matrix, projection
 from gimbalcal.estimate.static_run.run import static_parameters, static_readings
-from gimbalcal.estimate.static_run.system import static, static_information
+from gimbalcal.estimate.static_run.system import static
 from gimbalcal.inference.information import solve
 from gimbalcal.kinematics import shortening
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, read
 from tests.estimate.static_run.sample_by_sample import kalman
-from tests.estimate.static_runs import TABLE_2_3, draw, run
+from tests.estimate.static_runs import TABLE_2_3, draw, run, static_information
 from tests.golden import golden_text, refused
 from tests.stimuli import LATITUDE, G
 

@@ -10,11 +10,11 @@ import pytest
 from gimbalcal.effects.process import Flicker, GaussMarkov, RandomWalk, sample
 from gimbalcal.estimate.systematic.bias_processes import bias_processes
 from gimbalcal.estimate.systematic.calibrate import systematic
-from gimbalcal.estimate.systematic.segments import segment
 from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.recording import read, write
 from gimbalcal.recording.noise_levels import coloured
 from gimbalcal.simulate import simulate
+from gimbalcal.views.segments import segment
 from tests.estimate.systematic.table import MOVES, NOISE, turning_unit
 from tests.golden import golden_text, refused
 
