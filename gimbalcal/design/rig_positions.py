@@ -17,7 +17,7 @@ from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Parameter, Stage, parameters
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, VisitRows, position_parameters, whiten
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, position_parameters, whiten
 from gimbalcal.forward import linearise
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
@@ -27,6 +27,7 @@ from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE
 from gimbalcal.rotation import cross_matrix
 from gimbalcal.units import to_si
+from gimbalcal.views.local import VisitRows
 
 MAX_CANDIDATES = 200_000  # rows of some 18 parameters: 100 MB of work space
 

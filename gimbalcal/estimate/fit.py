@@ -23,6 +23,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, values, wi
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import limits
 from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
+from gimbalcal.forward import Rows
 from gimbalcal.inference.information import (
     MIN_SIGNAL_TO_NOISE,
     Information,
@@ -32,8 +33,9 @@ from gimbalcal.inference.information import (
     prior,
     solve,
 )
-from gimbalcal.number import Array
+from gimbalcal.number import Array, apply_matrix
 from gimbalcal.views.core import View
+from gimbalcal.views.local import VisitRows, Whitened
 
 MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
@@ -47,6 +49,9 @@ ROUNDING = 1e-10  # of the prior sigma: a smaller step is rounding, however smal
 MIN_SINGULAR_RATIO = 1e-9  # of columns of length one, below which rows say nothing of a combination
 LEAST_SIGNAL = 1e-6  # `min_signal` of a fit without priors
 SIGNIFICANT_EXCESS = 3.0  # sigmas of chi^2 above its degrees of freedom, below which the known noise explains the rows
+MAX_PRIOR_SIGMAS = 1e3  # beyond them positions mean nothing: 0.5 g of bias, 50 % of scale, 33 deg
+MAX_SETTING_STEP = 1e-2  # sigmas of a row by which the last step of local parameters may move it
+READING_ROUNDING = 1e-15  # of gravity: smaller steps are the rounding of numbers without noise
 MIN_RELATIVE_SIGNAL = 1e-8  # singular value over the largest, below which rounding speaks
 
 Linearise = Callable[[Array], Information]
@@ -165,6 +170,7 @@ class ViewsFit:
     excesses: tuple[Array, ...]
     steps: int
     min_signal: float = MIN_SIGNAL_TO_NOISE
+    local: tuple[Array, ...] = ()  # values (m, k) of the local parameters of each view, empty where it has none
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -226,9 +232,11 @@ class ViewsFit:
     @cached_property
     def residual(self) -> tuple[Array, ...]:
         """Read minus predicted (n, C), SI, with the nuisances at their estimates."""
-        misfit = _about(self.views, self.effects, self.solution.parameters, self.solution.x)[1]
-        parts = np.split(misfit, np.cumsum([len(v) * len(v.channels) for v in self.views])[:-1])
-        return tuple(r.reshape(len(v), -1) for v, r in zip(self.views, parts, strict=True))
+        wanted, x = self.solution.parameters, self.solution.x
+        return tuple(
+            _of_view(v, self.effects, wanted, x, own, e)[2].reshape(len(v), -1)
+            for v, own, e in zip(self.views, _own(self.views, wanted), self.local, strict=True)
+        )
 
     @property
     def rms(self) -> float:
@@ -238,7 +246,8 @@ class ViewsFit:
     @cached_property
     def whitened(self) -> tuple[Array, Array]:
         """Jacobian (q, p) and misfit (q,) of all rows about the estimate, in units of their noise."""
-        return whitened(self.views, self.effects, self.solution.parameters, self.excesses, self.solution.x)
+        x = self.solution.x
+        return whitened(self.views, self.effects, self.solution.parameters, self.excesses, x, self.local)
 
     @property
     def determined(self) -> bool:
@@ -306,64 +315,61 @@ class ViewsFit:
         return cost
 
 
-@dataclass(frozen=True, eq=False)
-class Others:
-    """What other recordings tell of parameters: information linearised at effects, and what their rows experienced."""
-
-    about: Callable[[Sequence[Effect]], Information]
-    stimuli: tuple[Stimulus, ...]
-
-
 def fit(
     views: Sequence[View], wanted: Sequence[Parameter], absent: Sequence[Effect] = (), start: Array | None = None, *,
     min_signal: float = MIN_SIGNAL_TO_NOISE, min_excess: float = 0.0, significance: float = SIGNIFICANT_EXCESS,
-    others: Others | None = None,
 ) -> ViewsFit:  # fmt: skip
-    r"""Fit parameters that all views share, and the excess of their noise where it is not stated.
+    r"""Fit parameters that views share, and the excess of their noise where it is not stated.
 
     .. math:: \sum_i \frac{r_i^2}{\sigma_i^2 + w_i \sigma_e^2} = \nu
 
     determines the excess sigma_e of rows with a known variance sigma_i^2 (that of their samples, or zero), nu being
     their degrees of freedom, the number of these rows less the sum of their leverages. Views of one kind have one
     excess, or one of each channel; a known noise is only widened where chi^2 is `significance` sigmas above nu.
-    Nuisances of a view are fitted within their priors. absent: effects that the fit begins with, their constants among
-    them; start (p + m,): where the iteration begins (default: at these effects, with nuisances of zero). others: what
-    other recordings tell, as a function of the effects; their parameters come first.
+    Nuisances of a view are fitted within their priors, and so are its local parameters, group by group. A parameter of
+    an effect that does not act in a view has no column there. absent: effects that the fit begins with, their
+    constants among them; start (p + m,): where the iteration begins (default: at these effects, with nuisances of
+    zero).
     """
     names = views[0].stimulus.axis_names
     kind, of_views = _scales(views)
-    shared = tuple(wanted) if others is None else tuple(dict.fromkeys((*others.about(absent).parameters, *wanted)))
     nuisances = [replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)]  # each is another
-    every, local = (*shared, *nuisances), (*wanted, *nuisances)
-    priors, scale = _prior_rows(local)
-    scaled = tuple(replace(q, sigma=s) for q, s in zip(local, scale, strict=True))
-    at = [every.index(q) for q in local]
-    bounds = range_of_constants(shared, *(v.stimulus for v in views), *(others.stimuli if others else ()))
+    every = (*wanted, *nuisances)
+    priors, scale = _prior_rows(every)
+    scaled = tuple(replace(q, sigma=s) for q, s in zip(every, scale, strict=True))
+    bounds = range_of_constants(wanted, *(v.stimulus for v in views))
     if bounds is not None:
         bounds = np.concatenate([bounds, np.tile([[-np.inf], [np.inf]], len(nuisances))], axis=1)
     known, shape = (np.concatenate(part) for part in zip(*map(_variances, views), strict=True))
-    last: dict[bytes, tuple[Array, Array]] = {}
+    has_local = any(v.local is not None for v in views)
+    last: dict[bytes, _Linear] = {}
 
     def effects_at(x: Array) -> tuple[Effect, ...]:
-        return with_values(absent, shared, x[: len(shared)], names)
+        return with_values(absent, wanted, x[: len(wanted)], names)
 
     def rows(x: Array) -> tuple[Array, Array]:
         """Return whitened rows and priors about x; what does not depend on the noise is kept."""
         if x.tobytes() not in last:
+            e = next(iter(last.values())).local_at(x) if last else start_local
             last.clear()
-            last[x.tobytes()] = _about(views, effects_at(x), local, x[at])
-        (J, r), sigma = last[x.tobytes()], np.sqrt(known + shape * excess[kind] ** 2)
-        return np.concatenate([J / sigma[:, None], priors]), np.concatenate([r / sigma, -priors @ x[at]])
+            last[x.tobytes()] = _about(views, effects_at(x), every, x, e)
+        linear, sigma = last[x.tobytes()], np.sqrt(known + shape * excess[kind] ** 2)
+        return np.concatenate([linear.J / sigma[:, None], priors]), np.concatenate([linear.r / sigma, -priors @ x])
 
     def linearise(x: Array) -> Information:
         J, r = rows(x)
-        info = information(J, r + J @ x[at], scaled)
-        return info if others is None else others.about(effects_at(x)) + info
+        info = information(J, r + J @ x, scaled)
+        return replace(info, count=info.count - last[x.tobytes()].dependent)
 
     def arrived(x: Array, target: Array, solution: Solution) -> bool:
-        tolerance = VIEW_TOLERANCE if next(steps) < MAX_QUADRATIC_STEPS else TOLERANCE
+        quadratic = next(steps) < MAX_QUADRATIC_STEPS and not has_local
+        tolerance = VIEW_TOLERANCE if quadratic else TOLERANCE
         enough = np.maximum(tolerance * solution.sigma, ROUNDING * prior(solution.parameters)[1])
-        return bool(np.all(np.abs(target - x) <= enough))
+        return bool(np.all(np.abs(target - x) <= enough)) and last[x.tobytes()].settled(target)
+
+    def diverged(x: Array) -> bool:
+        mean, sigma = prior(scaled)
+        return not np.all(np.abs(x - mean) <= MAX_PRIOR_SIGMAS * sigma)  # nor where it is no number any more
 
     def widened(x: Array) -> Array:
         """Return the excess that the rows leave if nothing holds the parameters but priors of nuisances."""
@@ -380,21 +386,25 @@ def fit(
                 out[k] = max(excess_sigma(si, known[of] / w[of], max(nu, 1.0)), min_excess)
         return out
 
-    x = start if start is not None else np.append(values(absent, shared), np.zeros(len(nuisances)))
+    x = start if start is not None else np.append(values(absent, wanted), np.zeros(len(nuisances)))
+    start_local = [v.local.start(v, _acting(v, effects_at(x))) if v.local else NONE for v in views]
     excess = np.array([float(not known[kind == k].all()) for k in range(kind.max() + 1)])
     if np.any(excess > 0):
         excess = widened(x)
     for _ in range(MAX_SCALE_ROUNDS):
         steps = itertools.count()
-        found = gauss_newton(linearise, x, bounds, seen=min_signal, arrived=arrived, damped=True)
+        found = gauss_newton(linearise, x, bounds, seen=min_signal, arrived=arrived, damped=not has_local,
+                             diverged=diverged if has_local else None)  # fmt: skip
         x = found.solution.x
+        if not found.steps or not np.any(shape > 0):
+            break
         new = widened(x)
-        if not found.steps or np.all(np.abs(new - excess) <= SCALE_TOLERANCE * excess):
+        if np.all(np.abs(new - excess) <= SCALE_TOLERANCE * excess):
             break
         excess = new
     solution = replace(found.solution, parameters=every)
-    excesses = tuple(excess[k] for k in of_views)
-    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, found.steps, min_signal)
+    excesses, local = tuple(excess[k] for k in of_views), tuple(next(iter(last.values())).local_at(x))
+    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, found.steps, min_signal, local)
 
 
 def fixed_nuisances(found: ViewsFit, views: Sequence[View]) -> ViewsFit:
@@ -421,43 +431,117 @@ def independent(J: Array) -> bool:
     return not len(size) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] > MIN_SINGULAR_RATIO)
 
 
-def information_of(views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Information:
+def information_of(
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], local: Sequence[Array] = ()
+) -> Information:
     """Return the information of views of stated noise about the wanted parameters, linearised at effects."""
     x = values(effects, wanted)
-    J, r = whitened(views, effects, wanted, [np.zeros(1)] * len(views), x)
-    return information(J, r + J @ x, wanted)
+    linear = _about(views, effects, wanted, x, local or [NONE] * len(views))
+    sigma = np.sqrt(np.concatenate([_variances(v)[0] for v in views]))
+    J, r = linear.J / sigma[:, None], linear.r / sigma
+    info = information(J, r + J @ x, wanted)
+    return replace(info, count=info.count - linear.dependent)
 
 
 def whitened(
-    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excesses: Sequence[Array], x: Array
-) -> tuple[Array, Array]:
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excesses: Sequence[Array], x: Array,
+    local: Sequence[Array] = (),
+) -> tuple[Array, Array]:  # fmt: skip
     """Return Jacobian (q, p) and misfit (q,) of the rows of views about x (p,), in units of their noise."""
-    J, r = _about(views, effects, wanted, x)
-    sigma = np.concatenate([_sigma(v, e).ravel() for v, e in zip(views, excesses, strict=True)])
-    return J / sigma[:, None], r / sigma
+    linear = _about(views, effects, wanted, x, local or [NONE] * len(views))
+    variance = [known + shape * np.resize(e, len(known)) ** 2
+                for (known, shape), e in zip(map(_variances, views), excesses, strict=True)]  # fmt: skip
+    sigma = np.sqrt(np.concatenate(variance))
+    return linear.J / sigma[:, None], linear.r / sigma
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """Rows of views about x (p,): Jacobian J (q, p) and misfit r (q,), SI, those with local parameters whitened.
+
+    parts: of each view the rows by group and whitened, with the values (m, k) of the local parameters, None where it
+    has none.
+    """
+
+    x: Array
+    J: Array
+    r: Array
+    parts: tuple[tuple[VisitRows, Whitened, Array, float] | None, ...]
+
+    @property
+    def dependent(self) -> int:
+        """How many rows hold nothing that the others do not hold."""
+        return sum(part[1].dependent for part in self.parts if part is not None)
+
+    def local_at(self, x: Array) -> list[Array]:
+        """Return the values (m, k) of the local parameters of each view that parameters x (p,) call for."""
+        return [NONE if part is None else apply_matrix(part[1].gain, part[0].r - part[0].J @ (x - self.x))
+                for part in self.parts]  # fmt: skip
+
+    def settled(self, x: Array) -> bool:
+        """Return whether parameters x (p,) move no row by local parameters."""
+        for part, e in zip(self.parts, self.local_at(x), strict=True):
+            if part is not None:
+                least = MAX_SETTING_STEP / np.sqrt(part[0].weight)[:, None] + READING_ROUNDING * part[3]
+                if np.any(np.abs(apply_matrix(part[0].G, e - part[2])) > least):
+                    return False
+        return True
+
+
+NONE = np.zeros((0, 0))
 
 
 def _about(
-    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array
-) -> tuple[Array, Array]:
-    """Jacobian (q, p) and misfit (q,) of the rows of views about parameters and nuisances x (p,), SI."""
-    of_effects = [q for q in wanted if q.effect]
-    J, r, at = [], [], len(of_effects)
-    for v in views:
-        own = slice(at, at := at + len(v.nuisances))
-        rows = (v if v.about is None else v.about(x[own])).evaluate(effects)
-        columns = np.zeros((*rows.residual.shape, len(wanted)))
-        columns[..., : len(of_effects)] = rows.jacobian(of_effects)
-        misfit = rows.residual
-        if v.nuisances and rows.nuisance is not None:
-            columns[..., own] = rows.nuisance
-            misfit = misfit if v.about is not None else misfit - rows.nuisance @ x[own]
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, local: Sequence[Array]
+) -> _Linear:
+    """Return the rows of views about parameters and nuisances x (p,), and values (m, k) of local parameters."""
+    J, r, parts = [], [], list[tuple[VisitRows, Whitened, Array, float] | None]()
+    for v, own, e in zip(views, _own(views, wanted), local, strict=True):
+        rows, columns, misfit = _of_view(v, effects, wanted, x, own, e)
+        if v.local is None:
+            parts.append(None)
+        else:
+            sigma = np.broadcast_to(np.asarray(v.noise.sigma), misfit.shape)
+            by_group, w = v.local.eliminated(rows, columns, sigma, e)
+            parts.append((by_group, w, e, v.stimulus.gravity))
+            columns, misfit = w.rows
         J.append(columns.reshape(-1, len(wanted)))
         r.append(misfit.ravel())
-    return np.concatenate(J), np.concatenate(r)
+    return _Linear(x, np.concatenate(J), np.concatenate(r), tuple(parts))
+
+
+def _own(views: Sequence[View], wanted: Sequence[Parameter]) -> list[slice]:
+    """Return where the nuisances of each view are among the parameters, behind those of effects."""
+    ends = np.cumsum([sum(bool(q.effect) for q in wanted), *(len(v.nuisances) for v in views)])
+    return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
+
+
+def _acting(v: View, effects: Sequence[Effect]) -> Sequence[Effect]:
+    """Return the effects that act in the rows of a view."""
+    return effects if v.acting is None else [e for e in effects if e.id in v.acting]
+
+
+def _of_view(
+    v: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, own: slice, e: Array
+) -> tuple[Rows, Array, Array]:
+    """Return the rows of one view about its effects, the columns (n, C, p) of all parameters, and the misfit (n, C)."""
+    view = v if v.about is None else v.about(x[own])
+    rows = (view if v.local is None else v.local.about(e)).evaluate(_acting(v, effects))
+    at = [i for i, q in enumerate(wanted) if q.effect and (v.acting is None or q.effect in v.acting)]
+    columns, misfit = np.zeros((*rows.residual.shape, len(wanted))), rows.residual
+    columns[..., at] = rows.jacobian([wanted[i] for i in at])
+    if v.nuisances and rows.nuisance is not None:
+        columns[..., own] = rows.nuisance
+        misfit = misfit if v.about is not None else misfit - rows.nuisance @ x[own]
+    return rows, columns, misfit
 
 
 def _variances(v: View) -> tuple[Array, Array]:
+    """Known variance (q,) of the rows, and the shape of what is added to it; of whitened rows one and nothing."""
+    if v.local is not None:
+        groups = v.local.group[-1] + 1
+        q = len(v.channels) * (groups + (len(v) if len(v) > groups else 0))
+        return np.ones(q), np.zeros(q)
     known, shape = v.noise.parts_of_variance((len(v), len(v.channels)))
     return known.ravel(), shape.ravel()
 
@@ -482,9 +566,7 @@ def _scales(views: Sequence[View]) -> tuple[NDArray[np.int64], list[NDArray[np.i
         new = np.arange(len(v.channels) if v.noise.of_each_channel else 1) + sum(map(len, ordinals.values()))
         ordinals.setdefault(v.name, new)
     of_views = [ordinals[v.name] for v in views]
-    return np.concatenate(
-        [np.resize(k, len(v) * len(v.channels)) for k, v in zip(of_views, views, strict=True)]
-    ), of_views
+    return np.concatenate([np.resize(k, len(_variances(v)[0])) for k, v in zip(of_views, views, strict=True)]), of_views
 
 
 def _basis(J: Array) -> Array:

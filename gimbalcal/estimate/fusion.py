@@ -17,9 +17,9 @@ from dataclasses import replace
 from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.accelerometers.joint import information_of_positions
+from gimbalcal.estimate.accelerometers.errors_in_variables import view_of_positions
 from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.estimate.fit import Others, fit, information_of, range_of_constants
+from gimbalcal.estimate.fit import fit, information_of
 from gimbalcal.estimate.sharing import agreement
 from gimbalcal.estimate.static_run.run import static_view
 from gimbalcal.estimate.static_run.system import outcome
@@ -33,16 +33,16 @@ SIGNIFICANCE = 1e-4  # probability below which two stages that are both right wo
 def both_levels(
     positions: Positions, run: Readings, effects: Sequence[Effect], wanted: Sequence[Parameter]
 ) -> tuple[Information, Information, Solution]:
-    """Information of positions and of a static run about their parameters, and the solution of both together.
+    """Fit positions and a static run together, and return the information of each about its parameters there.
 
-    The positions are linearised at `effects`, the run at what it adds to them: products of a bias and a turn that only
-    the positions see come out right. With nonlinear constants both are linearised at the joint minimum.
+    The base tilt and whatever else is of the run alone does not act in the positions. `effects` are where the fit
+    begins.
     """
-    device, stimulus = information_of_positions(positions, effects), positions.problem.stimulus
-    linear = range_of_constants((*device.parameters, *wanted), stimulus, run.stimulus) is None
-    others = Others(lambda e: device if linear else information_of_positions(positions, e), (stimulus,))
-    found = fit([static_view(run, wanted)], wanted, effects, others=others)
-    return others.about(found.effects), information_of(found.views, found.effects, wanted), found.solution
+    p = positions.problem
+    device, level = view_of_positions(p, positions.noise), static_view(run, wanted)
+    found = fit([device, level], tuple(dict.fromkeys((*p.parameters, *wanted))), effects)
+    own = information_of([device], found.effects, p.parameters, found.local[:1])
+    return own, information_of([level], found.effects, wanted), found.solution
 
 
 def fuse(

@@ -19,6 +19,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import Key
+from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
 FLAT = 1e6  # sigmas of all rows together that one sigma of a flat prior stands for
@@ -79,6 +80,8 @@ class View:
     gauge: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
     nuisances: tuple[Parameter, ...] = ()
     about: Callable[[Array], View] | None = None  # the same rows at values (m,) of nuisances that are not linear
+    local: Local | None = None  # parameters that each group of rows has for itself; only of a stated noise
+    acting: frozenset[str] | None = None  # effects that act in these rows, where a joint model holds others as well
     prior_factor: float = 1.0  # times the sizes of the unit's grade
     reference: Callable[[Sequence[Effect]], Rows] | None = None
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit

@@ -27,8 +27,6 @@ from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     PositionFit,
     Problem,
-    VisitRows,
-    Whitened,
     by_visit,
     position_parameters,
     visit_means,
@@ -39,6 +37,7 @@ from gimbalcal.estimate.accelerometers.positions import Positions, trusted_posit
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Solution, information, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
+from gimbalcal.views.local import VisitRows, Whitened
 
 OMITTED_TERM = "scale_nonlinearity"
 MIN_FACE_COSINE = np.cos(np.deg2rad(10.0))  # cosine of the vertical: a face, even if the zeros are off by degrees

@@ -3,11 +3,10 @@ r"""Least squares on dwells: white noise of the samples, and a setting repeatabi
 .. math:: y_d = h(x, \theta_d + e_d) + n_d, \qquad e_d \sim N(0, \sigma_\theta^2 I), \qquad
           n_d \sim N(0, \sigma_a^2 / n \, I)
 
-The setting errors e_d are unknowns of their own with that prior, and are eliminated visit by visit: with
-G_d = dh/de_d = U diag(s) V^T the rows U^T / sqrt(sigma_a^2 / n + sigma_theta^2 s^2) have unit noise, which is the
-Schur complement of e_d without squaring anything. sigma_theta = 0 is the fit to exact angles; sigma_theta = infinity
-drops the directions that a turn can reach and leaves the norm of the force, so one code covers good angles and poor
-ones. Without gimbals it is the view of `views.norm`.
+The setting errors e_d are unknowns of their own with that prior, and are eliminated visit by visit: they are `Local`
+parameters of the view. sigma_theta = 0 is the fit to exact angles; sigma_theta = infinity drops the directions that a
+turn can reach and leaves the norm of the force, so one code covers good angles and poor ones. Without gimbals it is the
+view of `views.norm`.
 """
 
 from __future__ import annotations
@@ -22,22 +21,18 @@ from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.process import Process, SettingError, WhiteNoise
 from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
-from gimbalcal.estimate.fit import gauss_newton as iterate
-from gimbalcal.estimate.fit import range_of_constants
+from gimbalcal.estimate.fit import MAX_PRIOR_SIGMAS, fit
 from gimbalcal.forward import Rows
-from gimbalcal.inference.information import Information, Solution, information, prior, solve
+from gimbalcal.inference.information import Solution, prior, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
 from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
-
-MIN_SINGULAR_RATIO = 1e-9  # of dh/de, below which a turn does not reach a direction; rounding leaves 1e-16
-MAX_STEPS = 30  # Gauss-Newton steps; 1 arcsec takes 3, 3 degrees 5
-START_ITERATIONS = 2  # the second leaves 10 arcsec of 6 degrees
-SMALL_SETTING_RAD = 1e-3  # rad; below, the square of a setting error is less than 1 ug
-ROUNDING = 1e-15  # of what is read: smaller steps are the rounding of numbers without noise
-MAX_PRIOR_SIGMAS = 1e3  # beyond them the linearisation means nothing: 0.5 g of bias, 50 % of scale, 33 deg
+from gimbalcal.views.core import View
+from gimbalcal.views.known_attitude import view_of_readings
+from gimbalcal.views.local import Local, VisitRows, Whitened, eliminate, group_means, visit_rows
+from gimbalcal.views.noise import NoiseModel
 
 
 @dataclass(frozen=True)
@@ -165,22 +160,10 @@ def set_off(p: Problem, e: Array) -> Readings:
     return replace(p.readings, stimulus=s.at(readout=angle, angle=angle))
 
 
-@dataclass(frozen=True, eq=False)
-class VisitRows:
-    """The problem linearised at (x, e), by visit: y - h + G e + J x = r; inside each dwell the deviations from it."""
-
-    J: Array  # (m, 3, p)
-    r: Array  # (m, 3)
-    G: Array  # (m, 3, k)
-    weight: Array  # (m,)
-    J_inside: Array  # (n, 3, p) times sqrt(weight), empty for means
-    r_inside: Array  # (n, 3)
-
-
 def by_visit(p: Problem, x: Array, e: Array) -> VisitRows:
     """Exact derivatives at parameters x and setting errors e, by visit."""
-    _, *parts = _linear(p, x, e, p.parameters)
-    return visit_rows(p, *parts)
+    _, J, r, G = _linear(p, x, e, p.parameters)
+    return visit_rows(J, r, G, p.visit, p.weight)
 
 
 def _linear(p: Problem, x: Array, e: Array, wanted: Sequence[Parameter]) -> tuple[Rows, Array, Array, Array]:
@@ -194,77 +177,15 @@ def _linear(p: Problem, x: Array, e: Array, wanted: Sequence[Parameter]) -> tupl
     return rows, J, rows.residual + J @ x + apply_matrix(G, e[p.visit]), G
 
 
-def visit_rows(p: Problem, J: Array, r: Array, G: Array) -> VisitRows:
-    """Rows (n, 3) with their derivatives as means of each visit, and what is left inside it."""
-    if len(p.force) == p.visits:
-        return VisitRows(J, r, G, p.weight, J[:0], r[:0])
-    weight = np.bincount(p.visit, p.weight)
-    J_mean, r_mean, G_mean = (visit_means(p, a) for a in (J, r, G))
-    root = np.sqrt(p.weight)
-    inside = (root[:, None, None] * (J - J_mean[p.visit]), root[:, None] * (r - r_mean[p.visit]))
-    return VisitRows(J_mean, r_mean, G_mean, weight, *inside)
-
-
-def aim(p: Problem, x: Array, noise: Noise) -> Array:
-    """Setting errors (m, k) that x alone would call for, so that poor angles do not throw the first step off."""
-    e = np.zeros((p.visits, p.turns))
-    for _ in range(START_ITERATIONS if noise.setting > SMALL_SETTING_RAD else 0):
-        rows = set_off(p, e).rows(_effects(p, x), [Stage.ENCODER])
-        G = rows.sensitivity[Stage.ENCODER]
-        r = visit_means(p, rows.residual + apply_matrix(G, e[p.visit]))
-        G, weight = visit_means(p, G), np.bincount(p.visit, p.weight)
-        e = apply_matrix(whiten(VisitRows(G[..., :0], r, G, weight, G[:0, :, :0], r[:0]), noise).gain, r)
-    return e
-
-
 def visit_means(p: Problem, a: Array) -> Array:
     """Weighted means over the rows of each visit: (n, ...) to (m, ...)."""
-    total = np.zeros((p.visits, *a.shape[1:]))
-    np.add.at(total, p.visit, a * p.weight.reshape(-1, *[1] * (a.ndim - 1)))
-    return np.asarray(total / np.bincount(p.visit, p.weight).reshape(-1, *[1] * (a.ndim - 1)))
-
-
-@dataclass(frozen=True, eq=False)
-class Whitened:
-    """Rows of unit noise by visit, and what turns a misfit into setting errors."""
-
-    W: Array  # (m, 3, 3)
-    J: Array  # (m, 3, p) = W J
-    r: Array  # (m, 3) = W r
-    reached: Array  # (m, 3) whether a turn reaches the direction of the row
-    gain: Array  # (m, k, 3): e = gain (r - J x) of the linear problem
-    sigma: Array  # (m, 3) of the rows before whitening; inf where a free turn takes them away
-    J_inside: Array  # (n, 3, p)
-    r_inside: Array  # (n, 3)
-
-    def information(self, wanted: Sequence[Parameter]) -> Information:
-        """All rows as information. Deviations inside a dwell of n rows hold n - 1 independent ones."""
-        P = len(wanted)
-        J = np.concatenate([self.J.reshape(-1, P), self.J_inside.reshape(-1, P)])
-        r = np.concatenate([self.r.ravel(), self.r_inside.ravel()])
-        free = self.r_inside.size - (3 * len(self.r) if self.r_inside.size else 0)
-        return replace(information(J, r, wanted), count=int(np.isfinite(self.sigma).sum()) + free)
+    return group_means(a, p.visit, p.weight)
 
 
 def whiten(linear: VisitRows, noise: Noise) -> Whitened:
-    """Scale to unit noise with the setting errors eliminated (module docstring)."""
-    U, s, Vt = np.linalg.svd(linear.G, full_matrices=True)
-    k = s.shape[-1]
-    s = np.where(s > MIN_SINGULAR_RATIO * max(s.max(initial=0.0), 1e-300), s, 0.0)
+    """Scale to unit noise with the setting errors eliminated, see `views.local`."""
     (sample,), (setting,) = noise.of_samples.initial(), noise.of_settings.initial()
-    white = (sample / linear.weight)[:, None]
-    # 0 * inf: a direction that no turn reaches keeps the white noise alone
-    spread = np.where(s > 0, setting * np.where(s > 0, s, 1.0) ** 2, 0.0)
-    variance = np.concatenate([white + spread, np.broadcast_to(white, (len(s), 3 - k))], axis=1)
-    W = np.swapaxes(U, -1, -2) / np.sqrt(variance)[..., None]
-    divisor = np.where(s > 0, s, 1.0)
-    share = np.where(s > 0, 1 / (divisor + white / (setting or 1e-300) / divisor), 0.0)
-    reached = np.concatenate([s > 0, np.zeros((len(s), 3 - k), dtype=bool)], axis=1)
-    gain = np.swapaxes(Vt[:, :k], -1, -2) @ (share[..., None] * np.swapaxes(U, -1, -2)[:, :k])
-    return Whitened(
-        W, W @ linear.J, apply_matrix(W, linear.r), reached, gain, np.sqrt(variance),
-        linear.J_inside / np.sqrt(sample), linear.r_inside / np.sqrt(sample),
-    )  # fmt: skip
+    return eliminate(linear, float(sample), float(setting))
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,39 +200,27 @@ class PositionFit:
     steps: int  # 0 where it did not converge
 
 
+def view_of_positions(p: Problem, noise: Noise) -> View:
+    """Return the view of the readings, with the setting error of each visit as local parameters."""
+    stages = dict.fromkeys((*(CATALOGUE[q.effect].stage for q in p.parameters), Stage.ENCODER))
+    sigma = noise.accelerometer / np.sqrt(p.weight)[:, None]
+
+    def about(e: Array) -> View:
+        view = view_of_readings(set_off(p, e), NoiseModel(sigma, stated=True), stages=stages)
+        ids = (*(e.id for e in p.effects), *(q.effect for q in p.parameters))
+        local = Local(p.visit, noise.setting, lambda rows: rows.sensitivity[Stage.ENCODER], about)
+        return replace(view, local=local, acting=frozenset(ids))
+
+    return about(np.zeros((p.visits, p.turns)))
+
+
 def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
-    """Fit parameters and setting errors until a step is below 1e-3 of the noise; give up where it runs away."""
+    """Fit parameters and setting errors; `steps` is 0 where the fit runs away."""
     mean, scale = prior(p.parameters)
-    far, least = MAX_PRIOR_SIGMAS * scale, ROUNDING * p.stimulus.gravity
-    x = start if start is not None and np.all(np.abs(start - mean) <= far) else mean
-    e = aim(p, x, noise)
-    linear: VisitRows | None = None
-    w: Whitened
-
-    def recovered(x: Array) -> Array:
-        return e if linear is None else apply_matrix(w.gain, linear.r - linear.J @ x)
-
-    def linearise(x: Array) -> Information:
-        nonlocal e, linear, w
-        e = recovered(x)
-        linear = by_visit(p, x, e)
-        w = whiten(linear, noise)
-        return w.information(p.parameters)
-
-    def arrived(x: Array, target: Array, solution: Solution) -> bool:
-        assert linear is not None
-        moved = np.abs(apply_matrix(linear.G, recovered(target) - e))
-        quiet = noise.accelerometer / np.sqrt(linear.weight)[:, None]
-        close = np.abs(target - x) <= 1e-3 * solution.sigma + ROUNDING * far
-        return bool(np.all(close) and np.all(moved <= 1e-2 * quiet + least))
-
-    def diverged(x: Array) -> bool:
-        return not np.all(np.abs(x - mean) <= far)  # nor where it is no number any more
-
-    bounds = range_of_constants(p.parameters, p.stimulus)
-    found = iterate(linearise, x, bounds, limit=MAX_STEPS, arrived=arrived, diverged=diverged)
-    assert linear is not None
-    return PositionFit(found.solution, recovered(found.solution.x), linear, w, noise, found.steps)
+    near = start is not None and np.all(np.abs(start - mean) <= MAX_PRIOR_SIGMAS * scale)
+    found = fit([view_of_positions(p, noise)], p.parameters, p.effects, start if near else mean)
+    linear = by_visit(p, found.x if found.steps else mean, found.local[0])  # where it ran away nothing can be read
+    return PositionFit(found.solution, found.local[0], linear, whiten(linear, noise), noise, found.steps)
 
 
 def misfit_with_sizes(p: Problem, x: Array, e: Array, noise: Noise, sizes: Sequence[Parameter]) -> Cost:
@@ -321,7 +230,7 @@ def misfit_with_sizes(p: Problem, x: Array, e: Array, noise: Noise, sizes: Seque
 
     def misfit(effects: Sequence[Effect]) -> float:
         every = np.concatenate([J, columns_of_sizes(rows, effects, sizes)], axis=-1)
-        return solve(whiten(visit_rows(p, every, r, G), noise).information(wanted)).chi2
+        return solve(whiten(visit_rows(every, r, G, p.visit, p.weight), noise).information(wanted)).chi2
 
     return misfit
 

@@ -20,7 +20,6 @@ from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     PositionFit,
     Problem,
-    VisitRows,
     gauss_newton,
     whiten,
 )
@@ -30,6 +29,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.noise_levels import sample_sigma, stated
 from gimbalcal.recording.record import FORCE
+from gimbalcal.views.local import VisitRows
 
 FIRST_SETTING_RAD = np.deg2rad(1 / 3600)  # rad, start of the search: what a good gimbal repeats to
 FIRST_SAMPLE_SIGMA = 1e-5 * G0  # m/s^2, start of the search

@@ -5,17 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     VisitRows,
-    aim,
     by_visit,
     gauss_newton,
     model,
     position_parameters,
     problem,
     set_off,
+    view_of_positions,
     whiten,
 )
 from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
@@ -208,7 +209,14 @@ def test_poor_angles_are_aimed_at_what_the_force_shows() -> None:
     truth, poor = draw(rng), Noise(SAMPLE, np.deg2rad(3.0))
     p = problem(measured(truth, rng, setting=poor.setting), PARAMETERS)
     nowhere = np.zeros((p.visits, p.turns))
-    before, after = (np.abs(p.force - model(p, truth, e)).max() for e in (nowhere, aim(p, truth, poor)))
+    effects = with_values(p.effects, p.parameters, truth, p.platform.axis_names)
+
+    def aimed(noise: Noise) -> np.ndarray:
+        view = view_of_positions(p, noise)
+        assert view.local is not None
+        return view.local.start(view, effects)
+
+    before, after = (np.abs(p.force - model(p, truth, e)).max() for e in (nowhere, aimed(poor)))
     assert before > to_si(50.0, "mg")
     assert after < to_si(1.0, "mg")  # ten arcsec of 6 degrees, and the third order of those
-    np.testing.assert_array_equal(aim(p, truth, NOISE), nowhere)  # good angles are believed
+    np.testing.assert_array_equal(aimed(NOISE), nowhere)  # good angles are believed
