@@ -27,9 +27,9 @@ def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
     f = np.array(y, dtype=float)
     for _ in range(MAX_STEPS):
         with np.errstate(invalid="ignore", over="ignore"):  # where no f reads y, a step may leave the law's domain
-            H = complex_step(h, f)
+            read, H = response(h, f)
             flat = np.abs(np.linalg.det(H)) < MIN_DETERMINANT
-            residual = (y - h(f))[..., None]
+            residual = (y - read)[..., None]
             step = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), H), residual)[..., 0]
             step[flat] = (np.linalg.pinv(H[flat], rcond=MIN_RELATIVE_SINGULAR_VALUE) @ residual[flat])[..., 0]
             f = f + step
@@ -38,3 +38,8 @@ def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
         ):
             break
     return f, H, flat
+
+
+def response(h: Callable[[Array], Array], f: Array) -> tuple[Array, Array]:
+    """Return h(f) (n, 3) and its exact derivative H (n, 3, 3); h couples only the axes of one row."""
+    return h(f), complex_step(h, f)

@@ -27,9 +27,9 @@ from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.effect import GIMBALS, happens_once, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.forward import accelerometers, gyroscopes
-from gimbalcal.inversion import invert
+from gimbalcal.inversion import invert, response
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.number import Array, apply_matrix, complex_step
+from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 
@@ -169,27 +169,29 @@ def corrupt(calibration: Calibrated, recording: Recording) -> Recording:
     channels = _added(dict(read.channels), change, -1.0)
     if recording.has(FORCE):
         f = _turned(np.stack([channels[FORCE, a] for a in AXES], axis=-1), change, -1.0)
-        channels |= _columns(FORCE, _read(partial(_forces, s, effects), f, FORCE))
-        read = with_noise(read, FORCE, complex_step(partial(_forces, s, effects), f))
+        y, H = _read(partial(_forces, s, effects), f, FORCE)
+        channels |= _columns(FORCE, y)
+        read = with_noise(read, FORCE, H)
         s = s.at(force=f)
     if recording.has(RATE):
         w = _turned(recording.triad(RATE), change, -1.0)
-        channels |= _columns(RATE, _read(partial(_rates, s, effects), w, RATE))
-        read = with_noise(read, RATE, complex_step(partial(_rates, s, effects), w))
+        y, H = _read(partial(_rates, s, effects), w, RATE)
+        channels |= _columns(RATE, y)
+        read = with_noise(read, RATE, H)
     return in_counts(replace(read, channels=channels), calibration.readout)
 
 
-def _read(h: Callable[[Array], Array], f: Array, quantity: str) -> Array:
-    """Return the readings of f (n, 3). Raises InputError where a law has no reading for it."""
+def _read(h: Callable[[Array], Array], f: Array, quantity: str) -> tuple[Array, Array]:
+    """Return the readings of f (n, 3), and dh/df (n, 3, 3). Raises InputError where a law has no reading for it."""
     with np.errstate(over="ignore", invalid="ignore"):
-        y = h(f)
+        y, H = response(h, f)
     never = np.flatnonzero(~np.isfinite(y).all(axis=1))
     if len(never):
         raise InputError(
             f"by this calibration the {quantity} of row {never[0] + 1} has no reading, nor have {len(never) - 1} "
             "others: does it belong to this unit, and are the stated units right?"
         )
-    return y
+    return y, H
 
 
 def _with_mount(recording: Recording, effects: Sequence[Effect]) -> tuple[Recording, Mount | None]:

@@ -19,9 +19,9 @@ import numpy as np
 
 from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
-from gimbalcal.forward import AXES, attitude, nearest_angles, predict
+from gimbalcal.forward import AXES, attitude, linearise, nearest_angles, predict
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, with_phase_of_force
-from gimbalcal.number import Array, complex_step
+from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, Key
 
@@ -115,15 +115,13 @@ def _pointing(recording: Recording, effects: Sequence[Effect]) -> Mount:
     read = np.isin(platform.axis_names, recording.axes(ANGLE))
     s = stimulus_from_angles(recording)
     observed = predict(platform, s, effects, "pointing")["pointing"]
-
-    def misfit(angle: Array) -> Array:
-        return np.asarray(predict(platform, s.at(readout=angle, angle=angle), (), "pointing")["pointing"] - observed)
-
-    angle = np.array(readout)
+    channels, angle = tuple(("pointing", a) for a in AXES["pointing"]), np.array(readout)
     for _ in range(NEWTON_STEPS):
-        J = complex_step(misfit, angle)[..., read]
+        perfect = s.at(readout=angle, angle=angle)
+        rows = linearise(platform, perfect, (), "pointing", channels, observed, [Stage.ENCODER])
         # the smallest turns: at the zenith an alt-azimuth mount has one axis for two directions
-        angle[:, read] -= np.einsum("nki,ni->nk", np.linalg.pinv(J, rcond=1e-6), misfit(angle))
+        inverse = np.linalg.pinv(rows.sensitivity[Stage.ENCODER][..., read], rcond=1e-6)
+        angle[:, read] += np.einsum("nki,ni->nk", inverse, rows.residual)
     return Mount(angle - readout)
 
 

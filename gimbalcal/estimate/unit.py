@@ -168,7 +168,7 @@ def in_frame_of(gyroscopes: Calibration, lie: InterTriad) -> Calibration:
         return np.array([own[p.label] for p in order])
 
     x = np.concatenate([gyroscopes.values, lie.angles])
-    J = complex_step(referred, x)
+    J = complex_step(referred, x)  # a change of variables from one frame to the other
     covariance = np.zeros((n + 3, n + 3))
     covariance[:n, :n], covariance[n:, n:] = gyroscopes.covariance, lie.covariance
     angles, sigmas = (

@@ -27,7 +27,7 @@ product.
 """
 
 from gimbalcal.forward.angles import navigator_attitude_error, nearest_angles
-from gimbalcal.forward.model import accelerometers, attitude, gyroscopes, predict, turning
+from gimbalcal.forward.model import accelerometers, attitude, gyroscopes, predict, rate_of_chain, turning
 from gimbalcal.forward.rows import ANGLES, AXES, Rows, difference, experienced, jacobian, linearise, picked
 
 __all__ = [
@@ -45,5 +45,6 @@ __all__ = [
     "nearest_angles",
     "picked",
     "predict",
+    "rate_of_chain",
     "turning",
 ]

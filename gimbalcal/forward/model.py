@@ -114,11 +114,17 @@ def turning(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_
     exact for the chain as it is built; `readout_rate` (n, k) [rad/s] says how the readouts change.
     """
     C_np = _mount(platform, s, effects)[0]
+    earth = EARTH_RATE * np.array([cos(required_latitude(s.latitude)), 0.0, -sin(required_latitude(s.latitude))])
+    own = rate_of_chain(platform, s, effects, readout_rate)
+    return apply_matrix(_rotation(effects, Stage.PLATFORM, s), own + apply_matrix(C_np, earth + 0 * own))
+
+
+def rate_of_chain(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_rate: Array) -> Array:
+    """Return the part of `turning` by which the gimbals turn the sensor block against the base, (n, 3) [rad/s]."""
+    C_np = _mount(platform, s, effects)[0]
     moved = _mount(platform, s.at(readout=s.readout + 1j * STEP * readout_rate), effects)[0]
     W = (moved.imag / STEP) @ np.swapaxes(C_np, -1, -2)
-    earth = EARTH_RATE * np.array([cos(required_latitude(s.latitude)), 0.0, -sin(required_latitude(s.latitude))])
-    own = -np.stack([W[..., 2, 1], W[..., 0, 2], W[..., 1, 0]], axis=-1)
-    return apply_matrix(_rotation(effects, Stage.PLATFORM, s), own + apply_matrix(C_np, earth + 0 * own))
+    return -np.stack([W[..., 2, 1], W[..., 0, 2], W[..., 1, 0]], axis=-1)
 
 
 def gyroscopes(rate: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from gimbalcal.effects import Stimulus
 from gimbalcal.effects.history import slope
+from gimbalcal.forward import rate_of_chain
 from gimbalcal.kinematics import ideal_force, stimulus_from_truth
-from gimbalcal.number import STEP, Array
-from gimbalcal.platform import Platform
+from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
 from gimbalcal.recording.dwell import rests_are_means
 from gimbalcal.recording.record import FORCE, RATE
@@ -75,16 +75,11 @@ def on_gimbals(recording: Recording, found: Sequence[Slew]) -> Motion:
     part = replace(part, channels={**part.channels, **turned})
     speed = slope(angle, part.time, slew)
     C = part.platform.attitude(angle)
-    axes = np.stack([_rate_of(part.platform, angle, e) for e in np.eye(angle.shape[1])], axis=-1)
+    s = stimulus_from_truth(part, ideal_force(part, angle), np.zeros((len(row), 3))).at(visit=slew)
+    axes = np.stack([rate_of_chain(part.platform, s, (), e) for e in np.eye(angle.shape[1])], axis=-1)
     rate = np.einsum("nik,nk->ni", axes, speed)
-    s = stimulus_from_truth(part, ideal_force(part, angle), rate).at(visit=slew)
+    s = s.at(rate=rate)
     return Motion(row, slew, C, rate, s, np.swapaxes(C, -1, -2) @ axes)
-
-
-def _rate_of(platform: Platform, angle: Array, unit: Array) -> Array:
-    """Rate in platform axes (n, 3) per rate of the readouts along `unit` (k,)."""
-    W = (platform.attitude(angle + 1j * STEP * unit).imag / STEP) @ np.swapaxes(platform.attitude(angle), -1, -2)
-    return -np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=-1)
 
 
 def _smoothed(angle: Array) -> Array:

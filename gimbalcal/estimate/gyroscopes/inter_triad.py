@@ -50,6 +50,7 @@ def from_turns(before: Array, after: Array, turns: Array, sigma: float) -> Inter
         C = triad_rotation(x)
         return (apply_matrix(C, after) - apply_matrix(turns @ C, before)).ravel()
 
+    # rotations of two frames against each other are no rows of the forward model: the derivative is by the angles
     found = minimise(lambda x, _: (misfit(x[0])[None], complex_step(misfit, x[0])[None]), np.zeros((1, 3)))
     J = found.jacobian[0]
     if np.linalg.svd(J, compute_uv=False)[-1] < 1e-6 * np.sqrt(len(before)):  # turns of order one give order one

@@ -164,7 +164,7 @@ def _outcome(converged: bool, noise_is_known: bool, times: float) -> str:
 
 def _calibration(found: Revolutions, fit: PulseFit, pairs: int, noise_is_known: bool) -> Calibration:
     x = fit.pulses.vector()[0][FREE]
-    J = complex_step(as_effects, x)
+    J = complex_step(as_effects, x)  # a change of variables, pulses to rate into physics to reading
     dof = 3 * pairs + found.rest.shape[1] - 12
     chi2 = float(fit.chi2[0])
     scale = max(1.0, chi2 / max(dof, 1))

@@ -71,5 +71,6 @@ def reading_jacobian(s: Stimulus, effects: Sequence[Effect]) -> Array:
 
 
 def _read(s: Stimulus, effects: Sequence[Effect], u: Array) -> Array:
+    # all six readings by force and rate, where latencies and lever arms couple rows and triads: no stage of `Rows`
     s = s.at(force=u[:, :3], rate=u[:, 3:])
     return picked(BENCH, predict(BENCH, s, effects, KIND), CHANNELS)
