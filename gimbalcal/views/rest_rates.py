@@ -62,21 +62,19 @@ def horizontal_sigma(latitude: float | None) -> float:
 
 
 def rest_rates(
-    recording: Recording, accelerometers: Calibration, scale: float = 1.0, turns: Mapping[int, Array] | None = None,
-    vertical: float | None = None,
-) -> View:  # fmt: skip
+    recording: Recording, accelerometers: Calibration, scale: float = 1.0, turns: Mapping[int, Array] | None = None
+) -> View:
     """Return the view of the mean rates of dwells; `accelerometers` calibrates the force, `scale` is rad/s per unit.
 
-    turns: rotation of the frame (3, 3) into each dwell from the one before, where it was logged; vertical [rad/s]: of
-    the Earth's rate, upward, where something else than the latitude tells it. The noise of a row is that of the mean of
-    its samples, and `MIN_RATE_SIGMA` where one row per dwell says nothing of it.
+    turns: rotation of the frame (3, 3) into each dwell from the one before, where it was logged. The noise of a row is
+    that of the mean of its samples, and `MIN_RATE_SIGMA` where one row per dwell says nothing of it.
     """
     means = dwell_means(recording)
     calibrated = dwell_means(accelerometers.apply(recording))
     force = calibrated.triad(FORCE)
     s = stimulus_from_readings(calibrated).at(force=force, rate=np.zeros_like(force))  # at rest
     latitude, g = recording.site.latitude, recording.site.gravity
-    known = vertical if latitude is None else EARTH_RATE * np.sin(latitude)
+    known = None if latitude is None else EARTH_RATE * np.sin(latitude)
     sigma = np.maximum(scale * sigma_of_means(recording), MIN_RATE_SIGMA)
     columns = [
         (nuisance("level of a power-up", a, "rad/s", np.inf), column)

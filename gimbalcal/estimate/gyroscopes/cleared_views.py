@@ -16,7 +16,6 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout
-from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, parameters
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.errors import InputError
@@ -52,10 +51,9 @@ def view_at_rest(
         return None
     turns, scale = _turns(recording, made) if moving else (None, 1.0)
     still = rests(recording, made, scale, turns)
-    if any(p.name == VERTICAL for p in still.nuisances) and len(still) >= MIN_RESTS:
-        (vertical,), _ = fit_rests(still, still.baseline).nuisance(VERTICAL)
-        still = rests(recording, made, scale, turns, float(np.clip(vertical, -EARTH_RATE, EARTH_RATE)))
-    still = still.without_nuisances()
+    unknown = any(p.name == VERTICAL for p in still.nuisances) and len(still) >= MIN_RESTS
+    # in the scatter of the dwells: in that of the samples a vertical rate takes up all of a common g-sensitivity
+    still = still.without_nuisances(fit_rests(still, still.baseline).sigma[0] if unknown else None)
 
     def missed(at_rest: Sequence[Effect]) -> float:
         return np.sqrt(2) * fit_turns(turns_between_rests(recording, made, at_rest)[0], GYROSCOPE_INPUT_TERMS).rms

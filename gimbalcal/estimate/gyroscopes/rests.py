@@ -27,15 +27,12 @@ BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
 MIN_DWELLS = 6  # four unknowns an axis, and something to test them on
 
 
-def rests(
-    recording: Recording, accelerometers: Calibration, scale: float = 1.0, turns: Turns | None = None,
-    vertical: float | None = None,
-) -> View:  # fmt: skip
+def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0, turns: Turns | None = None) -> View:
     """Return the dwells of a recording, joined by turns that were logged as their linear model carries the heading."""
     carried: dict[int, Array] = {}
     if turns is not None and not recording.platform.axes and logged_turns(recording):
         carried = dict(zip(turns.ends.tolist(), swept(turns, linear_effects(turns)), strict=True))
-    return rest_rates(recording, accelerometers, scale, carried, vertical)
+    return rest_rates(recording, accelerometers, scale, carried)
 
 
 def fit_rests(

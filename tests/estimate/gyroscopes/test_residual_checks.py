@@ -42,7 +42,7 @@ def test_gyroscopes_that_their_model_explains_are_not_complained_of() -> None:
     made = calibrated(turned())
     assert made.outcome == ""
     turns, _, scale = turns_between_rests(turned(), made)
-    stated = turn_sigma(turned(), turns, made, np.zeros((1, 3)), scale)
+    stated = turn_sigma(turns, made, np.zeros((1, 3)), scale)
     assert made.residual.rms["gravity_direction"] == pytest.approx(stated, rel=0.4)  # 48 numbers, 9 of them fitted
 
 

@@ -11,6 +11,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import parameters
 from gimbalcal.effects.gyroscope import GyroBias, GyroGSensitivityRate
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
 from gimbalcal.estimate.gyroscopes.rests import G_SENSITIVITY, fit_rests, level_of, rests
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
@@ -84,3 +85,20 @@ def test_without_a_latitude_the_common_part_is_uncertain_by_the_earth() -> None:
     sigma = np.sqrt(np.diag(taken.covariance))
     assert np.all(sigma[[3, 7, 11]] > EARTH_RATE / np.sqrt(3) / G0)
     assert np.all(sigma[[4, 5, 6]] < EARTH_RATE / np.sqrt(3) / G0)
+
+
+def test_an_unknown_vertical_rate_is_eliminated_in_the_scatter_of_the_dwells() -> None:
+    recording = attitudes(G, wander=20 * UNIT, latitude=None)
+    still = seen(recording)
+    found = fit_rests(still)
+    cleared = still.without_nuisances(found.sigma[0])
+    rows, sigma = cleared.evaluate(()), found.sigma[0]
+    J, r = rows.jacobian(found.parameters) / sigma[..., None], rows.residual / sigma
+    x = np.linalg.lstsq(J.reshape(-1, len(found.x)), r.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(x, found.x, atol=1e-3 * found.sigmas.min())
+    scatter = fit_rests(still, still.baseline).sigma[0]
+    diagnosed = view_at_rest(recording)
+    assert diagnosed is not None
+    np.testing.assert_allclose(
+        diagnosed.evaluate(()).residual, still.without_nuisances(scatter).evaluate(()).residual, atol=1e-9 * UNIT
+    )
