@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from gimbalcal.calibration.provenance import Provenance
 from gimbalcal.calibration.readout import Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import stated_law
-from gimbalcal.entries import entry_from, plain
+from gimbalcal.entries import Json, entry_from, plain
 from gimbalcal.errors import InputError
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
@@ -47,7 +47,7 @@ class Residual:
     chi2: float
     dof: int
     rms: Mapping[str, float]
-    navigation: Mapping[str, Any] = field(default_factory=dict)
+    navigation: Json = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class ParameterEstimate:
         percent = 100 * (1 / (1 + x) - 1)
         return f"reads {abs(percent):.3g} % too {'much' if percent > 0 else 'little'}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return a row of the parameters of calibration.json."""
         p = self.parameter
         row = {"name": p.name, "axis": p.axis, "value": self.value, "sigma": self.sigma, "unit": p.unit,
@@ -200,14 +200,14 @@ class Calibration:
         """Return what this unit would have read, physics to readings: the exact inverse of `apply`."""
         return corrupt(self, recording)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the content of calibration.json: values in printed units, covariance in SI."""
         covariates = {e.id: getattr(e, "covariate", "") for e in self.effects}
         rows = [
             e.to_dict() | ({"covariate": name} if (name := covariates.get(e.parameter.effect)) else {})
             for e in self.estimates
         ]
-        residual: dict[str, Any] = {
+        residual: Json = {
             "chi2": self.residual.chi2, "dof": self.residual.dof, "rms": dict(self.residual.rms),
         }  # fmt: skip
         if self.residual.navigation:
@@ -247,7 +247,7 @@ def _rounded(value: float, sigma: float) -> str:
     return f"{rounded[0]:>14s} +- {rounded[1]:<10s}"
 
 
-def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibration:
+def from_dict(content: Json, gimbals: Sequence[str] = ()) -> Calibration:
     """Return the calibration in the content of calibration.json. Raises InputError, see `content_checks`.
 
     gimbals: names of the platform's axes for a file that does not state them.
@@ -293,8 +293,7 @@ def from_dict(content: Mapping[str, Any], gimbals: Sequence[str] = ()) -> Calibr
 
 def _with_covariate(e: Effect, covariate: str) -> Effect:
     """Return the effect with the name of the channel that it depends on."""
-    changes: dict[str, Any] = {"covariate": covariate}
-    return replace(e, **changes)
+    return replace(e, covariate=covariate)  # type: ignore[call-arg]
 
 
 def gimbals_of(named: Sequence[tuple[str, str]]) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ the fault: it would otherwise correct recordings silently with a wrong unit or a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from gimbalcal.calibration.provenance import MountAxes
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.loading import EffectFile, outside
+from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
@@ -27,7 +28,7 @@ CORRELATION_TOLERANCE = 1e-6  # of a correlation matrix: symmetry, and how negat
 SHA_DIGITS = 12  # of a SHA-256 in a message
 
 
-def refuse_unsound(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter], covariance: Any) -> None:
+def refuse_unsound(rows: Sequence[Json], known: Sequence[Parameter], covariance: Any) -> None:
     """Raise InputError where parameters or covariance [SI] cannot be those of a calibration.
 
     known: the parameter that each row names.
@@ -76,7 +77,7 @@ def _short(given: Any) -> str:
     return text if len(text) < 40 else f"{text[:30]}..."
 
 
-def refuse_misfit(residual: Mapping[str, Any]) -> None:
+def refuse_misfit(residual: Json) -> None:
     """Raise InputError where the residual of a calibration.json has a number that is not zero or more."""
     named = {"chi2": residual["chi2"], "dof": residual["dof"], **residual["rms"]}
     for name, number in named.items():
@@ -117,7 +118,7 @@ def refuse_other_definitions(ids: Sequence[str], files: Sequence[EffectFile]) ->
             )
 
 
-def refuse_not_finite(content: Mapping[str, Any], title: str) -> None:
+def refuse_not_finite(content: Json, title: str) -> None:
     """Raise InputError where a calibration of the recordings called `title` has a number that is not finite."""
     named: list[tuple[str, Any]] = [
         (f"{p['name']} {p['axis']}".strip(), (p["value"], p["sigma"])) for p in content["parameters"]
@@ -138,7 +139,7 @@ def not_finite(title: str, name: str) -> InputError:
     )
 
 
-def _refuse_covariance(rows: Sequence[Mapping[str, Any]], known: Sequence[Parameter], covariance: Any) -> None:
+def _refuse_covariance(rows: Sequence[Json], known: Sequence[Parameter], covariance: Any) -> None:
     n = len(rows)
     try:
         P: Array = np.array(covariance, dtype=float).reshape((n, n) if np.size(covariance) == n * n else (-1,))

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -56,7 +56,7 @@ class Readout:
         every = {FORCE: self.accelerometers, RATE: self.gyroscopes}
         return {quantity: counts for quantity, counts in every.items() if counts is not None}
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the content of `readout` in calibration.json; scales in SI per count."""
         triads = {"accelerometers": self.accelerometers, "gyroscopes": self.gyroscopes}
         return {
@@ -66,7 +66,7 @@ class Readout:
         }
 
 
-def from_content(content: Mapping[str, Any]) -> Readout:
+def from_content(content: Json) -> Readout:
     """Return the readout in the content of calibration.json; SI and no gimbals where the file states none."""
     stated = content.get("readout")
     if stated is None:
@@ -77,7 +77,7 @@ def from_content(content: Mapping[str, Any]) -> Readout:
     return Readout(accelerometers, gyroscopes, tuple(stated["gimbals"]))
 
 
-def _counts(stated: Mapping[str, Any] | None) -> Counts | None:
+def _counts(stated: Json | None) -> Counts | None:
     if not stated:
         return None
     scale, offset = (np.broadcast_to(stated.get(key, 0.0), 3) for key in ("scale", "offset"))

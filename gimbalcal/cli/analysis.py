@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -27,6 +25,7 @@ from gimbalcal.cli.options import (
     wrote,
 )
 from gimbalcal.cli.output_folders import OVERWRITE, deliver, output_folder, sensor_folders
+from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.method_table import METHODS, NAMED_BY_USERS
 
@@ -41,7 +40,7 @@ def stored(command: F) -> F:
     return STORE(UNIT(command))
 
 
-def remember(store: Path | None, unit: str, kind: str, content: Mapping[str, Any]) -> None:
+def remember(store: Path | None, unit: str, kind: str, content: Json) -> None:
     """Keep a result in the store, if one is named; that of one sensor of several under the sensor's name."""
     if store is None:
         return
@@ -226,7 +225,7 @@ def navigate(
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.navigate.mechanisations import usual
     from gimbalcal.navigate.navigation_errors import labels
-    from gimbalcal.navigate.summary import summary
+    from gimbalcal.navigate.summary import NamedCalibration, NavigationInputs, summary
     from gimbalcal.navigate.uncertainty import before_and_after
     from gimbalcal.pipeline import load
     from gimbalcal.report.navigation_page import headline, navigation_report
@@ -238,13 +237,8 @@ def navigate(
     aids = usual(run, damping, 60 * alignment)
     chosen = list(zip(labels(files), [read_calibration(f) for f in files], strict=True))
     runs = before_and_after(run, chosen, aids, samples, seed, tell)
-    provenance = {
-        "recordings": run.files,
-        "calibrations": [{"name": name, "path": str(f)} for (name, _), f in zip(chosen, files, strict=True)],
-        "samples": samples,
-        "seed": seed,
-    }
-    result = summary(runs, aids, provenance)
+    named = tuple(NamedCalibration(name, str(f)) for (name, _), f in zip(chosen, files, strict=True))
+    result = summary(runs, aids, NavigationInputs(run.source, named, samples, seed))
     page = partial(navigation_report, result, runs, run.title)
     deliver(target, "navigation.json", result.to_dict(), page, headline(result), as_json, quiet)
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 import gimbalcal
 from gimbalcal.cli.options import example, output_options, progress, show
+from gimbalcal.entries import Json
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
@@ -25,7 +26,7 @@ def shipped() -> Path:
     return inside if inside.exists() else Path(gimbalcal.__file__).parent.parent / "data"
 
 
-def demonstrate(out: Path, tell: Tell) -> tuple[dict[str, Any], str]:
+def demonstrate(out: Path, tell: Tell) -> tuple[Json, str]:
     """Calibrate and diagnose the package's recordings, a folder each under `out`; return a summary and its sentence."""
     from gimbalcal.atomic import folder
     from gimbalcal.words.calibration_sentences import calibration_in_words

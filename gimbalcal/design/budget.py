@@ -16,13 +16,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.design.planned_calibration import planned_calibration
 from gimbalcal.earth import radii
 from gimbalcal.effects import Parameter
+from gimbalcal.entries import Entry, Json
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.navigate.mechanisations import is_strapdown, usual
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids
@@ -35,6 +35,15 @@ from gimbalcal.units import from_si
 
 HOURS = (6.0, 24.0, 72.0)
 PRIOR_SHARE = 0.9  # of the prior sigma: beyond, the data add less than a fifth to its information
+
+
+@dataclass(frozen=True)
+class BestManoeuvre(Entry):
+    """A manoeuvre of some hours that reduces a part of the position error most, and to what."""
+
+    what: str
+    hours: float
+    to_m: float
 
 
 @dataclass(frozen=True)
@@ -52,7 +61,7 @@ class Budget:
     whole: Array
     parts: Array
     share: Array
-    manoeuvres: tuple[Mapping[str, Any], ...]
+    manoeuvres: tuple[BestManoeuvre, ...]
     strapdown: bool = False
 
     @property
@@ -73,11 +82,11 @@ class Budget:
         most, unseen = self.parts[-1, first], ", which it does not see" if first in self.unseen else ""
         return (
             f"the calibration leaves {length(self.whole[-1])} of position error (one sigma) in {self.hours[-1]:g} h, "
-            f"the largest part, {length(most)}, by {name}{unseen}; {m['what']} would reduce that most, to "
-            f"{length(m['to_m'])}"
+            f"the largest part, {length(most)}, by {name}{unseen}; {m.what} would reduce that most, to "
+            f"{length(m.to_m)}"
         )
 
-    def to_list(self) -> list[dict[str, Any]]:
+    def to_list(self) -> list[Json]:
         """Return the content of budget.json, the largest part first."""
         return [
             {
@@ -88,7 +97,7 @@ class Budget:
                     f"{h:g}": float(m) for h, m in zip(self.hours, self.parts[:, i], strict=True)
                 },
                 "share": float(self.share[i]),
-                "reduce_by": dict(self.manoeuvres[i]),
+                "reduce_by": self.manoeuvres[i].to_dict(),
             }
             for i in map(int, self.order)
         ]
@@ -129,7 +138,7 @@ def budget(
     for p in own.parameters:
         after = [float(parts.parts[-1][parts.parameters.index(p)]) for parts in improved]
         m, to_m = min(zip(plan.manoeuvres, after, strict=True), key=lambda pair: pair[1])
-        best.append({"what": m.what, "hours": m.hours, "to_m": to_m})
+        best.append(BestManoeuvre(m.what, m.hours, to_m))
     share = own.parts[-1] ** 2 / own.whole[-1] ** 2
     title = " and ".join(s.title for _, s in plans)
     return Budget(

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from gimbalcal.design.rig_positions import PositioningRig, design_parameters, di
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import Parameter
 from gimbalcal.effects.baseline_effects import BASELINE
+from gimbalcal.entries import Json, plain
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import TERMS
 from gimbalcal.inference.information import Unobservable, information, solve
@@ -153,7 +153,7 @@ class ScheduleComparison:
             f"of its sigma in the geometric mean over parameters, between {self.smallest:.3g} and {self.largest:.3g}"
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the comparison as it stands in the JSON of a design."""
         return {
             f"{self.criterion}_value": self.value, f"{self.criterion}_value_of_other": self.value_of_other,
@@ -221,7 +221,7 @@ class PositionsDesign:
         first = len(self.remarks) - len(self.unsupported)
         return "\n".join([self.origin, *self.remarks[:first], *unseen, *self.remarks[first:]])
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the report of the design."""
         return {
             "criterion": self.criterion,
@@ -229,7 +229,7 @@ class PositionsDesign:
             "candidates": self.candidates,
             "angles": self.angles,
             "parameters": [row.to_dict() | {"others": dict(row.others)} for row in self.rows],
-            "unobservable": [u.to_dict() for u in self.unobservable],
+            "unobservable": plain(self.unobservable),
             "unsupported": self.unsupported,
             "against": {name: a.to_dict() for name, a in self.against.items()},
             "in_words": self.in_words,

@@ -18,12 +18,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
+from gimbalcal.entries import Json, plain
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, by_visit, position_parameters, problem, whiten
 from gimbalcal.estimate.accelerometers.expected import planned
@@ -55,7 +55,7 @@ class PredictedSigma:
         """One sigma of the prior, in the unit of print."""
         return float(from_si(self.parameter.sigma, self.parameter.unit))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return a row of the parameters of a plan's JSON."""
         p = self.parameter
         return {"name": p.name, "axis": p.axis, "unit": p.unit, "sigma": self.sigma, "prior_sigma": self.prior_sigma}
@@ -129,16 +129,16 @@ class Observability:
         """The bound of each parameter, in its unit of print."""
         return predicted_sigmas(self.solution.parameters, self.sigma)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the content of observability.json, in printed units."""
         return {
             "format": 1,
             "schedule": self.schedule,
             "noise": self.noise,
             "parameters": [row.to_dict() | {"effect": row.parameter.effect} for row in self.rows],
-            "unobservable": [u.to_dict() for u in self.unobservable],
-            "twins": [vars(t) for t in self.confounded],
-            "candidates": [vars(c) for c in self.candidates],
+            "unobservable": plain(self.unobservable),
+            "twins": plain(self.confounded),
+            "candidates": plain(self.candidates),
             "in_words": self.in_words,
         }
 

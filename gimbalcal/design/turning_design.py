@@ -17,11 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.design.turning import StretchModel, TurningExperiment, bound, turning_experiment
+from gimbalcal.entries import Entry, Json, plain
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.rotation import exponential
@@ -305,7 +305,7 @@ def _largest(search: TurningSearch, sigma: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class GroupSigma:
+class GroupSigma(Entry):
     """Largest sigma of a group of states in its unit of print, also of other schedules; `ratio` to the reference."""
 
     group: str
@@ -343,7 +343,7 @@ class TurnsDesign:
             words.append(f"{g.group}: {g.sigma:.3g} {g.unit}{f' ({compared})' if compared else ''}")
         return "\n".join([*words, *filter(None, [self.comparison])])
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the report of the design."""
         return {
             "format": 1,
@@ -351,10 +351,9 @@ class TurnsDesign:
             "turns": len(self.schedule.moves),
             "stop_s": self.schedule.stop,
             "total_s": self.duration,
-            "groups": [{"group": g.group, "sigma": g.sigma, "unit": g.unit, "against": dict(g.against),
-                        "ratio": g.ratio} for g in self.groups],
+            "groups": plain(self.groups),
             "in_words": self.in_words,
-        }  # fmt: skip
+        }
 
 
 def _design(

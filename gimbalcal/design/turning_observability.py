@@ -14,13 +14,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.design.position_observability import Observability, assess_information
 from gimbalcal.design.turning import StretchModel, TurningExperiment, turning_experiment
 from gimbalcal.effects import Parameter
+from gimbalcal.entries import Entry, Json, plain
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, information, name_directions
@@ -77,6 +77,28 @@ class SigmaCurve:
         return next(word for most, word in DEGREES if self.degree <= most * (1 + DEGREE_ROUNDING))
 
 
+@dataclass(frozen=True)
+class PublishedDegree(Entry):
+    """A degree of observability as printed, as computed, and their ratio."""
+
+    parameter: str
+    printed: float
+    degree: float
+    ratio: float
+
+
+@dataclass(frozen=True)
+class PublishedDegrees(Entry):
+    """A printed table of degrees against the computed ones: the factor of each group, and the spread about it."""
+
+    source: str
+    table: str
+    rows: tuple[PublishedDegree, ...]
+    factor: Mapping[str, float]
+    spread: Mapping[str, float]
+    in_words: str
+
+
 @dataclass(frozen=True, eq=False)
 class TurningObservability:
     """Observability of a schedule of turns: curves of every state at `time` (T,) [s], and weak directions."""
@@ -89,10 +111,10 @@ class TurningObservability:
     weak: tuple[tuple[dict[str, float], float], ...]
 
     @property
-    def published(self) -> dict[str, Any]:
-        """Comparison with Table 2 of Wei et al. for their schedule with their states; else empty."""
+    def published(self) -> PublishedDegrees | None:
+        """Comparison with Table 2 of Wei et al. for their schedule with their states; else None."""
         labels = {c.parameter for c in self.curves}
-        return comparison_with_wei(self.curves) if self.source == "wei2022" and labels == set(TABLE_2) else {}
+        return comparison_with_wei(self.curves) if self.source == "wei2022" and labels == set(TABLE_2) else None
 
     @property
     def in_words(self) -> str:
@@ -104,9 +126,9 @@ class TurningObservability:
         for direction, degree in self.weak:
             terms = " ".join(f"{w:+.3g} {label}" for label, w in direction.items())
             lines.append(f"weak: {terms} is known {degree:.3g} times better than before")
-        return "\n".join([*lines, *filter(None, [self.published.get("in_words")])])
+        return "\n".join([*lines, *([self.published.in_words] if self.published else [])])
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the content of observability.json, in printed units."""
         out = self.bounds.to_dict()
         time = [float(t) for t in self.time]
@@ -122,7 +144,7 @@ class TurningObservability:
             for c in (*self.curves, *self.navigation)
         ]
         out["weak"] = [{"direction": direction, "degree": degree} for direction, degree in self.weak]
-        return out | {"published": self.published, "in_words": self.in_words}
+        return out | {"published": plain(self.published) or {}, "in_words": self.in_words}
 
 
 def observe_turning(
@@ -200,7 +222,7 @@ def _sigmas(innovations: Innovations, keep: Array) -> tuple[Array, Array]:
     return np.array(sigma), np.array(navigation)
 
 
-def comparison_with_wei(curves: Sequence[SigmaCurve]) -> dict[str, Any]:
+def comparison_with_wei(curves: Sequence[SigmaCurve]) -> PublishedDegrees:
     """Compare with Table 2 of Wei et al. (2022), 30 positions.
 
     A degree is proportional to the assumed P_0, and the paper prints neither P_0 nor noise, rate or stops: each group
@@ -209,7 +231,7 @@ def comparison_with_wei(curves: Sequence[SigmaCurve]) -> dict[str, Any]:
     rows, groups = [], dict[str, list[float]]()
     for c in curves:
         printed = TABLE_2[c.parameter][1]
-        rows.append({"parameter": c.parameter, "printed": printed, "degree": c.degree, "ratio": printed / c.degree})
+        rows.append(PublishedDegree(c.parameter, printed, c.degree, printed / c.degree))
         if c.parameter != MISPRINTED:
             groups.setdefault(c.parameter.split(":")[0], []).append(np.log(printed / c.degree))
     factor = {name: float(np.exp(np.mean(x))) for name, x in groups.items()}
@@ -222,11 +244,4 @@ def comparison_with_wei(curves: Sequence[SigmaCurve]) -> dict[str, Any]:
         f"own P0 and noise, which are not printed: {factors}; the row of delta A_a yz repeats that of epsilon_x and is "
         "a misprint"
     )
-    return {
-        "source": "wei2022",
-        "table": "Table 2",
-        "rows": rows,
-        "factor": factor,
-        "spread": spread,
-        "in_words": words,
-    }
+    return PublishedDegrees("wei2022", "Table 2", tuple(rows), factor, spread, words)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.calibration import read as read_calibration
+from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.history.unit_store import DIAGNOSIS, kept
 from gimbalcal.recording.header import NAME as HEADER
@@ -36,7 +35,7 @@ def dated_file(path: Path) -> DatedCalibration:
     return DatedCalibration(str(path), when(calibration.provenance.date, path), calibration)
 
 
-def date_in(provenance: Mapping[str, Any]) -> str:
+def date_in(provenance: Json) -> str:
     """Return the date of its recordings, else that of the computation; empty where neither is stated."""
     return str(provenance.get("recorded") or provenance.get("created") or "")
 

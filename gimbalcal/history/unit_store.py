@@ -11,12 +11,12 @@ import hashlib
 import json
 import sqlite3
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 
 FORMAT = 1  # of the tables, as SQLite's user_version
@@ -53,7 +53,7 @@ class StoredResult:
     unit: str
     date: str  # ISO 8601
     kind: str
-    content: Mapping[str, Any]
+    content: Json
 
     @property
     def is_calibration(self) -> bool:
@@ -110,7 +110,7 @@ def kept(path: Path, unit: str = "") -> tuple[StoredResult, ...]:
     return tuple(e for e in entries if unit in ("", e.unit))
 
 
-def _digest(content: Mapping[str, Any]) -> str:
+def _digest(content: Json) -> str:
     """Return the SHA-256 of a result without its date of computation."""
     provenance = {k: v for k, v in content.get("provenance", {}).items() if k != "created"}
     text = json.dumps({**content, "provenance": provenance}, sort_keys=True)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.earth import HOUR
+from gimbalcal.entries import Entry, Json
 from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.navigate.space_stable_navigator import Aids
+from gimbalcal.recording import Source
 from gimbalcal.units import from_si
 
 
@@ -45,6 +46,24 @@ class PositionError:
 
 
 @dataclass(frozen=True)
+class NamedCalibration(Entry):
+    """A calibration by which a recording was navigated: its name in the results, and its file."""
+
+    name: str
+    path: str
+
+
+@dataclass(frozen=True)
+class NavigationInputs(Entry):
+    """The recording, the calibrations, and how many sampled calibrations with which seed give the sampled sigma."""
+
+    recordings: tuple[Source, ...] = ()
+    calibrations: tuple[NamedCalibration, ...] = ()
+    samples: int | None = None
+    seed: int | None = None
+
+
+@dataclass(frozen=True)
 class NavigationSummary:
     """What navigations of one recording differ by from the truth; the others are compared with the first run."""
 
@@ -54,7 +73,7 @@ class NavigationSummary:
     alignment_s: float
     channels: tuple[ChannelError, ...]
     position: tuple[PositionError, ...]
-    provenance: Mapping[str, Any]
+    provenance: NavigationInputs
 
     @property
     def increased(self) -> bool:
@@ -72,13 +91,12 @@ class NavigationSummary:
         both = " and ".join(filter(None, [", ".join(errors[:-1]), errors[-1]]))
         return f"in {self.hours:.3g} h the position is wrong by at most {both}"
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the content of navigation.json."""
-        provenance = dict(self.provenance)
-        return {"format": 1, **asdict(self), "in_words": self.in_words, "provenance": provenance}
+        return {"format": 1, **asdict(self), "in_words": self.in_words, "provenance": self.provenance.to_dict()}
 
 
-def summary(runs: Sequence[Navigated], aids: Aids, provenance: Mapping[str, Any]) -> NavigationSummary:
+def summary(runs: Sequence[Navigated], aids: Aids, provenance: NavigationInputs) -> NavigationSummary:
     """Return how far navigations are off, by channel and in position, and what each calibration improves."""
     first = runs[0]
     return NavigationSummary(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from gimbalcal.references import cite
 from gimbalcal.report import sections
 from gimbalcal.report.figures import correlation
 from gimbalcal.report.formulas import formula
-from gimbalcal.report.html import picture, render
+from gimbalcal.report.html import Context, picture, render
 from gimbalcal.report.parameters import nominal_in_words, rows, stages
 from gimbalcal.units import from_si, is_raw
 from gimbalcal.words import calibration_sentences, naming
@@ -83,7 +82,7 @@ def _facts(c: Calibration, recordings: Sequence[Recording]) -> list[tuple[str, s
     return facts
 
 
-def _correlations(c: Calibration) -> dict[str, Any]:
+def _correlations(c: Calibration) -> Context:
     """Return a picture of the correlation matrix and its strongest pairs."""
     if len(c.parameters) < 2:
         return {"correlation": None, "strongest": []}
@@ -99,7 +98,7 @@ def _correlations(c: Calibration) -> dict[str, Any]:
     return {"correlation": drawn, "strongest": strongest}
 
 
-def _model(parameters: Sequence[Parameter]) -> dict[str, Any]:
+def _model(parameters: Sequence[Parameter]) -> Context:
     """Return the effects whose parameters were estimated, from their own cards, and the literature they cite."""
     ids = list(dict.fromkeys(p.effect for p in parameters))
     keys = list(dict.fromkeys(key for i in ids for key in CATALOGUE[i].sources))
@@ -127,7 +126,7 @@ def _law(effect: str) -> str:
     return rf"{card['equation']}, \qquad T_0 = {card['T0_degC']:g}\,\text{{°C}}"
 
 
-def _measured(r: Recording) -> dict[str, Any]:
+def _measured(r: Recording) -> Context:
     """Return a description of a recording, as pairs of term and text."""
     site = r.site
     where = [f"gravity {site.gravity:.6f} m/s²", f"height {site.height:.0f} m"]
@@ -178,7 +177,7 @@ def _noise_in_words(noise: AssumedNoise) -> str:
     return "; ".join(parts) or naming.as_text(noise.to_dict())
 
 
-def _provenance(c: Calibration, recordings: Sequence[Recording]) -> dict[str, Any]:
+def _provenance(c: Calibration, recordings: Sequence[Recording]) -> Context:
     """Return pairs of term and text; the page folds long ones."""
     origin = c.provenance.to_dict()
     given = {k: v for k, v in origin.items() if k not in ("recordings", "effects", "lost", "noise")}

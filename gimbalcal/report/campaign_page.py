@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from math import isfinite, sqrt
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from gimbalcal.campaign.campaign_folder import CampaignSummary, ParameterErrors
 from gimbalcal.errors import amount
 from gimbalcal.report.chart import Band, Mark, Rule
 from gimbalcal.report.figures import dots_by_name
-from gimbalcal.report.html import Picture, picture, render
+from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.report.parameters import in_sigmas
 from gimbalcal.units import from_si
 from gimbalcal.words import naming
@@ -132,7 +131,7 @@ def _facts(c: CampaignSummary, rows: Sequence[ParameterErrors]) -> list[tuple[st
     return facts
 
 
-def _row(r: ParameterErrors, before: ParameterErrors | None) -> dict[str, Any]:
+def _row(r: ParameterErrors, before: ParameterErrors | None) -> Context:
     rms, sigma, unit = _printed(r)
     return {
         "words": naming.label_in_words(r.parameter),

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from gimbalcal.references import cite
 from gimbalcal.report.chart import Chart, sensible_time
 from gimbalcal.report.figures import Panel, before_after, sky
 from gimbalcal.report.formulas import formula
-from gimbalcal.report.html import Picture, picture, render
+from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.report.parameters import estimate, in_sigmas
 from gimbalcal.words import naming
 from gimbalcal.words.diagnosis_headline import does, headline
@@ -61,7 +60,7 @@ def diagnosis_report(d: Diagnosis, title: str = "") -> str:
         ],
         "moved": [_moved(m) for m in d.fit.calibration_moved],
         "unseen": _undetected(d),
-        "provenance": _provenance(d.provenance),
+        "provenance": _provenance(dict(d.provenance)),
         "sources": naming.files(d.provenance),
         "citations": cite(*dict.fromkeys(key for card in cards for key in card.sources)),
     }
@@ -117,7 +116,7 @@ def _estimates(parameters: Sequence[Estimate]) -> list[dict[str, str]]:
     return [estimate(p.name, p.axis, p.value, p.sigma, p.unit) for p in parameters]
 
 
-def _law(law: LawResult) -> dict[str, Any]:
+def _law(law: LawResult) -> Context:
     """Return a formula that no catalogue holds: as it is written, its parameters, and the domain of the data."""
     units = {v: naming.unit_in_print(unit) for v, unit in law.units.items()}
     domain = (f"{naming.spaced(v)} from {significant(low, 3)} to {significant(high, 3)} {units[v]}"
@@ -168,7 +167,7 @@ PROVENANCE = {
 }
 
 
-def _provenance(given: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _provenance(given: Context) -> list[tuple[str, str]]:
     """Return pairs of term and text, without what the page shows elsewhere."""
     grade = given.get("grade")
     pairs = [("grade of the unit", naming.typeset(f"{grade['name']}: {grade['from']}"))] if grade else []
@@ -185,7 +184,7 @@ def _probability(p: float) -> str:
     )
 
 
-def _finding(f: Finding) -> dict[str, Any]:
+def _finding(f: Finding) -> Context:
     latex = str(stated_law(CATALOGUE[f.effect])["equation"])
     return {
         "words": naming.named(f.effect, f.axis),

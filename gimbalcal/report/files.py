@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gimbalcal.atomic import folder, write, write_json
+from gimbalcal.entries import Json
 from gimbalcal.report.html import marked
 
 if TYPE_CHECKING:
@@ -61,9 +62,7 @@ def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, quest
             write(new / own / "report.html", marked(page, question))
 
 
-def write_report(
-    name: str, content: Mapping[str, Any] | Sequence[Any], page: str, out: Path, question: str = ""
-) -> None:
+def write_report(name: str, content: Json | Sequence[Json], page: str, out: Path, question: str = "") -> None:
     """Write a result as the JSON `name`, and its page as report.html, into `out`."""
     with folder(out) as new:
         write_json(new / name, content)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -17,6 +17,8 @@ from markupsafe import Markup, escape
 import gimbalcal
 from gimbalcal.report.chart import Chart
 from gimbalcal.report.draw import svg
+
+Context = dict[str, Any]  # values that a template places, by name
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ def picture(charts: Chart | Sequence[Chart | Markup], alt: str, caption: str = "
     return Picture(tuple(drawn), alt, caption)
 
 
-def render(template: str, context: Mapping[str, Any]) -> str:
+def render(template: str, context: Context) -> str:
     """Return a template of this package, filled; every value is escaped and a missing one is an error."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

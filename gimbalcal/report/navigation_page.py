@@ -45,8 +45,8 @@ def navigation_report(s: NavigationSummary, runs: Sequence[Navigated], title: st
         "damping": f"{s.damping:g}" if s.damping else "",
         "alignment": f"{s.alignment_s / 60:g}",
         "strapdown": strapdown,
-        "provenance": [(k, str(v)) for k, v in s.provenance.items() if k in ("samples", "seed")],
-        "sources": s.provenance.get("recordings", []),
+        "provenance": [(k, str(v)) for k, v in s.provenance.to_dict().items() if k in ("samples", "seed")],
+        "sources": s.provenance.recordings,
         "citations": cite("wu2018", "savage1998" if strapdown else "britting1971"),
     }  # fmt: skip
     return render("navigation.html", context)
@@ -118,8 +118,8 @@ def budget_report(budget: Budget) -> str:
             "unit": naming.unit_in_print(budget.parameters[i].unit),
             "parts": [significant(float(m), 3) for m in budget.parts[:, i]],
             "share": f"{100 * budget.share[i]:.1f} %" if budget.share[i] >= 5e-4 else "< 0.1 %",
-            "what": budget.manoeuvres[i]["what"],
-            "to": significant(float(budget.manoeuvres[i]["to_m"]), 3),
+            "what": budget.manoeuvres[i].what,
+            "to": significant(budget.manoeuvres[i].to_m, 3),
         }
         for i in map(int, budget.order)
     ]
@@ -154,6 +154,6 @@ def _tornado(budget: Budget) -> Chart:
     return tornado(
         [naming.label_in_words(budget.parameters[i].label) for i in shown],
         np.array([float(budget.parts[-1, i]) for i in shown]) / scale,
-        np.array([float(budget.manoeuvres[i]["to_m"]) for i in shown]) / scale,
+        np.array([budget.manoeuvres[i].to_m for i in shown]) / scale,
         f"position in {budget.hours[-1]:g} h [{unit}]",
     )

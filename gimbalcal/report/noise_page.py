@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.at_rest import ChannelNoise, Coefficient, RestNoise
 from gimbalcal.references import cite
 from gimbalcal.report.chart import COLOURS, DASHES, SHAPES, Chart, Line, Mark, Points, lasting
-from gimbalcal.report.html import picture, render
+from gimbalcal.report.html import Context, picture, render
 from gimbalcal.words import naming
 from gimbalcal.words.naming import unit_in_print
 from gimbalcal.words.rounding import p_value, pdg, significant
@@ -79,7 +78,7 @@ def _chart(channels: Sequence[ChannelNoise], quantity: str) -> Chart:
                  log_y=True, height=300)  # fmt: skip
 
 
-def _row(c: ChannelNoise) -> dict[str, Any]:
+def _row(c: ChannelNoise) -> Context:
     return {
         "name": " ".join(filter(None, [TITLES[c.quantity][:-1].lower(), c.axis, c.sensor])),
         "cells": [_cell(part) for part in (c.white_noise, c.bias_instability, c.random_walk)],

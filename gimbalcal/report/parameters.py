@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from gimbalcal.calibration import Calibration, Counts, ParameterEstimate, Readou
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.report.figures import AS_BEFORE, dots_by_name
-from gimbalcal.report.html import Picture, picture
+from gimbalcal.report.html import Context, Picture, picture
 from gimbalcal.units import from_si, to_si
 from gimbalcal.words import naming
 from gimbalcal.words.rounding import distinct_from_zero, last_place, minus, pdg, significant
@@ -32,13 +31,13 @@ def estimate(name: str, axis: str | None, value: float, sigma: float, unit: str)
 # --- of a calibration -------------------------------------------------------------------------------------------------
 
 
-def rows(c: Calibration, truth: Mapping[str, float] | None) -> list[dict[str, Any]]:
+def rows(c: Calibration, truth: Mapping[str, float] | None) -> list[Context]:
     """Return the rows; `first` opens a group, `below` the parameters that the data do not determine one by one."""
     in_null_direction = naming.unobservable_leading(c.null_directions)
     determined = [e for e in c.estimates if e.parameter.label not in in_null_direction]
     others = [e for e in c.estimates if e.parameter.label in in_null_direction]
     nominal = c.readout.accelerometers
-    out: list[dict[str, Any]] = []
+    out: list[Context] = []
     for part in (determined, others):
         for i, e in enumerate(part):
             new = not i or e.parameter.name != part[i - 1].parameter.name
@@ -47,7 +46,7 @@ def rows(c: Calibration, truth: Mapping[str, float] | None) -> list[dict[str, An
     return out
 
 
-def _row(e: ParameterEstimate, nominal: Counts | None, truth: Mapping[str, float] | None) -> dict[str, Any]:
+def _row(e: ParameterEstimate, nominal: Counts | None, truth: Mapping[str, float] | None) -> Context:
     p = e.parameter
     value, sigma, unit = as_printed(p, e.value, e.sigma, nominal)
     moved = e.value / e.prior_sigma if e.prior_sigma else 0.0
@@ -118,7 +117,7 @@ def nominal_in_words(readout: Readout) -> str:
 RATE_RESIDUALS = ("rate-table", "two-position")  # methods whose residuals are rates
 
 
-def stages(c: Calibration, truth: Mapping[str, float] | None) -> dict[str, Any]:
+def stages(c: Calibration, truth: Mapping[str, float] | None) -> Context:
     """Return tables and a picture of the stages; one that estimates other coefficients has a table of its own."""
     labels = {p.label for p in c.parameters}
     ours = [s for s in c.stages if labels.intersection(s.labels)]
@@ -155,7 +154,7 @@ def _stage_picture(parameters: Sequence[Parameter], stages: Sequence[StageResult
     )  # fmt: skip
 
 
-def _coefficients(s: StageResult) -> dict[str, Any]:
+def _coefficients(s: StageResult) -> Context:
     """Return the combined coefficients that a stage estimates instead of parameters, in microradians."""
     rows = [estimate(name, "", float(from_si(value, "urad")), float(from_si(sigma, "urad")), "urad")
             for name, value, sigma in zip(s.labels, s.values, s.sigmas, strict=True)]  # fmt: skip
@@ -179,7 +178,7 @@ def _stage(s: StageResult, c: Calibration) -> dict[str, str]:
 
 def _stage_row(
     p: Parameter, c: Calibration, stages: Sequence[StageResult], truth: Mapping[str, float] | None
-) -> dict[str, Any]:
+) -> Context:
     printed, cells = "", []
     for s in stages:
         if p.label in s.labels:

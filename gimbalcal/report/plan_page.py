@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from gimbalcal.design.optimal import PositionsDesign
 from gimbalcal.design.position_observability import Observability, PredictedSigma
 from gimbalcal.design.turning_design import TurnsDesign
-from gimbalcal.design.turning_observability import SigmaCurve, TurningObservability
+from gimbalcal.design.turning_observability import PublishedDegrees, SigmaCurve, TurningObservability
 from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Unobservable
@@ -19,7 +18,7 @@ from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report import figures
 from gimbalcal.report.chart import Chart, lasting, sensible_time
-from gimbalcal.report.html import Picture, picture, render
+from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.commands import RotationSchedule
 from gimbalcal.words import naming
@@ -81,7 +80,7 @@ def _share(total: int, unobservable: int) -> str:
     return f"{total - unobservable} of {total} combinations" if unobservable else f"all {counted(total, 'combination')}"
 
 
-def _rows(rows: Sequence[PredictedSigma], others: Sequence[str]) -> list[dict[str, Any]]:
+def _rows(rows: Sequence[PredictedSigma], others: Sequence[str]) -> list[Context]:
     return [
         {
             "words": naming.named(r.parameter.name, r.parameter.axis),
@@ -124,7 +123,7 @@ def design_report(d: PositionsDesign | TurnsDesign) -> str:
     })  # fmt: skip
 
 
-def _positions(d: PositionsDesign) -> dict[str, Any]:
+def _positions(d: PositionsDesign) -> Context:
     names = list(d.against)
     return {
         "title": d.schedule.name, "picture": _drawn(d.schedule), "unobservable": naming.directions(d.unobservable),
@@ -134,7 +133,7 @@ def _positions(d: PositionsDesign) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _turns(d: TurnsDesign) -> dict[str, Any]:
+def _turns(d: TurnsDesign) -> Context:
     turns = str(len(d.schedule.moves))
     rows = [{"words": naming.named(g.group), "sigma": significant(g.sigma, 3), "first": True, "prior": "",
              "unit": unit_in_print(g.unit), "better": _better(g.ratio),
@@ -249,14 +248,13 @@ def _state(c: SigmaCurve) -> dict[str, str]:
             "unit": unit_in_print(c.unit), "degree": significant(c.degree, 3), "word": c.word}  # fmt: skip
 
 
-def _published(table: Mapping[str, Any]) -> dict[str, Any]:
+def _published(table: PublishedDegrees | None) -> Context:
     """Return the comparison with published degrees; empty without one."""
-    if not table:
+    if table is None:
         return {}
-    rows = [{"words": label_in_words(r["parameter"]), "printed": f"{r['printed']:.2f}",
-             "degree": significant(r["degree"], 3), "ratio": significant(r["ratio"], 2)}
-            for r in table["rows"]]  # fmt: skip
-    return {"rows": rows, "in_words": naming.as_sentence(table["in_words"])}
+    rows = [{"words": label_in_words(r.parameter), "printed": f"{r.printed:.2f}", "degree": significant(r.degree, 3),
+             "ratio": significant(r.ratio, 2)} for r in table.rows]  # fmt: skip
+    return {"rows": rows, "in_words": naming.as_sentence(table.in_words)}
 
 
 def _curves(o: TurningObservability) -> list[Chart]:

@@ -16,7 +16,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.report import figures
 from gimbalcal.report.chart import BLUE, COLOURS, SHAPES, Chart, Mark, Points, Rule, sensible_time
-from gimbalcal.report.html import Picture, picture
+from gimbalcal.report.html import Context, Picture, picture
 from gimbalcal.report.parameters import plus_minus
 from gimbalcal.units import from_si
 from gimbalcal.words.naming import counted, label_in_words, listed, named, unit_in_print
@@ -183,7 +183,7 @@ def named_terms(c: Calibration) -> list[dict[str, str]]:
     return rows
 
 
-def night_by_night(c: Calibration) -> dict[str, Any]:
+def night_by_night(c: Calibration) -> Context:
     """Return the terms of each night by name, and whether the nights agree; empty for a single night."""
     nights, p = c.provenance.nights, c.provenance.same_terms_every_night
     if not nights or p is None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from gimbalcal.entries import Json
 from gimbalcal.words.rounding import significant
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def _names() -> dict[str, str]:
     return names | {effect: spaced(effect) for effect in CATALOGUE}
 
 
-def label_of(row: Mapping[str, Any]) -> str:
+def label_of(row: Json) -> str:
     """Return the label of a row of calibration.json's parameters.
 
     >>> label_of({"name": "bias", "axis": "x"})

@@ -48,8 +48,8 @@ def test_bars_are_in_order_and_none_is_longer_than_the_whole() -> None:
 def test_a_manoeuvre_shortens_its_bar_and_a_day_at_rest_most() -> None:
     made = of("wu2018-18")
     for part, m in zip(made.parts[-1], made.manoeuvres, strict=True):
-        assert m["to_m"] < part
-    assert made.manoeuvres[int(made.order[0])]["what"] == "a run of 24 h at rest"
+        assert m.to_m < part
+    assert made.manoeuvres[int(made.order[0])].what == "a run of 24 h at rest"
     assert of("wu2018-18", "wu2018-static").whole[-1] < 0.1 * made.whole[-1]
 
 
@@ -142,7 +142,7 @@ def test_of_turns_a_second_session_adds_its_information() -> None:
     one, two = of_turns("wei2022-30"), of_turns("wei2022-30", "wei2022-30")
     assert two.whole[-1] == pytest.approx(one.whole[-1] / np.sqrt(2), rel=0.02)
     for part, m in zip(one.parts[-1], one.manoeuvres, strict=True):
-        assert m["to_m"] <= part
+        assert m.to_m <= part
         assert m["hours"] > 0
 
 

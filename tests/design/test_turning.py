@@ -111,10 +111,10 @@ def test_what_turns_about_one_axis_do_not_see_is_named():
 
 def test_wei_table_2_is_these_degrees_but_for_a_factor_of_the_gyroscopes_biases():
     published = observe_turning("wei2022-30", 30.0, "30").published
-    assert published["spread"]["gyro_bias"] < 1.02
-    assert published["spread"]["bias"] < 1.08
+    assert published.spread["gyro_bias"] < 1.02
+    assert published.spread["bias"] < 1.08
     golden_text(published["in_words"])
-    assert observe_turning("wei2022-30", 30.0, "bias").published == {}
+    assert observe_turning("wei2022-30", 30.0, "bias").published is None
 
 
 def test_the_command_writes_the_contract(tmp_path):

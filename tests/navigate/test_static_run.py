@@ -16,7 +16,7 @@ from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, Naviga
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids, InertialSite
 from gimbalcal.navigate.static_run import half_apart, horizontal
 from gimbalcal.navigate.stationary_base import still_base
-from gimbalcal.navigate.summary import summary
+from gimbalcal.navigate.summary import NavigationInputs, summary
 from gimbalcal.navigate.uncertainty import bands, before_and_after, uncertain
 from gimbalcal.recording import Recording, Site, block_means
 from gimbalcal.simulate import simulate
@@ -101,7 +101,7 @@ def test_position_is_told_in_nautical_miles_at_its_largest_at_the_end_and_rms() 
     runs = [
         Navigated(name, np.arange(3.0), np.zeros((3, 7)), k * miles * 1852.0) for name, k in (("none", 1), ("a", 2))
     ]
-    first, second = summary(runs, Aids(), {}).position
+    first, second = summary(runs, Aids(), NavigationInputs()).position
     assert (first.max_nmi, first.end_nmi) == pytest.approx((4.0, 3.0))
     assert first.rms_nmi == pytest.approx(5 / np.sqrt(3))
     assert (first.improvement_percent, second.improvement_percent) == (None, -100.0)
@@ -188,7 +188,7 @@ def test_the_spacing_of_rows_does_not_matter(hours: float, rate: float) -> None:
 def test_the_content_has_every_channel_for_every_calibration() -> None:
     run, effects = made()
     runs = before_and_after(run, [("truth", calibration(effects))], samples=1)
-    told = summary(runs, Aids(), {}).to_dict()
+    told = summary(runs, Aids(), NavigationInputs()).to_dict()
     assert [c["name"] for c in told["channels"]] == [name for name, _ in CHANNELS] * 2
     assert told["channels"][0]["improvement_percent"] is None
     assert all(99 < c["improvement_percent"] <= 100 for c in told["channels"][7:])
@@ -200,7 +200,7 @@ def test_without_gimbals_there_is_no_attitude() -> None:
     bare = replace(run, channels={k: v for k, v in run.channels.items() if k[0] != "gimbal_angle"})
     found = navigated(bare)
     assert np.isfinite(found.error[:, :4]).all()
-    assert len(summary([found], Aids(), {}).channels) == 4
+    assert len(summary([found], Aids(), NavigationInputs()).channels) == 4
 
 
 def test_what_cannot_be_navigated_is_refused() -> None:

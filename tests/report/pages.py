@@ -28,7 +28,7 @@ from gimbalcal.guess.proposal import Proposal
 from gimbalcal.history.compare import PrintedComparison
 from gimbalcal.navigate.navigation_errors import Navigated
 from gimbalcal.navigate.space_stable_navigator import Aids
-from gimbalcal.navigate.summary import summary
+from gimbalcal.navigate.summary import NavigationInputs, summary
 from gimbalcal.recording import Recording
 from gimbalcal.report import calibration_report
 from gimbalcal.report.campaign_page import campaign_report
@@ -148,7 +148,9 @@ PAGES: dict[str, Callable[[], str]] = {
     "design": lambda: design_report(design(rig_of("space-stable", 90, None), 6, ("bias",))),
     "designed_turns": lambda: design_report(TURNS),
     "budget": lambda: budget_report(budget(["wu2018-18"], (6.0, 24.0))),
-    "navigation": lambda: navigation_report(summary(navigated(), Aids(), {"samples": 5}), navigated(), LONG),
+    "navigation": lambda: navigation_report(
+        summary(navigated(), Aids(), NavigationInputs(samples=5)), navigated(), LONG
+    ),
     "history": lambda: history_report(HISTORY),
     "campaign": lambda: campaign_report(campaign(ratio=1.7, failed=2)),
     "new": lambda: proposal_page(log()),

@@ -14,7 +14,7 @@ import pytest
 from gimbalcal.at_rest import ChannelNoise, Coefficient
 from gimbalcal.calibration import Calibration, Provenance, Residual, StageResult
 from gimbalcal.calibration.provenance import Night, NightTerm
-from gimbalcal.design.budget import Budget
+from gimbalcal.design.budget import BestManoeuvre, Budget
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.history.compare import CalibrationStep, ComparedCalibration, PrintedComparison, PrintedHistory
 from gimbalcal.report import figures
@@ -192,7 +192,7 @@ def test_a_budget_tells_shares_in_per_cent_and_long_bars_in_kilometres() -> None
     wanted = parameters(CATALOGUE["bias"])[:2]
     made = Budget("plan", (6.0, 24.0), wanted, np.array([p.sigma for p in wanted]) / 10, np.array([900.0, 20100.0]),
                   np.array([[800.0, 50.0], [20000.0, 2000.0]]), np.array([0.985, 0.015]),
-                  ({"what": "turn it over", "to_m": 500.0},) * 2)  # fmt: skip
+                  (BestManoeuvre("turn it over", 1.0, 500.0),) * 2)  # fmt: skip
     page = budget_report(made)
     assert "98.5 %" in page
     assert "1.5 %" in page

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.exchange.matrices import Found, matrices, parameters_of
+from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 
@@ -103,7 +103,7 @@ def read(path: Path) -> Found:
     )
 
 
-def _refuse_unknown(path: Path, unit: Mapping[str, Any]) -> None:
+def _refuse_unknown(path: Path, unit: Json) -> None:
     """Raise InputError for a key in the sections of numbers that Kalibr does not write, and for a section like them."""
     for name in (name for name, value in unit.items() if isinstance(value, dict) and name not in KEYS):
         similar = get_close_matches(str(name), KEYS, 1)
