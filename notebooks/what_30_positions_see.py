@@ -43,7 +43,7 @@ print(len(contradictions(wei)), "rows contradict;", f"{trajectory(wei).duration:
 # much at once; biases improve slowly, with the square root of time or worse.
 
 # %%
-seen = observe_turning(wei, latitude=34.2, asked="30")
+seen = observe_turning(wei, latitude=34.2, state_list="30")
 print(seen.in_words)
 
 fig, panels = plt.subplots(2, 3, figsize=(11, 5), sharex=True, layout="constrained")
