@@ -577,7 +577,8 @@ def _basis(J: Array) -> Array:
 
 def _dof(Q: Array, kind: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:
     """Return the degrees of freedom that a basis Q (q, rank) leaves of those rows of each scale that are named."""
-    return np.bincount(kind[rows], (1 - (Q**2).sum(axis=1))[rows], minlength=kind.max(initial=-1) + 1)
+    leverage_free = np.maximum(1 - (Q**2).sum(axis=1), 0.0)  # of a row that is fitted alone, rounding may leave less
+    return np.bincount(kind[rows], leverage_free[rows], minlength=kind.max(initial=-1) + 1)
 
 
 def excess_sigma(r: Array, own: Array, dof: int) -> float:
