@@ -85,7 +85,7 @@ class DrivenTurn:
 def driven_turn(time: Array, read: Array, angles: Array, names: Sequence[str]) -> DrivenTurn:
     """Return spans of readings (n, 3) and readouts (n, k) [rad] that may begin anew at a turn."""
     step = float(np.median(np.diff(time)))
-    n = max(1, round(SPAN_S / step))
+    n = max(1, min(round(SPAN_S / step), len(time) - 1))  # a log shorter than a span is one
     whole = np.unwrap(angles, axis=0)
     starts = np.arange(0, len(time) - n, max(n, (len(time) - n) // MAX_SPANS))
     sums = integral(read, time)

@@ -94,15 +94,19 @@ class MeasuredTurns:
 
     def agreeing(self, correction: Correction) -> int:
         """Return the number of turns that end where the reference does, by corrected rates."""
+        return agree(self, self.turned(correction))
+
+    def turned(self, correction: Correction) -> Array:
+        """Return C (m, 3, 3) of every turn by corrected rates."""
         M = correction.clock * (correction.matrices[RATE][1] if RATE in correction.matrices else np.eye(3))
         sizes = np.abs(M).max(axis=1)
         if np.ptp(sizes) > 0:  # some axes in another unit: M is diagonal
-            return agree(self, rotations(self, np.diag(M)))
+            return rotations(self, np.diag(M))
         P = M / sizes[0]
         factor = float(sizes[0] * np.round(np.linalg.det(P)))
         if factor not in self._of_factor:
             self._of_factor[factor] = rotations(self, factor * np.ones(3))
-        return agree(self, P @ self._of_factor[factor] @ P.T)
+        return np.asarray(P @ self._of_factor[factor] @ P.T)
 
 
 def turns_of(recording: Recording) -> MeasuredTurns | None:
@@ -228,9 +232,10 @@ def turns_between_rests(e: Examined) -> str:
 
 def _any_factor(recording: Recording, turns: MeasuredTurns, stated: int) -> str:
     """Name any other factor of all rates: a unit that is in no list."""
-    n, agreeing = len(turns.reading), np.zeros(len(FACTORS), dtype=int)
-    for i in np.flatnonzero(np.abs(np.log(FACTORS)) > np.log(MAX_SCALE_ERROR)):
-        agreeing[i] = agree(turns, rotations(turns, FACTORS[i] * np.ones(3)))
+    n, far = len(turns.reading), np.abs(np.log(FACTORS)) > np.log(MAX_SCALE_ERROR)
+    agreeing = np.array(
+        [turns.agreeing(scaled(RATE, AXES, k, "")) if other else 0 for k, other in zip(FACTORS, far, strict=True)]
+    )
     fits = np.flatnonzero(agreeing >= MIN_AGREEMENT * n)
     if not len(fits):
         return ""

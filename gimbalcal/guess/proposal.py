@@ -6,13 +6,13 @@ them in another, that one is proposed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.input_errors import MIN_AGREEMENT, Correction
+from gimbalcal.checks.input_errors import MIN_AGREEMENT, Correction, trials
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError
@@ -222,31 +222,37 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
 
     Where they do so in no unit it is the first plausible recording, unless one in likelier units was refused.
     """
-    fallback: Proposal | None = None
-    refused: InputError | None = None
-    for candidate in unit_candidates(log, above):
-        try:
-            proposal = _in_units(candidate, context)
-        except InputError as problem:
-            refused = refused or problem
-            continue
-        recording = proposal.recording
+    refused: list[InputError] = []
+
+    def plausible() -> Iterator[tuple[Proposal, bool]]:
+        for candidate in unit_candidates(log, above):
+            try:
+                yield _in_units(candidate, context), bool(refused)
+            except InputError as problem:
+                refused.append(problem)
+
+    def unexplained(each: tuple[Proposal, bool]) -> float:
+        """Return the share of turns that do not fit gravity; no single dwell shows the unit of a clock."""
+        recording = each[0].recording
+        if log.has_open_unit("time") and len(dwells(recording)) < 2:
+            return np.inf
         explained = turns_explained(recording)
-        single_dwell = log.has_open_unit("time") and len(dwells(recording)) < 2
-        if not single_dwell and (explained is None or explained[0] >= MIN_AGREEMENT * explained[1]):
+        return 0.0 if explained is None else 1 - explained[0] / explained[1]
+
+    for best in trials(plausible(), unexplained, 1 - MIN_AGREEMENT, tolerance=np.inf):
+        proposal, likelier_refused = best.candidate
+        if best.misfit <= 1 - MIN_AGREEMENT:
             return proposal
-        if refused is None and fallback is None:
-            fallback = proposal
-            if explained is not None:
-                well, turns = explained
-                unfit = f"{turns - well} of {turns} turns between rests fit gravity in no unit: are they gyroscopes?"
-                fallback = replace(proposal, notes={**proposal.notes, "gyroscopes": unfit})
-    if fallback is not None:
-        return fallback
-    assert refused is not None
-    if "the clock jumps back" in str(refused) or "the clock stands still" in str(refused):
-        raise InputError(f"{refused}; or --rate HZ counts the rows, where none are missing") from None
-    raise refused
+        if likelier_refused:
+            break
+        if (explained := turns_explained(proposal.recording)) is None:
+            return proposal
+        well, turns = explained
+        unfit = f"{turns - well} of {turns} turns between rests fit gravity in no unit: are they gyroscopes?"
+        return replace(proposal, notes={**proposal.notes, "gyroscopes": unfit})
+    if "the clock jumps back" in str(refused[0]) or "the clock stands still" in str(refused[0]):
+        raise InputError(f"{refused[0]}; or --rate HZ counts the rows, where none are missing") from None
+    raise refused[0]
 
 
 def _in_units(log: Log, context: _Context) -> Proposal:

@@ -10,7 +10,7 @@ from gimbalcal.calibration import Calibration, from_dict
 from gimbalcal.calibration import read as read_calibration
 from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
-from gimbalcal.history.unit_store import DIAGNOSIS, kept
+from gimbalcal.history.unit_store import kept
 from gimbalcal.recording.header import NAME as HEADER
 
 
@@ -65,7 +65,7 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], 
             or last[key].calibration.method == "diagnosis"
         ):
             last[key] = entry_calibration
-    diagnoses = tuple((e.date, str(e.content.get("in_words", ""))) for e in entries if e.kind == DIAGNOSIS)
+    diagnoses = tuple((e.date, str(e.content.get("in_words", ""))) for e in entries if not e.is_calibration)
     return tuple(sorted(last.values(), key=lambda d: d.date)), diagnoses
 
 

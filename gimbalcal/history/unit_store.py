@@ -22,7 +22,7 @@ from gimbalcal.errors import InputError
 FORMAT = 1  # of the tables, as SQLite's user_version
 MARK = 0x67696D62  # "gimb", SQLite's application_id: another program's database is not written into
 WAIT_S = 60.0  # of a writer for another
-CALIBRATION, DIAGNOSIS = "calibration", "diagnosis"
+CALIBRATION = "calibration"
 
 TABLES = """
 create table entries (

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.rates import rotations, turns_of
+from gimbalcal.checks.input_errors import AXES, Correction, scaled
+from gimbalcal.checks.rates import turns_of
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.importers.registry import importer
@@ -61,14 +62,14 @@ def _in_unit(recording: Recording, quantity: str, unit: str, why: str) -> Record
     """Return the recording with one triad in SI, and a remark on the unit it was taken to be in."""
     if is_raw(unit):
         return recording
-    own = {key for key in recording.channels if key[0] == quantity}
-    return replace(
-        recording,
-        channels={k: to_si(v, unit) if k in own else v for k, v in recording.channels.items()},
-        units={k: unit if k in own else u for k, u in recording.units.items()},
-        scatter={k: to_si(s, unit) if k in own else s for k, s in recording.scatter.items()},
-        remarks=(*recording.remarks, f"{quantity} is taken to be in {unit}: {why}"),
-    )
+    remark = f"{quantity} is taken to be in {unit}: {why}"
+    units = {key: unit if key[0] == quantity else u for key, u in recording.units.items()}
+    corrected = _counts_in(unit, quantity).corrected(recording)
+    return replace(corrected, units=units, remarks=(*recording.remarks, remark))
+
+
+def _counts_in(unit: str, quantity: str) -> Correction:
+    return scaled(quantity, AXES, float(to_si(1.0, unit)), unit)
 
 
 def _unit_of_force(recording: Recording) -> tuple[str, str]:
@@ -86,8 +87,8 @@ def _unit_of_rate(recording: Recording) -> tuple[str, str]:
     turns = None if recording.counted(FORCE) else turns_of(recording)
     if turns is None:
         return "count", ""
-    scales = {unit: to_si(1.0, unit) * np.ones(3) for unit in ("rad/s", "deg/s")}
-    misfit = {unit: float(np.median(turns.deviation(rotations(turns, scale)))) for unit, scale in scales.items()}
+    turned = {unit: turns.turned(_counts_in(unit, RATE)) for unit in ("rad/s", "deg/s")}
+    misfit = {unit: float(np.median(turns.deviation(C))) for unit, C in turned.items()}
     right, wrong = sorted(misfit, key=lambda unit: misfit[unit])
     if misfit[right] > MAX_MISFIT_RAD or misfit[wrong] < MIN_MISFIT_RATIO * misfit[right]:
         return "count", ""

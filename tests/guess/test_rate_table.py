@@ -168,3 +168,10 @@ def test_the_chain_s_rate_is_that_of_its_attitude() -> None:
     T = driven_turn(STEP * np.arange(400), y, angles, platform.axis_names)
     assert T.misfit(platform) < 0.05
     assert T.misfit(Platform("own", platform.axes[::-1])) > 0.3
+
+
+def test_a_log_shorter_than_a_span_is_one_span_and_shows_nothing() -> None:
+    time = 1e-4 * np.arange(50)
+    turn = driven_turn(time, np.ones((50, 3)), time[:, None], ("table",))
+    assert len(turn.read) == 1
+    assert turn.residual(KNOWN["rate-table"]) == turn.misfit(KNOWN["rate-table"]) == 1.0

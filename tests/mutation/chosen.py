@@ -94,8 +94,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("checks.dropouts", "Dropouts._in_file", 'side="right"', 'side="left"'),
     ),
     "importers/test_importers.py": (
-        ("importers.imu_tk", "_unit_of_rate", "to_si(1.0, unit) * np.ones(3)", "np.ones(3)"),
-        ("importers.imu_tk", "_in_unit", "scatter={k: to_si(s, unit) if k in own else s", "scatter={k: s"),
+        ("importers.imu_tk", "_counts_in", "float(to_si(1.0, unit))", "1.0"),
+        ("checks.input_errors", "Correction.corrected", "sigma = np.abs(part) @", "sigma = np.eye(len(own)) @"),
     ),
     "importers/test_pointing.py": (
         ("importers.phd2", "import_phd2", 'DECRawDistance") - _pulsed', 'DECRawDistance") + _pulsed'),
