@@ -179,7 +179,8 @@ def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_js
     """White noise, bias instability and random walk of every sensor of RECORDING, from its rests."""
     from gimbalcal.at_rest import noise_at_rest, rest_noise
     from gimbalcal.recording import read
-    from gimbalcal.report.noise_page import headline, noise_report
+    from gimbalcal.report.noise_page import noise_report
+    from gimbalcal.words.answers import noise_answer
 
     target = output_folder(out, [recording], "noise", ("noise.json", "report.html"), overwrite, as_json)
     tell = progress(quiet)
@@ -188,7 +189,7 @@ def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_js
     for remark in r.remarks:
         tell(f"note: {remark}")
     result = rest_noise(r, noise_at_rest(r))
-    words = "\n".join([headline(result), *(["[noise]", *result.lines] if result.lines else [])])
+    words = "\n".join([noise_answer(result), *(["[noise]", *result.lines] if result.lines else [])])
     deliver(target, "noise.json", result.to_dict(), lambda: noise_report(result, r.title), words, as_json, quiet)
 
 
@@ -228,7 +229,8 @@ def navigate(
     from gimbalcal.navigate.summary import NamedCalibration, NavigationInputs, summary
     from gimbalcal.navigate.uncertainty import before_and_after
     from gimbalcal.pipeline import load
-    from gimbalcal.report.navigation_page import headline, navigation_report
+    from gimbalcal.report.navigation_page import navigation_report
+    from gimbalcal.words.answers import navigation_answer
 
     folder, files = _one_recording(recording, known)
     target = output_folder(out, [folder], "navigation", ("navigation.json", "report.html"), overwrite, as_json)
@@ -240,7 +242,7 @@ def navigate(
     named = tuple(NamedCalibration(name, str(f)) for (name, _), f in zip(chosen, files, strict=True))
     result = summary(runs, aids, NavigationInputs(run.source, named, samples, seed))
     page = partial(navigation_report, result, runs, run.title)
-    deliver(target, "navigation.json", result.to_dict(), page, headline(result), as_json, quiet)
+    deliver(target, "navigation.json", result.to_dict(), page, navigation_answer(result), as_json, quiet)
 
 
 def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Path, list[Path]]:

@@ -77,6 +77,7 @@ def observe(
     from gimbalcal.report import plan_page
     from gimbalcal.report.console import bounds_table
     from gimbalcal.schedule.file import is_rotation
+    from gimbalcal.words.answers import plan_answer, turning_answer
 
     target = output_folder(out, [schedule], "observability", (OBSERVABILITY, "report.html"), overwrite, as_json)
     if is_rotation(schedule):
@@ -86,13 +87,13 @@ def observe(
             raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
         turning = observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
         result, bounds = turning.to_dict(), turning.bounds
-        page, sentence = partial(plan_page.observability_report, turning), plan_page.turning_headline(turning)
+        page, sentence = partial(plan_page.observability_report, turning), turning_answer(turning)
     else:
         from gimbalcal.design.position_observability import observe_any
 
         bounds = observe_any(schedule, angle_sigma, force_sigma, latitude, candidates)
         result = bounds.to_dict()
-        page, sentence = partial(plan_page.plan_report, bounds), plan_page.headline(bounds)
+        page, sentence = partial(plan_page.plan_report, bounds), plan_answer(bounds)
     if not (as_json or quiet):
         print(bounds_table(bounds), end="\n\n")
     deliver(target, OBSERVABILITY, result, page, sentence, as_json, quiet)
@@ -263,8 +264,9 @@ def campaign(
 ) -> None:  # fmt: skip
     """Monte Carlo of SCENARIO: the same digits whatever the number of workers; goes on where it was stopped."""
     from gimbalcal.campaign import run_campaign
-    from gimbalcal.report.campaign_page import campaign_report, headline
+    from gimbalcal.report.campaign_page import campaign_report
     from gimbalcal.report.html import marked
+    from gimbalcal.words.answers import campaign_answer
 
     files = ("campaign.json", "campaign.parquet", "report.html")
     target = output_folder(
@@ -282,4 +284,4 @@ def campaign(
         tell(f"finished runs are kept in {target.folder}; the same command continues from there")
         raise
     wrote(target.folder, "campaign.json", quiet)
-    show(summary.to_dict(), headline(summary), as_json, quiet, target.page)
+    show(summary.to_dict(), campaign_answer(summary), as_json, quiet, target.page)

@@ -47,7 +47,7 @@ def calibration_report(
         "lost": c.provenance.lost or "",
         "tpoint": sections.named_terms(c),
         **sections.night_by_night(c),
-        "checks": sections.navigation_checks(c),
+        "checks": calibration_sentences.navigation_checks(c),
         "leading": leading,
         "pictures": others,
         "recordings": [_measured(r) for r in recordings],

@@ -198,25 +198,3 @@ def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
 
 def _power(v: float) -> str:
     return f"{v:g}" if 1e-3 <= v < 1e5 else minus(f"{v:.0e}")
-
-
-def lasting(seconds: float) -> str:
-    """Return a duration in a readable unit.
-
-    >>> lasting(0.02), lasting(300.0), lasting(172800.0), lasting(400000.0)
-    ('0.02 s', '5 min', '48 h', '4.63 days')
-    """
-    value, unit = sensible_time(np.array([0.0, seconds]))
-    return f"{value[1]:.3g} {unit}" if value[1] < 1000 else f"{value[1]:.0f} {unit}"
-
-
-def sensible_time(seconds: Array) -> tuple[Array, str]:
-    """Return time in a readable unit, and that unit.
-
-    >>> sensible_time(np.array([0.0, 7200.0]))[1], sensible_time(np.array([0.0, 30.0]))[1]
-    ('h', 's')
-    """
-    long = float(np.ptp(seconds)) if np.size(seconds) else 0.0
-    unit, size = next((u, s) for u, s, least in (("days", 86400.0, 4 * 86400.0), ("h", 3600.0, 5400.0),
-                                                 ("min", 60.0, 150.0), ("s", 1.0, -1.0)) if long > least)  # fmt: skip
-    return np.asarray(seconds) / size, unit

@@ -23,14 +23,14 @@ from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import alternatives
 from gimbalcal.number import Array
 from gimbalcal.references import cite
-from gimbalcal.report.chart import Chart, sensible_time
+from gimbalcal.report.chart import Chart
 from gimbalcal.report.figures import Panel, before_after, sky
 from gimbalcal.report.formulas import formula
 from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.report.parameters import estimate, in_sigmas
 from gimbalcal.words import naming
 from gimbalcal.words.diagnosis_headline import does, headline
-from gimbalcal.words.rounding import minus, p_value, rms, significant
+from gimbalcal.words.rounding import minus, p_value, rms, sensible_time, significant
 
 MAX_PANELS = 6
 MIN_P_VALUE = 0.01  # of the residuals; below it they are reported to have a pattern

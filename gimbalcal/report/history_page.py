@@ -10,11 +10,11 @@ import numpy as np
 
 from gimbalcal.earth import SOLAR_DAY, YEAR
 from gimbalcal.history.compare import CalibrationStep, ComparedCalibration, PrintedComparison, PrintedHistory
-from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule, lasting
+from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.parameters import estimate, plus_minus
 from gimbalcal.words import naming
-from gimbalcal.words.rounding import minus, p_value, significant
+from gimbalcal.words.rounding import lasting, minus, p_value, significant
 
 
 def history_report(c: PrintedComparison, diagnoses: Sequence[tuple[str, str]] = ()) -> str:

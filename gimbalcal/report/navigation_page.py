@@ -10,12 +10,13 @@ from gimbalcal.design.budget import Budget, length
 from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, NONE, Navigated
 from gimbalcal.navigate.summary import ChannelError, NavigationSummary, PositionError
 from gimbalcal.references import cite
-from gimbalcal.report.chart import COLOURS, DASHES, Band, Chart, Line, Mark, Rule, sensible_time, thin
+from gimbalcal.report.chart import COLOURS, DASHES, Band, Chart, Line, Mark, Rule, thin
 from gimbalcal.report.figures import tornado
 from gimbalcal.report.html import picture, render
 from gimbalcal.units import from_si
 from gimbalcal.words import naming
-from gimbalcal.words.rounding import minus, significant
+from gimbalcal.words.answers import navigation_answer
+from gimbalcal.words.rounding import minus, sensible_time, significant
 
 
 def navigation_report(s: NavigationSummary, runs: Sequence[Navigated], title: str) -> str:
@@ -24,7 +25,7 @@ def navigation_report(s: NavigationSummary, runs: Sequence[Navigated], title: st
     strapdown = s.mechanisation == "strapdown"
     context = {
         "title": title,
-        "answer": headline(s),
+        "answer": navigation_answer(s),
         "verdict": "misfit" if s.increased else "found",
         "facts": [(f"{s.hours:.3g} h", "navigated"), *map(_fact, s.position)],
         "picture": picture(
@@ -50,14 +51,6 @@ def navigation_report(s: NavigationSummary, runs: Sequence[Navigated], title: st
         "citations": cite("wu2018", "savage1998" if strapdown else "britting1971"),
     }  # fmt: skip
     return render("navigation.html", context)
-
-
-def headline(s: NavigationSummary) -> str:
-    """Return the largest error of position without and with each calibration."""
-    text = naming.answered(s.in_words)
-    if not s.increased:
-        return text
-    return f"{text} A calibration increases it: does it belong to this unit and to this time? See `gimbalcal compare`."
 
 
 def _fact(p: PositionError) -> tuple[str, str]:

@@ -9,11 +9,11 @@ import numpy as np
 from gimbalcal.errors import amount
 from gimbalcal.guess.proposal import Proposal
 from gimbalcal.recording import Dwell, Recording, dwells
-from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Words, envelope, lasting, sensible_time
+from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Words, envelope
 from gimbalcal.report.html import picture, render
 from gimbalcal.units import from_si
 from gimbalcal.words import naming
-from gimbalcal.words.rounding import significant
+from gimbalcal.words.rounding import lasting, sensible_time, significant
 
 # lines of the header before which notes on the whole recording are written
 HEADED = {"kind": ("kind", "signs", "order", "hours", "sky", "sign", "unit"), "samples": ("samples",),

@@ -8,13 +8,13 @@ import numpy as np
 
 from gimbalcal.at_rest import ChannelNoise, Coefficient, RestNoise
 from gimbalcal.references import cite
-from gimbalcal.report.chart import COLOURS, DASHES, SHAPES, Chart, Line, Mark, Points, lasting
+from gimbalcal.report.chart import COLOURS, DASHES, SHAPES, Chart, Line, Mark, Points
 from gimbalcal.report.html import Context, picture, render
 from gimbalcal.words import naming
+from gimbalcal.words.answers import noise_answer
 from gimbalcal.words.naming import unit_in_print
-from gimbalcal.words.rounding import p_value, pdg, significant
+from gimbalcal.words.rounding import lasting, p_value, pdg, significant
 
-HOUR = 3600.0
 TITLES = {"specific_force": "Accelerometers", "angular_rate": "Gyroscopes"}
 
 
@@ -23,7 +23,7 @@ def noise_report(noise: RestNoise, title: str) -> str:
     misfits = [c for c in noise.channels if c.p_value < 1e-3]
     context = {
         "title": title,
-        "answer": headline(noise),
+        "answer": noise_answer(noise),
         "verdict": "unexplained" if misfits else "found",
         "facts": [
             (lasting(noise.seconds), f"at rest, in {naming.counted(noise.rests, 'stretch', 'stretches')}"),
@@ -42,15 +42,6 @@ def noise_report(noise: RestNoise, title: str) -> str:
         "citations": cite("ieee952", "groves2013"),
     }
     return render("noise.html", context)
-
-
-def headline(noise: RestNoise) -> str:
-    """Return how large the noise is, and what to do next."""
-    sentences = [naming.as_sentence(part) for part in noise.in_words.split("; ")]
-    short = noise.longest_s < HOUR and "below" in noise.in_words
-    steps = ["copy the lines of [noise] below into recording.toml"] if noise.header else []
-    steps += ["record it undisturbed for some hours to determine what is only bounded here"] if short else []
-    return " ".join([*sentences, *([f"Next: {', or '.join(steps)}."] if steps else [])])
 
 
 def _rate(hertz: float) -> str:

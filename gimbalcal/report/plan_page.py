@@ -12,24 +12,24 @@ from gimbalcal.design.turning_design import TurnsDesign
 from gimbalcal.design.turning_observability import PublishedDegrees, SigmaCurve, TurningObservability
 from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.expected import planned
-from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Unobservable
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report import figures
-from gimbalcal.report.chart import Chart, lasting, sensible_time
+from gimbalcal.report.chart import Chart
 from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.commands import RotationSchedule
 from gimbalcal.words import naming
-from gimbalcal.words.naming import counted, label_in_words, precision, unit_in_print
-from gimbalcal.words.rounding import minus, significant
+from gimbalcal.words.answers import plan_answer, positions_answer, turning_answer, turns_answer
+from gimbalcal.words.naming import counted, label_in_words, unit_in_print
+from gimbalcal.words.rounding import lasting, minus, sensible_time, significant
 
 CRITERIA = {"D": "volume of the remaining uncertainty", "A": "mean square of the remaining uncertainty",
             "position": "error of a day's navigation"}  # fmt: skip
 NOISE_UNITS = {"arcsec": "arcsec", "ug": "µg"}
 MAX_RATIO = 0.9  # of sigma to its prior, below which a parameter is reported as better known
-MAX_STATES = 4  # that a headline names
 
 
 # --- positions or a static run ----------------------------------------------------------------------------------------
@@ -43,7 +43,7 @@ def plan_report(o: Observability) -> str:
              for (sensor, _, unit), v in noise if unit in NOISE_UNITS]  # fmt: skip
     hidden = [c.effect for c in o.candidates if c.strength < MIN_SIGNAL_TO_NOISE]
     return render("plan.html", {
-        "kind": "Observability of a schedule", "title": naming.typeset(o.schedule), "answer": headline(o),
+        "kind": "Observability of a schedule", "title": naming.typeset(o.schedule), "answer": plan_answer(o),
         "verdict": "reserved" if unseen else "fits",
         "facts": [(f"{total - len(unseen)} of {total}", "combinations determined"), *facts],
         "picture": _sigmas(o.rows), "side_by_side": True,
@@ -55,29 +55,6 @@ def plan_report(o: Observability) -> str:
         "candidates": [{"words": naming.named(c.effect), "strength": significant(c.strength, 3),
                         "absorbed": f"{100 * c.absorbed:.0f} %"} for c in o.candidates],
     })  # fmt: skip
-
-
-def headline(o: Observability) -> str:
-    """Return which parameters positions or a static run determine, how well, and what to do next."""
-    unseen = o.unobservable
-    text = naming.as_sentence(f"{o.schedule} determines {_share(len(o.rows), len(unseen))} of the parameters")
-    text += _precision(o.rows, unseen)
-    if unseen:
-        text += (
-            f" {naming.capitalised(counted(len(unseen), 'combination'))} cannot be observed, and a longer recording "
-            "does not help; another attitude or another instrument does."
-        )
-    return text
-
-
-def _precision(rows: Sequence[PredictedSigma], unobservable: Sequence[Unobservable]) -> str:
-    undetermined = naming.unobservable_leading(unobservable)
-    determined = [r for r in rows if r.parameter.label not in undetermined]
-    return precision((r.parameter.name, r.sigma, r.parameter.unit) for r in determined)
-
-
-def _share(total: int, unobservable: int) -> str:
-    return f"{total - unobservable} of {total} combinations" if unobservable else f"all {counted(total, 'combination')}"
 
 
 def _rows(rows: Sequence[PredictedSigma], others: Sequence[str]) -> list[Context]:
@@ -123,6 +100,11 @@ def design_report(d: PositionsDesign | TurnsDesign) -> str:
     })  # fmt: skip
 
 
+def design_headline(d: PositionsDesign | TurnsDesign) -> str:
+    """Return the answer of a design, of positions or of turns."""
+    return positions_answer(d) if isinstance(d, PositionsDesign) else turns_answer(d)
+
+
 def _positions(d: PositionsDesign) -> Context:
     names = list(d.against)
     return {
@@ -143,25 +125,6 @@ def _turns(d: TurnsDesign) -> Context:
         "facts": [(turns, "turns"), (lasting(d.duration), "in total"), (lasting(d.schedule.stop), "each stop")],
         "remarks": [], "rows": rows, "others": list(d.groups[0].against) if d.groups else [],
     }  # fmt: skip
-
-
-def design_headline(d: PositionsDesign | TurnsDesign) -> str:
-    """Return which parameters a designed schedule determines, how well, compared with which, and what to do next."""
-    if isinstance(d, TurnsDesign):
-        turns = naming.capitalised(counted(len(d.schedule.moves), "turn"))
-        text = f"{turns} with stops of {d.schedule.stop:.3g} s take {lasting(d.duration)}."
-        text += precision((g.group, g.sigma, g.unit) for g in d.groups)
-        compared = [naming.answered(d.comparison)] if d.comparison else []
-    else:
-        share = _share(len(d.parameters), len(d.unobservable))
-        text = naming.sentence(f"{d.origin}, determine {share} of the parameters")
-        text += _precision(d.rows, d.unobservable)
-        text += f" {naming.sentence(d.position_error)}" if d.position_error else ""
-        what, which = ("that error", "") if d.position_error else ("σ", ", on average")
-        ratios = {n: a.criterion_ratio if d.position_error else a.sigma_ratio for n, a in d.against.items()}
-        compared = [naming.answered(f"In the time that {n} takes, {what} is {x:.2f} times that of {n}{which}")
-                    for n, x in ratios.items()]  # fmt: skip
-    return " ".join([text, *compared, "Next: turn the rig through schedule.toml while it logs."])
 
 
 def _drawn(schedule: Schedule) -> Picture:
@@ -201,7 +164,7 @@ def observability_report(o: TurningObservability) -> str:
     unseen, last, noise = naming.directions(o.bounds.unobservable), float(o.time[-1]), o.bounds.noise
     return render("observability.html", {
         "title": o.bounds.schedule,
-        "answer": turning_headline(o),
+        "answer": turning_answer(o),
         "verdict": "fits" if not unseen and all(c.word == "high" for c in o.curves) else "reserved",
         "facts": [
             (lasting(last), "duration of all turns and stops"),
@@ -222,25 +185,6 @@ def observability_report(o: TurningObservability) -> str:
         "published": _published(o.published),
         "citations": cite("wei2022", "yan2018", "friedland1969"),
     })  # fmt: skip
-
-
-def turning_headline(o: TurningObservability) -> str:
-    """Return which errors a schedule of turns determines, how well, and what to do next."""
-    total, unobservable = len(o.curves), o.bounds.unobservable
-    undetermined, unseen = naming.unobservable_leading(unobservable), len(unobservable)
-    determined = [c for c in o.curves if c.parameter not in undetermined]
-    low = [label_in_words(c.parameter) for c in determined if c.word != "high"]
-    share = f"{total - unseen} of {total} combinations" if unseen else f"all {counted(total, 'error')}"
-    text = f"{o.bounds.schedule} determines {share} of the unit in {lasting(float(o.time[-1]))}."
-    text += precision((c.parameter.partition(":")[0], float(c.printed[-1]), c.unit) for c in determined)
-    if unseen:
-        text += (
-            f" {naming.capitalised(counted(unseen, 'combination'))} cannot be observed: turn about another axis, too."
-        )
-    if low:
-        text += f" Hardly better known than before: {', '.join(low[:MAX_STATES])}"
-        text += f" and {len(low) - MAX_STATES} more." if len(low) > MAX_STATES else "."
-    return text if unseen or low else f"{text} Next: record it, then `gimbalcal calibrate` the recording."
 
 
 def _state(c: SigmaCurve) -> dict[str, str]:

@@ -15,12 +15,12 @@ from gimbalcal.errors import amount
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.report import figures
-from gimbalcal.report.chart import BLUE, COLOURS, SHAPES, Chart, Mark, Points, Rule, sensible_time
+from gimbalcal.report.chart import BLUE, COLOURS, SHAPES, Chart, Mark, Points, Rule
 from gimbalcal.report.html import Context, Picture, picture
 from gimbalcal.report.parameters import plus_minus
 from gimbalcal.units import from_si
 from gimbalcal.words.naming import counted, label_in_words, listed, named, unit_in_print
-from gimbalcal.words.rounding import minus, p_value, pdg, rms, signed, significant
+from gimbalcal.words.rounding import minus, p_value, pdg, rms, sensible_time, signed, significant
 
 Pictures = tuple[list[Picture], list[Picture]]  # of the first screen; of the section on the data
 
@@ -206,9 +206,6 @@ def night_by_night(c: Calibration) -> Context:
 
 # --- a navigator in place ---------------------------------------------------------------------------------------------
 
-CHECK_SIGMAS = 3.0  # beyond them a check fails
-MAX_NEES = 5.0  # of a mean of few independent squares
-MAX_REJECTED = 0.01  # share of updates that disturbances of the base explain
 OUTLIER_SIGMAS = 3.5  # of a hundred innovations one in twenty sets has one this far out by chance
 DIRECTIONS = ("north", "east", "down")
 
@@ -226,43 +223,6 @@ def navigation_facts(c: Calibration) -> list[tuple[str, str]]:
         return []
     updates = f"{amount(n['updates'], 'velocity update')}, {n['rejected']} rejected"
     return [(significant(n["nis"]["ratio"], 3), f"normalised innovation squared, mean ({updates})")]
-
-
-def navigation_checks(c: Calibration) -> list[dict[str, str]]:
-    """Return the consistency checks of the filter: NIS, NEES, rejected updates and whiteness, each with a sentence.
-
-    Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), section 5.4.
-    """
-    n = c.residual.navigation
-    if not n:
-        return []
-    nis, nees, white = n["nis"], n["nees"]["position"], n["whiteness"]
-    spread, lag = np.sqrt(2 / nis["dof"]), white["lag_one"] / white["sigma"]
-    if abs(nis["ratio"] - 1) <= CHECK_SIGMAS * spread:
-        of_nis = "this is 1 within its scatter."
-    elif nis["ratio"] > 1:
-        of_nis = "this is more: the noise is larger than stated, or the model is incomplete."
-    else:
-        of_nis = "this is less: sensors or base are quieter than stated, so the sigmas are conservative."
-    of_updates = "there are none." if not n["rejected"] else (
-        "disturbances of the base explain so few." if n["rejected"] <= MAX_REJECTED * n["updates"] else
-        "so many mean that the model is wrong or that the base moves.")  # fmt: skip
-    of_lag = "this is 0 within its scatter." if abs(lag) < CHECK_SIGMAS else (
-        f"this is {abs(lag):.2g} sigmas from it: a slow error of the velocity is not in the model." if lag > 0 else
-        f"this is {abs(lag):.2g} sigmas from it: they alternate, as for a base quieter than stated.")  # fmt: skip
-    checks = [
-        ("NIS", f"{nis['ratio']:.3f} ± {spread:.3f}",
-         f"Normalised innovation squared of the velocity updates, mean; 1 is expected, and {of_nis}"),
-        ("NEES", significant(nees, 2),
-         "Normalised estimation error squared of the position, which never changed, mean; a random walk has few "
-         "independent values in a run, so up to 5 is usual, and this is "
-         + ("usual." if nees <= MAX_NEES else "more: the drift exceeds its sigma.")),
-        ("rejected updates", f"{n['rejected']} of {n['updates']}",
-         f"Velocity updates that were rejected as outliers; {of_updates}"),
-        ("whiteness", f"{white['lag_one']:.3f} ± {white['sigma']:.3f}",
-         f"Correlation of successive innovations; 0 is expected, and {of_lag}"),
-    ]  # fmt: skip
-    return [{"name": name, "number": minus(number), "sentence": text} for name, number, text in checks]
 
 
 def _innovations(n: Mapping[str, Any]) -> Picture:

@@ -15,12 +15,12 @@ from gimbalcal.report.chart import (
     envelope,
     limits,
     log_ticks,
-    sensible_time,
     tick_words,
     ticks,
 )
 from gimbalcal.report.draw import svg
 from gimbalcal.report.figures import correlation
+from gimbalcal.words.rounding import sensible_time
 
 RNG = np.random.default_rng(7)
 

@@ -19,10 +19,9 @@ from gimbalcal.diagnose.result import Estimate, Finding, FitSummary, Shape
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.effect import constants
 from gimbalcal.inference.information import Unobservable
-from gimbalcal.report.campaign_page import campaign_report, chance
-from gimbalcal.report.campaign_page import headline as campaign_headline
+from gimbalcal.report.campaign_page import campaign_report
 from gimbalcal.report.console import bounds_table, findings_table, parameters_table
-from gimbalcal.report.noise_page import headline as noise_headline
+from gimbalcal.words.answers import campaign_answer, chance, noise_answer
 from gimbalcal.words.calibration_sentences import calibration_in_words, calibration_verdict, goodness_of_fit
 from gimbalcal.words.diagnosis_headline import does, headline, size_in_words
 from gimbalcal.words.naming import (
@@ -268,7 +267,7 @@ def test_a_plan_names_four_kinds_of_parameters_and_counts_the_rest() -> None:
 
 def test_headlines_of_noise(golden: Golden) -> None:
     cases = {f"{s:.0f} s": RestNoise(1, "random walk below 3 ug", 1, s, s, 1.0, {}, (), ()) for s in (600.0, 7200.0)}
-    golden("sentences/noise", lines(cases, noise_headline))
+    golden("sentences/noise", lines(cases, noise_answer))
 
 
 def test_headlines_of_campaigns(golden: Golden) -> None:
@@ -277,7 +276,7 @@ def test_headlines_of_campaigns(golden: Golden) -> None:
         "offset": campaign(mean=0.5), "failed runs": campaign(failed=3),
         "no estimate": replace(campaign(failed=200), parameters=()),
     }  # fmt: skip
-    golden("sentences/campaign", lines(cases, campaign_headline))
+    golden("sentences/campaign", lines(cases, campaign_answer))
     classes = {name: re.findall(r'class="answer (\w+)"', campaign_report(c)) for name, c in cases.items()}
     assert [name for name, found in classes.items() if found == ["fits"]] == ["honest", "few runs"]
 

@@ -1,0 +1,203 @@
+"""The answers of plans, campaigns, noise at rest and navigations: a few sentences from the result of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite, sqrt
+from typing import TYPE_CHECKING
+
+from gimbalcal.earth import HOUR
+from gimbalcal.errors import amount
+from gimbalcal.words.naming import (
+    answered,
+    as_sentence,
+    capitalised,
+    counted,
+    label_in_words,
+    listed,
+    precision,
+    sentence,
+    typeset,
+    unobservable_leading,
+)
+from gimbalcal.words.rounding import lasting
+
+if TYPE_CHECKING:
+    from gimbalcal.at_rest import RestNoise
+    from gimbalcal.campaign.campaign_folder import CampaignSummary, ParameterErrors
+    from gimbalcal.design.optimal import PositionsDesign
+    from gimbalcal.design.position_observability import Observability, PredictedSigma
+    from gimbalcal.design.turning_design import TurnsDesign
+    from gimbalcal.design.turning_observability import TurningObservability
+    from gimbalcal.inference.information import Unobservable
+    from gimbalcal.navigate.summary import NavigationSummary
+
+MAX_STATES = 4  # that a headline names
+MIN_P_VALUE = 1e-3  # of all parameters jointly; a smaller one is not attributed to chance
+MAX_RELATIVE_EXCESS = 0.1  # of errors over sigmas; less changes no decision, however significant
+MAX_NAMED = 3  # parameters that a headline names
+RECORD_IT = "Next: turn the rig through schedule.toml while it logs."
+
+
+# --- plans ------------------------------------------------------------------------------------------------------------
+
+
+def plan_answer(o: Observability) -> str:
+    """Return which parameters positions or a static run determine, how well, and what to do next."""
+    unseen = o.unobservable
+    text = as_sentence(f"{o.schedule} determines {_share(len(o.rows), len(unseen))} of the parameters")
+    text += _precision(o.rows, unseen)
+    if unseen:
+        text += (
+            f" {capitalised(counted(len(unseen), 'combination'))} cannot be observed, and a longer recording "
+            "does not help; another attitude or another instrument does."
+        )
+    return text
+
+
+def _precision(rows: Sequence[PredictedSigma], unobservable: Sequence[Unobservable]) -> str:
+    undetermined = unobservable_leading(unobservable)
+    determined = [r for r in rows if r.parameter.label not in undetermined]
+    return precision((r.parameter.name, r.sigma, r.parameter.unit) for r in determined)
+
+
+def _share(total: int, unobservable: int) -> str:
+    return f"{total - unobservable} of {total} combinations" if unobservable else f"all {counted(total, 'combination')}"
+
+
+def positions_answer(d: PositionsDesign) -> str:
+    """Return which parameters designed positions determine, how well, compared with which, and what to do next."""
+    share = _share(len(d.parameters), len(d.unobservable))
+    text = sentence(f"{d.origin}, determine {share} of the parameters")
+    text += _precision(d.rows, d.unobservable)
+    text += f" {sentence(d.position_error)}" if d.position_error else ""
+    what, which = ("that error", "") if d.position_error else ("σ", ", on average")
+    ratios = {n: a.criterion_ratio if d.position_error else a.sigma_ratio for n, a in d.against.items()}
+    compared = [answered(f"In the time that {n} takes, {what} is {x:.2f} times that of {n}{which}")
+                for n, x in ratios.items()]  # fmt: skip
+    return " ".join([text, *compared, RECORD_IT])
+
+
+def turns_answer(d: TurnsDesign) -> str:
+    """Return how well designed turns determine the unit, compared with which, and what to do next."""
+    turns = capitalised(counted(len(d.schedule.moves), "turn"))
+    text = f"{turns} with stops of {d.schedule.stop:.3g} s take {lasting(d.duration)}."
+    text += precision((g.group, g.sigma, g.unit) for g in d.groups)
+    compared = [answered(d.comparison)] if d.comparison else []
+    return " ".join([text, *compared, RECORD_IT])
+
+
+def turning_answer(o: TurningObservability) -> str:
+    """Return which errors a schedule of turns determines, how well, and what to do next."""
+    total, unobservable = len(o.curves), o.bounds.unobservable
+    undetermined, unseen = unobservable_leading(unobservable), len(unobservable)
+    determined = [c for c in o.curves if c.parameter not in undetermined]
+    low = [label_in_words(c.parameter) for c in determined if c.word != "high"]
+    share = f"{total - unseen} of {total} combinations" if unseen else f"all {counted(total, 'error')}"
+    text = f"{o.bounds.schedule} determines {share} of the unit in {lasting(float(o.time[-1]))}."
+    text += precision((c.parameter.partition(":")[0], float(c.printed[-1]), c.unit) for c in determined)
+    if unseen:
+        text += f" {capitalised(counted(unseen, 'combination'))} cannot be observed: turn about another axis, too."
+    if low:
+        text += f" Hardly better known than before: {', '.join(low[:MAX_STATES])}"
+        text += f" and {len(low) - MAX_STATES} more." if len(low) > MAX_STATES else "."
+    return text if unseen or low else f"{text} Next: record it, then `gimbalcal calibrate` the recording."
+
+
+# --- campaigns --------------------------------------------------------------------------------------------------------
+
+
+def campaign_answer(c: CampaignSummary) -> str:
+    """Return whether errors and sigmas agree, which parameters have an offset, and what to do next."""
+    rows = with_estimate(c)
+    runs = amount(c.runs, "run")
+    if not rows:
+        return f"{runs} without an estimate: {_reasons(c)}. Next: check the scenario."
+    low, high = chance(min(r.runs for r in rows), len(rows))
+    ratios = [r.ratio for r in rows]
+    large, off = larger_errors(rows), with_offset(rows)
+    size = f"{min(ratios):.2f} to {max(ratios):.2f} times their σ over {amount(len(rows), 'parameter')}"
+    text = f"In {runs} errors are {size}; chance alone gives {low:.2f} to {high:.2f}."
+    if large:
+        text += f" The errors of {_names(large)} exceed their σ." if len(large) > 1 else (
+            f" The error of {_names(large)} exceeds its σ.")  # fmt: skip
+    if off:
+        text += f" The mean error of {_names(off)} is not zero."
+    if c.failed:
+        text += f" {amount(c.failed, 'run')} ended with a reservation: {_reasons(c)}."
+    if large or off:
+        return f"{text} Next: `gimbalcal diagnose` a simulated recording of this scenario."
+    small = min(r.runs for r in rows) < 50
+    return f"{text} The σ are honest" + (" as far as so few runs show. Next: more of them, -n 200." if small else ".")
+
+
+def chance(runs: int, parameters: int) -> tuple[float, float]:
+    """Return the interval of the ratio of RMS error to sigma by chance, over all parameters jointly.
+
+    n ratio^2 is chi^2 with n degrees of freedom.
+
+    >>> tuple(round(x, 2) for x in chance(200, 18))
+    (0.8, 1.21)
+    """
+    from scipy.special import chdtri
+
+    tail = MIN_P_VALUE / parameters / 2
+    return sqrt(float(chdtri(runs, 1 - tail)) / runs), sqrt(float(chdtri(runs, tail)) / runs)
+
+
+def with_estimate(c: CampaignSummary) -> list[ParameterErrors]:
+    return [r for r in c.parameters if isfinite(r.ratio)]
+
+
+def larger_errors(rows: Sequence[ParameterErrors]) -> list[ParameterErrors]:
+    """Return parameters whose errors exceed their sigmas significantly and by a relevant amount, worst first."""
+    over = [r for r in rows if r.ratio > max(chance(r.runs, len(rows))[1], 1 + MAX_RELATIVE_EXCESS)]
+    return sorted(over, key=lambda r: -r.ratio)
+
+
+def with_offset(rows: Sequence[ParameterErrors]) -> list[ParameterErrors]:
+    """Return parameters whose mean error is significant."""
+    return [r for r in rows if abs(offset_sigmas(r)) > _far(len(rows))]
+
+
+def offset_sigmas(r: ParameterErrors) -> float:
+    """Return the mean error in its own sigmas."""
+    return r.mean / r.sigma * sqrt(r.runs)
+
+
+def _far(parameters: int) -> float:
+    """Return the sigmas that a mean exceeds by chance in none of so many parameters."""
+    from scipy.special import ndtri
+
+    return float(-ndtri(MIN_P_VALUE / parameters / 2))
+
+
+def _names(rows: Sequence[ParameterErrors]) -> str:
+    names = [label_in_words(r.parameter) for r in rows[:MAX_NAMED]]
+    more = len(rows) - MAX_NAMED
+    return listed([*names, f"{more} more"] if more > 0 else names)
+
+
+def _reasons(c: CampaignSummary) -> str:
+    worst = next(iter(c.outcomes), "")
+    return typeset(worst.rstrip(".")) or "no reason is stated"
+
+
+# --- noise and navigation ---------------------------------------------------------------------------------------------
+
+
+def noise_answer(noise: RestNoise) -> str:
+    """Return how large the noise is, and what to do next."""
+    sentences = [as_sentence(part) for part in noise.in_words.split("; ")]
+    short = noise.longest_s < HOUR and "below" in noise.in_words
+    steps = ["copy the lines of [noise] below into recording.toml"] if noise.header else []
+    steps += ["record it undisturbed for some hours to determine what is only bounded here"] if short else []
+    return " ".join([*sentences, *([f"Next: {', or '.join(steps)}."] if steps else [])])
+
+
+def navigation_answer(s: NavigationSummary) -> str:
+    """Return the largest error of position without and with each calibration."""
+    text = answered(s.in_words)
+    if not s.increased:
+        return text
+    return f"{text} A calibration increases it: does it belong to this unit and to this time? See `gimbalcal compare`."
