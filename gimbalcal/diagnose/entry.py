@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import refuse_other_gimbals
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.of_recording import diagnose_jointly, diagnose_recording, has_unstated_noise, unfit
+from gimbalcal.diagnose.of_recording import Request, diagnose_jointly, diagnose_recording, has_unstated_noise, unfit
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
@@ -33,15 +33,6 @@ from gimbalcal.recording.columns import SPARSE
 from gimbalcal.unusual_constants import with_question
 from gimbalcal.views.core import by_triad
 from gimbalcal.views.pointing import nights
-
-
-class _Asked(NamedTuple):
-    """Where a diagnosis starts: values, ids of the effects that the model holds, and a seed; and who is told of it."""
-
-    calibration: Calibration | None
-    baseline: tuple[str, ...]
-    seed: int
-    tell: Tell
 
 
 def diagnose(
@@ -67,23 +58,18 @@ def diagnose(
             refuse_other_gimbals(calibration.effects, r)
     made = {id(r): completed(r) for r in recordings}  # one that is given twice stays one
     recordings = [made[id(r)] for r in recordings]
-    asked = _Asked(calibration, tuple(baseline), seed, tell)
+    asked = Request(tuple(recordings), calibration, tuple(baseline), seed, tell)
+    date = when_recorded(recordings)
+    provenance: dict[str, Any] = {"recorded": date} if date else {}
     if all(r.kind.sighting for r in recordings):
         refuse_for_mounts(grade)
-        found = _judged(recordings, asked)
-        return _defined(replace(found, provenance={**found.provenance, **_date(recordings)}))
-    unit = graded(recordings, grade)
-    tell(unit.in_words)
-    found = _judged(unit.of(recordings), asked)
-    found = _questioned(found, recordings, unit)
-    return _defined(
-        replace(found, provenance={**found.provenance, **_date(recordings), "grade": unit.origin.to_dict()})
-    )
-
-
-def _date(recordings: Sequence[Recording]) -> dict[str, str]:
-    date = when_recorded(recordings)
-    return {"recorded": date} if date else {}
+        found = _judged(asked)
+    else:
+        unit = graded(recordings, grade)
+        tell(unit.in_words)
+        found = _questioned(_judged(replace(asked, recordings=tuple(unit.of(recordings)))), asked, unit)
+        provenance["grade"] = unit.origin.to_dict()
+    return _defined(replace(found, provenance={**found.provenance, **provenance}))
 
 
 def _defined(found: Diagnosis) -> Diagnosis:
@@ -97,20 +83,20 @@ def _defined(found: Diagnosis) -> Diagnosis:
     return replace(found, calibration=made, provenance={**found.provenance, "effects": plain(compared)})
 
 
-def _questioned(found: Diagnosis, recordings: Sequence[Recording], unit: Graded) -> Diagnosis:
+def _questioned(found: Diagnosis, asked: Request, unit: Graded) -> Diagnosis:
     """The diagnosis; where its refit has constants that no unit has, it asks whether that is so."""
     if found.calibration is None:
         return found
     if found.outcome and found.verdict == "unexplained":  # positions that were not held leave constants of any size
         return found
-    made = with_gravity(found.calibration, recordings)
-    asked = with_question(made, recordings, unit, _again, {f.effect for f in found.findings})
-    question = asked.provenance.options.question if asked is not made else ""
+    made = with_gravity(found.calibration, asked.recordings)
+    doubted = with_question(made, asked.recordings, unit, _again, {f.effect for f in found.findings})
+    question = doubted.provenance.options.question if doubted is not made else ""
     if not question:
         return replace(found, calibration=made)
     return replace(
         found,
-        calibration=asked,
+        calibration=doubted,
         outcome="; ".join(filter(None, [question, found.outcome])),
         in_words=f"{found.in_words} But {question}.",
     )
@@ -124,12 +110,12 @@ def _again(recordings: Sequence[Recording]) -> Calibration:
     return three_stage(recordings) if gimbals else inertial_unit(recordings[0])
 
 
-def _judged(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
+def _judged(asked: Request) -> Diagnosis:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
-        found = _of_all(recordings, asked)
-        return found if asked.calibration else with_reservation(found, recordings, asked.baseline)
+        found = _of_all(asked)
+        return found if asked.calibration else with_reservation(found, asked.recordings, asked.baseline)
 
 
 def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str]) -> Diagnosis:
@@ -150,42 +136,41 @@ def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Se
     return replace(d, outcome=outcome, in_words=f"{words}. {outcome}.")
 
 
-def _of_all(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
-    if all(r.kind.sighting for r in recordings):
-        return _nights(recordings, asked)
-    if len(recordings) > 1 and all(has_unstated_noise(r) and r.kind.in_positions for r in recordings):
-        return _sessions(recordings, asked)
-    if len(recordings) > 1:
-        return diagnose_jointly(recordings, *asked)
-    return diagnose_recording(recordings[0], *asked)
+def _of_all(asked: Request) -> Diagnosis:
+    if all(r.kind.sighting for r in asked.recordings):
+        return _nights(asked)
+    if len(asked.recordings) == 1:
+        return diagnose_recording(asked)
+    by_hand = all(has_unstated_noise(r) and r.kind.in_positions for r in asked.recordings)
+    return _sessions(asked) if by_hand else diagnose_jointly(asked)
 
 
-def _sessions(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
+def _sessions(asked: Request) -> Diagnosis:
     """Sessions of one unit turned by hand: their rests together, and whether they share their constants at all."""
-    made = _joined(recordings, asked)
+    made = _joined(asked)
     terms = by_triad(asked.baseline)[0] or ACCELEROMETER_TERMS
-    ask = partial(unit_of_sessions, recordings, terms)
+    ask = partial(unit_of_sessions, asked.recordings, terms)
     return _held_together(made, "session", "agree on their constants", ask, asked.tell)
 
 
-def _joined(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
+def _joined(asked: Request) -> Diagnosis:
     """Sessions or nights as one recording, and how far apart in time they were taken to be."""
-    both = join(recordings)
-    made = diagnose_recording(both, *asked)
-    if len(recordings) == 1:
+    both = join(asked.recordings)
+    made = diagnose_recording(asked.of(both))
+    if len(asked.recordings) == 1:
         return made
     apart = both.remarks[-1]
     return replace(made, in_words=f"{made.in_words} {apart[0].upper()}{apart[1:]}.")
 
 
-def _nights(recordings: Sequence[Recording], asked: _Asked) -> Diagnosis:
+def _nights(asked: Request) -> Diagnosis:
     """Pointing runs of one mount: all nights together, and whether they share their terms at all."""
-    made = _joined(recordings, asked)
-    if made.calibration is None or sum(len(nights(r)) for r in recordings) == 1:
+    made = _joined(asked)
+    if made.calibration is None or sum(len(nights(r)) for r in asked.recordings) == 1:
         return made
     held = dict.fromkeys(p.effect for p in made.calibration.parameters)
     terms = tuple(e for e in held if not constants(CATALOGUE[e]))  # the same constants would be sought in every night
-    ask = partial(pointing_calibration, [replace(r, noise={}) for r in recordings], terms)
+    ask = partial(pointing_calibration, [replace(r, noise={}) for r in asked.recordings], terms)
     made = _held_together(made, "night", "share their terms", ask, asked.tell)
     if not made.outcome:
         return made

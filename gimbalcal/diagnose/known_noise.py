@@ -39,7 +39,7 @@ from gimbalcal.diagnose.search.fitted_causes import FittedCauses, calibration_fi
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.relinearise import about_causes, about_settings
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering
-from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
+from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement, against
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.detection_limits import detection_limits
 from gimbalcal.diagnose.verdict.findings import axes_of, entry
@@ -317,10 +317,8 @@ def _sizes(shares: Sequence[Part], slot: int) -> tuple[RecordingSize, ...]:
 
 
 def _agreement(shares: Sequence[Part], slot: int, found: Finding) -> SizeAgreement:
-    a = agreement_on_size(shares, slot)
-    return SizeAgreement(
-        round(a.chi2, 3), a.dof, a.p_value, a.against(diagnosis_sentences.cause_in_words(found.effect, found.axis))
-    )
+    a, name = agreement_on_size(shares, slot), diagnosis_sentences.cause_in_words(found.effect, found.axis)
+    return SizeAgreement(round(a.rise, 3), a.combinations, a.p_value, against(a, name))
 
 
 def _advice(c: Ranking, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:

@@ -12,7 +12,7 @@ also determine how the Earth's rate lies in the unit, up to the heading psi of t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -59,6 +59,29 @@ Parts = tuple[list[ViewDiagnosis], list[str]]
 """Diagnoses of views, and notes on what was not analysed."""
 
 
+@dataclass(frozen=True)
+class Request:
+    """What is to be diagnosed: recordings of one unit, values to start from, ids of effects that the model holds.
+
+    seed: of the simulated clean recordings; tell: who is told of the progress.
+    """
+
+    recordings: tuple[Recording, ...]
+    calibration: Calibration | None
+    baseline: tuple[str, ...]
+    seed: int
+    tell: Tell
+
+    @property
+    def recording(self) -> Recording:
+        """The first recording, or the only one."""
+        return self.recordings[0]
+
+    def of(self, recording: Recording) -> Request:
+        """Return the same of one recording alone."""
+        return replace(self, recordings=(recording,))
+
+
 def has_unstated_noise(recording: Recording) -> bool:
     """Return whether no noise is stated: stars, a unit without gimbals, forces and rates while it turns."""
     return recording.kind.sighting or (not recording.kind.stabilised and not recording.platform.axes)
@@ -70,53 +93,54 @@ def has_gyroscopes(recording: Recording) -> bool:
     return bool(recording.platform.axes) and (logged or recording.kind.rotating)
 
 
-def diagnose_recording(
-    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
-) -> Diagnosis:
+def diagnose_recording(asked: Request) -> Diagnosis:
     """Diagnose every view of a recording, and return one diagnosis. Raises InputError where nothing is to compare."""
-    notes: list[str] = []
+    recording, notes = asked.recording, list[str]()
     if recording.kind.stabilised:
-        parts = [diagnose_known_noise([known_view(recording, calibration, baseline)], calibration, seed, tell)]
+        parts = [_known(asked, asked.baseline)]
     elif not has_unstated_noise(recording):
-        means = recording.kind.rotating and not recording.instant
-        recording = _with_rests(recording)
-        parts, notes = of_gimballed_unit(recording, calibration, baseline, seed, tell, means)
+        parts, notes = of_gimballed_unit(_with_rests(asked), recording.kind.rotating and not recording.instant)
     elif recording.kind.sighting or recording.kind.rotating:
-        parts, notes = of_single_view(recording, calibration, baseline, tell)
+        parts, notes = of_single_view(asked)
     else:
-        parts, notes = of_triads(recording, calibration, baseline, tell)
+        parts, notes = of_triads(asked)
     if not parts:
         raise InputError(
             f"{recording.title!r} leaves nothing to compare: at rest it takes {FORCE} along x, y and z, and "
             f"{RATE} in a unit with a scale for the gyroscopes. {' '.join(notes)}".strip()
         )
-    return joint_diagnosis(parts, notes, baseline, seed)
+    return joint_diagnosis(parts, notes, asked.baseline, asked.seed)
 
 
-def known_view(recording: Recording, calibration: Calibration | None, baseline: Sequence[str]) -> View:
+def known_view(asked: Request, baseline: Sequence[str]) -> View:
     """Return the view of forces at known attitude, whose scatter is seen about the values of a calibration."""
+    recording = asked.recording
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
-    v = view_at_known_attitude(recording, ids, carried(calibration, ids))
+    v = view_at_known_attitude(recording, ids, carried(asked.calibration, ids))
     return replace(v, misheld=partial(misheld_positions, recording)) if recording.kind.in_positions else v
 
 
-def diagnose_jointly(
-    recordings: Sequence[Recording], calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell
-) -> Diagnosis:
+def _known(asked: Request, baseline: Sequence[str]) -> ViewDiagnosis:
+    """Diagnose the forces at known attitude of one recording."""
+    return diagnose_known_noise([known_view(asked, baseline)], asked.calibration, asked.seed, asked.tell)
+
+
+def diagnose_jointly(asked: Request) -> Diagnosis:
     """Diagnose several recordings of one unit at known attitude jointly; InputError if they are not that."""
-    check_one_unit(recordings)
-    for r in recordings:
+    check_one_unit(asked)
+    alone = "its gyroscopes are not looked at together with other recordings; give it alone for them"
+    for r in asked.recordings:
         if has_gyroscopes(r):
-            tell(f"{r.title}: its gyroscopes are not looked at together with other recordings; give it alone for them")
-    ids = [baseline_of(r, recordings, baseline) for r in recordings]
-    views = [known_view(r, calibration, own) for r, own in zip(recordings, ids, strict=True)]
-    made = diagnose_known_noise(views, calibration, seed, tell)
-    return joint_diagnosis([made], [], [list(own) for own in ids], seed)
+            asked.tell(f"{r.title}: {alone}")
+    ids = [baseline_of(r, asked.recordings, asked.baseline) for r in asked.recordings]
+    views = [known_view(asked.of(r), own) for r, own in zip(asked.recordings, ids, strict=True)]
+    made = diagnose_known_noise(views, asked.calibration, asked.seed, asked.tell)
+    return joint_diagnosis([made], [], [list(own) for own in ids], asked.seed)
 
 
-def check_one_unit(recordings: Sequence[Recording]) -> None:
+def check_one_unit(asked: Request) -> None:
     """Raise InputError where recordings are not of one unit at known attitude, or where one is given twice."""
-    first = recordings[0]
+    recordings, first = asked.recordings, asked.recording
     for r in recordings:
         if has_unstated_noise(r):
             raise InputError(
@@ -146,17 +170,17 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if CATALOGUE[i].shows_in(r.kind))]))
 
 
-def of_single_view(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> Parts:
+def of_single_view(asked: Request) -> Parts:
     """Diagnose a recording of one view; of stars without those that are outliers, with a note on each.
 
     One star that is nine sigma off makes half of the scatter of eighty, and hides what is as large as that scatter.
     """
     notes: list[str] = []
     while True:
-        v = single_view(recording, calibration, baseline, tell)
-        d = diagnose_view(v, tell)
+        v = single_view(asked)
+        d = diagnose_view(v, asked.tell)
         n = len(v)
-        sought = recording.kind.sighting and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS
+        sought = v.kind.sighting and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS
         off = strays(d.curves.after) if sought else []
         if not 0 < len(off) <= STRAYS * n:
             return [d], notes
@@ -165,35 +189,38 @@ def of_single_view(recording: Recording, calibration: Calibration | None, baseli
         at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
         why = MISTAKEN if at is None else why_far(d.curves.after * d.sigma, at[:, :2], off, axis)
         notes.append(diagnosis_sentences.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
-        tell(notes[-1])
-        recording = replace(recording, position=number).select(np.delete(np.arange(n), off))
+        asked.tell(notes[-1])
+        asked = asked.of(replace(asked.recording, position=number).select(np.delete(np.arange(n), off)))
 
 
-def single_view(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> View:
+def single_view(asked: Request) -> View:
     """Return the one view of a pointing run, of a unit turned in its place, or of a tilting table."""
+    recording, calibration, baseline = asked.recording, asked.calibration, asked.baseline
     if recording.kind.rotating:
         if not turned_in_place(recording):
             return tilting_table(recording, baseline)
         usual = tuple(baseline) or BASELINE["rotation"]
-        return navigation_view(recording, usual, tell, tuple(e for e in carried(calibration, ()) if e.id not in usual))
+        known = tuple(e for e in carried(calibration, ()) if e.id not in usual)
+        return navigation_view(recording, usual, asked.tell, known)
     # every term is fitted anew: a calibration says which the model holds
     held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
     return pointing(recording, baseline or held)
 
 
-def of_triads(recording: Recording, calibration: Calibration | None, baseline: Sequence[str], tell: Tell) -> Parts:
+def of_triads(asked: Request) -> Parts:
     """Diagnose the views of a unit turned by hand, one after the other, and note what was not analysed.
 
     The gyroscopes are compared with accelerometers that include what was found there: both triads are one model. A
     baseline of gyroscope effects alone asks for the gyroscopes alone, and so on.
     """
-    mine, gyro = by_triad(baseline)
+    recording, tell = asked.recording, asked.tell
+    mine, gyro = by_triad(asked.baseline)
     told: list[ViewDiagnosis] = []
-    if recording.has(FORCE) and (mine or not baseline):
+    if recording.has(FORCE) and (mine or not asked.baseline):
         told.append(diagnose_view(norm(recording, mine), tell))
-    if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not baseline)):
+    if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not asked.baseline)):
         return told, []
-    made = calibration_of(told, "") if told else calibration
+    made = calibration_of(told, "") if told else asked.calibration
     at_rest = view_at_rest(recording, gyro, made)
     if at_rest is None:
         note = diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)
@@ -210,17 +237,17 @@ def of_triads(recording: Recording, calibration: Calibration | None, baseline: S
         return told, [diagnosis_sentences.motion_not_analysed("too few turns were logged to say how the unit turned")]
     told.append(diagnose_view(moving, tell))
     turns = told[-1].model
-    late, notes = of_slews(recording, made, turns.effects if turns else (), tell)
+    late, notes = of_slews(asked, made, turns.effects if turns else ())
     return [*told, *late], notes
 
 
-def of_slews(recording: Recording, made: Calibration, gyro: Sequence[Effect], tell: Tell, means: bool = False) -> Parts:
+def of_slews(asked: Request, made: Calibration, gyro: Sequence[Effect], means: bool = False) -> Parts:
     """Diagnose delays between channels in the slews, or note why there are none to compare; see `view_of_slews`."""
-    v = view_of_slews(recording, made, gyro, means)
+    v = view_of_slews(asked.recording, made, gyro, means)
     if isinstance(v, str):
         return [], [diagnosis_sentences.motion_not_analysed(v)]
-    tell("the slews: do all channels agree in time")
-    return [diagnose_view(v, tell)], []
+    asked.tell("the slews: do all channels agree in time")
+    return [diagnose_view(v, asked.tell)], []
 
 
 def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
@@ -228,47 +255,42 @@ def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
     return still.model.effects if still.findings and still.model is not None else ()
 
 
-def of_gimballed_unit(
-    recording: Recording, calibration: Calibration | None, baseline: Sequence[str], seed: int, tell: Tell, means: bool
-) -> Parts:
+def of_gimballed_unit(asked: Request, means: bool) -> Parts:
     """Diagnose the forces at known attitude, then the gyroscopes at rest and between rests, then the slews.
 
     A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. means: whether rows are means.
     """
-    mine, gyro = by_triad(baseline)
+    recording = asked.recording
+    mine, gyro = by_triad(asked.baseline)
     parts, notes = list[ViewDiagnosis](), list[str]()
-    if (recording.has(FORCE) or not recording.has(RATE)) and (mine or not baseline):
-        parts.append(diagnose_known_noise([known_view(recording, calibration, mine)], calibration, seed, tell))
+    if (recording.has(FORCE) or not recording.has(RATE)) and (mine or not asked.baseline):
+        parts.append(_known(asked, mine))
     forces = parts[0].calibration if parts else None
     if recording.has(RATE) and not (mine and not gyro):
-        made = calibration if forces is None else _accelerometers(forces)
+        made = asked.calibration if forces is None else _accelerometers(forces)
         explained = not parts or parts[0].verdict != "unexplained"
-        rates, notes = _gyroscopes(recording, made, gyro, explained, tell)
+        rates, notes = _gyroscopes(asked, made, gyro, explained)
         parts += rates
     turns = next((p.model for p in parts if p.view.name == TURNS.name), None)
     both = recording.has(RATE) and recording.has(FORCE)
-    late, why_not = of_slews(
-        without_earth_rate(recording) if both else recording,
-        forces or NOTHING,
-        turns.effects if turns else (),
-        tell,
-        means,
-    )
+    without = asked.of(without_earth_rate(recording)) if both else asked
+    late, why_not = of_slews(without, forces or NOTHING, turns.effects if turns else (), means)
     for note in (*notes, *why_not):
-        tell(note)
+        asked.tell(note)
     return [*parts, *late], [*notes, *why_not]
 
 
-def _with_rests(recording: Recording) -> Recording:
+def _with_rests(asked: Request) -> Request:
     """Return dwells at known angles as positions, whatever turned between them."""
+    recording = asked.recording
     if recording.kind.in_positions:
-        return recording
+        return asked
     if recording.position is None or not np.any(recording.position > 0):
         raise InputError(
             f"{recording.title!r} is a rotation recording without rests: `diagnose` compares rests and the turns "
             "between them, so give a `position` column that numbers the rests and is 0 on the way"
         )
-    return replace(recording, kind=MULTI_POSITION)
+    return asked.of(replace(recording, kind=MULTI_POSITION))
 
 
 def _accelerometers(made: Calibration) -> Calibration:
@@ -279,10 +301,9 @@ def _accelerometers(made: Calibration) -> Calibration:
     return replace(made, effects=kept, parameters=wanted, covariance=made.covariance[np.ix_(at, at)])
 
 
-def _gyroscopes(
-    recording: Recording, made: Calibration | None, gyro: Sequence[str], explained: bool, tell: Tell
-) -> Parts:
+def _gyroscopes(asked: Request, made: Calibration | None, gyro: Sequence[str], explained: bool) -> Parts:
     """Diagnose the views of the gyroscopes, and note in sentences what was not analysed."""
+    recording = asked.recording
     rests = len(dwell_means(recording).time)
     if rests < MIN_RESTS:
         return [], [diagnosis_sentences.gyroscopes_not_analysed(f"that takes {MIN_RESTS} dwells, not {rests}")]
@@ -304,8 +325,8 @@ def _gyroscopes(
         notes = [diagnosis_sentences.rate_not_analysed(why)]
 
     def looked(v: View) -> ViewDiagnosis:
-        tell(f"the gyroscopes: {v.measurement.channels}")
-        return diagnose_view(v, tell)
+        asked.tell(f"the gyroscopes: {v.measurement.channels}")
+        return diagnose_view(v, asked.tell)
 
     told = [looked(replace(still, missed_by_turns=None))]
     if turning and (found := found_at_rest(told[0])):

@@ -15,8 +15,9 @@ from gimbalcal.words.naming import spaced
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.result import DetectionLimit, Finding, FitSummary, Mismatch, Shape, ViewFit
-    from gimbalcal.diagnose.verdict.agreement import Agreement, ConstantsAgreement
+    from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
     from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
+    from gimbalcal.estimate.sharing import Agreement
     from gimbalcal.views.core import View
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
@@ -318,8 +319,8 @@ def size_disagreement(name: str, agreement: Agreement) -> str:
     """Return that recordings do not agree on the size of `name`."""
     return (
         f"The recordings do not agree on the size of {name}: it differs between them "
-        f"(chi^2 {agreement.chi2:.3g} on {agreement.dof}, p = {agreement.p_value:.1g}); the mean stands for none of "
-        "them."
+        f"(chi^2 {agreement.rise:.3g} on {agreement.combinations}, p = {agreement.p_value:.1g}); the mean stands for "
+        "none of them."
     )
 
 

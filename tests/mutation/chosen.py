@@ -170,10 +170,11 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.cost", "_unit", "if e.id != effect]", "]"),
     ),
     "diagnose/verdict/test_agreement.py": (
-        ("diagnose.verdict.agreement", "_rise", "together.dof - sum(s.dof for s in parts)", "together.dof"),
+        ("estimate.sharing", "agreement", "shared.dof - sum(s.dof for s in alone)", "shared.dof"),
         ("diagnose.verdict.agreement", "_differences", "np.hypot(after.sigma[j], before.sigma[i])",
          "after.sigma[j]"),
-        ("diagnose.verdict.agreement", "agreement_on_constants", "2 * min(p, rarest", "min(p, rarest"),
+        ("diagnose.verdict.agreement", "agreement_on_constants", "2 * min(shared.p_value, rarest",
+         "min(shared.p_value, rarest"),
         ("words.diagnosis_sentences", "constants_disagreement", "recording {odd + 1}", "recording {odd}"),
     ),
     "diagnose/search/test_combine.py::test_order_does_not_matter_and_singles_add_up": (

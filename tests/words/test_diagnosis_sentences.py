@@ -21,9 +21,10 @@ from gimbalcal.diagnose.result import (
     Shape,
     ViewFit,
 )
-from gimbalcal.diagnose.verdict.agreement import Agreement, ConstantsAgreement
+from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
 from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.estimate.sharing import Agreement
 from gimbalcal.views.pointing import pointing
 from gimbalcal.words import diagnosis_sentences
 from gimbalcal.words.naming import spaced

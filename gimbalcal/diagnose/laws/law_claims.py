@@ -25,7 +25,7 @@ from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.refit import fitted_columns
-from gimbalcal.diagnose.verdict.agreement import inverse_of, mean_of
+from gimbalcal.diagnose.verdict.agreement import against, inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
 from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, scan
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
@@ -173,7 +173,7 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     advice = to_tell(searches[lead].fit, likely, x, others[0], asked=best is None) if others else ""
     if best is None:
         return Lawful((), f"{undetermined(every, others, g, searches[0].fit.view.kind)}. {advice}")
-    if agree.against(""):
+    if against(agree, ""):
         return Lawful((), DIFFERENT.format(law=printed(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in held], weights=[len(s.rows.Q) for s in searches]))
                      for w in ("heldout_before", "heldout_after"))  # fmt: skip

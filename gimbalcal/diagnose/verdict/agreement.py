@@ -23,6 +23,7 @@ from gimbalcal.diagnose.result import Estimate
 from gimbalcal.effects import Parameter
 from gimbalcal.entries import Entry, plain
 from gimbalcal.estimate.fusion import SIGNIFICANCE
+from gimbalcal.estimate.sharing import Agreement, agreement
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
@@ -36,19 +37,11 @@ CLEAR = 3.0  # sigmas by which a constant that is named differs
 KNOWN = 0.5  # of its prior: a constant of less certainty is what the prior said
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """How well recordings agree: rise of chi^2 over `dof` combinations that several see, and its p-value."""
-
-    chi2: float
-    dof: int
-    p_value: float
-
-    def against(self, name: str) -> str:
-        """Return a sentence on what speaks against one size of `name` in all recordings; "" for nothing."""
-        if not self.dof or self.p_value >= MIN_P_VALUE_OF_A_SIZE:
-            return ""
-        return size_disagreement(name, self)
+def against(agreement: Agreement, name: str) -> str:
+    """Return a sentence on what speaks against one size of `name` in all recordings; "" for nothing."""
+    if not agreement.combinations or agreement.p_value >= MIN_P_VALUE_OF_A_SIZE:
+        return ""
+    return size_disagreement(name, agreement)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,18 +105,15 @@ def inverse_of(covariance: Array) -> Array:
 def agreement_on_constants(each: Sequence[Information]) -> ConstantsAgreement:
     """Return how well the information of several recordings on the constants agrees."""
     alone, together = [solve(info) for info in each], solve(reduce(add, each))
-    chi2, dof = _rise(together, alone)
-    p = probability(chi2, dof)
+    shared = agreement(together, alone)
     others = [solve(reduce(add, [i for j, i in enumerate(each) if j != k])) for k in range(len(each))]
-    rises = [_rise(together, (alone[k], others[k])) for k in range(len(each))]
-    odd = int(np.argmax([rise / max(shared, 1) for rise, shared in rises])) if len(each) > 2 else 1
+    rises = [agreement(together, (alone[k], others[k])) for k in range(len(each))]
+    odd = int(np.argmax([a.rise / max(a.combinations, 1) for a in rises])) if len(each) > 2 else 1
     parameters, difference, sigma, rarest = _differences(others[odd], alone[odd])
-    p = min(1.0, 2 * min(p, rarest * (len(each) if len(each) > 2 else 1)))
-    return ConstantsAgreement(chi2, dof, p, odd if len(each) > 2 else -1, parameters, difference, sigma)
-
-
-def _rise(together: Solution, parts: Sequence[Solution]) -> tuple[float, int]:
-    return max(together.chi2 - sum(s.chi2 for s in parts), 0.0), together.dof - sum(s.dof for s in parts)
+    p = min(1.0, 2 * min(shared.p_value, rarest * (len(each) if len(each) > 2 else 1)))
+    return ConstantsAgreement(
+        shared.rise, shared.combinations, p, odd if len(each) > 2 else -1, parameters, difference, sigma
+    )
 
 
 def _differences(before: Solution, after: Solution) -> tuple[tuple[Parameter, ...], Array, Array, float]:

@@ -29,8 +29,9 @@ from gimbalcal.diagnose.search.fitted_causes import (
     joint_covariance,
 )
 from gimbalcal.diagnose.search.ranking import Ranking, Search, reduced
-from gimbalcal.diagnose.verdict.agreement import UNOBSERVABLE, Agreement, inverse_of, mean_of
+from gimbalcal.diagnose.verdict.agreement import UNOBSERVABLE, inverse_of, mean_of
 from gimbalcal.effects import CATALOGUE
+from gimbalcal.estimate.sharing import Agreement
 from gimbalcal.number import Array
 
 Constants = tuple[tuple[str, float], ...]

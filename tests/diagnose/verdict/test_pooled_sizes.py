@@ -71,16 +71,16 @@ def test_agreement_is_chi2_of_the_difference(sizes: tuple[float, float], alike: 
     made = parts(c, members(c, LABELS[:1]))
     (x1, x2), (v1, v2) = [p.fit.x[0] for p in made], [p.fit.covariance[0, 0] for p in made]
     a = agreement_on_size(made, 0)
-    assert a.dof == 1
-    assert a.chi2 == pytest.approx((x1 - x2) ** 2 / (v1 + v2), rel=1e-9)
-    assert a.p_value == pytest.approx(chi2.sf(a.chi2, 1), rel=1e-9)
+    assert a.combinations == 1
+    assert a.rise == pytest.approx((x1 - x2) ** 2 / (v1 + v2), rel=1e-9)
+    assert a.p_value == pytest.approx(chi2.sf(a.rise, 1), rel=1e-9)
     assert (a.p_value > 1e-3) is alike
 
 
 def test_one_recording_has_nobody_to_disagree_with() -> None:
     c = two((150.0, 150.0))
     only = parts(c, members(c, LABELS[:1]))[:1]
-    assert (agreement_on_size(only, 0).dof, agreement_on_size(only, 0).p_value) == (0, 1.0)
+    assert (agreement_on_size(only, 0).combinations, agreement_on_size(only, 0).p_value) == (0, 1.0)
     x, C = pooled(only, [1])
     assert (x[0], C[0, 0]) == pytest.approx((only[0].fit.x[0], only[0].fit.covariance[0, 0]))
 
