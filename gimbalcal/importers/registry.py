@@ -47,9 +47,9 @@ def importer(kind: str, *options: str, single_file: bool = True) -> Callable[[Re
     """Register a function as the importer of a kind of files, with the options that it reads."""
 
     def register(read: Reader) -> Reader:
-        first = KINDS.setdefault(kind, Importer(kind, read, options, single_file)).read
-        if first is not read:
-            raise ValueError(f"two importers are called {kind!r}: {first.__name__} and {read.__name__}")
+        one = Importer(kind, read, options, single_file)
+        if (first := KINDS.setdefault(kind, one)) is not one:
+            raise ValueError(f"two importers are called {kind!r}: {first.read.__name__} and {read.__name__}")
         return read
 
     return register

@@ -64,6 +64,13 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "checks/test_table.py": (
         ("checks.input_errors", "Correction.of", "self.matrices[quantity][1].T", "self.matrices[quantity][1]"),
     ),
+    "checks/test_trials.py": (
+        ("checks.input_errors", "trials", "trial.misfit <= sufficient", "trial.misfit < sufficient"),
+        ("checks.input_errors", "trials", "tolerance * least", "least"),
+        ("checks.input_errors", "Correction.corrected", "self.clock * recording.time", "recording.time"),
+        ("checks.input_errors", "in_other_units", "to_si(1.0, unit) / to_si(1.0, one)",
+         "to_si(1.0, one) / to_si(1.0, unit)"),
+    ),
     "checks/test_rates.py": (
         ("checks.rates", "earth_rate", "np.sin(latitude)", "np.cos(latitude)"),
     ),
