@@ -195,9 +195,10 @@ def trials(
     others: list[Trial[Candidate]] = []
     for candidate in candidates:
         try:
-            trial = Trial(misfit(candidate), candidate)
+            size = misfit(candidate)
         except InputError:
             continue
+        trial = Trial(np.inf if np.isnan(size) else size, candidate)
         (sufficing if trial.misfit <= sufficient else others).append(trial)
         if len(sufficing) == most:
             break

@@ -46,6 +46,7 @@ def test_a_correction_under_which_a_recording_is_refused_does_not_agree() -> Non
 
     assert [t.candidate for t in trials(MISFITS, misfit)] == ["c"]
     assert trials("de", misfit) == trials([], misfit) == ()
+    assert [t.candidate for t in trials("ab", lambda _: np.nan)] == ["a"]
 
 
 def test_units_are_those_that_the_columns_do_not_state() -> None:

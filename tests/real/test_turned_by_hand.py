@@ -44,7 +44,7 @@ def test_what_rests_and_turns_taught_is_found_again_with_every_sample_of_the_mot
     assert c.outcome == ""
     assert np.sqrt(np.mean((c.values / c.sigmas) ** 2)) < 1.3  # 21 numbers; the other calibration has its errors too
     by_hand, north = c.provenance["limits"]
-    assert by_hand == "a hand turned the unit and carried it along, so its velocity is believed at the stops alone"
+    assert by_hand == "a hand turned the unit and carried it along, so its velocity is taken as zero at the stops alone"
     assert north.endswith("these gyroscopes hardly see the Earth turn")
 
 

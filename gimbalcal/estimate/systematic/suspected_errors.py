@@ -34,7 +34,7 @@ def limitations(m: SystematicFit, sigmas: Array) -> list[str]:
     """Return sentences on what the noise and the motion do not allow; sigmas (p,) of the states."""
     out = []
     if m.segments.handled:
-        out.append("a hand turned the unit and carried it along, so its velocity is believed at the stops alone")
+        out.append("a hand turned the unit and carried it along, so its velocity is taken as zero at the stops alone")
     heading = float(np.degrees(np.sqrt(m.last.attitude[2, 2])))
     if heading > MAX_HEADING_SIGMA_DEG:
         out.append(f"north is known to {heading:.2g} deg: these gyroscopes hardly see the Earth turn")
@@ -46,8 +46,8 @@ def limitations(m: SystematicFit, sigmas: Array) -> list[str]:
     if undetermined:
         is_are = "is" if len(undetermined) == 1 else "are"
         out.append(
-            f"{' and '.join(undetermined)} {is_are} told no better than the grade of the unit "
-            "tells beforehand: at this noise the turns decline them"
+            f"{' and '.join(undetermined)} {is_are} known no better than from the grade of the unit: at this noise the "
+            "turns do not determine them"
         )
     return out
 
