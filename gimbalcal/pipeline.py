@@ -71,7 +71,7 @@ def calibrate_in_three_stages(request: Request) -> Calibration:
         return calibration
     why = (
         "the three stages calibrate accelerometers; --method multiposition takes both triads, and --method rate-table "
-        "holds gyroscopes against the angles of the table that turns them"
+        "compares gyroscopes with the angles of the table that turns them"
     )
     return replace(calibration, provenance=calibration.provenance.with_options(gyroscopes=why))
 

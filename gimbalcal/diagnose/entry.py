@@ -181,7 +181,7 @@ def _nights(asked: Request) -> Diagnosis:
 
 def _held_together(made: Diagnosis, each: str, alike: str, ask: Callable[[], Calibration], tell: Tell) -> Diagnosis:
     """The diagnosis of all together, and what holding `each` of them against the others says beside it."""
-    tell(f"holding each {each} against the others")
+    tell(f"comparing each {each} with the others")
     try:
         told = ask()
     except InputError as problem:

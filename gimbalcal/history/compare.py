@@ -113,7 +113,7 @@ class PrintedComparison(Entry):
 
 
 @dataclass(frozen=True)
-class Comparison:
+class UnitComparison:
     """Calibrations of one unit in order of time, the steps between them, and the history of each parameter."""
 
     unit: str
@@ -168,7 +168,7 @@ class Comparison:
 
 def compare(
     calibrations: Sequence[DatedCalibration], unit: str = "", allowed: Mapping[str, str] | None = None
-) -> Comparison:
+) -> UnitComparison:
     """Compare two or more calibrations of a unit, of any methods, in their common parameters.
 
     allowed: by the name of a parameter, its allowed change before the next calibration, "50 ug"; default: three sigmas
@@ -204,7 +204,7 @@ def compare(
         limit = limits.get(label, limits.get(p.name, np.inf))
         histories.append(parameter_history(p, at, time[at], x, sigma, tried, independent, limit))
     steps = tuple(_step(ordered, k, not own) for k, own in enumerate(independent))
-    return Comparison(unit, ordered, steps, tuple(histories), gravity)
+    return UnitComparison(unit, ordered, steps, tuple(histories), gravity)
 
 
 def _date(seconds: float) -> datetime:

@@ -14,12 +14,12 @@ from gimbalcal.units import from_si
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from gimbalcal.history.compare import Comparison
+    from gimbalcal.history.compare import UnitComparison
     from gimbalcal.history.dated_calibration import DatedCalibration
     from gimbalcal.history.parameter_history import ParameterHistory
 
 
-def comparison_in_words(c: Comparison) -> str:
+def comparison_in_words(c: UnitComparison) -> str:
     """Return a summary: whether the unit changed, which parameters most, and when to calibrate."""
     n, of = len(c.calibrations), f" of {c.unit}" if c.unit else ""
     ordered = c.calibrations
@@ -40,7 +40,7 @@ def comparison_in_words(c: Comparison) -> str:
         text = f"{start} do not agree: {'; '.join(_change(h, c.calibrations) for h in moved[:3])}{more}."
         text += f" Next: {_next(moved[0], c.calibrations)}."
     if any(s.same_recording for s in c.steps):
-        text += " Some were made from the same recording and are not held against each other."
+        text += " Some are from the same recording and are not compared with each other."
     if c.gravity:
         text += (
             f" All took the same gravity, good to {1e6 * c.gravity:.3g} ppm: that is in each scale factor, and "
@@ -52,7 +52,7 @@ def comparison_in_words(c: Comparison) -> str:
     return text
 
 
-def _dates_in_words(c: Comparison) -> str:
+def _dates_in_words(c: UnitComparison) -> str:
     """Remark on dates that are not those of the recordings; empty where they do not matter."""
     dated = [d for d in c.calibrations if d.calibration.provenance.recorded]
     write = "write date = 2026-11-18, say, into each recording.toml and calibrate again."

@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.earth import YEAR
 from gimbalcal.effects import CATALOGUE, parameters
-from gimbalcal.history.compare import CalibrationStep, Comparison
+from gimbalcal.history.compare import CalibrationStep, UnitComparison
 from gimbalcal.history.parameter_history import ParameterHistory, parameter_history
 
 BIAS = parameters(CATALOGUE["bias"])[0]
@@ -108,11 +108,11 @@ def test_a_drift_is_due_when_it_shows_in_a_calibration_as_good_as_the_last() -> 
 def test_of_several_parameters_the_first_to_be_due_counts() -> None:
     slow, fast = of([0, 1, 2, 3], 0.1), of([0, 2, 4, 6], 0.1)
     assert slow.due > fast.due
-    due = Comparison("", (), (), (of([0, 0, 0, 0]), slow, fast)).due
+    due = UnitComparison("", (), (), (of([0, 0, 0, 0]), slow, fast)).due
     assert due is not None
     assert due.timestamp() == pytest.approx(fast.due)
 
 
 def test_of_several_steps_chance_has_several_goes() -> None:
     steps = tuple(CalibrationStep(k, k + 1, 9.0, 1, p, False) for k, p in enumerate((0.5, 0.004, 0.002, 0.5)))
-    assert Comparison("", (), steps, ()).significant == steps[2:3]  # one of four: beyond 0.0025
+    assert UnitComparison("", (), steps, ()).significant == steps[2:3]  # one of four: beyond 0.0025

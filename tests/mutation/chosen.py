@@ -19,8 +19,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("history.parameter_history", "_one_by_one", "< 0}", "> 0}"),
         ("history.parameter_history", "_mean", "1 / np.sqrt(w.sum())", "1 / w.sum()"),
         ("history.parameter_history", "_with_step", ">= k", "> k"),
-        ("history.compare", "Comparison.significant", "SIGNIFICANCE / len(self.steps)", "SIGNIFICANCE"),
-        ("history.compare", "Comparison.due", "first = min(", "first = max("),
+        ("history.compare", "UnitComparison.significant", "SIGNIFICANCE / len(self.steps)", "SIGNIFICANCE"),
+        ("history.compare", "UnitComparison.due", "first = min(", "first = max("),
     ),
     "history/test_compare.py": (
         ("history.compare", "compare", "at, time[at], x", "at, time[: len(at)], x"),
