@@ -125,6 +125,11 @@ METHODS: Mapping[str, Method] = MappingProxyType(
                 "gyroscopes that stand still and are reversed, bias against the Earth's rate",
             ),
             Method(
+                "least-squares",
+                "gimbalcal.estimate.one_view:calibrate_view",
+                options=("terms", "more"),
+            ),
+            Method(
                 "pointing",
                 "gimbalcal.estimate.pointing.mount:calibrate_mount",
                 several=True,

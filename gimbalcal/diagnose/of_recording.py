@@ -44,7 +44,7 @@ from gimbalcal.views.core import View, by_triad, carried, known_effect
 from gimbalcal.views.earth_rate import without_earth_rate
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import norm
-from gimbalcal.views.pointing import MAX_FILTERED_STARS, pointing
+from gimbalcal.views.pointing import MAX_FILTERED_STARS
 from gimbalcal.views.segments import turned_in_place
 from gimbalcal.views.slews import view_of_slews
 from gimbalcal.views.tilting_table import tilting_table
@@ -100,7 +100,7 @@ def diagnose_recording(asked: Request) -> Diagnosis:
         parts = [_known(asked, asked.baseline)]
     elif not has_unstated_noise(recording):
         parts, notes = of_gimballed_unit(_with_rests(asked), recording.kind.rotating and not recording.instant)
-    elif recording.kind.sighting or recording.kind.rotating:
+    elif recording.kind.view or recording.kind.rotating:
         parts, notes = of_single_view(asked)
     else:
         parts, notes = of_triads(asked)
@@ -194,7 +194,7 @@ def of_single_view(asked: Request) -> Parts:
 
 
 def single_view(asked: Request) -> View:
-    """Return the one view of a pointing run, of a unit turned in its place, or of a tilting table."""
+    """Return the one view of a unit turned in its place, of a tilting table, or of a kind with one view."""
     recording, calibration, baseline = asked.recording, asked.calibration, asked.baseline
     if recording.kind.rotating:
         if not turned_in_place(recording):
@@ -204,7 +204,7 @@ def single_view(asked: Request) -> View:
         return navigation_view(recording, usual, asked.tell, known)
     # every term is fitted anew: a calibration says which the model holds
     held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
-    return pointing(recording, baseline or held)
+    return recording.kind.view_of(recording, baseline or held)
 
 
 def of_triads(asked: Request) -> Parts:

@@ -1,18 +1,25 @@
 """Kinds of recording: whatever depends on how a unit was tested stands here, once per kind.
 
 A `Kind` is its name in recording.toml, a string, with the properties of that kind. It compares, prints and serialises
-as the string; code asks for the property that it depends on, as in ``recording.kind.stabilised``. To add a kind, add
-an instance to `KINDS`.
+as the string; code asks for the property that it depends on, as in ``recording.kind.stabilised``. Several kinds may
+have one name, as a unit on gimbals and one in the hand: `when` tells them apart. To add a kind, add an instance to
+`EVERY`; one with a `view` is calibrated and diagnosed with no other edit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, BASELINE
 from gimbalcal.platform import Platform
+
+if TYPE_CHECKING:
+    from gimbalcal.recording.record import Key, Recording
+    from gimbalcal.views.core import View
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -25,7 +32,8 @@ class Kind(str):
     sighting: a mount points at stars of known direction, and no inertial sensor is read.
     methods: names of the methods that calibrate it, the preferred one first. baseline: the effects that its calibrated
     model holds. predicted: the quantities that the forward model predicts at the readings. measured_by: the sensor
-    whose stated noise weighs its rows.
+    whose stated noise weighs its rows. view: "module:function" of the one view that a recording makes, from the
+    recording and the ids of effects that its model holds; empty where a recording makes several.
     """
 
     name: str
@@ -37,9 +45,17 @@ class Kind(str):
     rotating: bool = False
     sighting: bool = False
     measured_by: str = "accelerometer"
+    view: str = ""
+    when: Callable[[Platform, Container[Key]], bool] | None = None  # of platform and channels; None: where no other is
 
     def __new__(cls, name: str, *_: object, **__: object) -> Kind:
         return super().__new__(cls, name)
+
+    def view_of(self, recording: Recording, baseline: Sequence[str] = ()) -> View:
+        """Return the view of a recording of this kind."""
+        module, _, name = self.view.partition(":")
+        made: View = getattr(import_module(module), name)(recording, baseline)
+        return made
 
     @property
     def inertial(self) -> bool:
@@ -76,12 +92,18 @@ MULTI_POSITION = Kind(
 )
 """A unit on gimbals that is held in one position after the other."""
 
+
+def _without_gimbals(platform: Platform, _: Container[Key]) -> bool:
+    return not platform.axes
+
+
 HAND_TURNED = Kind(
     "multi-position",
     methods=("multiposition", "three-stage"),
     baseline=ACCELEROMETER_TERMS,
     predicted=("specific_force",),
     in_positions=True,
+    when=_without_gimbals,
 )
 """A unit without gimbals that is laid down in one position after the other: only the norm of gravity is known."""
 
@@ -110,16 +132,20 @@ POINTING = Kind(
     predicted=(),
     sighting=True,
     measured_by="gimbal_angle",
+    view="gimbalcal.views.pointing:pointing",
 )
 """A mount that points at stars."""
 
-KINDS: Mapping[str, Kind] = MappingProxyType({k.name: k for k in (MULTI_POSITION, STATIC_RUN, ROTATION, POINTING)})
-"""The kinds that recording.toml may name."""
+EVERY = [HAND_TURNED, MULTI_POSITION, STATIC_RUN, ROTATION, POINTING]
+"""All kinds; of those of one name the first that suits a recording is taken."""
+
+KINDS: Mapping[str, Kind] = MappingProxyType({k.name: k for k in EVERY if k.when is None})
+"""The kinds that recording.toml may name, each as it is where no other of its name suits."""
 
 
-def kind_of(name: str, platform: Platform) -> Kind:
-    """Return the kind of a recording of this name on this platform; `ValueError` for a name that is no kind."""
+def kind_of(name: str, platform: Platform, channels: Container[Key] = ()) -> Kind:
+    """Return the kind of a recording of this name with these channels; `ValueError` for a name that is no kind."""
     if name not in KINDS:
         raise ValueError(f"`kind` must be one of {', '.join(KINDS)}, got {name!r}")
-    kind = KINDS[name]
-    return HAND_TURNED if kind is MULTI_POSITION and not platform.axes else kind
+    suited = (k for k in EVERY if k.name == name and k.when is not None and k.when(platform, channels))
+    return next(suited, KINDS[name])

@@ -119,7 +119,7 @@ class Recording:
     restarts: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", kind_of(self.kind, self.platform))
+        object.__setattr__(self, "kind", kind_of(self.kind, self.platform, self.channels))
         n = len(self.time)
         if len(self.weight) == 0 < n:
             object.__setattr__(self, "weight", np.broadcast_to(1.0, (n,)))

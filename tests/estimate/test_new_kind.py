@@ -1,0 +1,114 @@
+"""A new kind of measurement is one view and one kind: an inclinometer beside the accelerometers of a unit."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal import methods
+from gimbalcal.diagnose import diagnose
+from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
+from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
+from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.forward import accelerometers, linearise
+from gimbalcal.kinematics import stimulus_from_readings
+from gimbalcal.platform import BENCH, Platform
+from gimbalcal.recording import Recording, Site, dwell_means
+from gimbalcal.recording import kinds as recording_kinds
+from gimbalcal.recording.kinds import Kind
+from gimbalcal.recording.record import FORCE, Key
+from gimbalcal.views.core import Measurement, View, recording_fields
+from gimbalcal.views.noise import NoiseModel
+
+G, SIGMA, ANGLE = 9.8, 2e-4, 2e-6  # m/s^2, of a mean; rad, of the inclinometer
+AXES = tuple(("covariate", f"inclination_{a}") for a in "xy")
+UP = ("covariate", "upside_down")
+INCLINATION = Measurement("inclination", "mg", "positions", "the force", "the force along {axis}", (FORCE,))
+
+
+def inclined(recording: Recording, baseline: Sequence[str] = ()) -> View:
+    """Return the view of accelerometers whose force an inclinometer tells, in the axes of its case."""
+    means = dwell_means(recording)
+    tilt = np.stack([np.sin(means.channels[key]) for key in AXES], axis=-1)
+    third = np.sqrt(1 - (tilt**2).sum(axis=1)) * np.where(means.channels[UP] > 0.5, -1.0, 1.0)
+    force = means.site.gravity * np.column_stack([tilt, third])
+    s = stimulus_from_readings(means).at(force=force)
+    channels = tuple((FORCE, a) for a in "xyz")
+
+    def rows(effects: Sequence[Effect]):  # type: ignore[no-untyped-def]
+        return linearise(BENCH, s, effects, channels=channels, read=means.triad(FORCE), stages=SENSOR_STAGES)
+
+    return View(
+        INCLINATION, channels=channels, **recording_fields(means), stimulus=s, label=s.position,
+        evaluate=rows, stages=SENSOR_STAGES, baseline=tuple(baseline) or ACCELEROMETER_TERMS,
+        groups=np.arange(len(force)), noise=NoiseModel(),
+    )  # fmt: skip
+
+
+def _beside_an_inclinometer(platform: Platform, channels: Container[Key]) -> bool:
+    return not platform.axes and AXES[0] in channels
+
+
+INCLINED = Kind(
+    "multi-position", methods=("least-squares",), baseline=ACCELEROMETER_TERMS, predicted=(FORCE,), in_positions=True,
+    when=_beside_an_inclinometer, view=f"{__name__}:inclined",
+)  # fmt: skip
+
+WANTED = tuple(p for i in ACCELEROMETER_TERMS for p in parameters(CATALOGUE[i]))
+TRUE = np.array([2e-4, -1e-4, 3e-4, 4e-3, -2e-3, 1e-3, 1e-4, -2e-4, 5e-5, 3e-4, -1e-4, 2e-4])
+
+
+@pytest.fixture(autouse=True)
+def known(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recording_kinds, "EVERY", [INCLINED, *recording_kinds.EVERY])
+
+
+def recorded(rng: np.random.Generator, more: Sequence[Effect] = ()) -> Recording:
+    """Forty attitudes, each held for five rows, with an inclinometer that is right but for its noise."""
+    v = rng.standard_normal((40, 3))
+    u = np.repeat(v / np.linalg.norm(v, axis=1, keepdims=True), 5, axis=0)
+    true = (*with_values((), WANTED[: len(TRUE)], TRUE), *more)
+    n = len(u)
+    force = {(FORCE, a): G * u[:, i] for i, a in enumerate("xyz")}
+    number, site = np.repeat(np.arange(1, 41), 5), Site(0.6, 0.0, G)
+    blank = Recording("multi-position", "inclined", BENCH, site, {}, np.arange(float(n)), number, force)
+    y = accelerometers(G * u, stimulus_from_readings(blank), true) + SIGMA * np.sqrt(5) * rng.standard_normal((n, 3))
+    read = np.arcsin(u[:, :2]) + ANGLE * rng.standard_normal((n, 2))
+    tilts = {key: read[:, i] for i, key in enumerate(AXES)}
+    return replace(
+        blank, channels={**{(FORCE, a): y[:, i] for i, a in enumerate("xyz")}, **tilts, UP: 1.0 * (u[:, 2] < 0)}
+    )
+
+
+def test_a_recording_with_its_channels_is_of_the_new_kind() -> None:
+    r = recorded(np.random.default_rng(0))
+    assert r.kind is INCLINED
+    assert (
+        replace(r, channels={k: x for k, x in r.channels.items() if k[0] == FORCE}).kind is recording_kinds.HAND_TURNED
+    )
+    assert methods.usual_method([r]) == "least-squares"
+
+
+def test_it_is_calibrated() -> None:
+    found, _ = methods.calibrate([recorded(np.random.default_rng(1))])
+    error = (found.values - values(with_values((), WANTED, TRUE), found.parameters)) / found.sigmas
+    assert len(error) == len(WANTED) == len(TRUE)
+    assert np.abs(error).max() < 4
+    assert 0.5 < np.sqrt(np.mean(error**2)) < 1.6
+    assert found.residual.rms["specific_force:x"] == pytest.approx(SIGMA, rel=0.3)
+    assert found.outcome == ""
+
+
+def test_what_is_added_and_what_it_lacks_are_found() -> None:
+    (cubic,) = with_values((), parameters(CATALOGUE["cubic_nonlinearity"])[1:2], np.array([4e-5]))
+    r = recorded(np.random.default_rng(2), [cubic])
+    d = diagnose([r])
+    assert d.verdict == "missing-physics"
+    assert d.findings[0].effect == "cubic_nonlinearity"
+    found, _ = methods.calibrate([r], more=["cubic_nonlinearity:y"])
+    at = [p.effect for p in found.parameters].index("cubic_nonlinearity")
+    assert abs(found.values[at] - 4e-5) < 4 * found.sigmas[at]
+    assert diagnose([recorded(np.random.default_rng(3))]).verdict == "adequate"
