@@ -10,9 +10,11 @@ import pytest
 
 from gimbalcal import methods
 from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.verdict.view_calibration import Seen, calibrated_views
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.estimate.fit import ViewsFit, fit
 from gimbalcal.forward import accelerometers, linearise
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.platform import BENCH, Platform
@@ -22,6 +24,7 @@ from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import FORCE, Key
 from gimbalcal.views.core import Measurement, View, recording_fields
 from gimbalcal.views.noise import NoiseModel
+from gimbalcal.views.norm import norm
 
 G, SIGMA, ANGLE = 9.8, 2e-4, 2e-6  # m/s^2, of a mean; rad, of the inclinometer
 AXES = tuple(("covariate", f"inclination_{a}") for a in "xy")
@@ -112,3 +115,27 @@ def test_what_is_added_and_what_it_lacks_are_found() -> None:
     at = [p.effect for p in found.parameters].index("cubic_nonlinearity")
     assert abs(found.values[at] - 4e-5) < 4 * found.sigmas[at]
     assert diagnose([recorded(np.random.default_rng(3))]).verdict == "adequate"
+
+
+def test_views_that_share_parameters_are_calibrated_in_one_frame() -> None:
+    # the norm has no reference for a rotation of the triad and states three misalignments, the other view states six
+    errors = []
+    for seed in range(6):
+        r = recorded(np.random.default_rng(10 + seed))
+        alone, angles = norm(r), inclined(r)
+        tied_down = tuple(p for i in ACCELEROMETER_TERMS for p in alone.parameters_of(i))
+        seen = [Seen(v, _Model(fit([v], wanted))) for v, wanted in ((alone, tied_down), (angles, WANTED))]
+        made = calibrated_views([alone, angles], seen, (), "")
+        true = with_values((), WANTED, TRUE)
+        assert {p.label for p in made.parameters} == {p.label for p in WANTED}
+        errors.append((made.values - values(true, made.parameters)) / made.sigmas)
+    assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.35
+    assert np.abs(errors).max() < 4.5
+
+
+class _Model:
+    """A fit of one view as a diagnosis has it."""
+
+    def __init__(self, found: ViewsFit) -> None:
+        self.effects, self.parameters, self.covariance = found.effects, found.parameters, found.covariance
+        (self.residual,) = found.residual

@@ -1,7 +1,9 @@
 """The last models of views as one calibration: what was fitted in each, with its covariance, and how the unit is read.
 
 Views say different things of a unit (its accelerometers, its gyroscopes at rest, its gyroscopes on the way), so what
-they tell stands side by side, without correlations between them; of what two tell the first one counts.
+they tell stands side by side, without correlations between them. Views that share parameters are fitted together: each
+has these in a frame of its own where its rows hold no reference, so that estimates of one do not go with those of
+another.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.diagnose.verdict.refit_calibration import origin
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
 from gimbalcal.estimate.accelerometers.fit_summary import rotations_of_the_triad
+from gimbalcal.estimate.fit import fit
 from gimbalcal.inference.information import Unobservable, keeps_prior
 from gimbalcal.number import Array
 from gimbalcal.views.core import View
@@ -47,6 +50,12 @@ class Seen:
 
     view: View
     model: Fitted
+    joint: tuple[View, ...] = ()  # all views that the model was fitted to, if it is not this one alone
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """All views that the model was fitted to."""
+        return self.joint or (self.view,)
 
 
 def calibrated_views(
@@ -57,7 +66,7 @@ def calibrated_views(
     forces: the calibration of the accelerometers at known attitude.
     """
     readout = _readout(views, seen)
-    blocks = [_block(s, readout.gimbals) for s in seen]
+    blocks = [_block(s, readout.gimbals) for s in _joint(seen, readout.gimbals)]
     if forces is not None:
         blocks.insert(0, (forces.effects, forces.parameters, forces.covariance))
     effects: tuple[Effect, ...] = ()
@@ -83,6 +92,43 @@ def calibrated_views(
         provenance=origin(views, causes),
         readout=readout,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _JointModel:
+    """The model of views that were fitted together, see `Fitted`."""
+
+    effects: tuple[Effect, ...]
+    parameters: tuple[Parameter, ...]
+    covariance: Array
+    residual: Array
+
+
+def _joint(seen: Sequence[Seen], gimbals: Sequence[str]) -> list[Seen]:
+    """Return the views, those that share linear parameters with the model of their joint fit."""
+    out: list[Seen] = []
+    for s in seen:
+        labels = {p.label for p in s.model.parameters}
+        alike = [o for o in out if labels & {p.label for p in o.model.parameters}]
+        if not alike:
+            out.append(s)
+            continue
+        views = [v for o in (*alike, s) for v in o.views]
+        every = [p for o in (*alike, s) for p in o.model.parameters]
+        sigma = {p.label: max(q.sigma for q in every if q.label == p.label) for p in every}
+        wanted = tuple({p.label: replace(p, sigma=sigma[p.label]) for p in every}.values())
+        effects = tuple({e.id: e for o in (*alike, s) for e in o.model.effects}.values())
+        found = fit(views, wanted, with_values(effects, wanted, _values(wanted, (*alike, s)), gimbals))
+        model = _JointModel(found.effects, found.parameters, found.covariance, s.model.residual)
+        out = [*(o for o in out if o not in alike), Seen(s.view, model, tuple(views))]
+    return out
+
+
+def _values(wanted: Sequence[Parameter], each: Sequence[Seen]) -> Array:
+    """Return the value of each parameter in the last model that holds it."""
+    found = {p.label: float(x) for s in each
+             for p, x in zip(s.model.parameters, values(s.model.effects, s.model.parameters), strict=True)}  # fmt: skip
+    return np.array([found[p.label] for p in wanted])
 
 
 def _block(s: Seen, gimbals: Sequence[str]) -> tuple[tuple[Effect, ...], tuple[Parameter, ...], Array]:
