@@ -21,8 +21,7 @@ from gimbalcal.estimate.accelerometers.positions import Positions, misfit_of_pos
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fusion import both_levels, fuse
 from gimbalcal.estimate.grade import graded
-from gimbalcal.estimate.static_run.run import static_parameters, static_readings
-from gimbalcal.estimate.static_run.system import misfit_of_run, static
+from gimbalcal.estimate.static_run.system import misfit_of_run, static, static_parameters, static_readings
 from gimbalcal.method_table import Request
 from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording, completed, dwells, read

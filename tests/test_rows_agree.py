@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.estimate.accelerometers.errors_in_variables import by_visit, problem
-from gimbalcal.estimate.static_run.run import static_readings
+from gimbalcal.estimate.static_run.system import static_readings
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.pipeline import load

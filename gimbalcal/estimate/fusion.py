@@ -21,8 +21,7 @@ from gimbalcal.estimate.accelerometers.errors_in_variables import view_of_positi
 from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.estimate.fit import fit, information_of
 from gimbalcal.estimate.sharing import agreement
-from gimbalcal.estimate.static_run.run import static_view
-from gimbalcal.estimate.static_run.system import outcome
+from gimbalcal.estimate.static_run.system import outcome, static_view
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.readings import Readings

@@ -11,7 +11,7 @@ from gimbalcal.calibration import AssumedNoise, Provenance, Readout
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.earth import G0
 from gimbalcal.effects import Effect, Stage
-from gimbalcal.estimate.static_run.run import static_readings
+from gimbalcal.estimate.static_run.system import static_readings
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings

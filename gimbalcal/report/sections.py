@@ -130,8 +130,7 @@ UNIT = "arcsec"
 
 def pointing_picture(recordings: Sequence[Recording], c: Calibration) -> Picture:
     """Return the residual of each star with zeros alone and with all terms, over both axes of the mount."""
-    from gimbalcal.estimate.pointing.fit import fit_terms
-    from gimbalcal.estimate.pointing.terms import wanted_parameters
+    from gimbalcal.estimate.pointing.fit import fit_terms, wanted_parameters
     from gimbalcal.views.pointing import pointing, read_axes
 
     axes = read_axes(recordings[0])

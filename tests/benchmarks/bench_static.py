@@ -36,7 +36,7 @@ from gimbalcal.estimate.static_run.force_filter import (
     observation_matrix,
     projection,
 )
-from gimbalcal.estimate.static_run.run import static_readings
+from gimbalcal.estimate.static_run.system import static_readings
 from gimbalcal.forward import predict
 from gimbalcal.inference.harmonics import columns, design_matrix
 from gimbalcal.kinematics import stimulus_from_angles

@@ -10,8 +10,8 @@ import numpy as np
 from gimbalcal.calibration.exchange.tpoint_model import printed, tpoint_terms
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.result import Shape
+from gimbalcal.estimate.pointing.fit import USUAL_TERMS
 from gimbalcal.estimate.pointing.mount import pointing_calibration
-from gimbalcal.estimate.pointing.terms import USUAL_TERMS
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording, Source
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, effects, run, sky

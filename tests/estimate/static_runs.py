@@ -9,7 +9,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.estimate.fit import fit, information_of
-from gimbalcal.estimate.static_run.run import static_parameters, static_readings, static_view
+from gimbalcal.estimate.static_run.system import static_parameters, static_readings, static_view
 from gimbalcal.forward import predict
 from gimbalcal.inference.information import Information
 from gimbalcal.kinematics import stimulus_from_angles

@@ -13,9 +13,8 @@ from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.pointing.drift import Nights, by_night, printed_nights
-from gimbalcal.estimate.pointing.fit import fit_terms
+from gimbalcal.estimate.pointing.fit import USUAL_TERMS, fit_terms, wanted_parameters
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
-from gimbalcal.estimate.pointing.terms import USUAL_TERMS, wanted_parameters
 from gimbalcal.inference.p_value import probability
 from gimbalcal.method_table import Request
 from gimbalcal.recording import Recording, join

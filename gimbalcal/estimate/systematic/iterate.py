@@ -14,8 +14,7 @@ from gimbalcal.estimate.systematic.error_model import rotated
 from gimbalcal.estimate.systematic.filter_pass import Pass, filter_and_smooth
 from gimbalcal.estimate.systematic.innovation_tests import suspect_updates
 from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
-from gimbalcal.estimate.systematic.stationarity import refuse_carried
-from gimbalcal.estimate.systematic.turn_consistency import gyro_scale_errors
+from gimbalcal.estimate.systematic.turn_consistency import gyro_scale_errors, refuse_carried
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.segments import Segments, segment
@@ -62,7 +61,7 @@ def iterate(
 ) -> SystematicFit:  # fmt: skip
     """Run passes of filter and smoother until the estimates no longer move.
 
-    Raises InputError for a recording that cannot be navigated: see `segments`, `alignment` and `stationarity`.
+    Raises InputError for a recording that cannot be navigated: see `segments`, `alignment` and `turn_consistency`.
     """
     segments = segment(recording)
     u = invert_readings(segments, ())

@@ -19,7 +19,7 @@ from gimbalcal.estimate.static_run.combined import (
     separate,
 )
 from gimbalcal.estimate.static_run.force_filter import PRIOR_SIGMA
-from gimbalcal.estimate.static_run.run import static_parameters, static_readings, static_view
+from gimbalcal.estimate.static_run.system import static_parameters, static_readings, static_view
 from gimbalcal.inference.information import solve
 from gimbalcal.number import Array
 from gimbalcal.readings import Readings

@@ -14,8 +14,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, values
 from gimbalcal.estimate.static_run.combined import MEANS, NAMES, matrix
 from gimbalcal.estimate.static_run.force_filter import ForceState, observation_matrix, projection
-from gimbalcal.estimate.static_run.run import static_parameters, static_readings
-from gimbalcal.estimate.static_run.system import static
+from gimbalcal.estimate.static_run.system import static, static_parameters, static_readings
 from gimbalcal.inference.information import solve
 from gimbalcal.kinematics import shortening
 from gimbalcal.platform import SPACE_STABLE

@@ -9,8 +9,7 @@ from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
 from gimbalcal.estimate.static_run.combined import NAMES, matrix
 from gimbalcal.estimate.static_run.force_filter import observation_matrix, projection
-from gimbalcal.estimate.static_run.run import noise_from, static_parameters, static_readings
-from gimbalcal.estimate.static_run.system import rms_by_channel, static
+from gimbalcal.estimate.static_run.system import noise_from, rms_by_channel, static, static_parameters, static_readings
 from gimbalcal.forward import accelerometers
 from gimbalcal.kinematics import with_phase_of_force
 from gimbalcal.readings import readings
