@@ -5,6 +5,7 @@ The builders stand here so that a change of the rows or of the search is followe
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -21,14 +22,14 @@ from gimbalcal.diagnose.result import FitSummary
 from gimbalcal.diagnose.search.ranking import Search, search
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
-from gimbalcal.platform import KNOWN
+from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.core import Fit, View
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose import static_plant
 from tests.diagnose.plant import ARCSEC, UG, Error, record
-from tests.diagnose.test_unknown_noise import tilted as turned_base
 
+G = 9.8
 FIT = FitSummary(chi2_reduced_before=3.0, chi2_reduced_after=1.0, heldout_before=3.3, heldout_after=1.1, noise={})
 
 __all__ = ["columns_at"]  # the rest is written here
@@ -126,19 +127,49 @@ def clean(o: Fit, node: Node, rng: np.random.Generator) -> Fit:
     return with_data(o, np.linalg.cholesky(covariance(node, R)) @ rng.standard_normal(R))
 
 
-def telescope(seed: int, north: float = 0.0, east: float = 0.0, bend: float = 0.0, n: int = 80) -> Recording:
-    """Stars seen through a base tilted about north and east and a tube that bends with cos(elevation), in arcsec."""
+def telescope(
+    seed: int, north: float = 0.0, east: float = 0.0, bend: float = 0.0, n: int = 80,
+    lifted: Callable[[Array, Array], Array] = lambda E, _: 0 * E,
+) -> Recording:  # fmt: skip
+    """Stars all over the sky, by spherical trigonometry; an arcsecond of noise in each component.
+
+    The encoders have zeros, the base is tilted about north and east, the tube bends with cos(elevation), and the
+    elevation is read too high by `lifted` (elevation, azimuth); all in arcsec.
+    """
     rng = np.random.default_rng(seed)
     E, A = np.arcsin(rng.uniform(0.26, 0.99, n)), rng.uniform(-np.pi, np.pi, n)
-    seen = turned_base(E, A, north * ARCSEC, east * ARCSEC)
+    x, y, z = np.cos(E) * np.cos(A), np.cos(E) * np.sin(A), -np.sin(E)  # north, east, down
+    a, b = north * ARCSEC, east * ARCSEC
+    x, y, z = x - b * z, y + a * z, z + b * x - a * y  # frame rotation, first order
+    up, around = -np.arcsin(z), A + np.angle(np.exp(1j * (np.arctan2(y, x) - A)))
     read = {
-        "elevation": seen[0] + bend * ARCSEC * np.cos(E) + 0.1 + ARCSEC * rng.standard_normal(n),
-        "azimuth": seen[1] - 0.2 + ARCSEC * rng.standard_normal(n) / np.cos(E),
+        "elevation": up + (bend * np.cos(E) + lifted(E, A)) * ARCSEC + 0.1 + ARCSEC * rng.standard_normal(n),
+        "azimuth": around - 0.2 + ARCSEC * rng.standard_normal(n) / np.cos(E),
     }
-    channels = {("gimbal_angle", a): x for a, x in read.items()} | {("true_angle", "elevation"): E}
-    channels |= {("true_angle", "azimuth"): A}
+    true = {"elevation": E, "azimuth": A}
+    channels = {("gimbal_angle", k): v for k, v in read.items()} | {("true_angle", k): v for k, v in true.items()}
     time = 130.0 * np.arange(n)
-    return Recording("pointing", "telescope", KNOWN["alt-az"], Site(0.55, 0.0, 9.8), {}, time, None, channels)
+    return Recording("pointing", "telescope", KNOWN["alt-az"], Site(0.55, 0.0, G), {}, time, None, channels)
+
+
+def turned(seed: int, g_sensitivity: Array | None = None, drift: float = 0.0) -> Recording:
+    """A unit at rest in forty attitudes, ten means each: bias, scale and misalignment, and what is asked for."""
+    rng = np.random.default_rng(seed)
+    up = rng.standard_normal((40, 3))
+    f = G * np.repeat(up / np.linalg.norm(up, axis=1, keepdims=True), 10, axis=0)
+    n = len(f)
+    t = np.linspace(0.0, 600.0, n)
+    M = np.eye(3) + 1e-2 * rng.standard_normal((3, 3))
+    wander = drift * np.stack([np.sin(4 * np.pi * t / t[-1]), -np.cos(2 * np.pi * t / t[-1]), (t / t[-1]) ** 2], -1)
+    y = f @ M.T + [0.1, -0.2, 0.05] + wander * 1e-3 * G + 3e-4 * G * rng.standard_normal((n, 3))
+    hour = np.pi / 648000  # rad/s of a degree an hour
+    w = hour * (np.array([50.0, -80.0, 20.0]) + 60 * rng.standard_normal((n, 3)))
+    if g_sensitivity is not None:
+        w = w + hour * f / G @ g_sensitivity.T
+    channels = {("specific_force", a): y[:, i] for i, a in enumerate("xyz")}
+    channels |= {("angular_rate", a): w[:, i] for i, a in enumerate("xyz")}
+    position = np.repeat(np.arange(1, 41), 10)
+    return Recording("multi-position", "made", BENCH, Site(None, 0.0, G), {}, t, position, channels)
 
 
 def causes_of(v: View, m: Fit) -> tuple[Candidate, ...]:

@@ -28,8 +28,8 @@ from tests.diagnose import static_plant
 from tests.diagnose.new_effects import enter
 from tests.diagnose.plant import record
 from tests.diagnose.rows.test_turns import SCENARIO, by_hand
+from tests.diagnose.small import telescope, turned
 from tests.diagnose.test_odd import tilted
-from tests.diagnose.test_unknown_noise import run, stars, turned
 
 LOGGED = ("vibration", "pressure")
 
@@ -52,16 +52,11 @@ def short(**more: Any) -> Recording:
     return replace(made, platform=BENCH, channels=kept, noise={})
 
 
-def telescope() -> Recording:
-    rng, E, A = stars(1)
-    return run(E, A, (E, A), rng)
-
-
 RECORDINGS = {
     "known noise": lambda: record(np.random.default_rng(2), dwell=20),
     "at rest": lambda: static_plant.record(np.random.default_rng(3)),
     "by hand": short,
-    "telescope": telescope,
+    "telescope": lambda: telescope(1),
     "table": lambda: tilted(900),
 }
 

@@ -27,8 +27,7 @@ from gimbalcal.words.diagnosis_sentences import largest
 from tests.diagnose import plant, static_plant
 from tests.diagnose.plant import UG, Bench, at_strength, known, on, record
 from tests.diagnose.rows.test_turns import by_hand as turned_by_hand
-from tests.diagnose.test_unknown_noise import run as pointing_run
-from tests.diagnose.test_unknown_noise import stars
+from tests.diagnose.small import telescope
 from tests.golden import refused
 
 TABLE = KNOWN["three-axis-table"]
@@ -212,8 +211,7 @@ def tilted(rows: int, **units: str) -> Recording:
 
 
 def few_stars(count: int) -> Recording:
-    rng, elevation, azimuth = stars(1)
-    return pointing_run(elevation, azimuth, (elevation, azimuth), rng).select(slice(0, count))
+    return telescope(1).select(slice(0, count))
 
 
 REFUSED = {

@@ -18,35 +18,10 @@ from gimbalcal.recording import Recording, Site
 from gimbalcal.views.pointing import pointing
 from tests.benchmarks import unknown_hand
 from tests.benchmarks.unknown_runs import answer, runs
+from tests.diagnose.small import G, telescope, turned
 
 ARCSEC = np.pi / 648000
-G = 9.8
 N = 80  # stars, as in a real run
-
-
-def stars(seed: int) -> tuple[np.random.Generator, Array, Array]:
-    """Elevations and azimuths [rad] all over the sky in a random order."""
-    rng = np.random.default_rng(seed)
-    return rng, np.arcsin(rng.uniform(0.26, 0.99, N)), rng.uniform(-np.pi, np.pi, N)
-
-
-def run(elevation: Array, azimuth: Array, seen: tuple[Array, Array], rng: np.random.Generator) -> Recording:
-    """Encoders that read what is seen, with zeros and an arcsecond of noise on the sky."""
-    read = {
-        "elevation": seen[0] + 0.1 + ARCSEC * rng.standard_normal(N),
-        "azimuth": seen[1] - 0.2 + ARCSEC * rng.standard_normal(N) / np.cos(elevation),
-    }
-    true = {"elevation": elevation, "azimuth": azimuth}
-    channels = {("gimbal_angle", a): x for a, x in read.items()} | {("true_angle", a): x for a, x in true.items()}
-    return Recording("pointing", "made", KNOWN["alt-az"], Site(0.55, 0.0, G), {}, 130.0 * np.arange(N), None, channels)
-
-
-def tilted(elevation: Array, azimuth: Array, north: float, east: float) -> tuple[Array, Array]:
-    """Elevation and azimuth in a base turned by small angles [rad] about north and about east."""
-    n, e = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)
-    d = -np.sin(elevation)
-    n, e, d = n - east * d, e + north * d, d + east * n - north * e  # frame rotation, first order
-    return -np.arcsin(d), azimuth + np.angle(np.exp(1j * (np.arctan2(e, n) - azimuth)))
 
 
 def size(d: Diagnosis, effect: str, axis: str) -> tuple[float, float]:
@@ -56,8 +31,7 @@ def size(d: Diagnosis, effect: str, axis: str) -> tuple[float, float]:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_telescope_that_lacks_nothing(seed: int) -> None:
-    rng, E, A = stars(seed)
-    d = diagnose([run(E, A, (E, A), rng)])
+    d = diagnose([telescope(seed)])
     assert d.verdict == "adequate"
     assert d.findings == ()
     assert d.fit["rms_after"] == pytest.approx(np.sqrt(2), rel=0.2)  # two components of an arcsecond, 155 degrees
@@ -65,9 +39,7 @@ def test_a_telescope_that_lacks_nothing(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_tilt_and_flexure_come_back(seed: int) -> None:
-    rng, E, A = stars(seed)
-    seen = tilted(E, A, 12 * ARCSEC, -7 * ARCSEC)
-    d = diagnose([run(E, A, (seen[0] + 15 * ARCSEC * np.cos(E), seen[1]), rng)])
+    d = diagnose([telescope(seed, 12.0, -7.0, 15.0)])
     assert d.verdict == "missing-physics"
     assert "base_tilt" in {f["effect"] for f in d.findings}
     assert any("tube_flexure" in (f["effect"], *f["twins"]) for f in d.findings)
@@ -80,8 +52,7 @@ def test_tilt_and_flexure_come_back(seed: int) -> None:
 
 def test_a_mistaken_star_is_left_out_and_hides_nothing() -> None:
     """One star a minute of arc off is seven arcsec of scatter, in which a tilt of two does not show."""
-    rng, E, A = stars(3)
-    r = run(E, A, tilted(E, A, 2 * ARCSEC, -2 * ARCSEC), rng)
+    r = telescope(3, 2.0, -2.0)
     off = r.channels["gimbal_angle", "elevation"] + 60 * ARCSEC * (np.arange(N) == 16)
     d = diagnose([replace(r, channels={**r.channels, ("gimbal_angle", "elevation"): off})])
     assert {f["effect"] for f in d.findings} == {"base_tilt"}
@@ -94,31 +65,10 @@ def test_a_mistaken_star_is_left_out_and_hides_nothing() -> None:
 
 
 def test_what_no_catalogue_holds_is_a_shape() -> None:
-    rng, E, A = stars(3)
-    d = diagnose([run(E, A, (E + 20 * ARCSEC * np.sin(5 * A), A), rng)])
+    d = diagnose([telescope(3, lifted=lambda _, A: 20.0 * np.sin(5 * A))])
     assert d.verdict == "unexplained"
     assert d.findings == ()
     assert "azimuth angle" in d.unexplained[0]["shape"]
-
-
-def turned(seed: int, g_sensitivity: Array | None = None, drift: float = 0.0) -> Recording:
-    """A unit at rest in forty attitudes, ten means each: bias, scale and misalignment, and what is asked for."""
-    rng = np.random.default_rng(seed)
-    up = rng.standard_normal((40, 3))
-    f = G * np.repeat(up / np.linalg.norm(up, axis=1, keepdims=True), 10, axis=0)
-    n = len(f)
-    t = np.linspace(0.0, 600.0, n)
-    M = np.eye(3) + 1e-2 * rng.standard_normal((3, 3))
-    wander = drift * np.stack([np.sin(4 * np.pi * t / t[-1]), -np.cos(2 * np.pi * t / t[-1]), (t / t[-1]) ** 2], -1)
-    y = f @ M.T + [0.1, -0.2, 0.05] + wander * 1e-3 * G + 3e-4 * G * rng.standard_normal((n, 3))
-    hour = np.pi / 648000  # rad/s of a degree an hour
-    w = hour * (np.array([50.0, -80.0, 20.0]) + 60 * rng.standard_normal((n, 3)))
-    if g_sensitivity is not None:
-        w = w + hour * f / G @ g_sensitivity.T
-    channels = {("specific_force", a): y[:, i] for i, a in enumerate("xyz")}
-    channels |= {("angular_rate", a): w[:, i] for i, a in enumerate("xyz")}
-    position = np.repeat(np.arange(1, 41), 10)
-    return Recording("multi-position", "made", BENCH, Site(None, 0.0, G), {}, t, position, channels)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -149,8 +99,7 @@ def test_biases_that_drift_are_seen_in_the_order_of_visits() -> None:
 
 def test_rows_left_out_are_predicted_as_a_fit_without_them_predicts_them() -> None:
     """The misfit of a star about a fit to the other 79, each fit made anew; in sigma."""
-    rng, E, A = stars(4)
-    v = pointing(run(E, A, tilted(E, A, 12 * ARCSEC, -7 * ARCSEC), rng))
+    v = pointing(telescope(4, 12.0, -7.0))
     m = start(v)
     sigma = np.full((N, 2), 3 * ARCSEC)
     left = held_out_misfit(m, sigma)
@@ -165,8 +114,7 @@ def test_rows_left_out_are_predicted_as_a_fit_without_them_predicts_them() -> No
 
 def test_constants_move_as_what_was_found_moves_them() -> None:
     """A bent tube that the model lacks is taken up in part by the zero of the elevation encoder."""
-    rng, E, A = stars(5)
-    v = pointing(run(E, A, (E + 30 * ARCSEC * np.cos(E), A), rng))
+    v = pointing(telescope(5, bend=30.0))
     c = stepwise(v, lambda _: None)
     assert {s.cause[0].effect for s in c.steps} == {"tube_flexure"}
     rows = shifts(c.start, c.end)

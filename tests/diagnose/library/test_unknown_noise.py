@@ -15,8 +15,7 @@ from gimbalcal.effects.sensor_grades import GRADES
 from gimbalcal.number import Array
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import pointing
-from tests.diagnose.small import telescope
-from tests.diagnose.test_unknown_noise import turned
+from tests.diagnose.small import telescope, turned
 
 STARS = pointing(telescope(1, north=12.0))
 MODEL = start(STARS)
