@@ -13,7 +13,7 @@ import numpy as np
 
 from gimbalcal.campaign.campaign_folder import CampaignFolder, CampaignSummary, ParameterErrors
 from gimbalcal.campaign.cluster import cluster, connect
-from gimbalcal.campaign.local import here, processes
+from gimbalcal.campaign.process_pool import here, processes
 from gimbalcal.campaign.task import Task, task
 from gimbalcal.errors import InputError, amount
 

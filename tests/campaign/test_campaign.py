@@ -22,7 +22,7 @@ from gimbalcal.campaign import cluster as campaign_cluster
 from gimbalcal.campaign import run_campaign
 from gimbalcal.campaign.campaign_folder import CampaignFolder
 from gimbalcal.campaign.cluster import connect
-from gimbalcal.campaign.local import here, processes
+from gimbalcal.campaign.process_pool import here, processes
 from gimbalcal.campaign.task import Task, _comparable, compute, seed_of, task
 from gimbalcal.effects import parameters
 from gimbalcal.effects.accelerometer import Misalignment, angles_of

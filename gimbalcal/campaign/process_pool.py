@@ -52,7 +52,7 @@ def _alone(task: Task, share: range, work: Work) -> dict[str, list[Any]]:
             continue
     raise InputError(
         f"runs {share.start} to {share.stop - 1} ended their worker {DEATHS} times, out of memory most likely: take a "
-        "smaller scenario; what is done is kept"
+        "smaller scenario; finished runs are kept"
     )
 
 
