@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.checks.input_errors import AXES, Correction, scaled
-from gimbalcal.checks.rates import turns_of
+from gimbalcal.checks.measured_turns import turns_of
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.importers.registry import importer

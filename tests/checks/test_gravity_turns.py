@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.checks.input_errors import PERMUTATIONS
-from gimbalcal.checks.rates import MeasuredTurns, agree, rotations, turns_of
+from gimbalcal.checks.measured_turns import MeasuredTurns, agree, rotations, turns_of
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
@@ -62,7 +62,7 @@ def test_of_a_turn_the_level_of_both_rests_is_taken() -> None:
 
 
 def test_the_turns_that_move_gravity_most_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gimbalcal.checks.rates.MAX_TURNS", 3)
+    monkeypatch.setattr("gimbalcal.checks.measured_turns.MAX_TURNS", 3)
     turns = turns_of(in_turns(np.array([0.6, 2.0, 0.7, -1.8, 0.8, 1.9])))
     assert turns is not None
     angle = [float((w[:, 0] * dt).sum()) for w, dt in zip(turns.reading, turns.step, strict=True)]

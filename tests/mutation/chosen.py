@@ -83,10 +83,10 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "checks/test_gravity_turns.py": (
         ("checks.input_errors", "AxisPermutation.inverse", "sign * self.matrix.T", "sign * self.matrix"),
-        ("checks.rates", "rotations", "C[1::2] @ C[: len(C) - len(C) % 2 : 2]",
+        ("checks.measured_turns", "rotations", "C[1::2] @ C[: len(C) - len(C) % 2 : 2]",
          "C[: len(C) - len(C) % 2 : 2] @ C[1::2]"),
-        ("checks.rates", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
-        ("checks.rates", "MeasuredTurns.deviation", "2 * np.arcsin(", "np.arcsin("),
+        ("checks.measured_turns", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
+        ("checks.measured_turns", "MeasuredTurns.deviation", "2 * np.arcsin(", "np.arcsin("),
     ),
     "recording/test_gravity.py": (
         ("recording.site", "with_normal_gravity", "ANOMALY**2 + UNKNOWN_HEIGHT**2) ** 0.5",

@@ -1,0 +1,152 @@
+r"""Turns between rests as gyroscopes measured them, against what gravity's direction, or the gimbals, did.
+
+Rates M w for rates w, M a signed permutation times a ratio of units, turn the unit from rest 1 to rest 2 by
+
+.. math:: f_2 / |f_2| = C(M w) \, f_1 / |f_1|, \qquad C(M w) = M \, C(\det(M) \, w) \, M^T ,
+
+so that all permutations follow from two integrations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, Correction
+from gimbalcal.number import Array
+from gimbalcal.recording.dwell import PAUSED, dwells, usual_step
+from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
+from gimbalcal.rotation import exponential
+
+MIN_MOTION_RAD = 0.5  # a turn that moves the reference less deviates by less than `MAX_DEVIATION_RAD` under any sign
+MIN_TURNS, MAX_TURNS = 3, 40  # those that move the reference most: enough to distinguish 48 permutations
+MAX_STEPS = 4000  # of a turn; longer ones are averaged
+MIN_SPREAD = 0.5  # of the widest axis: counts of a triad that went as far both ways along every axis
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredTurns:
+    """Readings (n, 3) of each turn less their level at rest, steps (n,) [s], and the reference before and after.
+
+    The reference is a direction (3,) or, from gimbals, an attitude (3, 3) whose columns turn alike.
+    """
+
+    reading: list[Array]
+    step: list[Array]
+    before: Array  # (m, 3, k)
+    after: Array  # (m, 3, k)
+
+    @property
+    def reference(self) -> str:
+        """Name of the reference."""
+        return "gravity" if self.before.shape[-1] == 1 else "the gimbals"
+
+    @cached_property
+    def _of_factor(self) -> dict[float, Array]:
+        return {}
+
+    def deviation(self, C: Array) -> Array:
+        """Return the angle (m,) [rad] by which turns C (m, 3, 3) miss the reference."""
+        off = np.linalg.norm(C @ self.before - self.after, axis=(1, 2)) / np.sqrt(self.before.shape[-1])
+        return np.asarray(2 * np.arcsin(np.minimum(off / 2, 1.0)))
+
+    def agreeing(self, correction: Correction) -> int:
+        """Return the number of turns that end where the reference does, by corrected rates."""
+        return agree(self, self.turned(correction))
+
+    def turned(self, correction: Correction) -> Array:
+        """Return C (m, 3, 3) of every turn by corrected rates."""
+        M = correction.clock * (correction.matrices[RATE][1] if RATE in correction.matrices else np.eye(3))
+        sizes = np.abs(M).max(axis=1)
+        if np.ptp(sizes) > 0:  # some axes in another unit: M is diagonal
+            return rotations(self, np.diag(M))
+        P = M / sizes[0]
+        factor = float(sizes[0] * np.round(np.linalg.det(P)))
+        if factor not in self._of_factor:
+            self._of_factor[factor] = rotations(self, factor * np.ones(3))
+        return np.asarray(P @ self._of_factor[factor] @ P.T)
+
+
+def turns_of(recording: Recording) -> MeasuredTurns | None:
+    """Return the turns that move the reference most, gravity's direction or else the gimbals; None for too few."""
+    visits = dwells(recording)
+    y = recording.triad(RATE)
+    usual = usual_step(recording) if len(recording.time) > 1 else 0.0
+    logged = [
+        k for k, (a, b) in enumerate(pairwise(visits))
+        if b.start > a.stop and np.diff(recording.time[a.stop - 1 : b.start + 1]).max() <= PAUSED * usual
+    ]  # fmt: skip
+    for reference in (down, _attitude):
+        at_rest = reference(recording)
+        if at_rest is None:
+            continue
+        moved = np.linalg.norm(at_rest[1:] - at_rest[:-1], axis=(1, 2))
+        order = sorted((k for k in logged if moved[k] > MIN_MOTION_RAD), key=lambda k: -moved[k])[:MAX_TURNS]
+        if len(order) < MIN_TURNS:
+            continue
+        level = np.array([y[d.rows].mean(0) for d in visits])
+        spans = [slice(visits[k].stop - 1, visits[k + 1].start + 1) for k in order]
+        averaged = [_means(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
+                    for k, s in zip(order, spans, strict=True)]  # fmt: skip
+        after = [k + 1 for k in order]
+        return MeasuredTurns([r for r, _ in averaged], [t for _, t in averaged], at_rest[order], at_rest[after])
+    return None
+
+
+def down(recording: Recording) -> Array | None:
+    """Return the direction of the force at each rest (m, 3, 1); counts are centred, where every axis went both ways."""
+    if set(recording.axes(FORCE)) != set(AXES):
+        return None
+    y = recording.triad(FORCE)
+    f = np.array([y[d.rows].mean(0) for d in dwells(recording)]).reshape(-1, 3)
+    if recording.counted(FORCE):
+        half = (f.max(0) - f.min(0)) / 2 if len(f) > 1 else np.zeros(3)
+        if half.max() == 0 or half.min() < MIN_SPREAD * half.max():
+            return None
+        f = (f - (f.max(0) + f.min(0)) / 2) / half
+    length = np.linalg.norm(f, axis=1, keepdims=True)
+    return None if not len(f) or np.any(length == 0) else (f / length)[..., None]
+
+
+def _attitude(recording: Recording) -> Array | None:
+    """Return C_bp (m, 3, 3) at each rest by the gimbals."""
+    if not gimbals_read(recording):
+        return None
+    angles = recording.angles()
+    return np.asarray(recording.platform.attitude(np.array([angles[d.start] for d in dwells(recording)])))
+
+
+def gimbals_read(recording: Recording) -> bool:
+    """Return whether gimbal readouts say how the unit stands."""
+    return bool(recording.platform.axes) and recording.has(ANGLE)
+
+
+def _means(time: Array, y: Array) -> tuple[Array, Array]:
+    """Return mean rate (n, 3) and step (n,) from row to row, or over several rows of a very long turn."""
+    dt, mean = np.diff(time), (y[1:] + y[:-1]) / 2
+    size = -(-len(dt) // MAX_STEPS)
+    if size > 1:
+        starts = np.arange(0, len(dt), size)
+        total = np.add.reduceat(dt, starts)
+        mean, dt = np.add.reduceat(mean * dt[:, None], starts) / total[:, None], total
+    return mean, dt
+
+
+def rotations(turns: MeasuredTurns, factor: Array) -> Array:
+    """Return C (m, 3, 3) of every turn for readings times `factor` (3,)."""
+    out = np.empty((len(turns.reading), 3, 3))
+    for i, (w, dt) in enumerate(zip(turns.reading, turns.step, strict=True)):
+        C = exponential(factor * w * dt[:, None])
+        while len(C) > 1:  # in pairs: later ones stand on the left
+            tail = C[-1:] if len(C) % 2 else C[:0]
+            C = np.concatenate([C[1::2] @ C[: len(C) - len(C) % 2 : 2], tail])
+        out[i] = C[0]
+    return out
+
+
+def agree(turns: MeasuredTurns, C: Array) -> int:
+    """Return the number of turns that end where the reference does."""
+    return int(np.count_nonzero(turns.deviation(C) < MAX_DEVIATION_RAD))
