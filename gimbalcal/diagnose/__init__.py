@@ -1,20 +1,19 @@
 """Say where a model and a recording differ, which physics was left out, and how sure that is.
 
-`entry.diagnose` checks the recordings, and `of_recording` says which views one has and diagnoses them in order:
+`entry.diagnose` checks the recordings, and `of_recording` says which views they have and diagnoses them in order.
+Nothing behind these two knows a recording:
 
-    known_noise      the noise is known: forces at known attitude, 18 positions or a static run
+    known_noise      the noise is stated: forces at known attitude, of one recording or of several of one unit
     view_diagnosis   the scale of the noise is not known: stars, units turned by hand, gyroscopes, tilting tables
-    joint_diagnosis  joins the diagnoses of the views of a recording
-    several          several recordings of one unit whose noise is known
+    joint_diagnosis  joins the diagnoses of the views into one
 
-They share six packages, each of which reads only those below it:
+They share five packages, each of which reads only those below it:
 
     laws        a formula for what no cause explains
     verdict     what is claimed: decision, alternatives, held-out check, where it is off, separating experiment
     search      which combination of causes: singles, pairs, thirds; constants refined; refit and search again
     evidence    how strongly: closed forms, integrated over the noise or its scale and memory
     library     every cause of the catalogue as columns, and shapes that are no cause
-    rows        views that need an estimate first: rates at rest and turns of a unit with accelerometers
 """
 
 import sys

@@ -42,7 +42,7 @@ from gimbalcal.diagnose.search.single_axis_random_walk import wandering
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement, against
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.detection_limits import detection_limits
-from gimbalcal.diagnose.verdict.findings import axes_of, entry
+from gimbalcal.diagnose.verdict.findings import axes_of, entry, shifts_of
 from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, LISTED, Scan, mismatches, scan
 from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, Part, agreement_on_size, common_sizes, parts
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
@@ -338,12 +338,8 @@ def _advice(c: Ranking, d: Decision, shares: Sequence[Part], slot: int, size: Ar
 def moved(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
     """Return how far each calibration constant moves once the findings are in the model."""
     before, after, sigma = calibration_fit(s, f)
-    out = []
-    for p, b, a, e in zip(s.fit.parameters, before, after, sigma, strict=True):
-        scale = float(from_si(p.sigma, p.unit))
-        in_sigmas = round(float((a - b) / e), 2) if e > 0 else 0.0
-        out.append(Shift(p.name, p.axis, float(a - b) * scale, float(e) * scale, p.unit, in_sigmas))
-    return tuple(sorted(out, key=lambda row: -abs(row.in_sigmas)))
+    scale = np.array([p.sigma for p in s.fit.parameters])
+    return shifts_of(s.fit.parameters, (after - before) * scale, sigma * scale)
 
 
 def _shape(c: Ranking, i: int) -> Shape:

@@ -8,16 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
-from gimbalcal.diagnose.result import Estimate, Finding
+from gimbalcal.diagnose.result import Estimate, Finding, Shift
 from gimbalcal.diagnose.search.ranking import is_usual
 from gimbalcal.diagnose.search.refit import constants_with_sigma
 from gimbalcal.diagnose.search.stepwise import Key, SearchResult, SelectedCause, likeliest, result_of, with_causes
 from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
-from gimbalcal.effects import CATALOGUE, values
+from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
 from gimbalcal.inference.algebra import basis
 from gimbalcal.inference.information import keeps_prior
+from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
@@ -156,6 +157,15 @@ def sizes(m: Fit) -> list[Estimate]:
         Estimate(p.name, p.axis, float(from_si(x, p.unit)), float(from_si(s, p.unit)), p.unit)
         for p, x, s in zip(m.parameters, values(m.effects, m.parameters), sigma, strict=True)
     ]
+
+
+def shifts_of(parameters: Sequence[Parameter], change: Array, sigma: Array) -> tuple[Shift, ...]:
+    """Return changes (p,) of constants with one sigma (p,), both in SI, as entries; the clearest first."""
+    out = []
+    for p, d, e in zip(parameters, change, sigma, strict=True):
+        in_sigmas = round(float(d / e), 2) if e > 0 else 0.0
+        out.append(Shift(p.name, p.axis, float(from_si(d, p.unit)), float(from_si(e, p.unit)), p.unit, in_sigmas))
+    return tuple(sorted(out, key=lambda row: -abs(row.in_sigmas)))
 
 
 def drifts_as_one(found: Sequence[Finding]) -> tuple[Finding, ...]:

@@ -8,7 +8,8 @@ import numpy as np
 
 from gimbalcal.diagnose.result import Delay, RmsMisfit, RowNoise, SearchStep, Shift, ViewFit
 from gimbalcal.diagnose.search.stepwise import SearchResult
-from gimbalcal.diagnose.verdict.findings import sizes
+from gimbalcal.diagnose.verdict.findings import shifts_of
+from gimbalcal.effects import values
 from gimbalcal.errors import InputError
 from gimbalcal.inference.algebra import basis
 from gimbalcal.number import Array
@@ -101,12 +102,10 @@ def held_out_misfit(m: Fit, sigma: Array) -> Array:
 
 def shifts(before: Fit, after: Fit) -> tuple[Shift, ...]:
     """Return the change of each constant of the baseline once the causes are in the model, the clearest first."""
-    new = {(r.name, r.axis): r for r in sizes(after)}
-    out = []
     visible = np.abs(before.jacobian).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
-    for r in (row for row, there in zip(sizes(before), visible, strict=True) if there):
-        n = new[r.name, r.axis]
-        shift = n.value - r.value
-        ratio = round(shift / n.sigma, 2) if n.sigma > 0 else 0.0
-        out.append(Shift(r.name, str(r.axis), shift, n.sigma, r.unit, ratio))
-    return tuple(sorted(out, key=lambda row: -abs(row.in_sigmas)))
+    old = values(before.effects, before.parameters)
+    new = {p.label: k for k, p in enumerate(after.parameters)}
+    shown = [(p, k, new[p.label]) for k, (p, seen) in enumerate(zip(before.parameters, visible, strict=True)) if seen]
+    at = [k for *_, k in shown]
+    change = values(after.effects, after.parameters)[at] - old[[k for _, k, _ in shown]]
+    return shifts_of([p for p, *_ in shown], change, np.sqrt(np.diag(after.covariance))[at])
