@@ -16,11 +16,12 @@ from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.result import StatedNoiseFit
 from gimbalcal.diagnose.search.fitted_causes import FittedCauses
 from gimbalcal.diagnose.search.ranking import Search
-from gimbalcal.inference.algebra import eigh
+from gimbalcal.inference.algebra import basis, eigh
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, absent_effect
 
 FOLDS = 12  # stretches of a static run
+SHOWN = 1e-6  # share of a direction that the rows outside a group show; less is fitted by the group itself
 
 
 @dataclass(frozen=True)
@@ -55,15 +56,15 @@ def verify(s: Search, f: FittedCauses, physical: Array) -> Verification:
     """Fit and prediction in the noise of the final model; `physical` (n, C, p) are its columns, row by row."""
     Z, X, y, fold, by = _whitened(s, f, physical)
     C = s.fit.residual.shape[1]
-    left, q = _residual(Z, y)
-    rest, qx = _residual(np.concatenate([Z, X], axis=1), y)
+    A = np.concatenate([Z, X], axis=1)
+    (left, q, out), (rest, qx, out_with) = ((*_residual(B, y), held_out(B, y, fold)) for B in (Z, A))
     series = rest.reshape(-1, C)
     same = fold.reshape(-1, C)[1:, 0] == fold.reshape(-1, C)[:-1, 0] if by != "time" else slice(None)
     pairs = (series[1:] * series[:-1])[same]
     lag = float(pairs.sum() / (series**2).sum()) if series.size else 0.0
     return Verification(
         float(left @ left) / max(1, len(y) - q), float(rest @ rest) / max(1, len(y) - qx),
-        _held_out(Z, y, fold), _held_out(np.concatenate([Z, X], axis=1), y, fold),
+        float(left @ out) / len(y), float(rest @ out_with) / len(y),
         by, lag, 1 / np.sqrt(max(1, pairs.size)),
     )  # fmt: skip
 
@@ -89,30 +90,30 @@ def _inside_dwell(s: Search, f: FittedCauses) -> bool:
     return any(s.library.candidates[m].once for m in f.members)
 
 
+def held_out(A: Array, y: Array, group: Array) -> Array:
+    r"""Return the misfit (R,) of each group of white rows y (R,) to a fit of columns A (R, p) without it.
+
+    With the misfit e of the fit to all rows and its leverage H, an orthonormal basis Q of A times its transpose,
+
+    .. math:: r_g = (1 - H_{gg})^{-1} e_g = e_g + Q_g (1 - Q_g^T Q_g)^{-1} Q_g^T e_g , \qquad
+        \chi^2_g = r_g^T (1 + A_g C_{-g} A_g^T)^{-1} r_g = e_g^T r_g .
+
+    Directions that the other rows do not show are fitted by the group itself.
+    """
+    Q = basis(A)
+    e = y - Q @ (Q.T @ y)
+    out = e.copy()
+    for k in np.unique(group):
+        rows = group == k
+        lam, V = eigh(np.eye(Q.shape[1]) - Q[rows].T @ Q[rows])
+        V = V[:, lam > SHOWN] / np.sqrt(lam[lam > SHOWN])
+        out[rows] += Q[rows] @ (V @ (V.T @ (Q[rows].T @ e[rows])))
+    return out
+
+
 def _residual(A: Array, y: Array) -> tuple[Array, int]:
-    U, S, _ = np.linalg.svd(A, full_matrices=False)
-    Q = U[:, S > 1e-9 * S[0]]
+    Q = basis(A)
     return y - Q @ (Q.T @ y), Q.shape[1]
-
-
-def _held_out(A: Array, y: Array, fold: Array) -> float:
-    """Normalised squared prediction error over all folds; directions that a training set does not see stay at zero."""
-    A = A / (np.sqrt((A**2).sum(axis=0)) + 1e-300)
-    total, count = 0.0, 0
-    G, b = A.T @ A, A.T @ y
-    for k in np.unique(fold):
-        out = fold == k
-        Ak, yk = A[out], y[out]
-        lam, V = eigh(G - Ak.T @ Ak)
-        keep = lam > 1e-7
-        W = V[:, keep] / np.sqrt(lam[keep])
-        x = W @ (W.T @ (b - Ak.T @ yk))
-        r, H = yk - Ak @ x, Ak @ W
-        small = np.eye(H.shape[1]) + H.T @ H  # Woodbury: (I + H H^T)^-1 = I - H (I + H^T H)^-1 H^T
-        h = H.T @ r
-        total += float(r @ r - h @ np.linalg.solve(small, h))
-        count += int(out.sum())
-    return total / max(1, count)
 
 
 def physical_columns(s: Search, f: FittedCauses) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from gimbalcal.diagnose.result import Delay, RmsMisfit, RowNoise, SearchStep, Shift, ViewFit
 from gimbalcal.diagnose.search.stepwise import SearchResult
 from gimbalcal.diagnose.verdict.findings import shifts_of
+from gimbalcal.diagnose.verdict.verify import held_out
 from gimbalcal.effects import values
 from gimbalcal.errors import InputError
 from gimbalcal.inference.algebra import basis
@@ -90,14 +91,8 @@ def _held_out(m: Fit, sigma: Array) -> tuple[float, float]:
 def held_out_misfit(m: Fit, sigma: Array) -> Array:
     """Return the misfit (n, C), in sigma, of each group of rows to a fit without it."""
     n, C = m.residual.shape
-    Q = _basis(m, sigma).reshape(n, C, -1)
-    r = m.residual / sigma
-    left = []
-    for rows in np.split(np.arange(n), np.flatnonzero(np.diff(m.view.groups)) + 1):
-        e = r[rows].ravel()
-        q = Q[rows].reshape(len(e), Q.shape[-1])
-        left.append(np.linalg.lstsq(np.eye(len(e)) - q @ q.T, e, rcond=1e-6)[0])
-    return np.concatenate(left).reshape(n, C)
+    A = (m.jacobian / sigma[..., None]).reshape(n * C, -1)
+    return held_out(A, (m.residual / sigma).ravel(), np.repeat(m.view.groups, C)).reshape(n, C)
 
 
 def shifts(before: Fit, after: Fit) -> tuple[Shift, ...]:
