@@ -8,7 +8,7 @@ noises, while a search asks for the few products of each cause with itself: the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,8 +24,9 @@ def size(P: int) -> int:
 class Gram:
     """A symmetric matrix (P, P): the lower triangle row by row, less `taken` times its transpose."""
 
-    triangle: Array  # (P (P + 1) / 2,), or more where there is room for further columns
+    triangle: Array  # (P (P + 1) / 2,), or more where there is room for further columns; (C, ...) if weights (C,)
     taken: Array  # (P, a)
+    weights: Array | None = None  # of the triangles of several channels, where the matrix is their weighted sum
 
     @classmethod
     def of(cls, G: Array, room: Array | None = None) -> Gram:
@@ -43,7 +44,8 @@ class Gram:
     def products(self, i: Array, j: Array) -> Array:
         """Products (..., v, w) of columns i (..., v) with columns j (..., w)."""
         upper, lower = np.maximum(i[..., :, None], j[..., None, :]), np.minimum(i[..., :, None], j[..., None, :])
-        found = self.triangle[upper * (upper + 1) // 2 + lower]
+        at = upper * (upper + 1) // 2 + lower
+        found = self.triangle[at] if self.weights is None else np.tensordot(self.weights, self.triangle[:, at], 1)
         if not self.taken.shape[1]:
             return found
         return np.asarray(found - self.taken[i] @ np.swapaxes(self.taken[j], -1, -2))
@@ -68,4 +70,4 @@ class Gram:
 
     def without(self, U: Array) -> Gram:
         """Less U (P, a) times its transpose."""
-        return Gram(self.triangle, np.concatenate([self.taken, U], axis=1))
+        return replace(self, taken=np.concatenate([self.taken, U], axis=1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import iadd
 
@@ -29,10 +29,18 @@ class Node:
     inverse_root: Array | Chain | Whitening  # (R,) of a diagonal; from row to row of each channel; of all together
     fresh: float = 1.0  # share of the variance of a row that the rows before do not hold
     single_walk: str = ""  # axis of the sensor that walks alone, where one does
+    scales: tuple[float, ...] = ()  # of the channels against those of the rows, geometric mean one; () where one is all
+
+    def of_scales(self, log_scales: Array, log_share: float) -> Node:
+        """Return the noise with these ln scales (C,) of its channels, of mean zero, and this share of its prior."""
+        scales = tuple(np.exp(log_scales).tolist())
+        return replace(self, prior=self.prior * float(np.exp(log_share)), scales=scales)
 
     def whiten(self, rows: Array) -> Array:
         """Reduced rows (R, p) to unit covariance; those beyond the coloured ones have it already."""
         root = self.inverse_root
+        if self.scales:
+            rows = rows / np.resize(self.scales, len(rows))[:, None]
         if isinstance(root, Chain):
             return root.whiten(rows.reshape(len(root.Q), -1)).reshape(rows.shape)
         if isinstance(root, Whitening):
@@ -43,10 +51,16 @@ class Node:
     def products(self, rows: Array, these: Array | slice = slice(None)) -> Array:
         """`these` of W (R, p), whitened rows that are never all there where they are many, with all: (these, p)."""
         root = self.inverse_root
-        if isinstance(root, Whitening) and root.rows == len(rows):
+        if isinstance(root, Whitening) and root.rows == len(rows) and not self.scales:
             return np.asarray(reduce(iadd, (W[:, these].T @ W for W in root.parts(rows))))
         W = self.whiten(rows)
         return np.asarray(W[:, these].T @ W)
+
+    def products_of_channels(self, rows: Array, C: int) -> Array:
+        """Return products (C, p, p) of whitened rows (n C, p) with each other, those of each channel by themselves."""
+        root = self.inverse_root
+        parts = root.parts(rows) if isinstance(root, Whitening) else iter((self.whiten(rows),))
+        return reduce(iadd, (np.stack([W[c::C].T @ W[c::C] for c in range(C)]) for W in parts))
 
     def colour(self, white: Array) -> Array:
         """Independent rows (R, p) of unit variance to coloured ones of a stated noise: what `whiten` undoes."""

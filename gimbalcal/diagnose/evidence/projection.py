@@ -16,9 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.channel_scales import ChannelProducts, Place, places
 from gimbalcal.diagnose.evidence.gram import Gram, size
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.scale import STATED, Free, Stated
+from gimbalcal.diagnose.evidence.scale import STATED, Channels, Free, Stated
 from gimbalcal.diagnose.library.candidates import Layout
 from gimbalcal.inference.algebra import eigh, logsumexp, orthonormal
 from gimbalcal.number import Array
@@ -60,6 +61,10 @@ class Projection:
     def log_likelihood(self) -> Array:
         """ln p(y | phi) of no effect, up to a constant, (m,)."""
         return np.asarray(self.scale.log_likelihood(self.misfit) - 0.5 * self.penalty)
+
+    def log_evidence(self) -> float:
+        """ln of prior probability x likelihood of the noise, where nothing is missing."""
+        return float(np.log(self.node.prior) + self.log_likelihood()[0])
 
     def explained(self, index: Sequence[int], beside: Sequence[int] = ()) -> float:
         """Misfit that these columns can take away, of whatever size, beyond what others take."""
@@ -112,15 +117,41 @@ def _cleared(Q: Array, X: Array) -> Array:
     return np.asarray(np.where(seen, left, 0.0))
 
 
-def projected(nodes: Sequence[Node], rows: ReducedRows, before: Sequence[Projection] = ()) -> tuple[Projection, ...]:
+def projected(
+    nodes: Sequence[Node], rows: ReducedRows, before: Sequence[Projection] = (), layout: Layout | None = None
+) -> tuple[Projection, ...]:
     """One projection per noise, their Gram matrices in one piece of memory: some hundred MB, with nothing between.
 
     before: those of the rows without their last columns, whose products are put behind theirs, if there is room.
+    Where channels may have scales of their own, several projections of each noise that states none: of those scales at
+    which the candidates of a layout, or no cause, may be likely.
     """
+    if rows.scale.channels is not None and not any(n.scales for n in nodes):
+        return _of_channel_scales(nodes, rows, rows.scale.channels, layout)
     if before and size(rows.P) <= len(before[0].G.triangle):
         return tuple(_grown(p, rows) for p in before)
     room = np.empty((len(nodes), size(rows.P + SPARE)))
     return tuple(project(node, rows, own) for node, own in zip(nodes, room, strict=True))
+
+
+def _of_channel_scales(
+    nodes: Sequence[Node], rows: ReducedRows, channels: Channels, layout: Layout | None
+) -> tuple[Projection, ...]:
+    """Return the projections of noises at the scales of channels that hold the evidence of any promising candidate."""
+    every = [ChannelProducts.of(node, rows.low, rows.q, rows.P, channels) for node in nodes]
+    made: dict[Place, Projection] = {}
+
+    def scored(asked: Sequence[Place]) -> Array:
+        for k, at in asked:
+            node, log_scales = every[k].noise(at)
+            G, b, misfit, penalty = every[k].projected(log_scales)
+            scale = rows.scale.with_memory(node.fresh).of_channels(node.scales)
+            made[k, at] = Projection(node, G, b, misfit, node.logdet + penalty, scale)
+        new = [made[place] for place in asked]
+        none = np.array([p.log_evidence() for p in new])[:, None]
+        return none if layout is None else np.concatenate([none, gather(new, layout) + none], axis=1)
+
+    return tuple(made[place] for place in places(every, scored))
 
 
 def project(node: Node, rows: ReducedRows, room: Array | None = None) -> Projection:
@@ -134,7 +165,9 @@ def project(node: Node, rows: ReducedRows, room: Array | None = None) -> Project
     np.subtract(A[q:, q:], B, out=B)
     logdet = 2 * float(np.log(np.diag(L)).sum())
     G, misfit = Gram.of(B[:P, :P], room), np.diag(B)[P:].copy()
-    return Projection(node, G, B[:P, P:].copy(), misfit, node.logdet + logdet, rows.scale.with_memory(node.fresh))
+    scale = rows.scale.with_memory(node.fresh)
+    scale = scale.of_channels(node.scales) if node.scales else scale
+    return Projection(node, G, B[:P, P:].copy(), misfit, node.logdet + logdet, scale)
 
 
 def _grown(p: Projection, rows: ReducedRows) -> Projection:

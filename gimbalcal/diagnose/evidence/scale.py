@@ -12,6 +12,7 @@ prior of a size is that at which sigma puts it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -35,15 +36,48 @@ LEAST = 0.003  # of the rms misfit: a cause may take away all but 1 / 300 of it
 
 
 @dataclass(frozen=True)
+class Channels:
+    """Channels of rows that may have scales of their own.
+
+    scale: by which the rows of each have been divided, beyond a common unit; sample: rms of a row of each by the
+    scatter of its samples, in the unit of rows, empty where nothing tells it.
+    """
+
+    scale: tuple[float, ...]
+    sample: tuple[float, ...] = ()
+
+    def alike(self, scales: Sequence[float]) -> bool:
+        """Return whether rows of these scales (C,) scatter alike before they were divided."""
+        total = np.log(self.scale) + np.log(scales)
+        return bool(np.ptp(total) < 1e-9)
+
+
+def log_density_of_scale(sigma: Array, sample: float, fresh: float = 1.0) -> Array:
+    """Return ln of the density of ln(sigma) by the samples, without its norm: see `Free`."""
+    above = np.log(sigma / sample)
+    return np.asarray(-np.maximum(above, 0.0) / WANDERS - np.maximum(-above - np.log(fresh), 0.0) / OVERRATED)
+
+
+def log_norm(fresh: float) -> float:
+    """Return ln of the integral of `log_density_of_scale`."""
+    return float(np.log(WANDERS + OVERRATED - np.log(fresh)))
+
+
+@dataclass(frozen=True)
 class Stated:
     """A noise whose scale is known: rows are in units of it."""
 
+    channels: ClassVar[None] = None
     sizes: ClassVar[Array] = SIZES
     any_size: ClassVar[Array] = ANY_SIZE
     looser: ClassVar[tuple[int, ...]] = (0,)
 
     def with_memory(self, _: float) -> Stated:
         """Return the scale in a noise of memory: what was stated is the scatter within a row."""
+        return self
+
+    def of_channels(self, _: Sequence[float]) -> Stated:
+        """Return the scale itself, which holds for all channels."""
         return self
 
     def sigma(self, misfit: Array) -> Array:
@@ -80,8 +114,9 @@ class Free:
     """
 
     dof: int
-    sample: float = 0.0
+    sample: float | tuple[float, ...] = 0.0  # of each channel, where they have scales of their own
     fresh: float = 1.0
+    channels: Channels | None = None  # that may have scales of their own
     sizes: ClassVar[Array] = RATIOS
     any_size: ClassVar[Array] = ANY_RATIO
     looser: ClassVar[tuple[int, ...]] = (0, LOOSER)
@@ -89,6 +124,12 @@ class Free:
     def with_memory(self, fresh: float) -> Free:
         """Return the scale in a noise in which this share of a row's variance is new."""
         return replace(self, fresh=float(np.sqrt(fresh)))
+
+    def of_channels(self, scales: Sequence[float]) -> Free:
+        """Return the scale where each channel has another multiple (C,) of it."""
+        if self.channels is None or not self.channels.sample or self.channels.alike(scales):
+            return self
+        return replace(self, sample=tuple(a / k for a, k in zip(self.channels.sample, scales, strict=True)))
 
     def sigma(self, misfit: Array) -> Array:
         """The likeliest scale where this misfit (...) is left."""
@@ -99,10 +140,11 @@ class Free:
         """ln L of what is left (...), up to a constant."""
         sigma = self.sigma(misfit)
         out = -self.dof * np.log(sigma)
-        if self.sample > 0:
-            above = np.log(sigma / self.sample)
-            out = out - np.maximum(above, 0.0) / WANDERS - np.maximum(-above - np.log(self.fresh), 0.0) / OVERRATED
-        return np.asarray(out)
+        samples = self.sample if isinstance(self.sample, tuple) else (self.sample,)
+        for sample in samples:
+            if sample > 0:
+                out = out + log_density_of_scale(sigma, sample, self.fresh)
+        return np.asarray(out - (len(samples) - 1) * log_norm(self.fresh))
 
     def gained(self, misfit: Array, gain: Array) -> Array:
         """ln L that taking `gain` (...) away from a misfit adds."""

@@ -334,8 +334,8 @@ def given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, flo
 
     Where it has to be so many sizes `looser`, the ln BF is of that size alone.
     """
-    weight = np.log([v.weight / c.tried for v in c.variants])
-    each = np.stack([each_size(p, np.array(v.index)) for v in c.variants]) + weight[:, None]
+    weight = np.log(np.array([v.weight for v in c.variants]) / c.tried)
+    each = each_size(p, np.array([v.index for v in c.variants])) + weight[:, None]
     best = int(np.argmax(logsumexp(each, axis=1)))
     size = min(int(np.argmax(each[best])) + looser, len(p.scale.sizes) - 1)
     ln = float(each[best, size] if looser else logsumexp(each))
