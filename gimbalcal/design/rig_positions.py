@@ -30,6 +30,7 @@ from gimbalcal.units import to_si
 from gimbalcal.views.local import VisitRows
 
 MAX_CANDIDATES = 200_000  # rows of some 18 parameters: 100 MB of work space
+SAME = 1e-9  # of the largest information: separates rounding from a real difference of attitude
 
 
 @dataclass(frozen=True)
@@ -119,9 +120,14 @@ def distinct(settings: Array, rig: PositioningRig, wanted: Sequence[Parameter]) 
     rows = whitened_rows(settings, rig, wanted)
     F = np.einsum("cip,ciq->cpq", rows, rows).reshape(len(rows), -1)
     size = np.abs(F).max() or 1.0
-    # 1e-9 of the largest separates rounding from a real difference of attitude
-    _, first = np.unique(np.round(F / size, 9) + 0.0, axis=0, return_index=True)
-    keep = np.sort(first)
+    # Along one drawn direction, equal information differs by rounding alone. Values rounded to a grid would not do: two
+    # that are equal may lie on both sides of its edge, on one processor and not on another.
+    z = F @ np.random.default_rng(0).standard_normal(F.shape[1]) / size
+    order = np.argsort(z)
+    group = np.cumsum(np.diff(z[order], prepend=z[order[0]]) > SAME)
+    keep = np.full(group[-1] + 1, len(z))
+    np.minimum.at(keep, group, order)
+    keep.sort()
     return settings[keep], rows[keep]
 
 

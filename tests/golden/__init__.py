@@ -35,6 +35,7 @@ ROOT = FOLDER.parents[1]
 ROUNDING = 0.01  # relative difference of two numbers that are printed alike up to rounding
 COUNTED = 100  # integers below it are counts or labels and must be equal
 WAITING = re.compile(r"\d+ s so far$")  # what long work says, on a slow machine more often
+LONG = 5  # digits of a whole number that is computed, such as a large chi^2, and counts no rows of a test
 NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 BLOCKS = re.compile(r"address|caption|d[dlt]|details|div|fig\w+|footer|form|h\d|header|li|main|nav|ol|p|pre|section|"
                     r"summary|t(?:able|body|head|r)|title|ul")  # fmt: skip
@@ -180,7 +181,8 @@ def alike(kept: list[str], now: list[str]) -> bool:
 
 
 def _decimal(kept: str, now: str) -> bool:
-    return kept == now or ("." in kept and "." in now and _number(kept, now))
+    computed = ("." in kept and "." in now) or min(len(kept), len(now)) >= LONG
+    return kept == now or (computed and _number(kept, now))
 
 
 def page_text(page: str) -> str:
