@@ -35,7 +35,7 @@ from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
 from gimbalcal.schedule.commands import standing
 from gimbalcal.views.core import without_sizes
-from gimbalcal.views.segments import turned_in_place
+from gimbalcal.views.segments import segment, turned_in_place
 
 DAY = 24.0  # h that a still base is navigated
 EAST_NORTH_UP = standing(("east", "north", "up"))  # how a unit stands on it
@@ -104,7 +104,7 @@ def _settled(recording: Recording, made: Calibration, effect: str) -> Calibratio
     wanted = tuple(p for p in made.parameters if p.effect != effect)
     fitted, beyond = {p.effect for p in made.parameters}, {p.effect for p in wanted} - set(BASELINE["rotation"])
     fresh = [without_sizes(e) for e in made.effects if e.id in beyond]
-    return calibrated(iterate(recording, wanted, (*(e for e in made.effects if e.id not in fitted), *fresh)))
+    return calibrated(iterate(segment(recording), wanted, (*(e for e in made.effects if e.id not in fitted), *fresh)))
 
 
 def _as_found(e: Effect) -> ExtraEffect:

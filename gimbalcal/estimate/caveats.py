@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.excess_scatter import larger_noise_in_words, scatter_in_words
@@ -75,11 +74,9 @@ def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[s
     made = multiposition(recording, terms)
     times, excess = made.provenance.options.excess_over_noise, made.provenance.options.excess_scatter
     forces = scatter_in_words(recording.noise, excess, excess / times) if times and excess and times > 0 else ""
-    return list(filter(None, [forces, *(_reported(lambda: [_of_gyroscopes(recording, made)]) if both else [])]))
-
-
-def _of_gyroscopes(recording: Recording, made: Calibration) -> str:
-    return with_gyroscopes(recording, replace(made, outcome="")).outcome
+    alone = replace(made, outcome="")
+    gyroscopes = _reported(lambda: [with_gyroscopes(recording, alone).outcome]) if both else []
+    return list(filter(None, [forces, *gyroscopes]))
 
 
 def misheld_positions(recording: Recording) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.inter_triad import InterTriad, from_turns, triad_rotation
 from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS, gyroscopes_from_revolutions
+from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, completed, dwells
 from gimbalcal.recording.record import FORCE, RATE
@@ -90,14 +91,11 @@ def with_gyroscopes(
     g = None if more else _from_revolutions(recording, accelerometers, terms)
     g = gyroscopes_between_rests(recording, accelerometers, terms, more) if g is None else g
     g = replace(g, parameters=tuple(recording.grade.at_power_on(p) for p in g.parameters))  # no fit here has a prior
-    n = len(accelerometers.parameters)
-    covariance = np.zeros((n + len(g.parameters),) * 2)
-    covariance[:n, :n], covariance[n:, n:] = accelerometers.covariance, g.covariance
     return replace(
         accelerometers,
         effects=(*accelerometers.effects, *g.effects),
         parameters=(*accelerometers.parameters, *g.parameters),
-        covariance=covariance,
+        covariance=block_diagonal([accelerometers.covariance, g.covariance]),
         unobservable=(*accelerometers.unobservable, *g.unobservable),
         residual=replace(accelerometers.residual, rms={**accelerometers.residual.rms, **g.residual.rms}),
         provenance=accelerometers.provenance.with_options(gyro=g.provenance.options),
@@ -169,8 +167,7 @@ def in_frame_of(gyroscopes: Calibration, lie: InterTriad) -> Calibration:
 
     x = np.concatenate([gyroscopes.values, lie.angles])
     J = complex_step(referred, x)  # a change of variables from one frame to the other
-    covariance = np.zeros((n + 3, n + 3))
-    covariance[:n, :n], covariance[n:, n:] = gyroscopes.covariance, lie.covariance
+    covariance = block_diagonal([gyroscopes.covariance, lie.covariance])
     angles, sigmas = (
         tuple(float(from_si(a, "arcsec")) for a in rad) for rad in (lie.angles, np.sqrt(np.diag(lie.covariance)))
     )

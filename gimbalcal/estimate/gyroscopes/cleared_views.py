@@ -62,7 +62,7 @@ def view_at_rest(
     if noise.sigma is None or np.any(noise.sigma <= MIN_RATE_SIGMA):  # one row per dwell says nothing of its scatter
         noise = replace(noise, sigma=None, sample=None)
     return replace(
-        still, baseline=tuple(baseline) or still.baseline, noise=noise, readout=_readout(still, recording, scale),
+        still, baseline=tuple(baseline) or still.baseline, noise=noise, readout=_readout(still, scale),
         missed_by_turns=missed if moving else None,
     )  # fmt: skip
 
@@ -99,12 +99,12 @@ def view_of_turns(
     if len(turns.ends) < MIN_TURNS:
         return None
     view = gravity_after_turns(with_headings(turns, made.apply(recording)), made)
-    return replace(view.without_nuisances(_scatter(view)), readout=_readout(view, recording, scale))
+    return replace(view.without_nuisances(_scatter(view)), readout=_readout(view, scale))
 
 
-def _readout(view: View, recording: Recording, scale: float) -> Readout:
+def _readout(view: View, scale: float) -> Readout:
     """Return how the unit of a view is read, with gyroscopes of `scale` [rad/s] per count where they count."""
-    return replace(view.readout, gyroscopes=Counts((scale,) * 3) if recording.counted(RATE) else None)
+    return replace(view.readout, gyroscopes=Counts((scale,) * 3) if view.source.counted(RATE) else None)
 
 
 def _scatter(view: View) -> float:

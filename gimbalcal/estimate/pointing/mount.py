@@ -46,7 +46,7 @@ def pointing_calibration(
     runs = tuple(pointing(night) for own in each for night in own)
     before = [sum(len(n.time) for n in own[:k]) for own in each for k in range(len(own))]
     held, platform, axes = terms or USUAL_TERMS, recordings[0].platform, read_axes(recordings[0])
-    stated = _stated(recordings)
+    stated = _stated([r.noise.get("gimbal_angle") for r in recordings])
     also = extra_effects(more, recordings, held)
     sizes = tuple(p for e in also for p in wanted_parameters(platform, axes, _named(e)))
     wanted = wanted_parameters(platform, axes, held)
@@ -88,9 +88,8 @@ def _with_names(made: Calibration, several: Nights | None) -> Calibration:
     return replace(made, provenance=origin)
 
 
-def _stated(recordings: Sequence[Recording]) -> float | None:
+def _stated(told: Sequence[float | None]) -> float | None:
     """The stated noise of a star [rad] where every header tells it, rms over the runs; else None."""
-    told = [r.noise.get("gimbal_angle") for r in recordings]
     known = [s for s in told if s]
     return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(told) else None
 

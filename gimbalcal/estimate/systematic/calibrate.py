@@ -31,6 +31,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import View, without_sizes
 from gimbalcal.views.navigation import navigation
+from gimbalcal.views.segments import segment
 
 TABLE_CAVEAT = (
     "what the table read is no reference: gravity and the turn of the Earth alone tell the scale of the gyroscopes"
@@ -48,7 +49,8 @@ def systematic(
 
     Raises InputError where the recording cannot be navigated: see `iterate`.
     """
-    m = iterate(recording, states(asked, recording, more), tuple(a.absent((), dict(a.stated)) for a in more), tell)
+    wanted = states(asked, recording, more)
+    m = iterate(segment(recording), wanted, tuple(a.absent((), dict(a.stated)) for a in more), tell)
     calibration = calibrated(m)
     if m.converged and (calibration.unobservable or m.last.attitude[2, 2] > LARGE_HEADING_SIGMA_RAD**2):
         calibration = _with_linearisation_error(calibration, linearisation_covariance(m, calibration.covariance))
@@ -117,13 +119,14 @@ def navigation_view(
         return (*(e for e in held if e.id not in {m.id for m in more}), *more)
 
     def relinearise(effect: Effect, wanted: Sequence[Parameter]) -> View:
-        return replace(about(iterate(recording, (*usual, *wanted), known([effect]), tell)), calibrate=converged)
+        return replace(about(iterate(segments, (*usual, *wanted), known([effect]), tell)), calibrate=converged)
 
-    first = iterate(recording, usual, held, tell)
+    segments = segment(recording)
+    first = iterate(segments, usual, held, tell)
 
     def converged(effects: Sequence[Effect], fitted: Sequence[Parameter]) -> Calibration:
         more = tuple(p for p in fitted if p.label not in {u.label for u in usual})
         fresh = [without_sizes(e) for e in effects if e.id in {p.effect for p in more}]
-        return calibrated(iterate(recording, (*usual, *more), known(fresh), tell) if more else first)
+        return calibrated(iterate(segments, (*usual, *more), known(fresh), tell) if more else first)
 
     return replace(about(first), relinearise=relinearise, calibrate=converged)

@@ -16,8 +16,7 @@ from gimbalcal.estimate.systematic.innovation_tests import suspect_updates
 from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
 from gimbalcal.estimate.systematic.turn_consistency import gyro_scale_errors, refuse_carried
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording
-from gimbalcal.views.segments import Segments, segment
+from gimbalcal.views.segments import Segments
 
 MAX_PASSES = 12
 CONVERGED_SIGMAS = 0.03  # largest step of an estimate, in its sigmas, at which the passes end
@@ -56,14 +55,13 @@ class SystematicFit:
 
 
 def iterate(
-    recording: Recording, wanted: Sequence[Parameter], base_effects: tuple[Effect, ...] = (),
+    segments: Segments, wanted: Sequence[Parameter], base_effects: tuple[Effect, ...] = (),
     tell: Callable[[str], None] = lambda _: None,
 ) -> SystematicFit:  # fmt: skip
     """Run passes of filter and smoother until the estimates no longer move.
 
-    Raises InputError for a recording that cannot be navigated: see `segments`, `alignment` and `turn_consistency`.
+    Raises InputError for a unit that cannot be navigated: see `alignment` and `turn_consistency`.
     """
-    segments = segment(recording)
     u = invert_readings(segments, ())
     scale_errors = gyro_scale_errors(segments, u)
     initial = np.array([scale_errors["xyz".index(p.axis)] if p.effect == "gyro_scale_factor" else 0.0 for p in wanted])

@@ -30,6 +30,7 @@ from gimbalcal.method_table import Request
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.joining import refuse_twice
+from gimbalcal.views.segments import segment
 
 MAX_ROUNDS = 4  # of all recordings
 
@@ -55,7 +56,8 @@ def calibrate_jointly(
     for r in recordings:
         tell(r.title)
         base = tuple(a.absent((), dict(a.stated)) for a in more)
-        each.append(iterate(r, states(asked, r, more), base, tell))
+        wanted = states(asked, r, more)
+        each.append(iterate(segment(r), wanted, base, tell))
     wanted = _common([m.wanted for m in each])
     theta = solve(_joint(wanted, each, np.zeros(len(wanted)))).x
     for _ in range(MAX_ROUNDS):

@@ -18,6 +18,7 @@ from gimbalcal.estimate.systematic.filter_pass import attitude_covariance
 from gimbalcal.estimate.systematic.state_lists import FIFTY_ONE, states
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.rotation import frame_rotation, rotation_vector
+from gimbalcal.views.segments import segment
 from gimbalcal.words.calibration_sentences import calibration_in_words
 from tests.estimate.systematic.table import MOVES, START, turning_unit
 from tests.golden import golden_text, refused
@@ -57,7 +58,7 @@ def test_smoothed_attitudes_are_as_good_as_their_sigmas_say() -> None:
     z = []
     for seed in range(8):
         truth = 0.3 * SCALE * np.random.default_rng(100 + seed).standard_normal(len(THIRTY))
-        m = iterate.iterate(turning_unit((), THIRTY, truth, stop=20.0, seed=seed), THIRTY)
+        m = iterate.iterate(segment(turning_unit((), THIRTY, truth, stop=20.0, seed=seed)), THIRTY)
         P = m.last.factor @ m.last.factor.T
         covariance = attitude_covariance(m.segments, m.last, m.excluded, P)
         assert np.allclose(covariance[0], m.last.attitude, rtol=1e-6, atol=1e-6 * m.last.attitude.max())
