@@ -13,7 +13,13 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import refuse_other_gimbals
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.of_recording import Request, diagnose_jointly, diagnose_recording, has_unstated_noise, unfit
+from gimbalcal.diagnose.of_recording import (
+    DiagnosisRequest,
+    diagnose_jointly,
+    diagnose_recording,
+    has_unstated_noise,
+    unfit,
+)
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
@@ -58,7 +64,7 @@ def diagnose(
             refuse_other_gimbals(calibration.effects, r)
     made = {id(r): completed(r) for r in recordings}  # one that is given twice stays one
     recordings = [made[id(r)] for r in recordings]
-    asked = Request(tuple(recordings), calibration, tuple(baseline), seed, tell)
+    asked = DiagnosisRequest(tuple(recordings), calibration, tuple(baseline), seed, tell)
     date = when_recorded(recordings)
     provenance: dict[str, Any] = {"recorded": date} if date else {}
     if all(r.kind.sighting for r in recordings):
@@ -83,7 +89,7 @@ def _defined(found: Diagnosis) -> Diagnosis:
     return replace(found, calibration=made, provenance={**found.provenance, "effects": plain(compared)})
 
 
-def _questioned(found: Diagnosis, asked: Request, unit: Graded) -> Diagnosis:
+def _questioned(found: Diagnosis, asked: DiagnosisRequest, unit: Graded) -> Diagnosis:
     """The diagnosis; where its refit has constants that no unit has, it asks whether that is so."""
     if found.calibration is None:
         return found
@@ -110,7 +116,7 @@ def _again(recordings: Sequence[Recording]) -> Calibration:
     return three_stage(recordings) if gimbals else inertial_unit(recordings[0])
 
 
-def _judged(asked: Request) -> Diagnosis:
+def _judged(asked: DiagnosisRequest) -> Diagnosis:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
@@ -136,7 +142,7 @@ def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Se
     return replace(d, outcome=outcome, in_words=f"{words}. {outcome}.")
 
 
-def _of_all(asked: Request) -> Diagnosis:
+def _of_all(asked: DiagnosisRequest) -> Diagnosis:
     if all(r.kind.sighting for r in asked.recordings):
         return _nights(asked)
     if len(asked.recordings) == 1:
@@ -145,7 +151,7 @@ def _of_all(asked: Request) -> Diagnosis:
     return _sessions(asked) if by_hand else diagnose_jointly(asked)
 
 
-def _sessions(asked: Request) -> Diagnosis:
+def _sessions(asked: DiagnosisRequest) -> Diagnosis:
     """Sessions of one unit turned by hand: their rests together, and whether they share their constants at all."""
     made = _joined(asked)
     terms = by_triad(asked.baseline)[0] or ACCELEROMETER_TERMS
@@ -153,7 +159,7 @@ def _sessions(asked: Request) -> Diagnosis:
     return _held_together(made, "session", "agree on their constants", ask, asked.tell)
 
 
-def _joined(asked: Request) -> Diagnosis:
+def _joined(asked: DiagnosisRequest) -> Diagnosis:
     """Sessions or nights as one recording, and how far apart in time they were taken to be."""
     both = join(asked.recordings)
     made = diagnose_recording(asked.of(both))
@@ -163,7 +169,7 @@ def _joined(asked: Request) -> Diagnosis:
     return replace(made, in_words=f"{made.in_words} {apart[0].upper()}{apart[1:]}.")
 
 
-def _nights(asked: Request) -> Diagnosis:
+def _nights(asked: DiagnosisRequest) -> Diagnosis:
     """Pointing runs of one mount: all nights together, and whether they share their terms at all."""
     made = _joined(asked)
     if made.calibration is None or sum(len(nights(r)) for r in asked.recordings) == 1:

@@ -60,7 +60,7 @@ Parts = tuple[list[ViewDiagnosis], list[str]]
 
 
 @dataclass(frozen=True)
-class Request:
+class DiagnosisRequest:
     """What is to be diagnosed: recordings of one unit, values to start from, ids of effects that the model holds.
 
     seed: of the simulated clean recordings; tell: who is told of the progress.
@@ -77,7 +77,7 @@ class Request:
         """The first recording, or the only one."""
         return self.recordings[0]
 
-    def of(self, recording: Recording) -> Request:
+    def of(self, recording: Recording) -> DiagnosisRequest:
         """Return the same of one recording alone."""
         return replace(self, recordings=(recording,))
 
@@ -93,7 +93,7 @@ def has_gyroscopes(recording: Recording) -> bool:
     return bool(recording.platform.axes) and (logged or recording.kind.rotating)
 
 
-def diagnose_recording(asked: Request) -> Diagnosis:
+def diagnose_recording(asked: DiagnosisRequest) -> Diagnosis:
     """Diagnose every view of a recording, and return one diagnosis. Raises InputError where nothing is to compare."""
     recording, notes = asked.recording, list[str]()
     if recording.kind.stabilised:
@@ -112,7 +112,7 @@ def diagnose_recording(asked: Request) -> Diagnosis:
     return joint_diagnosis(parts, notes, asked.baseline, asked.seed)
 
 
-def known_view(asked: Request, baseline: Sequence[str]) -> View:
+def known_view(asked: DiagnosisRequest, baseline: Sequence[str]) -> View:
     """Return the view of forces at known attitude, whose scatter is seen about the values of a calibration."""
     recording = asked.recording
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
@@ -120,12 +120,12 @@ def known_view(asked: Request, baseline: Sequence[str]) -> View:
     return replace(v, misheld=partial(misheld_positions, recording)) if recording.kind.in_positions else v
 
 
-def _known(asked: Request, baseline: Sequence[str]) -> ViewDiagnosis:
+def _known(asked: DiagnosisRequest, baseline: Sequence[str]) -> ViewDiagnosis:
     """Diagnose the forces at known attitude of one recording."""
     return diagnose_known_noise([known_view(asked, baseline)], asked.calibration, asked.seed, asked.tell)
 
 
-def diagnose_jointly(asked: Request) -> Diagnosis:
+def diagnose_jointly(asked: DiagnosisRequest) -> Diagnosis:
     """Diagnose several recordings of one unit at known attitude jointly; InputError if they are not that."""
     check_one_unit(asked)
     alone = "its gyroscopes are not looked at together with other recordings; give it alone for them"
@@ -138,7 +138,7 @@ def diagnose_jointly(asked: Request) -> Diagnosis:
     return joint_diagnosis([made], [], [list(own) for own in ids], asked.seed)
 
 
-def check_one_unit(asked: Request) -> None:
+def check_one_unit(asked: DiagnosisRequest) -> None:
     """Raise InputError where recordings are not of one unit at known attitude, or where one is given twice."""
     recordings, first = asked.recordings, asked.recording
     for r in recordings:
@@ -170,7 +170,7 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if CATALOGUE[i].shows_in(r.kind))]))
 
 
-def of_single_view(asked: Request) -> Parts:
+def of_single_view(asked: DiagnosisRequest) -> Parts:
     """Diagnose a recording of one view; of stars without those that are outliers, with a note on each.
 
     One star that is nine sigma off makes half of the scatter of eighty, and hides what is as large as that scatter.
@@ -193,7 +193,7 @@ def of_single_view(asked: Request) -> Parts:
         asked = asked.of(replace(asked.recording, position=number).select(np.delete(np.arange(n), off)))
 
 
-def single_view(asked: Request) -> View:
+def single_view(asked: DiagnosisRequest) -> View:
     """Return the one view of a unit turned in its place, of a tilting table, or of a kind with one view."""
     recording, calibration, baseline = asked.recording, asked.calibration, asked.baseline
     if recording.kind.rotating:
@@ -207,7 +207,7 @@ def single_view(asked: Request) -> View:
     return recording.kind.view_of(recording, baseline or held)
 
 
-def of_triads(asked: Request) -> Parts:
+def of_triads(asked: DiagnosisRequest) -> Parts:
     """Diagnose the views of a unit turned by hand, one after the other, and note what was not analysed.
 
     The gyroscopes are compared with accelerometers that include what was found there: both triads are one model. A
@@ -241,7 +241,7 @@ def of_triads(asked: Request) -> Parts:
     return [*told, *late], notes
 
 
-def of_slews(asked: Request, made: Calibration, gyro: Sequence[Effect], means: bool = False) -> Parts:
+def of_slews(asked: DiagnosisRequest, made: Calibration, gyro: Sequence[Effect], means: bool = False) -> Parts:
     """Diagnose delays between channels in the slews, or note why there are none to compare; see `view_of_slews`."""
     v = view_of_slews(asked.recording, made, gyro, means)
     if isinstance(v, str):
@@ -255,7 +255,7 @@ def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
     return still.model.effects if still.findings and still.model is not None else ()
 
 
-def of_gimballed_unit(asked: Request, means: bool) -> Parts:
+def of_gimballed_unit(asked: DiagnosisRequest, means: bool) -> Parts:
     """Diagnose the forces at known attitude, then the gyroscopes at rest and between rests, then the slews.
 
     A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. means: whether rows are means.
@@ -280,7 +280,7 @@ def of_gimballed_unit(asked: Request, means: bool) -> Parts:
     return [*parts, *late], [*notes, *why_not]
 
 
-def _with_rests(asked: Request) -> Request:
+def _with_rests(asked: DiagnosisRequest) -> DiagnosisRequest:
     """Return dwells at known angles as positions, whatever turned between them."""
     recording = asked.recording
     if recording.kind.in_positions:
@@ -301,7 +301,7 @@ def _accelerometers(made: Calibration) -> Calibration:
     return replace(made, effects=kept, parameters=wanted, covariance=made.covariance[np.ix_(at, at)])
 
 
-def _gyroscopes(asked: Request, made: Calibration | None, gyro: Sequence[str], explained: bool) -> Parts:
+def _gyroscopes(asked: DiagnosisRequest, made: Calibration | None, gyro: Sequence[str], explained: bool) -> Parts:
     """Diagnose the views of the gyroscopes, and note in sentences what was not analysed."""
     recording = asked.recording
     rests = len(dwell_means(recording).time)
