@@ -19,7 +19,7 @@ from gimbalcal.checks.input_errors import CLOCK_UNITS, SENSOR, SI, Correction, i
 from gimbalcal.checks.sidereal import measured_latitude
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
-from gimbalcal.effects.sensor_grades import hurried
+from gimbalcal.effects.sensor_grades import drift_rate_factor
 from gimbalcal.errors import alternatives
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.recording import Recording
@@ -41,12 +41,12 @@ def with_question(
 
     known: effects that a diagnosis reports with size and evidence, which are no question.
     """
-    lasted = max(float(np.ptp(r.time)) for r in recordings)
+    duration_s = max(float(np.ptp(r.time)) for r in recordings)
     counted = c.readout.gyroscopes is not None  # where zero is and what a count is, and so of which grade, is open
 
     def limit(p: Parameter) -> float:
         open_size = p.effect in known or (counted and CATALOGUE[p.effect].stage in GYROSCOPE_STAGES)
-        return np.inf if open_size else largest_usual(unit, lasted, p)
+        return np.inf if open_size else largest_usual(unit, duration_s, p)
 
     beyond = beyond_grade(c, limit)
     if not beyond:
@@ -57,9 +57,9 @@ def with_question(
     return replace(c, outcome=outcome, provenance=c.provenance.with_options(question=question))
 
 
-def largest_usual(unit: Graded, lasted: float, p: Parameter) -> float:
+def largest_usual(unit: Graded, duration_s: float, p: Parameter) -> float:
     """Return the size [SI] beyond which a constant is hardly one of this unit, recorded for so many seconds."""
-    return hurried(CATALOGUE[p.effect], lasted) * unit.grade.most(p)
+    return drift_rate_factor(CATALOGUE[p.effect], duration_s) * unit.grade.most(p)
 
 
 def beyond_grade(c: Calibration, limit: Limit) -> tuple[int, ...]:

@@ -25,7 +25,7 @@ from gimbalcal.estimate.systematic.state_lists import LISTS, states
 from gimbalcal.inference.information import Information
 from gimbalcal.kinematics import required_latitude
 from gimbalcal.navigate.space_stable_navigator import ALONE
-from gimbalcal.navigate.stationary_base import static_plan, still_base, still_unit
+from gimbalcal.navigate.stationary_base import ideal_static_run, still_base, still_unit
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import ROTATIONS, Hold, RotationSchedule, Schedule
@@ -128,7 +128,7 @@ def _in_positions(s: Scenario, schedule: Schedule, site: Site) -> Information:
 
 
 def _at_rest(s: Scenario, seconds: float, site: Site, extra: Sequence[Parameter]) -> Information:
-    run = static_plan(seconds / 3600, float(site.latitude or 0.0), 1 / s.schedule.rate)
+    run = ideal_static_run(seconds / 3600, float(site.latitude or 0.0), 1 / s.schedule.rate)
     baseline = tuple(p for e in BASELINE["static-run"] for p in parameters(CATALOGUE[e], run.platform.axis_names))
     noise = {sensor: float(getattr(s.noise, sensor)) for sensor in STATIC_SENSORS}
     return information_at_rest(

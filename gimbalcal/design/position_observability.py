@@ -30,7 +30,7 @@ from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, Unobservable, information, solve
 from gimbalcal.kinematics import stimulus_from_angles
-from gimbalcal.navigate.stationary_base import static_plan
+from gimbalcal.navigate.stationary_base import ideal_static_run
 from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.schedule import Schedule
@@ -179,7 +179,7 @@ def observe_static(
     noise: one sigma of a sample in SI by sensor (accelerometer, gimbal_angle, attitude); a sensor that is not named is
     not used. sample_s [s] between samples.
     """
-    recording = static_plan(hours, latitude, sample_s)
+    recording = ideal_static_run(hours, latitude, sample_s)
     names = recording.platform.axis_names
     calibrated = tuple(q for e in _known(effects) for q in parameters(CATALOGUE[e], names))
     others = _parameters_of(candidates, effects, recording, "static-run")

@@ -110,13 +110,13 @@ class Grade:
         return replace(p, sigma=max(self.usual(p).sigma, least))
 
 
-def hurried(cls: type[Effect], lasted: float) -> float:
-    """Return the factor on a rate by the hour that an effect may have in a recording of so many seconds: one but for
-    drifts.
+def drift_rate_factor(cls: type[Effect], duration_s: float) -> float:
+    """Return by how much the usual and the largest rate per hour of an effect are multiplied in a recording.
 
-    A drift is as fast as the recording is short: what a unit does in its first minutes it does not do for an hour.
+    The factor is one, except for drifts in time in recordings of less than an hour: what a unit does in its first
+    minutes it does not do for an hour.
     """
-    return max(1.0, HOUR / max(lasted, 1.0)) if cls.role.time_drift else 1.0
+    return max(1.0, HOUR / max(duration_s, 1.0)) if cls.role.time_drift else 1.0
 
 
 def _grade(

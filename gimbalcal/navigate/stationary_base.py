@@ -17,7 +17,7 @@ STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, lea
 
 def still_base(hours: float, site: Site) -> Recording:
     """Return a perfect static run, a row every ten minutes."""
-    plan = static_plan(hours, float(site.latitude or 0.0), ROW, rows=round(3600 * hours / ROW) + 1)
+    plan = ideal_static_run(hours, float(site.latitude or 0.0), ROW, rows=round(3600 * hours / ROW) + 1)
     plan = Recording(STATIC_RUN, "still base", plan.platform, site, {}, plan.time, None, plan.channels)
     force = ideal_force(plan, plan.angles())
     felt = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
@@ -35,7 +35,7 @@ def still_unit(hours: float, site: Site, C_bn: Array) -> Recording:
     return Recording(ROTATION, "still base", BENCH, site, {}, time, None, channels)
 
 
-def static_plan(hours: float, latitude: float, sample_s: float, rows: int = STATIC_ROWS) -> Recording:
+def ideal_static_run(hours: float, latitude: float, sample_s: float, rows: int = STATIC_ROWS) -> Recording:
     """Return ideal gimbal readouts of a static run, thinned to `rows` that carry the weight of all samples."""
     platform, time = SPACE_STABLE_INERTIAL, np.linspace(0.0, hours * 3600, rows)
     readings = {"platform": EARTH_RATE * time, "middle": np.full_like(time, latitude)}

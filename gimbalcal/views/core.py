@@ -12,7 +12,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Readout
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants
-from gimbalcal.effects.sensor_grades import Grade, hurried
+from gimbalcal.effects.sensor_grades import Grade, drift_rate_factor
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array
@@ -129,9 +129,9 @@ class View:
         names, cls, stated = self.stimulus.axis_names, known_effect(effect_id), self.noise.stated
         seen = (p for p in parameters(cls, names) if (stated or p.axis not in names or p.axis in self.read_gimbals)
                 and (p.effect, p.axis) not in self.gauge)  # fmt: skip
-        fast = 1.0 if stated else hurried(cls, float(np.ptp(self.stimulus.time)))
+        drift_factor = 1.0 if stated else drift_rate_factor(cls, float(np.ptp(self.stimulus.time)))
         usual = (self.grade.usual(p) for p in seen)
-        factors = ((p, self.prior_factor * (fast if p.unit.endswith("/h") else 1.0)) for p in usual)
+        factors = ((p, self.prior_factor * (drift_factor if p.unit.endswith("/h") else 1.0)) for p in usual)
         return tuple(replace(p, sigma=factor * p.sigma) for p, factor in factors)
 
     def noise_free(self, effects: Sequence[Effect]) -> Rows:
