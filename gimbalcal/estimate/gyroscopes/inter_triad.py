@@ -10,14 +10,26 @@ A whole revolution brings gravity back and says nothing here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
-from gimbalcal.errors import InputError
+from gimbalcal.calibration import Calibration
+from gimbalcal.effects import CATALOGUE, parameters, with_values
+from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
+from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.gyroscopes.revolutions import EFFECTS
+from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, complex_step
-from gimbalcal.rotation import frame_rotation
+from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.rotation import exponential, frame_rotation, mean_rates
+from gimbalcal.units import from_si
+from gimbalcal.views.turns import paused
+
+MIN_GRAVITY_CHANGE = 0.1  # of its direction: a turn that moves it less, a whole revolution, says nothing of the triads
 
 
 @dataclass(frozen=True)
@@ -60,3 +72,68 @@ def from_turns(before: Array, after: Array, turns: Array, sigma: float) -> Inter
         )
     rms = float(np.sqrt(2 * found.cost[0] / J.shape[0]))
     return InterTriad(found.x[0], sigma**2 * np.linalg.inv(J.T @ J), rms)
+
+
+def rotation_between_triads(gyroscopes: Calibration, recording: Recording, accelerometers: Calibration) -> InterTriad:
+    """Estimate C_p^q from the turns between dwells that change the direction of gravity in the unit.
+
+    The sigma follows from the residuals of the turns. Raises InputError where fewer than three turns do.
+    """
+    rate = gyroscopes.apply(recording).triad(RATE)
+    force = accelerometers.apply(recording).triad(FORCE)
+    rests = dwells(recording)
+    down = np.array([force[d.rows].mean(0) for d in rests])
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(rests)]
+    changes = np.linalg.norm(np.diff(down, axis=0), axis=1) > MIN_GRAVITY_CHANGE
+    used = [i for i, span in enumerate(spans) if changes[i] and not paused(recording, span)]
+    if len(used) < 3:
+        raise InputError(
+            f"gravity is moved by {amount(len(used), 'turn')}; three or more tell how the triads lie to each other"
+        )
+    turns = np.array([_turn(recording.time, rate, spans[i], rate[rests[i].rows].mean(0)) for i in used])
+    fit = from_turns(down[used], down[[i + 1 for i in used]], turns, sigma=1.0)  # scaled by its residuals below
+    # each turn has three residuals of rank two
+    sigma = fit.rms * np.sqrt(3 * len(used) / max(2 * len(used) - 3, 1))
+    return replace(fit, covariance=sigma**2 * fit.covariance)
+
+
+def _turn(time: Array, rate: Array, span: slice, earth: Array) -> Array:
+    """Return R^q (3, 3) of one turn relative to the Earth, whose rate (3,) [rad/s] is known before it."""
+    t, C = time[span], np.eye(3)
+    mean, bend, coning = mean_rates(t, rate[span])
+    for dt, w in zip(np.diff(t), mean + bend + coning, strict=True):
+        C = exponential((w - C @ earth) * dt) @ C
+    return C
+
+
+def in_accelerometer_frame(gyroscopes: Calibration, lie: InterTriad) -> Calibration:
+    r"""Return the gyroscopes referred to the accelerometers' frame, with six misalignments instead of three.
+
+    .. math:: y = M \omega^q + \dots = (M C_p^q) \, \omega^p + \dots , \quad M \text{ physics to reading}
+    """
+    order = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
+    labels = [p.label for p in gyroscopes.parameters]
+    linear = [[p.label for p in parameters(CATALOGUE[i])] for i in ("gyro_scale_factor", "gyro_misalignment")]
+    n = len(labels)
+
+    def referred(x: Array) -> Array:
+        own = dict(zip(labels, x[:n], strict=True))
+        s, beta = (np.array([own.get(label, 0.0) for label in of]) for of in linear)
+        new = np.concatenate(of_rate_matrix(rate_matrix(s, beta) @ triad_rotation(x[n:])))
+        own |= dict(zip([*linear[0], *linear[1]], new, strict=True))
+        return np.array([own[p.label] for p in order])
+
+    x = np.concatenate([gyroscopes.values, lie.angles])
+    J = complex_step(referred, x)  # a change of variables from one frame to the other
+    covariance = block_diagonal([gyroscopes.covariance, lie.covariance])
+    angles, sigmas = (
+        tuple(float(from_si(a, "arcsec")) for a in rad) for rad in (lie.angles, np.sqrt(np.diag(lie.covariance)))
+    )
+    origin = gyroscopes.provenance.with_options(
+        frame="accelerometers", inter_triad_arcsec=angles, inter_triad_sigma_arcsec=sigmas
+    )
+    return replace(
+        gyroscopes, effects=with_values((), order, referred(x)), parameters=tuple(order),
+        covariance=J @ covariance @ J.T, unobservable=(), provenance=origin,
+    )  # fmt: skip
