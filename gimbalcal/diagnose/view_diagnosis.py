@@ -173,12 +173,12 @@ def _walk_of_sensor(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFi
     """Return the sensor that walks alone in the noises of a view, and the size of its walk."""
     unit, bare = rms_misfit(first), np.zeros((first.residual.size, 0))
     each = [p for p in projections_of(first, bare) if p.node.single_walk]
-    ln = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in each])
+    ln = np.array([p.log_evidence() for p in each])
     sigma = unit * np.array([float(p.scale.sigma(p.misfit[0])) for p in each])
     nodes = [p.node for p in each]
-    return likeliest_walk(
-        nodes, np.exp(ln - ln.max()), dict.fromkeys("xyz", sigma), first.view.channels[0][0], ln_odds, ln_total
-    )
+    own = np.array([n.scales or (1.0,) for n in nodes]) * (first.view.noise.scales or (1.0,))
+    of_axis = {axis: sigma * own[:, k % own.shape[1]] for k, axis in enumerate("xyz")}
+    return likeliest_walk(nodes, np.exp(ln - ln.max()), of_axis, first.view.channels[0][0], ln_odds, ln_total)
 
 
 def curves_of(c: SearchResult, sigma: Array) -> Curves:

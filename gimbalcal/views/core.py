@@ -18,7 +18,7 @@ from gimbalcal.forward import Rows
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.kinds import Kind
-from gimbalcal.recording.record import Key
+from gimbalcal.recording.record import FORCE, RATE, Key
 from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
@@ -120,6 +120,21 @@ class View:
         """Weights (n, C) in units of which all rows are equally sure; the surest have one."""
         return self.noise.weight((len(self), len(self.channels)))
 
+    @property
+    def sensors_may_walk(self) -> bool:
+        """Return whether a single sensor may be asked for a random walk.
+
+        No row of a telescope is a sensor, and nobody knows how far one walked between sessions of an unknown time.
+        """
+        return self.session is None and self.noise.wander is not None and self.channels[0][0] in (FORCE, RATE)
+
+    def of_scales(self, scales: Sequence[float] | Array = ()) -> View:
+        """Return the view with these relative scales (C,) of its channels; without any, all scatter alike."""
+        if not len(scales):
+            return replace(self, noise=replace(self.noise, scales=())) if self.noise.scales else self
+        least = min(scales)
+        return replace(self, noise=replace(self.noise, scales=tuple(float(s / least) for s in scales)))
+
     def parameters_of(self, effect_id: str) -> tuple[Parameter, ...]:
         """Return the parameters of an effect with the priors of the grade.
 
@@ -214,6 +229,13 @@ class Fit:
     def rms(self) -> float:
         """Root mean square length of a row's residual."""
         return float(np.sqrt((self.residual**2).sum() / len(self.residual)))
+
+    @property
+    def scatter(self) -> float:
+        """Rms length of a row's residual, or geometric mean rms of the channels where these differ in scale."""
+        if not self.view.noise.scales:
+            return self.rms
+        return float(np.exp(0.5 * np.log((self.residual**2).mean(axis=0) + 1e-300).mean()))
 
     @property
     def exact(self) -> bool:

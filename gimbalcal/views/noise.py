@@ -24,7 +24,8 @@ class NoiseModel:
 
     Not stated: sigma (n, C) is what the samples say of one row against another, where they do; sample (n, C) what their
     scatter alone makes of a row, which bounds the scale; wander (n, C, m) how what m sensors wander from row to row
-    shows in the rows, of unit length; single_walks are sensors that may walk alone.
+    shows in the rows, of unit length; single_walks are sensors that may walk alone; scales are the sigmas of the
+    channels beyond these, the least being one, where channels scatter differently.
     """
 
     sigma: Array | None = None
@@ -34,6 +35,8 @@ class NoiseModel:
     stated: bool = False
     block: Array = field(default_factory=lambda: np.zeros(0, dtype=int))
     of_each_channel: bool = False  # whether each channel has a scale of its own where none is stated
+    scales: tuple[float, ...] = ()
+    one_scale: bool = False  # of all channels, as one of them shows no noise
     weights: Array | None = None
     kurtosis: float = 0.0
     setting: float = 0.0
@@ -61,7 +64,7 @@ class NoiseModel:
 
     def weighted(self, X: Array) -> Array:
         """Return rows (n, C, ...) such that white noise has the same variance in all of them: times `weight`."""
-        if self.weights is None and (self.stated or self.sigma is None):
+        if self.weights is None and (self.stated or self.sigma is None) and not self.scales:
             return X
         weight = self.weight((X.shape[0], X.shape[1]))
         return np.asarray(X * weight.reshape(*weight.shape, *([1] * (X.ndim - 2))))
@@ -70,7 +73,8 @@ class NoiseModel:
         """Return the weights (n, C) of `weighted` for rows of this shape; the surest has one if no noise is stated."""
         if self.stated:
             return np.ones(shape) if self.weights is None else np.sqrt(self.weights)
-        return np.ones(shape) if self.sigma is None else self.sigma.min() / self.sigma
+        weight = np.ones(shape) if self.sigma is None else self.sigma.min() / self.sigma
+        return weight / np.array(self.scales) if self.scales else weight
 
     def reduced(self, X: Array) -> Array:
         """Return columns (n, C, p) as rows (R, p): weighted block means times the root of their count, or transformed.

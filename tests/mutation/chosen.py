@@ -228,7 +228,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("views.known_attitude", "view_of_readings", "there.value + moved", "there.value - moved"),
     ),
     "diagnose/search/test_stepwise.py::test_the_first_step_takes_away_most": (
-        ("diagnose.search.stepwise", "ordered", "np.argmin([m.rms", "np.argmax([m.rms"),
+        ("diagnose.search.stepwise", "ordered", "np.argmin([m.scatter", "np.argmax([m.scatter"),
     ),
     (
         "diagnose/search/test_combine.py::test_what_happens_once_is_of_one_recording_and_a_shape_of_one_or_of_all_that_show_it"

@@ -158,8 +158,10 @@ class ChannelProducts:
 
     @cached_property
     def likeliest(self) -> tuple[Array, float] | None:
-        """The ln scales (C,) that the model leaves, and a step of the lattice; None where channels show no scale."""
+        """The ln scales (C,) that the model leaves, and a step of the lattice; None where channels have none."""
         log_scales = self.alike
+        if dict(self.node.name).get("memory", 0.0) > self.channels.max_memory:
+            return None
         for _ in range(ROUNDS):
             *_, misfit, dof = self.cleared(log_scales)
             if not distinguishable(misfit * np.exp(2 * log_scales), dof):

@@ -36,6 +36,10 @@ class Node:
         scales = tuple(np.exp(log_scales).tolist())
         return replace(self, prior=self.prior * float(np.exp(log_share)), scales=scales)
 
+    def rescaled(self, ratio: Array) -> Node:
+        """Return the noise for rows whose channels are divided by scales that are less by a ratio (C,)."""
+        return replace(self, scales=tuple((ratio * np.array(self.scales)).tolist())) if self.scales else self
+
     def whiten(self, rows: Array) -> Array:
         """Reduced rows (R, p) to unit covariance; those beyond the coloured ones have it already."""
         root = self.inverse_root

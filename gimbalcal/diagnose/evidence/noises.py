@@ -21,6 +21,7 @@ def _of_any_scale(v: View) -> tuple[Node, ...]:
     if "noises" not in v.cache:
         own = memories(len(v), len(v.channels), v.noise.wander)
         if v.noise.single_walks and v.noise.wander is not None:
-            own += single_walks(v.noise.wander, v.weight, v.stimulus.time, v.channels[0][0], v.noise.single_walks)
+            weight, walks = v.of_scales().weight, v.noise.single_walks
+            own += single_walks(v.noise.wander, weight, v.stimulus.time, v.channels[0][0], walks)
         v.cache["noises"] = own
     return v.cache["noises"]

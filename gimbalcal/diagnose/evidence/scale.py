@@ -40,11 +40,13 @@ class Channels:
     """Channels of rows that may have scales of their own.
 
     scale: by which the rows of each have been divided, beyond a common unit; sample: rms of a row of each by the
-    scatter of its samples, in the unit of rows, empty where nothing tells it.
+    scatter of its samples, in the unit of rows, empty where nothing tells it; max_memory: from row to row, of a noise
+    in which they may. A channel that scatters by itself next to a walk is one sensor that walks, where that is asked.
     """
 
     scale: tuple[float, ...]
     sample: tuple[float, ...] = ()
+    max_memory: float = 1.0
 
     def alike(self, scales: Sequence[float]) -> bool:
         """Return whether rows of these scales (C,) scatter alike before they were divided."""

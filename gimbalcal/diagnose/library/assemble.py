@@ -30,6 +30,7 @@ PEAKS = 3  # of a scan over whole numbers
 STILL = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
 SHAKEN = 5.0  # times the relative misfit: laws of second and third degree, sums of a few
 ABOUT = 9  # whole numbers about each of them
+SCALE_STEP = 0.5  # of ln of the scale of a channel, between those at which whole numbers are scanned
 MOST = 150  # choices of constants that are weighed beside each other; of more, those that explain most
 
 
@@ -194,8 +195,12 @@ def _scanned(
         return tried, len(every)
     if cls.id not in v.cache:  # the same for all models of a course, but for their few per mille
         made = (absent_effect(cls.id, v.stimulus, "", **{whole.name: m}) for m in every)
-        v.cache[cls.id] = np.stack([spanned(columns(m) * v.weight[..., None]) for m in made]).astype(np.float32)
-    best = every[peaks(powers(v.cache[cls.id], misfit * v.weight), PEAKS)]
+        v.cache[cls.id] = np.stack([columns(m) for m in made]).astype(np.float32)
+    rough = v.of_scales(np.exp(np.round(np.log(v.noise.scales) / SCALE_STEP) * SCALE_STEP) if v.noise.scales else ())
+    weight, at = rough.weight, (cls.id, rough.noise.scales)
+    if at not in v.cache:
+        v.cache[at] = np.stack([spanned(X * weight[..., None]) for X in v.cache[cls.id]]).astype(np.float32)
+    best = every[peaks(powers(v.cache[at], misfit * weight), PEAKS)]
     return [((whole.name, float(m)),) for m in between_scanned(best, float(every[1] - every[0]))], len(every)
 
 

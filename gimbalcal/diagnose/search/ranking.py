@@ -30,6 +30,7 @@ from gimbalcal.diagnose.evidence.scale import Free
 from gimbalcal.diagnose.evidence.stated_noise import coloured
 from gimbalcal.diagnose.library.candidates import Candidate, Layout, Library
 from gimbalcal.diagnose.search.refine import refine
+from gimbalcal.diagnose.search.refit import channels_of
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.inference.algebra import basis, logsumexp
 from gimbalcal.number import Array
@@ -38,6 +39,7 @@ from gimbalcal.views.core import Fit
 FIRST = 14  # of them
 KEEP, KEEP_FEW = 8, 2  # noises over which a second cause is judged, where something is found and where nothing is
 ABSENT = -1  # place of a candidate in the library of a view that does not see it
+CLOSE = 5.0  # nats behind the likeliest scales of channels, within which a second cause is judged at others
 VISIBLE = 0.05  # sigmas per prior sigma: less is not seen by this recording at any plausible size
 
 
@@ -186,21 +188,27 @@ def reduced(fit: Fit, X: Array, nodes: Sequence[Node], unit: float = 0.0) -> Red
     """Return the model, reduced columns X (R, P) and the data as rows, for these noises.
 
     Rows are in units of the stated noise; where none is stated in units of the rms misfit, or of `unit` [SI], and the
-    scale is bounded by the scatter of the samples.
+    scale is bounded by the scatter of the samples. Several channels may have scales of their own.
     """
     y, noise = fit.reduced(fit.residual[:, :, None]), fit.view.noise
     if noise.stated:
         return stack(fit.reduced(fit.Z), X, y, coloured(fit, nodes))
     unit = unit or rms_misfit(fit)
     Q = basis(fit.reduced(fit.jacobian))
-    sample = 0.0 if noise.sample is None else float(np.sqrt(np.mean(noise.weighted(noise.sample) ** 2))) / unit
-    return stack(Q, X / unit, y / unit, len(y), Free(len(y) - Q.shape[1], sample), unit)
+    sample = 0.0
+    if noise.sample is not None:
+        sample = float(np.sqrt(np.mean(fit.view.of_scales().noise.weighted(noise.sample) ** 2))) / unit
+        sample /= float(np.exp(np.mean(np.log(noise.scales or 1.0))))  # rows are divided by scales of the channels
+    scale = Free(len(y) - Q.shape[1], sample, channels=channels_of(fit, unit))
+    return stack(Q, X / unit, y / unit, len(y), scale, unit)
 
 
-def projections_of(fit: Fit, X: Array, memory: bool = True, unit: float = 0.0) -> tuple[Projection, ...]:
-    """Return reduced columns X (R, P) beyond a model, one projection for each of its noises."""
+def projections_of(
+    fit: Fit, X: Array, memory: bool = True, unit: float = 0.0, layout: Layout | None = None
+) -> tuple[Projection, ...]:
+    """Return reduced columns X (R, P), of candidates of a layout, beyond a model in each of its noises."""
     every = noises(fit, memory)
-    return projected(every, reduced(fit, X, every, unit))
+    return projected(every, reduced(fit, X, every, unit), layout=layout)
 
 
 def rms_misfit(fit: Fit) -> float:
@@ -215,7 +223,7 @@ def search(fit: Fit, library: Library, nodes: Sequence[Node]) -> Search:
     a fit with all constants follows each round.
     """
     rows = reduced(fit, library.X, nodes)
-    projections = projected(nodes, rows)
+    projections = projected(nodes, rows, layout=library.layout)
     if fit.view.noise.stated:
         library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
     factors = bayes_factors(projections, library.layout)
@@ -255,7 +263,7 @@ def _visible(library: Library, p: Projection) -> Library:
 
 def log_evidence(projections: Sequence[Projection]) -> Array:
     """Return ln of prior x likelihood (nodes,) of each noise where nothing is missing."""
-    return np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in projections])
+    return np.array([p.log_evidence() for p in projections])
 
 
 def bayes_factors(projections: Sequence[Projection], layout: Layout) -> Factors:
@@ -316,7 +324,7 @@ def beside(
 ) -> Array:  # fmt: skip
     """ln BF against nothing of `members` with each of `seconds` in turn, over the `keep` weightiest noises."""
     nominal = int(np.argmax([p.node.prior for p in projections]))
-    weighty = set(np.argsort(-joint[:, members[0]])[: keep - 1].tolist()) | {nominal}
+    weighty = weightiest(projections, joint[:, members[0]], keep - 1) | {nominal}
     found, gains = [], []
     for k, looser in itertools.product(sorted(weighty), projections[0].scale.looser):
         p, ln = projections[k], float(null[k])
@@ -327,6 +335,15 @@ def beside(
         gains.append(ln)
     rows = gather(found, library.layout)[:, seconds] + np.array(gains)[:, None]
     return np.asarray(logsumexp(rows, axis=0) - logsumexp(null))
+
+
+def weightiest(projections: Sequence[Projection], ln: Array, keep: int) -> set[int]:
+    """Return the ordinals of the `keep` noises of most weight, ln (nodes,); at other scales of channels those close."""
+    other = np.array([bool(p.node.scales) for p in projections])
+    best = np.argsort(-ln)
+    if not other.any():
+        return set(best[:keep].tolist())
+    return {int(k) for k in best[:keep] if ln[k] > ln[best[0]] - CLOSE}
 
 
 def given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, float]:
@@ -346,7 +363,9 @@ def likeliest_variants(s: Search, members: Sequence[int]) -> tuple[int, ...]:
     """The variants of the members that are likeliest in any one noise, chosen one after the other."""
     every = s.library.candidates
     best: tuple[float, tuple[int, ...]] = (-np.inf, ())
-    for p, null in zip(s.projections, s.null, strict=True):
+    weight = s.joint[:, members[0]] if len(members) else s.null
+    for k in sorted(weightiest(s.projections, weight, len(s.null))):
+        p, null = s.projections[k], s.null[k]
         chosen: list[int] = [0] * len(members)
         for _ in range(2):
             for j, m in enumerate(members):

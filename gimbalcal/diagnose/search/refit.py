@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.channel_scales import distinguishable, likeliest_scales
+from gimbalcal.diagnose.evidence.scale import Channels
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import Grid, constants
 from gimbalcal.effects.grids import kind, limits
@@ -18,29 +20,72 @@ from gimbalcal.views.core import Fit, View
 
 RANK = 1e-7  # relative singular value of a modelled column below which it is one of the others again
 SETTLED = 1e-7  # step in prior sigmas at which a fit has arrived
+ROUNDS = 3  # of fits in the scales that the one before leaves of each channel
+SCALES_AGREE = 0.03  # relative change of a scale at which these rounds end
+MAX_MEMORY_OF_SENSORS = 0.9  # of noise in which sensors have scales of their own; with more, one of them walks
 GAIN = 1e-6  # share of the misfit that a last step takes away: 1e-4 nats in a hundred rows
 
 
 def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
+    """Fit all wanted parameters, each channel weighted by its own scatter where the channels do not scatter alike."""
+    return _in_own_scales(v, lambda v, m: _minimum(v, effects if m is None else m.effects, wanted))
+
+
+def _in_own_scales(v: View, fitted: Callable[[View, Fit | None], Fit]) -> Fit:
+    """Return a model `fitted` to a view in one scale of all channels, or in their own where these are likelier.
+
+    It begins in the scales that the view has already, which spares a fit where the model leaves much the same.
+    """
+    m = fitted(v, None)
+    for _ in range(ROUNDS):
+        alike, scales = v.of_scales(), m.view.noise.scales
+        channels, weighted = channels_of(replace(m, view=alike), 1.0), alike.noise.weighted
+        if v.noise.stated or channels is None or m.exact:
+            break
+        own = likeliest_scales(weighted(m.residual), weighted(m.jacobian), channels.sample)
+        if own is None and not scales:
+            break
+        if own is not None and scales and np.ptp(np.log(own / np.array(scales))) < SCALES_AGREE:
+            break
+        m = fitted(v.of_scales(() if own is None else own), m)
+    return m
+
+
+def channels_of(m: Fit, unit: float) -> Channels | None:
+    """Return the channels of rows in a `unit` [SI] that may have scales of their own, None where they have one."""
+    noise, C = m.view.noise, len(m.view.channels)
+    if C == 1 or noise.one_scale or not noise.of_each_channel:
+        return None
+    sample: Array = np.zeros(0)
+    if noise.sample is not None and np.all(noise.sample.any(axis=0)):
+        sample = np.sqrt(np.mean(noise.weighted(noise.sample) ** 2, axis=0)) / unit
+    max_memory = MAX_MEMORY_OF_SENSORS if m.view.sensors_may_walk else 1.0
+    return Channels(noise.scales or (1.0,) * C, tuple(sample.tolist()), max_memory)
+
+
+def _minimum(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
     """Least squares on all wanted parameters, to the minimum; directions that the rows do not see stay where they are.
 
     Damped steps, so that no fit ends worse than it began. What the rows see is asked at the minimum, where the misfit
     is noise; where that is not what was fitted, the fit is done again in the directions that they see. It begins with
-    what they would see at the minimum of a linear model: along others a fit strays as far as the model bends.
+    what they would see at the minimum of a linear model: along others a fit strays as far as the model bends. What the
+    rows see is asked in one scale of all channels: a quiet one among them determines no absurd sizes of what it hardly
+    shows.
     """
-    scale = np.array([p.sigma for p in wanted])
+    scale, alike = np.array([p.sigma for p in wanted]), v.of_scales().noise.weighted
     x0, c, again = values(effects, wanted), np.zeros(0), False
     r, J = v.linearised(effects, wanted)
-    free, _ = _seen(_left(v.noise.weighted(r), v.noise.weighted(J) * scale), v.noise.weighted(J) * scale)
+    free = _seen(_left(alike(r), alike(J) * scale), alike(J) * scale)
     while True:
         made, c = _descended(v, effects, wanted, x0, free * scale[:, None], np.resize(c, free.shape[1]))
         r, J = v.linearised(made, wanted)
-        seen, variance = _seen(v.noise.weighted(r), v.noise.weighted(J) * scale)
+        seen = _seen(alike(r), alike(J) * scale)
         if seen.shape[1] == free.shape[1] or (again and seen.shape[1] > free.shape[1]):
             break
         free, c, again = seen, seen.T @ free @ c, True
     A = (v.noise.weighted(J) * scale).reshape(r.size, -1) @ seen
     unseen = np.eye(len(wanted)) - seen @ seen.T
+    variance = float((v.noise.weighted(r) ** 2).sum()) / max(r.size - seen.shape[1], 1)
     C = seen @ np.linalg.inv(A.T @ A) @ seen.T * variance + unseen
     return Fit(v, made, tuple(wanted), r, J, C * np.outer(scale, scale))
 
@@ -79,27 +124,33 @@ def _left(r: Array, J: Array) -> Array:
     return np.asarray(r - (U @ (U.T @ r.ravel())).reshape(r.shape))
 
 
-def _seen(r: Array, J: Array) -> tuple[Array, float]:
-    """Directions (p, q) in which a prior sigma moves the rows by more than 1 % of what is left, and its variance."""
+def _seen(r: Array, J: Array) -> Array:
+    """Directions (p, q) in which a prior sigma moves the rows by more than 1 % of what is left."""
     n, y = r.size, r.ravel()
     _, S, Vt = np.linalg.svd(J.reshape(n, -1), full_matrices=False)
     keep = S > 1e-9 * S.max(initial=0.0)
     keep &= S > 0.01 * np.sqrt(float(y @ y) / n)
-    variance = float(y @ y) / max(n - int(keep.sum()), 1)
-    return Vt[keep].T, variance
+    return np.asarray(Vt[keep].T)
 
 
 def start(v: View) -> Fit:
-    """Fit the baseline alone."""
+    """Fit the baseline alone; where it leaves nothing of a channel, this one shows no scale, and all have one."""
     wanted = tuple(p for i in v.baseline for p in v.parameters_of(i))
-    return refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
+    m = refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
+    if v.noise.stated or distinguishable((m.residual**2).sum(axis=0), np.full(len(v.channels), float(len(v)))):
+        return m
+    return replace(m, view=replace(m.view, noise=replace(m.view.noise, one_scale=True)))
 
 
 def with_columns(m: Fit, X: Array) -> Fit:
     """Return a model with further columns X (n, C, q) that belong to no effect, all of them fitted."""
     J = np.concatenate([m.jacobian, X], axis=-1)
-    x = np.linalg.lstsq(m.reduced(J), m.reduced(m.residual[..., None])[:, 0], rcond=1e-9)[0]
-    return replace(m, residual=m.residual - J @ x, jacobian=J)
+
+    def fitted(v: View, _: Fit | None) -> Fit:
+        x = np.linalg.lstsq(v.noise.reduced(J), v.noise.reduced(m.residual[..., None])[:, 0], rcond=1e-9)[0]
+        return replace(m, view=v, residual=m.residual - J @ x, jacobian=J)
+
+    return _in_own_scales(m.view, fitted)
 
 
 def fitted_columns(m: Fit, X: Array) -> tuple[Fit, Array, Array]:

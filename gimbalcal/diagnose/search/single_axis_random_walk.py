@@ -24,7 +24,6 @@ from gimbalcal.diagnose.search.stepwise import SearchResult, ln_odds, log_shares
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
-from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import View
 from gimbalcal.views.noise import SingleWalk
 
@@ -79,16 +78,18 @@ def wandering_in(c: SearchResult) -> tuple[View, float, float]:
     """A view with the lone walks among its noises that come within a factor 20 of what a course found, if any do.
 
     Of a course that found nothing, those that are 20 times likelier than all other noises. Beside it ln of the odds of
-    a walk alone to nothing, and of a walk to all that was found instead. Of a telescope no row is a sensor, and how far
-    a sensor walked between sessions of an unknown time nobody knows.
+    a walk alone to nothing, and of a walk to all that was found instead.
     """
     v = c.start.view
-    if v.session is not None or v.noise.wander is None or v.channels[0][0] not in (FORCE, RATE):
+    if not v.sensors_may_walk:
         return v, -np.inf, -np.inf
     with_walks = replace(c.start, view=with_single_walks(v, SINGLE_WALKS))
     every = projections_of(with_walks, np.zeros((c.start.residual.size, 0)))
-    ln = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in every])
-    alone = np.array([bool(p.node.single_walk) for p in every])
+    names = {n.name: k for k, n in enumerate(noises(with_walks))}  # at whatever scales of the channels
+    ln = np.full(len(names), -np.inf)
+    for p in every:
+        ln[names[p.node.name]] = np.logaddexp(ln[names[p.node.name]], p.log_evidence())
+    alone = np.array([bool(n.single_walk) for n in noises(with_walks)])
     total = float(logsumexp(ln[alone]) - logsumexp(ln[~alone]))
     found = found_in(c)
     odds = total - found

@@ -228,7 +228,8 @@ def evidence_for(without: Fit, selected: SelectedCause) -> float:
 def ln_bayes(without: Fit, X: Array, cause: Candidate) -> float:
     """Return the ln Bayes factor of reduced columns X (R, p) of a cause beyond a model, in correlated noise."""
     one = replace(cause, variants=(Variant((), tuple(range(X.shape[-1]))),), scanned=0)
-    return float(bayes_factors(projections_of(without, X), Library((one,), X).layout)[1][0])
+    layout = Library((one,), X).layout
+    return float(bayes_factors(projections_of(without, X, layout=layout), layout)[1][0])
 
 
 def result_of(
@@ -278,7 +279,7 @@ def ordered(first: Fit, selected: Sequence[SelectedCause]) -> tuple[Step, ...]:
     rest, steps = list(selected), list[Step]()
     while rest:
         models = [with_causes(first, [*(s.cause for s in steps), c]) for c in rest]
-        best = int(np.argmin([m.rms for m in models]))
+        best = int(np.argmin([m.scatter for m in models]))
         steps.append(Step(rest.pop(best), models[best]))
     return tuple(steps)
 

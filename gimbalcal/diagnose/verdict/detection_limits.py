@@ -32,7 +32,7 @@ def detection_limits(
     """
     shown: dict[tuple[str, ...], tuple[float, Candidate, Parameter]] = {}
     for candidates, projections in each:
-        p = max(projections, key=lambda q: np.log(q.node.prior) + q.log_likelihood()[0])
+        p = max(projections, key=Projection.log_evidence)
         shows = np.sqrt(np.maximum(p.G.diagonal, 0.0)) / float(p.scale.sigma(p.misfit[0]))
         for c in candidates:
             if c.rival or c.once or "," in c.axis:

@@ -71,14 +71,14 @@ def cancelling(c: SearchResult) -> list[SelectedCause]:
     What is a few arcsec of a law that has no name here is also the difference of a hundred of one pattern and of the
     next like it: terms of a series, not causes. Contributions count without what the baseline takes up of them.
     """
-    m, Q = c.end, basis(c.start.reduced(c.start.jacobian))
+    m, Q = c.end, basis(c.end.reduced(c.start.jacobian))
     x = values(m.effects, m.parameters)
     out = []
     for cause, variant in (this for this in c.causes if not is_usual(this[0], m.view.kind)):
         own = {(p.effect, p.field, p.axis) for p in cause.parameters}
         at = [i for i, p in enumerate(m.parameters) if (p.effect, p.field, p.axis) in own]
         added = m.reduced((m.jacobian[..., at] @ x[at])[..., None])[:, 0]
-        misfit = c.start.reduced(c.start.residual[..., None])
+        misfit = m.reduced(c.start.residual[..., None])
         if np.linalg.norm(added - Q @ (Q.T @ added)) > SERIES * np.linalg.norm(misfit):
             out.append((cause, variant))
     return out

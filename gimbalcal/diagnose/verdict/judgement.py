@@ -13,7 +13,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import LIKELY, SURE, TOGETHER, UNSURE
-from gimbalcal.diagnose.evidence.projection import Projection, at_best, log_bayes
+from gimbalcal.diagnose.evidence.projection import Projection, at_best, log_bayes, project
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Candidate
@@ -23,8 +23,10 @@ from gimbalcal.diagnose.search.ranking import (
     given,
     likeliest_variants,
     projections_of,
+    reduced,
     rms_misfit,
     search,
+    weightiest,
 )
 from gimbalcal.diagnose.search.refit import refit
 from gimbalcal.diagnose.search.stepwise import needed_evidence
@@ -139,7 +141,8 @@ def best_evidence(s: Ranking, others: Sequence[int] = ()) -> Array:
 def _evidence_of_any_size(s: Search, others: Sequence[int]) -> Array:
     """Return the same of one recording, noise integrated over."""
     rows = []
-    for p, ln in zip(s.projections, s.null, strict=True):
+    for k in sorted(weightiest(s.projections, np.maximum(s.joint.max(axis=1), s.null), len(s.null))):
+        p, ln = s.projections[k], s.null[k]
         here, gained = p, 0.0
         for i in others:
             here, more = given(here, s.library.candidates[i])
@@ -203,7 +206,9 @@ def judged_without(end: Fit, taken: Candidate) -> Judgement:
 def _significance(without: Fit, end: Fit, X: Array) -> float:
     """Return the significance of reduced columns X (R, p) that a model lacks, in the likeliest noise with them."""
     unit = rms_misfit(end)
-    left = projections_of(end, X[:, :0], unit=unit)
-    k = int(np.argmax([np.log(p.node.prior) + p.log_likelihood()[0] for p in left]))
-    taken = projections_of(without, X, unit=unit)[k].explained(range(X.shape[-1]))
-    return float(np.sqrt(taken) / left[k].scale.sigma(left[k].misfit[0]))
+    left = max(projections_of(end, X[:, :0], unit=unit), key=Projection.log_evidence)
+    rows = reduced(without, X, (left.node,), unit)
+    # without the cause the rows have been divided by other scales of the channels
+    other = np.array(end.view.noise.scales or 1.0) / np.array(without.view.noise.scales or 1.0)
+    taken = project(left.node.rescaled(other), rows).explained(range(X.shape[-1]))
+    return float(np.sqrt(taken) / left.scale.sigma(left.misfit[0]))

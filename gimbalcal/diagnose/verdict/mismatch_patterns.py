@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from gimbalcal.diagnose.evidence.projection import log_bayes
+from gimbalcal.diagnose.evidence.projection import Projection, log_bayes
 from gimbalcal.diagnose.library.assemble import free_rows, spans
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.shapes import shapes_of
@@ -33,18 +35,25 @@ def patterns(m: Fit) -> tuple[Mismatch, ...]:
     v, blocks = m.view, list[Array]()
     shapes = shapes_of(v, m.residual, spans(m.jacobian), blocks, free_rows(v, m.parameters))
     X = m.reduced(np.concatenate(blocks, axis=-1))
-    (white,) = projections_of(m, X, memory=False)
+    white = projections_of(m, X, memory=False)  # in one scale, and in scales of the channels where these may differ
     dof = m.residual.size - basis(m.reduced(m.jacobian)).shape[1]
     out = []
     for c in shapes:
         at = c.variants[0].index
-        y2, taken = float(white.misfit[0]), white.explained(at)
+        ln, k = max((_ln_of_any_size(p, at), k) for k, p in enumerate(white))  # the scales that belong to the shape
+        ln, likeliest = ln - white[k].log_evidence(), white[k]
+        y2, taken = float(likeliest.misfit[0]), likeliest.explained(at)
         free = max(dof - len(at), 1)
         F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
         p = min(1.0, float(fdtrc(len(at), free, F)) * len(shapes))
-        out.append((float(log_bayes(white, np.array(at), white.scale.any_size).max()), F, p, c))
+        out.append((ln, F, p, c))
     listed = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:LISTED]
     return tuple(_pattern(m, c, F, p) for _, F, p, c in listed)
+
+
+def _ln_of_any_size(p: Projection, index: Sequence[int]) -> float:
+    """Return ln of prior x likelihood of a noise where the columns are present, at their likeliest size."""
+    return p.log_evidence() + float(log_bayes(p, np.array(index), p.scale.any_size).max())
 
 
 def _pattern(m: Fit, c: Candidate, F: float, p: float) -> Mismatch:

@@ -18,6 +18,8 @@ from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
 from gimbalcal.views.slews import lateness
 
+SAME_WEIGHT = 1e-9  # of ln(sigma x weight), within which rows were fitted in these sigmas
+
 
 def row_sigma(end: Fit) -> Array:
     """Return one sigma (n, C) of each row: the scatter about the last model, spread as the noise of the samples."""
@@ -91,8 +93,11 @@ def _held_out(m: Fit, sigma: Array) -> tuple[float, float]:
 def held_out_misfit(m: Fit, sigma: Array) -> Array:
     """Return the misfit (n, C), in sigma, of each group of rows to a fit without it."""
     n, C = m.residual.shape
-    A = (m.jacobian / sigma[..., None]).reshape(n * C, -1)
-    return held_out(A, (m.residual / sigma).ravel(), np.repeat(m.view.groups, C)).reshape(n, C)
+    A, r = (m.jacobian / sigma[..., None]).reshape(n * C, -1), (m.residual / sigma).ravel()
+    if np.ptp(np.log(sigma * m.view.weight)) > SAME_WEIGHT:  # to the minimum in these sigmas
+        Q = _basis(m, sigma)
+        r = r - Q @ (Q.T @ r)
+    return held_out(A, r, np.repeat(m.view.groups, C)).reshape(n, C)
 
 
 def shifts(before: Fit, after: Fit) -> tuple[Shift, ...]:

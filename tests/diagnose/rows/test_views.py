@@ -159,6 +159,26 @@ def test_the_earth_s_vertical_rate_is_no_g_sensitivity_where_no_latitude_tells_i
     assert np.linalg.norm(remains) < 0.05 * np.linalg.norm(vertical * hour * UP)
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_gyroscope_that_scatters_hides_no_g_sensitivity_of_another_axis(seed: int) -> None:
+    """Noise of 30 deg/h in z is no misfit of a clean unit, and 5 deg/h/g of x shows beside it as beside 1 deg/h."""
+    hour = np.pi / 648000
+    noise = np.random.default_rng(seed).standard_normal((20, 3)) * [1.0, 1.0, 30.0]
+    answers = []
+    for size in (0.0, 5.0):
+        v = view_at_rest(unit(G * UP, hour * (noise + size * UP[:, :1] * [1.0, 0.0, 0.0])))
+        assert v is not None
+        answers.append(diagnosis_of(stepwise(v, silent), silent))
+    clean, sensitive = answers
+    assert clean.verdict == "adequate"
+    (f,) = sensitive.findings
+    assert (f.effect, f.axis) == ("gyro_g_sensitivity_rate", "x")
+    (xx,) = (p for p in f.parameters if p.axis == "xx")
+    assert xx.sigma is not None
+    assert xx.value == pytest.approx(5.0, abs=3 * xx.sigma)
+    assert 0.2 < xx.sigma < 0.8  # 1 deg/h over a component of twenty unit vectors, beside the vertical rate
+
+
 def test_a_lever_on_a_table_is_known_by_its_centrifugal_and_euler_forces() -> None:
     """The force of a unit off the axis, written as cross products, vanishes with the lever of the catalogue."""
     lever = np.array([0.03, -0.05, 0.02])
