@@ -470,7 +470,7 @@ class _Linear:
 
     @property
     def dependent(self) -> int:
-        """How many rows hold nothing that the others do not hold."""
+        """Return how many rows hold nothing that the others do not hold."""
         return sum(part[1].dependent for part in self.parts if part is not None)
 
     def local_at(self, x: Array) -> list[Array]:
