@@ -363,7 +363,7 @@ def likeliest_variants(s: Search, members: Sequence[int]) -> tuple[int, ...]:
     """The variants of the members that are likeliest in any one noise, chosen one after the other."""
     every = s.library.candidates
     best: tuple[float, tuple[int, ...]] = (-np.inf, ())
-    weight = s.joint[:, members[0]] if len(members) else s.null
+    weight = s.joint[:, members[0]] if len(members) and s.joint.size else s.null  # none was ranked
     for k in sorted(weightiest(s.projections, weight, len(s.null))):
         p, null = s.projections[k], s.null[k]
         chosen: list[int] = [0] * len(members)
