@@ -119,7 +119,7 @@ class Dropouts:
         for c in self.columns:
             if c.name in empty and c.quantity not in (*BOOKKEEPING, *SPARSE):
                 lacking |= empty[c.name]
-        by_column = self._find_spikes(batch, ~lacking)
+        by_column = self._find_spikes(batch, np.flatnonzero(~lacking) if lacking.any() else np.arange(n))
         start, self.rows = self.rows, self.rows + n
         spiked = np.logical_or.reduce([np.zeros(n, dtype=bool), *by_column.values()])
         if spiked.any() and self.header.kind.rotating:  # a navigator has to know every step
@@ -135,47 +135,53 @@ class Dropouts:
             self.empty_values[name] += int(each[lacking].sum())
         return {name: x[~lacking] for name, x in batch.items()}
 
-    def _find_spikes(self, batch: Batch, full: Mask) -> Masks:
-        """Return the rows by column in which a sensor has a spike, within one position."""
+    def _find_spikes(self, batch: Batch, rows: NDArray[np.int64]) -> Masks:
+        """Return the rows by column in which a sensor has a spike, within one position; `rows` of the batch are full.
+
+        Columns without a spike are not there.
+        """
         kind, position, clock = self.header.kind, self.header.column("position"), self.header.column("time")
+        n = len(next(iter(batch.values()), ()))
         if not self.checked:
             return {}
-        rows = np.flatnonzero(full)
-        same, at_rest = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
-        if position is not None and kind.in_positions and len(rows) > 2:  # a rest may be a row
-            p = batch[position.name][rows]
-            same[1:-1] = (p[1:-1] == p[:-2]) & (p[1:-1] == p[2:])
-            at_rest = p > 0
-        step = np.median(np.diff(batch[clock.name][rows])) if clock is not None and len(rows) > 1 else np.inf
-        slow = clock is None or float(to_si(float(step), clock.unit)) > MAX_STEP_FAST_S
-        spiked = Masks()
+        full = batch if len(rows) == n else {name: x[rows] for name, x in batch.items()}
+        longer = np.diff(full[clock.name]) > from_si(MAX_STEP_FAST_S, clock.unit) if clock is not None else np.ones(1)
+        slow = len(rows) < 2 or bool(np.count_nonzero(longer) > len(longer) / 2)
+        p = full[position.name] if position is not None and kind.in_positions else np.zeros(0)
+        candidates = Masks()
         for quantity, sensor in dict.fromkeys((c.quantity, c.sensor) for c in self.checked):
             triad = [c for c in self.checked if (c.quantity, c.sensor) == (quantity, sensor)]
             if quantity in SPIKES_OF_DWELLS and kind.in_positions:
-                spiked |= self._in_dwells(batch, triad, rows, at_rest)
+                candidates |= self._in_dwells(full, triad, p)
             else:
-                spiked |= spikes({c.name: batch[c.name][rows] for c in triad}, slow and kind.at_rest)
-        turn_in_a_row = slow & ~at_rest if kind.in_positions else np.zeros(len(rows), dtype=bool)
+                candidates |= spikes({c.name: full[c.name] for c in triad}, slow and kind.at_rest)
         out = Masks()
         for c in self.checked:
+            if not candidates[c.name].any():
+                continue
             limit = np.inf if is_raw(c.unit) else from_si(self.limits[c.quantity], c.unit)
-            own = spiked[c.name] & same & (np.abs(batch[c.name][rows]) < limit)
-            own &= ~turn_in_a_row if c.quantity == "angular_rate" else True
+            own = candidates[c.name] & (np.abs(full[c.name]) < limit)
+            if len(p) > 2:  # a rest may be a row
+                own[1:-1] &= (p[1:-1] == p[:-2]) & (p[1:-1] == p[2:])
+            if slow and kind.in_positions and c.quantity == "angular_rate":
+                own &= p > 0 if len(p) > 2 else False  # a turn may be over within a row
             self.spikes[c.name] += int(np.count_nonzero(own))
-            out[c.name] = np.zeros(len(full), dtype=bool)
+            out[c.name] = np.zeros(n, dtype=bool)
             out[c.name][rows[own]] = True
         return out
 
-    def _in_dwells(self, batch: Batch, gimbals: list[Column], rows: NDArray[np.int64], at_rest: Mask) -> Masks:
-        """Return the rows in which a gimbal that is held reads something else; on the way nothing is known."""
-        position = self.header.column("position")
-        if position is None or not at_rest.any():
-            return {c.name: np.zeros(len(rows), dtype=bool) for c in gimbals}
-        p = batch[position.name][rows]
+    def _in_dwells(self, full: Batch, gimbals: list[Column], p: Array) -> Masks:
+        """Return the rows in which a gimbal that is held in positions p (n,) reads something else.
+
+        On the way, where the position is 0, nothing is known.
+        """
+        at_rest = p > 0
+        if len(p) <= 2 or not at_rest.any():
+            return {c.name: np.zeros(len(full[c.name]), dtype=bool) for c in gimbals}
         starts = np.flatnonzero(np.diff(p, prepend=-1.0))
         out = Masks()
         for c in gimbals:
-            turn, x = float(from_si(2 * np.pi, c.unit)), batch[c.name][rows]
+            turn, x = float(from_si(2 * np.pi, c.unit)), full[c.name]
             level = np.repeat([np.median(part) for part in np.split(x, starts[1:])], np.diff(starts, append=len(p)))
             finite = at_rest & np.isfinite(x) & np.isfinite(level)  # an infinite reading is refused, and by name
             off = np.where(finite, x, 0.0) - np.where(finite, level, 0.0)

@@ -10,8 +10,9 @@ the cubic through the neighbours of both. Motion that a sampler can follow is sm
 rings: another channel of the triad is shaken by it without a spike of its own.
 
 Both distances follow from one fourth difference, :math:`|d_i| = |\delta^4 x_i| / 6` and
-:math:`|\delta^4 x_i + \delta^4 x_{i+1}| / 4`. Medians are taken only in stretches whose largest :math:`|d|` exceeds
-`MIN_RATIO` times the lower quartile of the recording, below which no stretch counts as quieter.
+:math:`|\delta^4 x_i + \delta^4 x_{i+1}| / 4`, and neither exceeds :math:`\tfrac32 \max |x_{i+1} - x_i|`. Where no first
+difference of a triad is large enough nothing else is formed; medians are taken only in stretches whose largest
+:math:`|d|` exceeds `MIN_RATIO` times the lower quartile of the recording, below which no stretch counts as quieter.
 """
 
 from __future__ import annotations
@@ -50,13 +51,15 @@ def spikes(channels: Mapping[str, Array], slow: bool = False, least: float = 0.0
     rows are so far apart that none shows how a knock rings. least: size of the smallest relevant spike of a channel
     that stands still.
     """
+    ratio = MIN_RATIO_SLOW if slow else MIN_RATIO
+    out = {name: np.zeros(len(x), dtype=bool) for name, x in channels.items()}
+    if not least and not any(_steps_far(x, ratio) for x in channels.values()):
+        return out
     channels = {name: np.clip(x, -LARGEST, LARGEST) for name, x in channels.items()}  # infinity is refused elsewhere
     fourth = {name: _fourth(x) for name, x in channels.items()}
-    out = {name: np.zeros(len(x), dtype=bool) for name, x in channels.items()}
     for width in range(1, MAX_WIDTH + 1):
         off = {name: _Departure(x, width, least / MIN_RATIO_SLOW) for name, x in fourth.items()}
-        candidates = {name: _spikes(x, off[name].beyond(MIN_RATIO_SLOW if slow else MIN_RATIO), width, off[name].d)
-                 for name, x in channels.items()}  # fmt: skip
+        candidates = {name: _spikes(x, off[name].beyond(ratio), width, off[name].d) for name, x in channels.items()}
         for name, rows in candidates.items():
             kept = rows
             if len(rows) and not slow:
@@ -93,6 +96,25 @@ def reliably_predicted(x: Array, rows: Rows) -> NDArray[np.bool_]:
         sure = _spread(x, begin, width) < MAX_RATIO_OTHERS * off.usual(begin)
         out[begin] = out[begin + width - 1] = sure
     return out[rows]
+
+
+def _steps_far(x: Array, ratio: float) -> bool:
+    """Return whether some first difference of x (n,) is so large that |d| may exceed `ratio` times its lower quartile.
+
+    The quartile, by `ENOUGH` rows, exceeds what more than three quarters of their |d| exceed.
+    """
+    if len(x) < 2 * ENOUGH:
+        return len(x) >= MIN_ROWS
+    every = len(x) // ENOUGH * STRETCH
+    with np.errstate(invalid="ignore"):
+        step = np.subtract(x[1:], x[:-1])
+        largest = max(float(step.max()), -float(step.min()))
+        fourth = np.diff(x[: len(x) // every * every].reshape(-1, every)[:, : STRETCH + 5], 4, axis=1)
+        for d in (np.abs(fourth[:, 1:]) / 6, np.abs(fourth[:, 1:] + fourth[:, :-1]) / 4):
+            moving = np.count_nonzero(d)
+            if not (largest == 0 or np.count_nonzero(d * ratio > 1.5 * largest) > 0.75 * moving >= 0.75 * ENOUGH / 2):
+                return True
+    return False
 
 
 class _Departure:

@@ -7,9 +7,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from itertools import chain, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
@@ -57,10 +58,9 @@ def batches(
         plain = [name for name in names if not (dated and clock and name == clock.name)]
         check_types(path, plain, present)
         columns = [_numbers(name, present[name], path) if name in plain else pl.col(name) for name in names]
-        frames = lazy.select(columns).collect_batches(chunk_size=ROWS, maintain_order=True)
-        following = _next(frames, path, rows)
-        while (frame := following) is not None:
-            following = _next(frames, path, rows + frame.height)
+        for frame, following in pairwise(chain(_frames(lazy.select(columns), path), [None])):
+            if frame is None:
+                break
             batch = _arrays(frame, end or not _blank(following))
             if dated and clock:
                 seconds = dates.seconds(frame[clock.name][: len(batch[names[0]])])
@@ -77,39 +77,45 @@ def batches(
         raise explained(path, plain, error) from None
 
 
-def _next(frames: Iterator[pl.DataFrame], path: Path, rows: int) -> pl.DataFrame | None:
-    """Return the next of the frames after these rows.
+def _frames(lazy: pl.LazyFrame, path: Path) -> Iterator[pl.DataFrame]:
+    """Yield frames of some `ROWS` rows of a file.
 
     What the engine prints of a panic of its own goes nowhere: the user has a sentence. An engine that panics at a
     damaged page ends the rows there and raises nothing; a file of Parquet says how many it has.
     """
     import polars as pl
 
-    with quiet() as messages:
-        frame = next(frames, None)
-        if frame is not None or path.suffix != ".parquet":
-            return frame
-        stated = pl.scan_parquet(path.absolute(), glob=False).select(pl.len()).collect().item()
-        if rows == stated:
-            return None
-        size = -1
-        while size != (size := os.fstat(messages).st_size):  # one thread reports after the other
-            time.sleep(SILENCE)
-    raise InputError(
-        f"{path} says that it has {amount(stated, 'row')} and {rows} can be read: it seems to be cut short or damaged; "
-        "copy it again"
-    )
+    rows, frames = 0, lazy.collect_batches(chunk_size=ROWS, maintain_order=True)
+    with tempfile.TemporaryFile() as messages:
+        while True:
+            with quiet(messages):
+                if (frame := next(frames, None)) is None:
+                    break
+            rows += frame.height
+            yield frame
+        if path.suffix != ".parquet":
+            return
+        with quiet(messages):
+            stated = pl.scan_parquet(path.absolute(), glob=False).select(pl.len()).collect().item()
+            size = -1
+            while rows != stated and size != (size := os.fstat(messages.fileno()).st_size):
+                time.sleep(SILENCE)  # one thread reports after the other
+    if rows != stated:
+        raise InputError(
+            f"{path} says that it has {amount(stated, 'row')} and {rows} can be read: it seems to be cut short or "
+            "damaged; copy it again"
+        )
 
 
 @contextmanager
-def quiet() -> Iterator[int]:
-    """Redirect what compiled code writes to stderr to an unnamed file, and yield its descriptor."""
+def quiet(messages: IO[bytes] | None = None) -> Iterator[None]:
+    """Redirect what compiled code writes to stderr to a file of messages, an unnamed one where none is given."""
     sys.stderr.flush()
     kept = os.dup(2)
-    with tempfile.TemporaryFile() as messages:
+    with nullcontext(messages) if messages else tempfile.TemporaryFile() as file:
         try:
-            os.dup2(messages.fileno(), 2)
-            yield messages.fileno()
+            os.dup2(file.fileno(), 2)
+            yield
         finally:
             os.dup2(kept, 2)
             os.close(kept)

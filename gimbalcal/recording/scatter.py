@@ -22,15 +22,16 @@ ENOUGH = 8192
 """Rows of each batch that are looked at: sigma to better than 1 % from the first batch."""
 
 
-def differences(x: Array, begins: Array, weight: Array, order: int = 3, turn: float = 0.0) -> Array:
+def differences(x: Array, begins: Array, weight: Array, order: int = 3, turn: float | Array = np.inf) -> Array:
     """Return differences (m, C) of rows x (n, C) that follow each other, scaled to the noise of one raw sample.
 
-    begins (n,): the row does not continue the one before; weight (n,): raw samples behind each row; turn: size of a
-    full turn of angles that may jump by one.
+    begins (n,): the row does not continue the one before; weight (n,): raw samples behind each row; turn, (C,) or for
+    all: size of a full turn of angles that may jump by one, infinite of others.
     """
     d = np.diff(x, order, axis=0)
-    if turn:
-        d = d - turn * np.round(d / turn)
+    if np.isfinite(turn).any():
+        jumps = np.round(d / turn)
+        d = d - np.multiply(turn, jumps, out=np.zeros_like(d), where=jumps != 0)
     m = len(d)
     whole, variance = np.ones(m, dtype=bool), np.zeros(m)
     for j in range(order + 1):
@@ -55,28 +56,26 @@ class Scatter:
     """Pooled scatter of some channels over batches."""
 
     def __init__(self, names: tuple[str, ...], turns: Mapping[str, float]) -> None:
-        self.turns = turns  # columns that are angles, and the size of a full turn
-        self.squares = dict.fromkeys(names, 0.0)
+        self.names = names
+        self.turns = np.array([turns.get(name, np.inf) for name in names])  # the size of a full turn of angles
+        self.squares = np.zeros(len(names))
         self.count = 0
 
     def add(self, batch: Mapping[str, Array], begins: Array, weight: Array, still: Array) -> None:
         """Take in a batch; `begins` marks rows that do not continue the row before, `still` those that count."""
         begins, still, weight = begins[:ENOUGH], still[:ENOUGH], weight[:ENOUGH]
-        if len(begins) < 4:
+        if len(begins) < 4 or not self.names:
             return
-        counted = 0
-        for name in self.squares:
-            x = batch[name][:ENOUGH, None]
-            third = differences(x, begins | ~still, weight, turn=self.turns.get(name, 0.0))
-            self.squares[name] += float(np.sum(third**2))
-            counted = len(third)
-        self.count += counted
+        x = np.stack([batch[name][:ENOUGH] for name in self.names], axis=1)
+        third = differences(x, begins | ~still, weight, turn=self.turns)
+        self.squares += np.sum(third**2, axis=0)
+        self.count += len(third)
 
     def sigma(self) -> dict[str, float]:
         """One sigma by channel; empty where no four rows followed each other."""
         if not self.count:
             return {}
-        return {name: float(np.sqrt(total / self.count)) for name, total in self.squares.items()}
+        return dict(zip(self.names, np.sqrt(self.squares / self.count).tolist(), strict=True))
 
 
 def pooled(
