@@ -78,7 +78,7 @@ class ViewDiagnosis:
     @property
     def name(self) -> str:
         """The view as diagnosis.json calls it."""
-        return "forces" if self.view.noise.stated else self.view.name
+        return "forces" if self.view.measurement.known_attitude else self.view.name
 
     def with_walk(self, walk: RandomWalkFinding, only: bool) -> ViewDiagnosis:
         """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""

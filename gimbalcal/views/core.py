@@ -34,7 +34,8 @@ class Measurement:
     added. patterns: what a row may follow besides a slow course in time, of "fast time", "orientation", "angles",
     "temperature" and "sensors" (the same along each accelerometer). reads_force: whether columns are made of forces
     that were read. timing: whether rows are delays, which time stamps correct and no calibration. law_suffix: of the
-    ids of laws, where another kind of view tells laws of the same outputs.
+    ids of laws, where another kind of view tells laws of the same outputs. known_attitude: whether rows are readings of
+    a platform whose attitude is known.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Measurement:
     reads_force: bool = False
     timing: bool = False
     law_suffix: str = ""
+    known_attitude: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,13 +140,13 @@ class View:
     def parameters_of(self, effect_id: str) -> tuple[Parameter, ...]:
         """Return the parameters of an effect with the priors of the grade.
 
-        Left out are those of gimbals that were not read and those that these rows cannot show. Where the noise is
-        stated a gimbal without a readout may be off as well, and a drift is as slow as the hour says.
+        Left out are those of gimbals that were not read and those that these rows cannot show. At known attitude a
+        gimbal without a readout may be off as well, and a drift is as slow as the hour says.
         """
-        names, cls, stated = self.stimulus.axis_names, known_effect(effect_id), self.noise.stated
-        seen = (p for p in parameters(cls, names) if (stated or p.axis not in names or p.axis in self.read_gimbals)
+        names, cls, known = self.stimulus.axis_names, known_effect(effect_id), self.measurement.known_attitude
+        seen = (p for p in parameters(cls, names) if (known or p.axis not in names or p.axis in self.read_gimbals)
                 and (p.effect, p.axis) not in self.gauge)  # fmt: skip
-        drift_factor = 1.0 if stated else drift_rate_factor(cls, float(np.ptp(self.stimulus.time)))
+        drift_factor = 1.0 if known else drift_rate_factor(cls, float(np.ptp(self.stimulus.time)))
         usual = (self.grade.usual(p) for p in seen)
         factors = ((p, self.prior_factor * (drift_factor if p.unit.endswith("/h") else 1.0)) for p in usual)
         return tuple(replace(p, sigma=factor * p.sigma) for p, factor in factors)

@@ -52,7 +52,7 @@ def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), k
         raise InputError(f"{recording.title!r} has no specific_force channel: there is nothing to explain")
     noise = NoiseModel(
         sigma=row_sigma(read, known),
-        stated=True,
+        scale_known=True,
         block=_blocks(recording),
         setting=one_sigma(stated(recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),))),
     )
@@ -71,7 +71,7 @@ def view_of_readings(
         return replace(view, evaluate=replace(there, value=there.value + moved).rows)
 
     view = View(
-        Measurement("static run" if recording.kind.stabilised else "positions", unit=""),
+        Measurement("static run" if recording.kind.stabilised else "positions", unit="", known_attitude=True),
         title=recording.title,
         kind=recording.kind,
         channels=read.channels,

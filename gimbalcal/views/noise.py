@@ -14,15 +14,15 @@ SingleWalk = tuple[str, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    r"""Noise of n rows of C channels: white with a scale that is stated, or that is integrated over, and correlated.
+    r"""Noise of n rows of C channels: white with a scale that is known, or that is integrated over, and correlated.
 
-    Stated: sigma (C,) [SI] is one sigma of a row, weights (n, C), of mean one, are those of samples with heavy tails,
-    of excess kurtosis `kurtosis`, and a gimbal is set with one sigma of `setting` [rad] (`setting_left`: share of its
-    variance that is not recovered from the rows). Rows are reduced without loss for slow physics: a dwell to the means
-    of a few blocks, `block` (n,) being the ordinal of that of each row; without blocks, each channel to its orthonormal
-    cosine transform, in which white noise stays white and a random walk becomes diagonal.
+    Scale known: sigma (C,) [SI] is one sigma of a row, weights (n, C), of mean one, are those of samples with heavy
+    tails, of excess kurtosis `kurtosis`, and a gimbal is set with one sigma of `setting` [rad] (`setting_left`: share
+    of its variance that is not recovered from the rows). Rows are reduced without loss for slow physics: a dwell to
+    the means of a few blocks, `block` (n,) being the ordinal of that of each row; without blocks, each channel to its
+    orthonormal cosine transform, in which white noise stays white and a random walk becomes diagonal.
 
-    Not stated: sigma (n, C) is what the samples say of one row against another, where they do; sample (n, C) what their
+    Else: sigma (n, C) is what the samples say of one row against another, where they do; sample (n, C) what their
     scatter alone makes of a row, which bounds the scale; wander (n, C, m) how what m sensors wander from row to row
     shows in the rows, of unit length; single_walks are sensors that may walk alone; scales are the sigmas of the
     channels beyond these, the least being one, where channels scatter differently.
@@ -32,9 +32,9 @@ class NoiseModel:
     sample: Array | None = None
     wander: Array | None = None
     single_walks: tuple[SingleWalk, ...] = ()
-    stated: bool = False
+    scale_known: bool = False  # by the header, by samples inside dwells or by a fit
     block: Array = field(default_factory=lambda: np.zeros(0, dtype=int))
-    of_each_channel: bool = False  # whether each channel has a scale of its own where none is stated
+    of_each_channel: bool = False  # whether each channel has a scale of its own where none is known
     scales: tuple[float, ...] = ()
     one_scale: bool = False  # of all channels, as one of them shows no noise
     weights: Array | None = None
@@ -50,28 +50,28 @@ class NoiseModel:
     def parts_of_variance(self, shape: tuple[int, int]) -> tuple[Array, Array]:
         """Return the known variance (n, C) of rows, SI, and the shape (n, C) of what is added to it times excess^2.
 
-        Nothing is added to a stated noise; beyond their samples all rows scatter alike; where nothing is known of the
-        scale, sigma tells how rows scatter against each other.
+        Nothing is added to a noise of known scale; beyond their samples all rows scatter alike; where nothing is known
+        of the scale, sigma tells how rows scatter against each other.
         """
         zero, sigma = np.zeros(shape), 1.0 if self.sigma is None else self.sigma
-        if self.stated:
+        if self.scale_known:
             return zero + sigma**2, zero
         return (zero, zero + sigma**2) if self.sample is None else (self.sample**2 + zero, zero + 1.0)
 
     def scaled(self, X: Array) -> Array:
-        """Return rows (n, C, ...) in units of a stated noise, as they are where it is not stated."""
-        return X / self.sigma.reshape(-1, *([1] * (X.ndim - 2))) if self.stated and self.sigma is not None else X
+        """Return rows (n, C, ...) in units of a noise of known scale, else as they are."""
+        return X / self.sigma.reshape(-1, *([1] * (X.ndim - 2))) if self.scale_known and self.sigma is not None else X
 
     def weighted(self, X: Array) -> Array:
         """Return rows (n, C, ...) such that white noise has the same variance in all of them: times `weight`."""
-        if self.weights is None and (self.stated or self.sigma is None) and not self.scales:
+        if self.weights is None and (self.scale_known or self.sigma is None) and not self.scales:
             return X
         weight = self.weight((X.shape[0], X.shape[1]))
         return np.asarray(X * weight.reshape(*weight.shape, *([1] * (X.ndim - 2))))
 
     def weight(self, shape: tuple[int, int]) -> Array:
-        """Return the weights (n, C) of `weighted` for rows of this shape; the surest has one if no noise is stated."""
-        if self.stated:
+        """Return the weights (n, C) of `weighted` for rows of this shape; the surest has one if no scale is known."""
+        if self.scale_known:
             return np.ones(shape) if self.weights is None else np.sqrt(self.weights)
         weight = np.ones(shape) if self.sigma is None else self.sigma.min() / self.sigma
         return weight / np.array(self.scales) if self.scales else weight
@@ -79,10 +79,10 @@ class NoiseModel:
     def reduced(self, X: Array) -> Array:
         """Return columns (n, C, p) as rows (R, p): weighted block means times the root of their count, or transformed.
 
-        Where no noise is stated they are the weighted rows themselves.
+        Where the scale is not known they are the weighted rows themselves.
         """
         n, C, p = X.shape
-        if not self.stated:
+        if not self.scale_known:
             return self.weighted(X).reshape(n * C, p)
         if not len(self.block):
             from scipy.fft import dct

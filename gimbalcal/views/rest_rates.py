@@ -103,7 +103,7 @@ def rest_rates_on_gimbals(recording: Recording, sigma: Array) -> View:
     def about(x: Array) -> View:
         horizontal = north * np.cos(x[0]) - east * np.sin(x[0])
         slope = -north * np.sin(x[0]) - east * np.cos(x[0])
-        return _view(means, s, y - horizontal, slope[..., None], noise=NoiseModel(sigma, stated=True), about=about,
+        return _view(means, s, y - horizontal, slope[..., None], noise=NoiseModel(sigma, scale_known=True), about=about,
                      nuisances=(nuisance(HEADING, "", "rad", np.inf),))  # fmt: skip
 
     return about(np.zeros(1))

@@ -55,7 +55,7 @@ def answer(
     if verdict == "adequate":
         return " ".join(["The calibrated model explains these data.", *fits])
     findings = [f for _, _, own in views for f in own]
-    stated, sure = all(v.noise.stated for v, _, _ in views), verdict != "not-identifiable"
+    stated, sure = all(v.noise.scale_known for v, _, _ in views), verdict != "not-identifiable"
     rest = (
         f"{'Part of' if stated else 'The remaining'} misfit {'may have' if stated else 'has'} no known cause"
         if (unexplained and (sure or not stated))
@@ -68,7 +68,7 @@ def answer(
 
 def fit_in_words(v: View, fit: FitSummary, findings: Sequence[Finding], several: bool) -> str:
     """Return what the findings change in the fit of a view, or its residual; `several` views are named."""
-    if v.noise.stated:
+    if v.noise.scale_known:
         of = "Reduced chi^2 of the forces" if several else "Reduced chi^2"
         return chi2_reduction(fit, of) if findings else f"{of} is {fit.chi2_reduced_before:.3g}."
     of_view = cast("ViewFit", fit)

@@ -65,7 +65,7 @@ def test_rows_are_weighed_by_the_scale_of_their_own_kind() -> None:
 
 def test_rows_of_stated_noise_are_no_degrees_of_freedom_of_the_others() -> None:
     rng = np.random.default_rng(3)
-    stated = NoiseModel(np.full(3, FORCE), stated=True)
+    stated = NoiseModel(np.full(3, FORCE), scale_known=True)
     found = [fit([forces(rng, FORCE, stated), inclinations(rng, ANGLE)], WANTED) for _ in range(20)]
     assert all(f.excesses[0] == 0 for f in found)
     np.testing.assert_allclose(np.mean([f.excess**2 for f in found]), ANGLE**2, rtol=0.15)
@@ -96,7 +96,7 @@ def test_a_nuisance_takes_as_many_degrees_of_freedom_as_the_rows_tell_of_it(prio
 
 
 def test_what_a_nuisance_takes_up_is_a_null_direction_of_the_calibration() -> None:
-    v = forces(np.random.default_rng(6), FORCE, NoiseModel(np.full(3, FORCE), stated=True))
+    v = forces(np.random.default_rng(6), FORCE, NoiseModel(np.full(3, FORCE), scale_known=True))
     N = v.evaluate(()).jacobian(WANTED[:1]) * WANTED[0].sigma
     N = np.concatenate([N, 0 * N], axis=-1)
     flat = (nuisance("heading", "", "1", np.inf), nuisance("idle", "", "1", np.inf))

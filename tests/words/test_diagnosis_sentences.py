@@ -39,7 +39,7 @@ WAVE = Shape("specific_force x", "a smooth function of time")
 OFF = [Mismatch("specific_force", "y", {"positions": (4,)}, 9.0, 0.01, "Specific force y is off at position 4")]
 WALK = RandomWalkFinding("y", 12.3, 0.4, 3.0, 9.0)
 STARS = pointing(telescope(1))
-FORCES: Any = SimpleNamespace(noise=SimpleNamespace(stated=True))
+FORCES: Any = SimpleNamespace(noise=SimpleNamespace(scale_known=True))
 VIEW_FIT = ViewFit(
     **NUMBERS,
     noise=RowNoise("stars", 1.0, "arcsec"),

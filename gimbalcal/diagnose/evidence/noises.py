@@ -10,7 +10,7 @@ from gimbalcal.views.core import Fit, View
 
 def noises(fit: Fit, memory: bool = True) -> tuple[Node, ...]:
     """Return the possible noises of a fit's rows with their prior probabilities; without `memory` white noise alone."""
-    if fit.view.noise.stated:
+    if fit.view.noise.scale_known:
         return nodes(fit)
     every = _of_any_scale(fit.view)
     return every if memory else every[:1]

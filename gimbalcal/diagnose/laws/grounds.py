@@ -46,12 +46,12 @@ def ground(s: Search, node: Node, sigma: float = 1.0) -> Ground | None:
 
     sigma: of a row, in the unit of reduced rows.
     """
-    places = _places_at_known_attitude(s.fit) if s.fit.view.noise.stated else _places_of_view(s.fit)
+    places = _places_at_known_attitude(s.fit) if s.fit.view.measurement.known_attitude else _places_of_view(s.fit)
     if not places:
         return None
     Q, y = orthonormal(node.whiten(s.rows.Q)), node.whiten(s.rows.y[:, :1])[:, 0] * (s.rows.unit / sigma)
     n, C = s.fit.residual.shape
-    size = RIVAL_SIGMA if s.fit.view.noise.stated else s.fit.rms / np.sqrt(C)
+    size = RIVAL_SIGMA if s.fit.view.noise.scale_known else s.fit.rms / np.sqrt(C)
 
     def evidence(sets: Sequence[Array]) -> Array:
         X, of = _side_by_side([s.columns(size * unit_rms(X)) for X in sets])

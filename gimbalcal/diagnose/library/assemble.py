@@ -40,10 +40,10 @@ def library(fit: Fit) -> Library:
     The columns are reduced rows (R, P).
     """
     v, rows = fit.view, fit.rows
-    search = _Columns(fit, rows, spans(rows.jacobian(fit.parameters)) if not v.noise.stated else np.zeros((0, 0)))
+    search = _Columns(fit, rows, spans(rows.jacobian(fit.parameters)) if not v.noise.scale_known else np.zeros((0, 0)))
     blocks: list[Array] = []
     found = [c for effect_id in available(v) for c in _of_effect(search, effect_id, blocks)]
-    if v.noise.stated:
+    if v.noise.scale_known:
         found += shapes_in_outputs(fit, blocks)
     else:
         blocks = [_clear_of_noise(v, X, search.misfit, search.taken) for X in blocks]
@@ -60,8 +60,8 @@ def available(v: View) -> tuple[str, ...]:
     return tuple(
         effect_id
         for effect_id, cls in CATALOGUE.items()
-        if eligible(cls, v.kind, v.stimulus, v.stages, known_noise=v.noise.stated)
-        and not (v.noise.stated and effect_id in v.baseline)
+        if eligible(cls, v.kind, v.stimulus, v.stages, scale_known=v.noise.scale_known)
+        and not (v.noise.scale_known and effect_id in v.baseline)
     )
 
 
@@ -76,12 +76,12 @@ class _Columns:
     @property
     def misfit(self) -> Array:
         """The misfit (n, C) that they are held against."""
-        return self.fit.residual if self.fit.view.noise.stated else self.rows.residual
+        return self.fit.residual if self.fit.view.noise.scale_known else self.rows.residual
 
     def of(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
         """Return the columns of an effect per prior sigma, reduced where the noise is stated."""
         X = np.nan_to_num(self.rows.columns(effect, wanted) * np.array([p.sigma for p in wanted]))
-        return self.fit.reduced(X) if self.fit.view.noise.stated else X
+        return self.fit.reduced(X) if self.fit.view.noise.scale_known else X
 
 
 def columns_at(fit: Fit, c: Candidate, at: Constants) -> Array:
@@ -99,7 +99,7 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
     there = next((e for e in search.rows.effects if e.id == effect_id), None)
     had = {(p.effect, p.field, p.axis) for p in modelled}
     wanted = tuple(p for p in v.parameters_of(effect_id) if (p.effect, p.field, p.axis) not in had)
-    if not v.noise.stated and there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
+    if not v.noise.scale_known and there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
         first = absent_effect(effect_id, v.stimulus, "", **dict(choices(cls, v.stimulus)[0]))
         own = _beyond(np.nan_to_num(search.rows.columns(first, wanted)), search.taken)
         wanted = tuple(p for p, seen in zip(wanted, own, strict=True) if seen or p.axis not in v.stimulus.axis_names)
@@ -130,7 +130,7 @@ def _tried(
     """Return the choices of constants that are weighed, and of how many they are the best, 0 for all of them."""
     v = search.fit.view
     every = choices(cls, v.stimulus)
-    if not v.noise.stated:
+    if not v.noise.scale_known:
         return _scanned(v, cls, search.misfit, columns, every)
     if len(every) > MOST:
         return _likeliest(search.fit, cls, source, every, columns), len(every)

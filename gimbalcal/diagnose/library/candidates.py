@@ -113,7 +113,7 @@ def layout_of(candidates: Sequence[Candidate]) -> Layout:
 
 
 def eligible(
-    cls: type[Effect], recording_kind: str, s: Stimulus, stages: Container[Stage], *, known_noise: bool
+    cls: type[Effect], recording_kind: str, s: Stimulus, stages: Container[Stage], *, scale_known: bool
 ) -> bool:
     """Return whether an effect could be the cause of what a recording shows at these stages.
 
@@ -123,7 +123,7 @@ def eligible(
     role = cls.role
     there = not role.excluded and cls.stage in stages and cls.shows_in(recording_kind) and not lacking(cls, s.carries)
     there = there and bool(np.ptp(s.readout, axis=0).max(initial=0.0) <= role.max_travel_rad)
-    if known_noise:
+    if scale_known:
         return there and not role.noise_realisation
     return there and bool(np.ptp(s.time) >= role.min_duration_s)
 

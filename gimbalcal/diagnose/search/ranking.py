@@ -191,7 +191,7 @@ def reduced(fit: Fit, X: Array, nodes: Sequence[Node], unit: float = 0.0) -> Red
     scale is bounded by the scatter of the samples. Several channels may have scales of their own.
     """
     y, noise = fit.reduced(fit.residual[:, :, None]), fit.view.noise
-    if noise.stated:
+    if noise.scale_known:
         return stack(fit.reduced(fit.Z), X, y, coloured(fit, nodes))
     unit = unit or rms_misfit(fit)
     Q = basis(fit.reduced(fit.jacobian))
@@ -224,10 +224,10 @@ def search(fit: Fit, library: Library, nodes: Sequence[Node]) -> Search:
     """
     rows = reduced(fit, library.X, nodes)
     projections = projected(nodes, rows, layout=library.layout)
-    if fit.view.noise.stated:
+    if fit.view.noise.scale_known:
         library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
     factors = bayes_factors(projections, library.layout)
-    finer = refine(fit, library, projections, *factors[1:], rows) if fit.view.noise.stated else library
+    finer = refine(fit, library, projections, *factors[1:], rows) if fit.view.noise.scale_known else library
     if finer is not library:
         rows = appended(rows, library.X, finer.X[:, library.X.shape[1] :])
         projections, library = projected(nodes, rows, projections), finer

@@ -40,7 +40,7 @@ def _in_own_scales(v: View, fitted: Callable[[View, Fit | None], Fit]) -> Fit:
     for _ in range(ROUNDS):
         alike, scales = v.of_scales(), m.view.noise.scales
         channels, weighted = channels_of(replace(m, view=alike), 1.0), alike.noise.weighted
-        if v.noise.stated or channels is None or m.exact:
+        if v.noise.scale_known or channels is None or m.exact:
             break
         own = likeliest_scales(weighted(m.residual), weighted(m.jacobian), channels.sample)
         if own is None and not scales:
@@ -137,7 +137,7 @@ def start(v: View) -> Fit:
     """Fit the baseline alone; where it leaves nothing of a channel, this one shows no scale, and all have one."""
     wanted = tuple(p for i in v.baseline for p in v.parameters_of(i))
     m = refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
-    if v.noise.stated or distinguishable((m.residual**2).sum(axis=0), np.full(len(v.channels), float(len(v)))):
+    if v.noise.scale_known or distinguishable((m.residual**2).sum(axis=0), np.full(len(v.channels), float(len(v)))):
         return m
     return replace(m, view=replace(m.view, noise=replace(m.view.noise, one_scale=True)))
 

@@ -206,7 +206,7 @@ def view_of_positions(p: Problem, noise: Noise) -> View:
     sigma = noise.accelerometer / np.sqrt(p.weight)[:, None]
 
     def about(e: Array) -> View:
-        view = view_of_readings(set_off(p, e), NoiseModel(sigma, stated=True), stages=stages)
+        view = view_of_readings(set_off(p, e), NoiseModel(sigma, scale_known=True), stages=stages)
         ids = (*(e.id for e in p.effects), *(q.effect for q in p.parameters))
         local = Local(p.visit, noise.setting, lambda rows: rows.sensitivity[Stage.ENCODER], about)
         return replace(view, local=local, acting=frozenset(ids))

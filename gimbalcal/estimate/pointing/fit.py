@@ -94,7 +94,7 @@ def fit_terms(
 
 def _of_noise(v: View, sigma: float) -> View:
     """Return the view with a stated sigma [rad] of a star of weight one."""
-    return replace(v, noise=replace(v.noise, sigma=sigma * np.asarray(v.noise.sigma), stated=True))
+    return replace(v, noise=replace(v.noise, sigma=sigma * np.asarray(v.noise.sigma), scale_known=True))
 
 
 def weighted(found: ViewsFit) -> tuple[Array, ...]:

@@ -39,7 +39,7 @@ PHASE, PHASE_SIGMA_RAD = "phi_0:polar", np.radians(1.0)  # many times what zeros
 def static_view(run: Readings, wanted: Sequence[Parameter]) -> View:
     """Return the view of the readings of a static run, in the noise of each row, for fits of the wanted parameters."""
     stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
-    return view_of_readings(run, NoiseModel(run.sigma, stated=True), stages=stages)
+    return view_of_readings(run, NoiseModel(run.sigma, scale_known=True), stages=stages)
 
 
 def static_readings(recording: Recording) -> Readings:

@@ -90,9 +90,9 @@ EVERYWHERE = frozenset(Stage)
 )
 def test_an_effect_says_where_it_is_a_candidate(effect: str, known: bool, unknown: bool) -> None:
     cls = CATALOGUE[effect]
-    assert eligible(cls, "multi-position", S, EVERYWHERE, known_noise=True) == known
-    assert eligible(cls, "multi-position", S, EVERYWHERE, known_noise=False) == unknown
-    assert not eligible(cls, "multi-position", S, frozenset(), known_noise=True)
+    assert eligible(cls, "multi-position", S, EVERYWHERE, scale_known=True) == known
+    assert eligible(cls, "multi-position", S, EVERYWHERE, scale_known=False) == unknown
+    assert not eligible(cls, "multi-position", S, frozenset(), scale_known=True)
 
 
 def test_what_the_model_holds_is_not_missing_from_it() -> None:
@@ -103,8 +103,8 @@ def test_what_the_model_holds_is_not_missing_from_it() -> None:
 
 def test_a_unit_without_gimbals_does_not_say_where_north_is() -> None:
     bare = S.at(attitude=None)
-    assert eligible(CATALOGUE["magnetic_field"], "multi-position", S, EVERYWHERE, known_noise=True)
-    assert not eligible(CATALOGUE["magnetic_field"], "multi-position", bare, EVERYWHERE, known_noise=True)
+    assert eligible(CATALOGUE["magnetic_field"], "multi-position", S, EVERYWHERE, scale_known=True)
+    assert not eligible(CATALOGUE["magnetic_field"], "multi-position", bare, EVERYWHERE, scale_known=True)
 
 
 def test_finer_constants_are_found_between_those_of_the_grid() -> None:

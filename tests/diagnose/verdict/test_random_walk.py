@@ -93,7 +93,7 @@ def test_a_clear_drift_is_no_walk():
 
 def test_what_wanders_is_said():
     wander = RandomWalkFinding("x", 61.7, 8.2, 4.0, 20.0)
-    view, curves = SimpleNamespace(noise=SimpleNamespace(stated=True)), SimpleNamespace()
+    view, curves = SimpleNamespace(measurement=SimpleNamespace(known_attitude=True)), SimpleNamespace()
     none = ViewDiagnosis(view, "unexplained", (), (), (), FIT, curves, np.zeros(0))
     only = none.with_walk(wander, only=True)
     golden_text(only.outcome)
