@@ -16,6 +16,7 @@ G0 = 9.80665
 """Standard gravity, m/s^2, exact (3rd CGPM, 1901); what "1 g" means in a unit."""
 
 HOUR = 3600.0  # s
+NAUTICAL_MILE = 1852.0  # m
 SOLAR_DAY = 24 * HOUR  # s, mean
 YEAR = 365.25 * SOLAR_DAY  # s, Julian
 SOLAR_RATE = 2 * np.pi / SOLAR_DAY  # rad/s

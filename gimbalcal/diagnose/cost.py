@@ -18,7 +18,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.result import Cost
-from gimbalcal.earth import SOLAR_DAY
+from gimbalcal.earth import NAUTICAL_MILE, SOLAR_DAY
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import constants, follows, lacking
@@ -27,7 +27,6 @@ from gimbalcal.estimate.extra_effects import ExtraEffect
 from gimbalcal.estimate.systematic.calibrate import calibrated
 from gimbalcal.estimate.systematic.iterate import iterate
 from gimbalcal.navigate.mechanisations import navigated, usual
-from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE
 from gimbalcal.navigate.stationary_base import ROW, still_base, still_unit
 from gimbalcal.navigate.uncertainty import uncertain
 from gimbalcal.pipeline import Tell, silent, three_stage
@@ -36,11 +35,10 @@ from gimbalcal.recording import Recording
 from gimbalcal.schedule.commands import standing
 from gimbalcal.views.core import without_sizes
 from gimbalcal.views.segments import segment, turned_in_place
+from gimbalcal.words.diagnosis_sentences import cost_in_words
 
 DAY = 24.0  # h that a still base is navigated
 EAST_NORTH_UP = standing(("east", "north", "up"))  # how a unit stands on it
-SHORT = 0.01  # n miles that are told in metres
-NOTICEABLE = 0.1  # of the error that is there with the cause in the calibration
 
 
 @dataclass(frozen=True)
@@ -127,46 +125,8 @@ def _costs(unit: _Unit) -> Mapping[str, Cost]:
     for effect in shown:
         without = navigated(run, unit.without(effect), aids)
         hours, left_out = float(without.time[-1] / 3600), float(without.position.max() / NAUTICAL_MILE)
-        out[effect] = Cost(hours, known, left_out, in_words(hours, known, left_out, raw), raw)
+        out[effect] = Cost(hours, known, left_out, cost_in_words(hours, known, left_out, raw), raw)
     return out
-
-
-def in_words(hours: float, known: float, left_out: float, raw: float | None = None) -> str:
-    """One line of a report, from n miles; below a tenth of what is there anyway it is nothing.
-
-    raw: without any calibration; none on a made-up base, where `known` is one sigma of what the calibration does not
-    know.
-
-    >>> in_words(72.0, 0.0211, 1.34, 3.5)
-    'in 72 h the position is off by up to 1.3 n mile if it is left out, 0.021 n mile with it in the calibration, 3.5 n mile without any calibration'
-    >>> in_words(72.0, 0.0304, 0.0312, 3.5)
-    'nothing of position, off by up to 0.03 n mile in 72 h with it or without'
-    >>> in_words(24.0, 4.88, 199.5)
-    'in 24 h at rest the position is off by up to 200 n mile if it is left out; with it in the calibration 4.9 n mile (one sigma) stay open'
-    >>> in_words(24.0, 0.5, 0.003)
-    'next to nothing of position, 5.6 m in 24 h at rest; with it in the calibration 0.5 n mile (one sigma) stay open'
-    """  # noqa: E501
-    off, least, rest = _far(left_out), _far(known), "with it in the calibration"
-    if raw is None:
-        if left_out < NOTICEABLE * known:
-            return f"next to nothing of position, {off} in {hours:.3g} h at rest; {rest} {least} (one sigma) stay open"
-        told = f"in {hours:.3g} h at rest the position is off by up to {off} if it is left out"
-        if left_out < known:
-            return f"{told}, less than the {least} (one sigma) that stay open {rest}"
-        return f"{told}; {rest} {least} (one sigma) stay open"
-    if left_out < (1 + NOTICEABLE) * known:
-        return f"nothing of position, off by up to {least} in {hours:.3g} h with it or without"
-    return (
-        f"in {hours:.3g} h the position is off by up to {off} if it is left out, {least} {rest}, "
-        f"{'only ' if raw < left_out else ''}{_far(raw)} without any calibration"
-    )
-
-
-def _far(miles: float) -> str:
-    """Two digits, in metres where n miles have too many zeros."""
-    if miles < SHORT:
-        return f"{miles * NAUTICAL_MILE:.2g} m"
-    return f"{miles:.0f} n mile" if miles >= 10 else f"{miles:.2g} n mile"
 
 
 def _swung(base: Recording, recordings: Sequence[Recording]) -> Recording:

@@ -13,7 +13,6 @@ from gimbalcal.number import Array
 
 CHANNELS = (("latitude", "arcmin"), ("longitude", "arcmin"), ("north velocity", "m/s"), ("east velocity", "m/s"),
             ("roll", "arcsec"), ("pitch", "arcsec"), ("yaw", "arcsec"))  # fmt: skip
-NAUTICAL_MILE = 1852.0  # m
 NONE = "none"  # the label of a navigation without calibration
 
 

@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from gimbalcal.earth import HOUR
+from gimbalcal.earth import HOUR, NAUTICAL_MILE
 from gimbalcal.entries import Entry, Json
-from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, NONE, Navigated
+from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.recording import Source
 from gimbalcal.units import from_si

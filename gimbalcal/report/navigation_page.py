@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.design.budget import Budget, length
-from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, NONE, Navigated
+from gimbalcal.earth import NAUTICAL_MILE
+from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.summary import ChannelError, NavigationSummary, PositionError
 from gimbalcal.references import cite
 from gimbalcal.report.chart import COLOURS, DASHES, Band, Chart, Line, Mark, Rule, thin

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.number import Array
 from gimbalcal.words.naming import spaced
 
@@ -335,3 +336,47 @@ def constants_disagreement(agreement: ConstantsAgreement) -> str:
         f"{agreement.dof} combinations that several see, p = {agreement.p_value:.1g}){most}. They are of two units, or "
         "it changed in between: calibrate each by itself."
     )
+
+
+# --- what a cause costs -----------------------------------------------------------------------------------------------
+
+MIN_SHARE = 0.1  # of the error that remains with the cause in the calibration; less is not noticeable
+SHORT_NMI = 0.01  # n miles below which a distance is given in metres
+
+
+def cost_in_words(hours: float, known: float, left_out: float, raw: float | None = None) -> str:
+    """One line of a report, from n miles; below a tenth of what is there anyway it is nothing.
+
+    raw: without any calibration; none on a made-up base, where `known` is one sigma of what the calibration does not
+    know.
+
+    >>> cost_in_words(72.0, 0.0211, 1.34, 3.5)
+    'in 72 h the position is off by up to 1.3 n mile if it is left out, 0.021 n mile with it in the calibration, 3.5 n mile without any calibration'
+    >>> cost_in_words(72.0, 0.0304, 0.0312, 3.5)
+    'nothing of position, off by up to 0.03 n mile in 72 h with it or without'
+    >>> cost_in_words(24.0, 4.88, 199.5)
+    'in 24 h at rest the position is off by up to 200 n mile if it is left out; with it in the calibration 4.9 n mile (one sigma) stay open'
+    >>> cost_in_words(24.0, 0.5, 0.003)
+    'next to nothing of position, 5.6 m in 24 h at rest; with it in the calibration 0.5 n mile (one sigma) stay open'
+    """  # noqa: E501
+    off, least, rest = _far(left_out), _far(known), "with it in the calibration"
+    if raw is None:
+        if left_out < MIN_SHARE * known:
+            return f"next to nothing of position, {off} in {hours:.3g} h at rest; {rest} {least} (one sigma) stay open"
+        told = f"in {hours:.3g} h at rest the position is off by up to {off} if it is left out"
+        if left_out < known:
+            return f"{told}, less than the {least} (one sigma) that stay open {rest}"
+        return f"{told}; {rest} {least} (one sigma) stay open"
+    if left_out < (1 + MIN_SHARE) * known:
+        return f"nothing of position, off by up to {least} in {hours:.3g} h with it or without"
+    return (
+        f"in {hours:.3g} h the position is off by up to {off} if it is left out, {least} {rest}, "
+        f"{'only ' if raw < left_out else ''}{_far(raw)} without any calibration"
+    )
+
+
+def _far(miles: float) -> str:
+    """Two digits, in metres where n miles have too many zeros."""
+    if miles < SHORT_NMI:
+        return f"{miles * NAUTICAL_MILE:.2g} m"
+    return f"{miles:.0f} n mile" if miles >= 10 else f"{miles:.2g} n mile"

@@ -19,9 +19,10 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
+from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.effects import Effect
 from gimbalcal.estimate.extra_effects import extra_effects
-from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE
+from gimbalcal.navigate.navigation_errors import CHANNELS
 from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.navigate.uncertainty import before_and_after
 from gimbalcal.number import Array

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.methods import calibrate
 from gimbalcal.navigate.mechanisations import navigated, usual
-from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE
 from gimbalcal.navigate.uncertainty import bands
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate

@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal import diagnose
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.cost import _swung, in_words, with_cost
+from gimbalcal.diagnose.cost import _swung, with_cost
 from gimbalcal.diagnose.result import Finding
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.extra_effects import extra_effects
@@ -19,6 +19,7 @@ from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording, Site
 from gimbalcal.simulate import simulate
+from gimbalcal.words.diagnosis_sentences import cost_in_words
 from tests.diagnose.small import FIT
 from tests.estimate.systematic.table import turning_unit
 from tests.golden import golden_text
@@ -128,7 +129,7 @@ def test_of_a_unit_turned_in_its_place_a_still_unit_is_navigated() -> None:
     ],
 )
 def test_a_cost_reads_as_what_it_is(known: float, left_out: float, raw: float | None, words: str) -> None:
-    assert words in in_words(24.0, known, left_out, raw)
+    assert words in cost_in_words(24.0, known, left_out, raw)
 
 
 def test_a_static_run_from_end_to_end() -> None:

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.navigate.mechanisations import navigated
-from gimbalcal.navigate.navigation_errors import CHANNELS, NAUTICAL_MILE, Navigated, labels
+from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated, labels
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids, InertialSite
 from gimbalcal.navigate.static_run import half_apart, horizontal
 from gimbalcal.navigate.stationary_base import still_base

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.earth import EARTH_RATE, normal_gravity
+from gimbalcal.earth import EARTH_RATE, NAUTICAL_MILE, normal_gravity
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.navigate.mean_intervals import thinned
 from gimbalcal.navigate.mechanisations import navigated, usual
-from gimbalcal.navigate.navigation_errors import NAUTICAL_MILE, Navigated
+from gimbalcal.navigate.navigation_errors import Navigated
 from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, schuler_rate
 from gimbalcal.navigate.strapdown import aided, radii
 from gimbalcal.navigate.strapdown_unit import aligned
