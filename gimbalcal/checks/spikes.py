@@ -166,13 +166,7 @@ class _Departure:
 
 def _fourth(x: Array) -> Array:
     """Return the fourth difference centred on each row of x (n,), zero in the outer two."""
-    out = np.zeros(len(x))
-    if len(x) > 4:
-        d = x[1:] - x[:-1]
-        for n in range(len(d) - 1, len(d) - 3, -1):
-            np.subtract(d[1 : n + 1], d[:n], out=d[:n])
-        np.subtract(d[1 : len(x) - 3], d[: len(x) - 4], out=out[2:-2])
-    return out
+    return np.pad(np.diff(x, 4), 2) if len(x) > 4 else np.zeros(len(x))
 
 
 def _runs(rows: Rows) -> list[tuple[Rows, int]]:

@@ -220,18 +220,20 @@ def _gather(
     weight = next((c.name for c in columns if c.quantity == "weight"), None)
     position = next((c.name for c in columns if c.quantity == "position"), None)
     kept: AllRows | Blocks = AllRows(rows_in(checks.header.samples))
-    turns = {c.name: from_si(2 * pi, c.unit) for c in columns if c.quantity in ANGLES}
+    turns = {c.name: float(from_si(2 * pi, c.unit)) for c in columns if c.quantity in ANGLES}
     if average_s is not None:
         kept = Blocks(from_si(average_s, checks.clock.unit), checks.clock.name, weight, turns)
     elif rests > 1 and position:
         kept = Rests(rests, position, weight, turns)
-    scatter = Scatter(tuple(c.name for c in columns if c.quantity not in ("time", *UNITLESS, *SPARSE)), turns)
+    measured = [c.name for c in columns if c.quantity not in ("time", *UNITLESS, *SPARSE)]
+    scatter = Scatter(np.array([turns.get(name, np.inf) for name in measured]))
     for batch in stream:
         begins = checks.see(batch)
         still = batch[position] > 0 if position else np.ones(len(begins), dtype=bool)
-        scatter.add(batch, begins, batch[weight] if weight else np.ones(len(begins)), still)
+        weights = batch[weight] if weight else np.ones(len(begins))
+        scatter.add([batch[name] for name in measured], begins, weights, still)
         kept.add(batch, begins)
-    checks.scatter = scatter.sigma()
+    checks.scatter = dict(zip(measured, scatter.sigma(), strict=False))
     examine(checks, column_checks.CHECKS)
     return kept.table(), checks.scatter
 

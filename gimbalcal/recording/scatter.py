@@ -10,7 +10,7 @@ argument.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import comb
 
 import numpy as np
@@ -53,29 +53,24 @@ def white_sigma(x: Array, begins: Array, weight: Array) -> Array:
 
 
 class Scatter:
-    """Pooled scatter of some channels over batches."""
+    """Pooled scatter of C channels over batches; turn (C,): size of a full turn of an angle, infinite of others."""
 
-    def __init__(self, names: tuple[str, ...], turns: Mapping[str, float]) -> None:
-        self.names = names
-        self.turns = np.array([turns.get(name, np.inf) for name in names])  # the size of a full turn of angles
-        self.squares = np.zeros(len(names))
-        self.count = 0
+    def __init__(self, turn: Array) -> None:
+        self.turn, self.squares, self.count = turn, np.zeros(len(turn)), 0
 
-    def add(self, batch: Mapping[str, Array], begins: Array, weight: Array, still: Array) -> None:
-        """Take in a batch; `begins` marks rows that do not continue the row before, `still` those that count."""
-        begins, still, weight = begins[:ENOUGH], still[:ENOUGH], weight[:ENOUGH]
-        if len(begins) < 4 or not self.names:
+    def add(self, x: Sequence[Array], begins: Array, weight: Array, still: Array) -> None:
+        """Take in channels (n,) each; `begins` marks rows that do not continue the row before, `still` those that rest."""
+        if len(begins) < 4 or not len(x):
             return
-        x = np.stack([batch[name][:ENOUGH] for name in self.names], axis=1)
-        third = differences(x, begins | ~still, weight, turn=self.turns)
+        first = slice(ENOUGH)
+        rows = np.stack([channel[first] for channel in x], axis=1)
+        third = differences(rows, begins[first] | ~still[first], weight[first], turn=self.turn)
         self.squares += np.sum(third**2, axis=0)
         self.count += len(third)
 
-    def sigma(self) -> dict[str, float]:
-        """One sigma by channel; empty where no four rows followed each other."""
-        if not self.count:
-            return {}
-        return dict(zip(self.names, np.sqrt(self.squares / self.count).tolist(), strict=True))
+    def sigma(self) -> list[float]:
+        """Return one sigma by channel; none where no four rows followed each other."""
+        return np.sqrt(self.squares / self.count).tolist() if self.count else []
 
 
 def pooled(
@@ -85,15 +80,12 @@ def pooled(
 
     weight (n,): raw samples behind each row, one where it is left out.
     """
-    weight = np.ones(len(time)) if weight is None else weight
     n = len(time)
-    begins = np.zeros(n, dtype=bool) if position is None else np.diff(position, prepend=position[:1]) != 0
-    still = np.ones(n, dtype=bool) if position is None else position > 0
-    keys = {" ".join(key): key for key in channels}
-    turns = {name: 2 * np.pi for name, key in keys.items() if key[0] in ANGLES}
-    scatter = Scatter(tuple(keys), turns)
+    weight = np.ones(n) if weight is None else weight
+    p = np.ones(n) if position is None else position
+    begins, still = np.diff(p, prepend=p[:1]) != 0, p > 0
+    scatter = Scatter(np.array([2 * np.pi if quantity in ANGLES else np.inf for quantity, _ in channels]))
     for start in range(0, n, ENOUGH):
         rows = slice(start, start + ENOUGH)
-        batch = {name: channels[key][rows] for name, key in keys.items()}
-        scatter.add(batch, begins[rows], weight[rows], still[rows])
-    return {keys[name]: sigma for name, sigma in scatter.sigma().items()}
+        scatter.add([x[rows] for x in channels.values()], begins[rows], weight[rows], still[rows])
+    return dict(zip(channels, scatter.sigma(), strict=False))
