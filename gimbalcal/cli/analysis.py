@@ -19,12 +19,8 @@ from gimbalcal.cli.options import (
     Number,
     example,
     names_option,
-    output_options,
-    progress,
-    show,
-    wrote,
 )
-from gimbalcal.cli.output_folders import OVERWRITE, deliver, output_folder, sensor_folders
+from gimbalcal.cli.output_folders import Output, output_options, sensor_folders
 from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.method_table import METHODS, NAMED_BY_USERS
@@ -81,12 +77,10 @@ def remember(store: Path | None, unit: str, kind: str, content: Json) -> None:
 )  # fmt: skip
 @GRADE
 @stored
-@OVERWRITE
 @output_options("calibration.json and report.html", "NAME-calibration, here")
 def calibrate(
     recordings: tuple[Path, ...], method: str | None, terms: tuple[str, ...], more: tuple[str, ...], states: str,
-    grade: str, store: Path | None, unit: str, overwrite: bool,
-    out: Path | None, quiet: bool, as_json: bool,
+    grade: str, store: Path | None, unit: str, output: Output,
 ) -> None:  # fmt: skip
     """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
     from gimbalcal.methods import calibrate_each
@@ -94,14 +88,13 @@ def calibrate(
     from gimbalcal.report.files import write_calibrations
     from gimbalcal.words.calibration_sentences import calibration_in_words
 
-    tell = progress(quiet)
-    target = output_folder(out, recordings, "calibration", ("calibration.json", "report.html"), overwrite, as_json)
-    each = calibrate_each(recordings, method or "", terms, tell, more, states, grade)
+    target = output.folder(recordings, "calibration", ("calibration.json", "report.html"))
+    each = calibrate_each(recordings, method or "", terms, output.tell, more, states, grade)
     if target is not None:
         own = sensor_folders([loaded for _, loaded in each])
         write_calibrations([(*one, at) for one, at in zip(each, own, strict=True)], target.folder, target.question)
         for at in own:
-            wrote(target.folder / at, "calibration.json", quiet)
+            output.wrote(target.folder / at, "calibration.json")
     for calibration, _ in each:
         remember(store, unit, "calibration", calibration.to_dict())
     content = each[0][0].to_dict()
@@ -109,10 +102,9 @@ def calibrate(
         content["beside"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
     sentences = [(f"{r[0].title}: " if len(each) > 1 else "") + calibration_in_words(c) for c, r in each]
     checks = each[0][0].provenance.options.cross_check or ()
-    if not (as_json or quiet):
-        print("\n\n".join(f"{r[0].title}\n{parameters_table(c)}" for c, r in each), end="\n\n")
+    output.table("\n\n".join(f"{r[0].title}\n{parameters_table(c)}" for c, r in each))
     words = " ".join([*sentences, *(f"{check[0].upper()}{check[1:]}." for check in checks)])
-    show(content, words, as_json, quiet, target.page if target else None)
+    output.show(content, words, target)
     sys.exit(1 if any(c.outcome for c, _ in each) else 0)
 
 
@@ -123,12 +115,10 @@ def calibrate(
 @GRADE
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the simulated threshold.")
 @stored
-@OVERWRITE
 @output_options("diagnosis.json, calibration.json and report.html", "NAME-diagnosis, here")
 def diagnose(
     recordings: tuple[Path, ...], known: Path | None, baseline: tuple[str, ...], grade: str, seed: int,
-    store: Path | None, unit: str, overwrite: bool,
-    out: Path | None, quiet: bool, as_json: bool,
+    store: Path | None, unit: str, output: Output,
 ) -> None:  # fmt: skip
     """Say where the data differ from the model, which physics was left out, and what it changes."""
     from gimbalcal.calibration.exchange import read_calibration
@@ -139,11 +129,10 @@ def diagnose(
     from gimbalcal.report.console import findings_table, headline_and_numbers
     from gimbalcal.report.files import write_diagnoses
 
-    tell = progress(quiet)
     files = ("diagnosis.json", "calibration.json", "law.py", "report.html")
-    target = output_folder(out, recordings, "diagnosis", files, overwrite, as_json)
+    target = output.folder(recordings, "diagnosis", files)
     start = read_calibration(known) if known else None
-    groups = by_sensor(load(recordings, tell))
+    tell, groups = output.tell, by_sensor(load(recordings, output.tell))
     diagnoses = [run(each, calibration=start, baseline=baseline, seed=seed, tell=tell, grade=grade) for each in groups]
     diagnoses = [with_cost(each, d, tell) for each, d in zip(groups, diagnoses, strict=True)]
     if target is not None:
@@ -151,7 +140,7 @@ def diagnose(
         titles = [" and ".join(dict.fromkeys(r.title for r in loaded)) for loaded in groups]
         write_diagnoses(list(zip(diagnoses, titles, own, strict=True)), target.folder, target.question)
         for at in own:
-            wrote(target.folder / at, "diagnosis.json", quiet)
+            output.wrote(target.folder / at, "diagnosis.json")
     for diagnosis in diagnoses:
         remember(store, unit, "diagnosis", diagnosis.to_dict())
         if diagnosis.calibration is not None:
@@ -164,33 +153,31 @@ def diagnose(
         checks = cross_checks(refits, tell) if len(refits) == len(diagnoses) else []
         content["cross_check"] = [check.in_words for check in checks]
         sentences += [f"{check.in_words[0].upper()}{check.in_words[1:]}." for check in checks]
-    if not (as_json or quiet) and any(d.findings for d in diagnoses):
-        print("\n\n".join(findings_table(d.findings) for d in diagnoses if d.findings), end="\n\n")
-    show(content, "\n".join(sentences), as_json, quiet, target.page if target else None)
+    if any(d.findings for d in diagnoses):
+        output.table("\n\n".join(findings_table(d.findings) for d in diagnoses if d.findings))
+    output.show(content, "\n".join(sentences), target)
     explained = all(d.verdict == "adequate" and not d.outcome for d in diagnoses)
     sys.exit(0 if explained and all(c.agree for c in checks) else 1)
 
 
 @click.command(epilog=example("gimbalcal noise data/space_stable_static --out noise"))
 @click.argument("recording", type=click.Path(path_type=Path))
-@OVERWRITE
 @output_options("noise.json and report.html", "RECORDING-noise, here")
-def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
+def noise(recording: Path, output: Output) -> None:
     """White noise, bias instability and random walk of every sensor of RECORDING, from its rests."""
     from gimbalcal.at_rest import noise_at_rest, rest_noise
     from gimbalcal.recording import read
     from gimbalcal.report.noise_page import noise_report
     from gimbalcal.words.answers import noise_answer
 
-    target = output_folder(out, [recording], "noise", ("noise.json", "report.html"), overwrite, as_json)
-    tell = progress(quiet)
-    tell(f"reading {recording.name}")
+    target = output.folder([recording], "noise", ("noise.json", "report.html"))
+    output.tell(f"reading {recording.name}")
     r = read(recording)
     for remark in r.remarks:
-        tell(f"note: {remark}")
+        output.tell(f"note: {remark}")
     result = rest_noise(r, noise_at_rest(r))
     words = "\n".join([noise_answer(result), *(["[noise]", *result.lines] if result.lines else [])])
-    deliver(target, "noise.json", result.to_dict(), lambda: noise_report(result, r.title), words, as_json, quiet)
+    output.deliver(target, "noise.json", result.to_dict(), lambda: noise_report(result, r.title), words)
 
 
 @click.command(
@@ -213,11 +200,10 @@ def noise(recording: Path, overwrite: bool, out: Path | None, quiet: bool, as_js
 )
 @click.option("--samples", type=DRAWS, default=50, show_default=True, help="Draws behind the sampled bands.")
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the draws.")
-@OVERWRITE
 @output_options("navigation.json and report.html", "NAME-navigation, here")
 def navigate(
     recording: tuple[Path, ...], known: tuple[Path, ...], damping: float | None, alignment: float, samples: int,
-    seed: int, overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+    seed: int, output: Output,
 ) -> None:  # fmt: skip
     """Navigate without a calibration and with each: what they are worth in position and attitude.
 
@@ -233,16 +219,15 @@ def navigate(
     from gimbalcal.words.answers import navigation_answer
 
     folder, files = _one_recording(recording, known)
-    target = output_folder(out, [folder], "navigation", ("navigation.json", "report.html"), overwrite, as_json)
-    tell = progress(quiet)
-    (run,) = load([folder], tell)
+    target = output.folder([folder], "navigation", ("navigation.json", "report.html"))
+    (run,) = load([folder], output.tell)
     aids = usual(run, damping, 60 * alignment)
     chosen = list(zip(labels(files), [read_calibration(f) for f in files], strict=True))
-    runs = before_and_after(run, chosen, aids, samples, seed, tell)
+    runs = before_and_after(run, chosen, aids, samples, seed, output.tell)
     named = tuple(NamedCalibration(name, str(f)) for (name, _), f in zip(chosen, files, strict=True))
     result = summary(runs, aids, NavigationInputs(run.source, named, samples, seed))
     page = partial(navigation_report, result, runs, run.title)
-    deliver(target, "navigation.json", result.to_dict(), page, navigation_answer(result), as_json, quiet)
+    output.deliver(target, "navigation.json", result.to_dict(), page, navigation_answer(result))
 
 
 def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Path, list[Path]]:
@@ -266,11 +251,9 @@ def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Pa
 @click.option(
     "--allow", multiple=True, metavar="NAME='VALUE UNIT'", help="How far a parameter may move until the next."
 )
-@OVERWRITE
 @output_options("compare.json, report.html, and all values as history.csv and history.parquet", "NAME-history, here")
 def compare(
-    calibrations: tuple[Path, ...], store: Path | None, unit: str, allow: tuple[str, ...],
-    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+    calibrations: tuple[Path, ...], store: Path | None, unit: str, allow: tuple[str, ...], output: Output,
 ) -> None:  # fmt: skip
     """Compare the parameters of a unit from calibration to calibration: CALIBRATIONS, those of a --store, or both."""
     from gimbalcal.history import compare as run
@@ -282,13 +265,13 @@ def compare(
         raise InputError("`compare` takes calibration.json files, or a --store that holds some")
     files = ("compare.json", "history.csv", "history.parquet", "report.html")
     named = [unit] if unit else [store] if store is not None else [c.absolute().parent.name for c in calibrations]
-    target = output_folder(out, named, "history", files, overwrite, as_json)
+    target = output.folder(named, "history", files)
     stored, diagnoses = of_store(store, unit) if store is not None else ((), ())
     comparison = run([*stored, *(dated_file(c) for c in calibrations)], unit, dict(_allowed(a) for a in allow))
     if target is not None:
         write_comparison(comparison.printed, diagnoses, target.folder, target.question)
-        wrote(target.folder, "compare.json", quiet)
-    show(comparison.printed.to_dict(), answered(comparison.in_words), as_json, quiet, target.page if target else None)
+        output.wrote(target.folder, "compare.json")
+    output.show(comparison.printed.to_dict(), answered(comparison.in_words), target)
     sys.exit(0 if comparison.agree else 1)
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import LATITUDE, POSITIVE, Number, example, output_options, progress, show
-from gimbalcal.cli.output_folders import OVERWRITE, staged_folder
+from gimbalcal.cli.options import LATITUDE, POSITIVE, Number, example
+from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.errors import InputError, amount
 
 SAMPLES = "samples.csv"
@@ -26,59 +26,52 @@ CALIBRATION = click.option(
 @click.argument("recording", type=click.Path(path_type=Path))
 @CALIBRATION
 @click.option("--inverse", is_flag=True, help="Physics to readings: what the calibrated unit would have read.")
-@OVERWRITE
 @output_options("the new recording", "RECORDING-corrected, or -corrupted with --inverse, here")
 def apply(
-    recording: Path, known: Path, inverse: bool, overwrite: bool, out: Path | None, quiet: bool, as_json: bool
-) -> None:
+    recording: Path, known: Path, inverse: bool, output: Output,
+) -> None:  # fmt: skip
     """Correct RECORDING by a calibration: readings to physics, into a recording folder."""
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.recording import read, write
 
     calibration, original = read_calibration(known), read(recording)
-    folder = out or Path(f"{recording.name}-{'corrupted' if inverse else 'corrected'}")
+    folder = output.out or Path(f"{recording.name}-{'corrupted' if inverse else 'corrected'}")
     if folder.resolve() == recording.resolve():
         raise InputError(f"--out {folder} is the recording itself; give another folder")
     named = calibration.provenance.options.sensor or ""
     original = next((r for r in original.sensors if r.sensor == named), replace(original, other_sensors=()))
     corrected = calibration.corrupt(original) if inverse else calibration.apply(original)
     samples = "samples.parquet" if (recording / "samples.parquet").is_file() else SAMPLES
-    with staged_folder(folder, overwrite) as new:
+    with output.staged(folder) as new:
         write(corrected, new, samples)
     direction = "physics to readings" if inverse else "readings to physics"
     done = "as the calibrated unit would read it" if inverse else "corrected"
     result = {"rows": len(corrected.time), "folder": str(folder), "direction": direction,
               "effects": sorted({e.id for e in calibration.effects})}  # fmt: skip
-    show(
-        result,
-        f"wrote {corrected.title!r}, {done}, {amount(len(corrected.time), 'row')}, into {folder}",
-        as_json,
-        quiet,
-    )
+    output.show(result, f"wrote {corrected.title!r}, {done}, {amount(len(corrected.time), 'row')}, into {folder}")
 
 
 @click.command(epilog=example("gimbalcal export csv --calibration results/calibration.json --out exported"))
 @click.argument("kind")
 @CALIBRATION
-@OVERWRITE
 @output_options("the file", "the current folder")
-def export(kind: str, known: Path, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
+def export(kind: str, known: Path, output: Output) -> None:
     """Write a calibration for another program; KIND is kalibr, psins, tpoint, csv or json."""
     from gimbalcal.calibration.exchange import DIRECTION, FILES, read_calibration
     from gimbalcal.calibration.exchange import export as run
 
     calibration = read_calibration(known)
-    path = (out or Path()) / FILES.get(kind, "calibration")
+    path = (output.out or Path()) / FILES.get(kind, "calibration")
     if path.resolve() == known.resolve():
         raise InputError(f"{path} is the calibration itself; give another --out")
-    with staged_folder(path.parent, overwrite) as new:
+    with output.staged(path.parent) as new:
         lost = run(calibration, kind, new / path.name)
     for words in lost:
-        progress(quiet)(f"note: {words}")
+        output.tell(f"note: {words}")
     result = {"file": str(path), "direction": DIRECTION[kind], "lost": list(lost)}
     corrects = DIRECTION[kind] == "readings to physics"
     does = "corrects readings" if corrects else "gives what a unit reads for true quantities"
-    show(result, f"wrote {path}, which {does}", as_json, quiet)
+    output.show(result, f"wrote {path}, which {does}")
 
 
 class ImportCommand(click.Command):
@@ -105,11 +98,9 @@ class ImportCommand(click.Command):
 @click.argument("kind")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="What the importer of this kind asks for.")
-@OVERWRITE
 @output_options("the recording", "the name of the first of FILES without its ending, here")
 def import_(
-    kind: str, files: tuple[Path, ...], settings: tuple[str, ...], overwrite: bool,
-    out: Path | None, quiet: bool, as_json: bool,
+    kind: str, files: tuple[Path, ...], settings: tuple[str, ...], output: Output,
 ) -> None:  # fmt: skip
     """Turn another rig's FILES into a recording folder; KIND is the rig or file type.
 
@@ -120,19 +111,19 @@ def import_(
     from gimbalcal.recording import write
 
     options = dict(_pair(s) for s in settings)
-    folder, tell = out or Path(files[0].stem), progress(quiet)
+    folder = output.out or Path(files[0].stem)
     if (folder / SAMPLES).resolve() in [file.resolve() for file in files]:
         raise InputError(f"{folder / SAMPLES} is to be read and would be written over; give another --out")
-    tell(f"importing {amount(len(files), 'file')} as {kind}")
+    output.tell(f"importing {amount(len(files), 'file')} as {kind}")
     recording = import_files(kind, files, options)
     for remark in recording.remarks:
-        tell(remark)
-    with staged_folder(folder, overwrite) as new:
+        output.tell(remark)
+    with output.staged(folder) as new:
         write(recording, new, SAMPLES)
     summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}
-    if as_json:
+    if output.as_json:
         print(json.dumps(summary))
-    elif not quiet:
+    elif not output.quiet:
         print(f"wrote a {recording.kind} recording of {amount(len(recording.time), 'row')} into {folder}")
 
 
@@ -173,44 +164,34 @@ def _pair(setting: str) -> tuple[str, str]:
     help="Of the place, east is positive: right ascensions with UTC need it.",
 )
 @click.option("--title", default="", help="What the recording is called.  [default: the name of the first of LOGS]")
-@OVERWRITE
 @output_options("the recording and a page with its rests", "the name of the first of LOGS without its ending, here")
 def new(
-    logs: tuple[Path, ...],
-    rate: float | None,
-    latitude: float | None,
-    height: float | None,
-    longitude: float | None,
-    title: str,
-    overwrite: bool,
-    out: Path | None,
-    quiet: bool,
-    as_json: bool,
-) -> None:
+    logs: tuple[Path, ...], rate: float | None, latitude: float | None, height: float | None, longitude: float | None,
+    title: str, output: Output,
+) -> None:  # fmt: skip
     """Look at LOGS of a unit, a rig or a mount and propose a recording: columns, units, rests, platform."""
     from gimbalcal.atomic import write as write_text
     from gimbalcal.guess.proposal import propose
     from gimbalcal.recording import dwells, write
     from gimbalcal.report.new_page import clocked, commented, proposal_page
 
-    tell = progress(quiet)
-    tell(f"reading {amount(len(logs), 'log')}")
+    output.tell(f"reading {amount(len(logs), 'log')}")
     proposal = propose(logs, title, rate or 0.0, latitude, height, longitude)
-    r, folder = proposal.recording, out or Path(logs[0].stem)
+    r, folder = proposal.recording, output.out or Path(logs[0].stem)
     page = "stars.html" if r.kind.sighting else "rests.html"
-    with staged_folder(folder, overwrite) as staged:
+    with output.staged(folder) as staged:
         write(r, staged, "samples.parquet" if len(r.time) > 1_000_000 else "samples.csv")
         header = staged / "recording.toml"
         write_text(header, commented(header.read_text(encoding="utf-8"), proposal))
         write_text(staged / page, proposal_page(proposal))
     for name, g in proposal.guesses.items():
-        tell(f"{name.strip()}: {g.in_words}, by {g.why}")
+        output.tell(f"{name.strip()}: {g.in_words}, by {g.why}")
     for what, note in proposal.notes.items():
-        tell(f"{what}: {note}")
+        output.tell(f"{what}: {note}")
     if proposal.left_out:
-        tell(f"left out: {', '.join(name.strip() for name in proposal.left_out)}")
+        output.tell(f"left out: {', '.join(name.strip() for name in proposal.left_out)}")
     for remark in r.remarks:
-        tell(f"note: {remark}")
+        output.tell(f"note: {remark}")
     stars, turned = r.kind.sighting, r.kind.rotating
     intervals = 0 if stars or turned else len(dwells(r))
     size = amount(len(r.time), "star") if stars else f"{amount(intervals, 'rest')} and {amount(len(r.time), 'row')}"
@@ -226,4 +207,4 @@ def new(
     after = "calibrate" if stars or turned or intervals > 1 or r.kind.stabilised else "noise"
     how = " --method rate-table" if turned and r.has("specific_force") else ""
     words = f"wrote {folder}, {description}; {correct}, then: gimbalcal {after} {folder}{how}"
-    show(result, words, as_json, quiet)
+    output.show(result, words)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 import gimbalcal
-from gimbalcal.cli.options import example, output_options, progress, show
+from gimbalcal.cli.options import example
+from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.entries import Json
 
 if TYPE_CHECKING:
@@ -83,8 +84,8 @@ def _diagnose(folder: Path, out: Path, tell: Tell) -> Diagnosis:
 
 
 @click.command(epilog=example("gimbalcal demo --out out/demo"))
-@output_options("the reports", "out/demo")
-def demo(out: Path | None, quiet: bool, as_json: bool) -> None:
+@output_options("the reports", "out/demo", replaces=False)
+def demo(output: Output) -> None:
     """The three stages and the diagnosis on the recordings that ship with the project."""
-    summary, sentence = demonstrate(out or Path("out/demo"), progress(quiet))
-    show(summary, sentence, as_json, quiet)
+    summary, sentence = demonstrate(output.out or Path("out/demo"), output.tell)
+    output.show(summary, sentence)

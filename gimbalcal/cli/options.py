@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 import threading
@@ -13,9 +12,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
-
-from gimbalcal import atomic
-from gimbalcal.errors import InputError
 
 F = TypeVar("F", bound=Callable[..., Any])
 OWN_EFFECTS = "gimbalcal.effects"  # under which a run's context has the files of --effects
@@ -43,32 +39,6 @@ NOISE = Number(1e-12, 1e9)  # beyond, squares of it are lost beside each other
 def example(*commands: str) -> str:
     """Return the last lines of a command's help: examples of its use."""
     return "\b\nFor example:\n" + "\n".join(f"  {command}" for command in commands)
-
-
-def output_options(what: str, default: str = "nothing is written") -> Callable[[F], F]:
-    """Return a decorator that adds --out, --quiet and --json; `what` is written into --out, else `default`."""
-
-    def decorate(command: F) -> F:
-        command = click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON.")(command)
-        command = click.option("--quiet", is_flag=True, help="No progress on stderr.")(command)
-        description = f"Folder for {what}.  [default: {default}]"
-        return click.option("--out", type=click.Path(path_type=Path), callback=_folder, default=None, help=description)(
-            command
-        )
-
-    return decorate
-
-
-def _folder(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:
-    """Return --out. Raises InputError before anything is computed where it cannot be a folder."""
-    if out is None:
-        return None
-    existing = next(p for p in (out, *out.absolute().parents) if p.exists() or p.is_symlink())
-    if not existing.is_dir():
-        raise InputError(f"--out {out} cannot be a folder, because {existing} is a file; give another name")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise InputError(f"--out {out} cannot be written, {existing} does not permit it; give another folder")
-    return out
 
 
 def names_option(name: str, help: str) -> Callable[[Any], Any]:  # noqa: A002  as click calls it
@@ -118,21 +88,6 @@ def _go_on(doing: list[Any], done: threading.Event, every: float = PROGRESS_INTE
             reported = now
             work = _as_printed(sentence.partition(" (")[0])
             print(f"  ... {work}: {now - since:.0f} s so far", file=sys.stderr, flush=True)
-
-
-def show(result: Any, sentence: str, as_json: bool, quiet: bool, page: Path | None = None) -> None:
-    """Print the answer on stdout: the sentence and the path of its page, or the result as JSON."""
-    lines = [sentence, *([] if page is None else [f"report: {page}"])]
-    if as_json:
-        print(atomic.as_json(result))
-        progress(quiet)("\n  ".join(lines))
-    else:
-        print("\n".join(lines))
-
-
-def wrote(folder: Path, first: str, quiet: bool) -> None:
-    """Report the files that were written."""
-    progress(quiet)(f"wrote {folder / first} and {folder / 'report.html'}")
 
 
 def _load_effects(context: click.Context, _option: click.Parameter, files: tuple[Path, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Output folders, and when existing files are replaced.
+"""What a command does with its answer: its options, output folders, and when existing files are replaced.
 
 Every command names a folder of its own, so that no result is lost. Existing files are
 
@@ -14,22 +14,22 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from filecmp import cmp
+from functools import cached_property, reduce, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gimbalcal import atomic
-from gimbalcal.cli.options import OWN_EFFECTS, show, wrote
+from gimbalcal.cli.options import OWN_EFFECTS, progress
 from gimbalcal.errors import InputError
 
 if TYPE_CHECKING:
     from gimbalcal.recording import Recording
 
-OVERWRITE = click.option("--overwrite", is_flag=True, help="Replace files in --out that differ from what is written.")
 # options that change no result; runs of a campaign are added to those that are there
 WITHOUT_EFFECT = {"out", "quiet", "as_json", "overwrite", "store", "unit", "workers", "scheduler", "runs"}
 PAGE, TRUTH = "report.html", "truth.json"
@@ -48,47 +48,120 @@ class OutputFolder:
         return self.folder / PAGE
 
 
-def output_folder(
-    out: Path | None, names: Sequence[str | Path], noun: str, files: Sequence[str], overwrite: bool, as_json: bool
-) -> OutputFolder | None:
-    """Return the folder for this command's `files`: --out, or NAME-`noun` in the current folder after its inputs.
+@dataclass(frozen=True)
+class Output:
+    """What a command does with its answer, by --out, --overwrite, --quiet and --json."""
 
-    None where nothing is written: the result goes to stdout as JSON, or the current folder cannot be written. Raises
-    InputError where --out holds the answer to another question and `overwrite` is not given.
+    out: Path | None
+    overwrite: bool
+    quiet: bool
+    as_json: bool
+
+    @cached_property
+    def tell(self) -> Callable[[str], None]:
+        """Return the function that prints progress on stderr."""
+        return progress(self.quiet)
+
+    def folder(self, names: Sequence[str | Path], noun: str, files: Sequence[str]) -> OutputFolder | None:
+        """Return the folder for a command's `files`: --out, or NAME-`noun` in the current folder after its inputs.
+
+        None where nothing is written: the result goes to stdout as JSON, or the current folder cannot be written.
+        Raises InputError where --out holds the answer to another question and --overwrite is not given.
+        """
+        question = _question()
+        if self.out is not None:
+            if read := _effects_files() & {(self.out / name).resolve() for name in files}:
+                raise InputError(f"{read.pop()} is read and would be written over; give another --out")
+            other = _other_answers(self.out, files, question)
+            if other and not self.overwrite:
+                from gimbalcal.words.naming import listed
+
+                raise InputError(
+                    f"{self.out} already holds {listed(other)} of another question, which would be lost; give another "
+                    "--out, or --overwrite to replace"
+                )
+            return OutputFolder(self.out, question)
+        if self.as_json or not os.access(Path(), os.W_OK):
+            return None
+        folder, k = Path(f"{_name(names)}-{noun}"), 1
+        while folder.exists() and (
+            not folder.is_dir() or (_other_answers(folder, files, question) and not self.overwrite)
+        ):
+            k += 1
+            folder = Path(f"{_name(names)}-{noun}-{k}")
+        return OutputFolder(folder, question)
+
+    def staged(self, folder: Path) -> AbstractContextManager[Path]:
+        """Return a new folder whose files are moved into `folder`, see `staged_folder`."""
+        return staged_folder(folder, self.overwrite)
+
+    def table(self, text: str) -> None:
+        """Print a table above the answer, unless the answer is JSON or wanted alone."""
+        if not (self.as_json or self.quiet):
+            print(text, end="\n\n")
+
+    def wrote(self, folder: Path, first: str) -> None:
+        """Report the files that were written."""
+        self.tell(f"wrote {folder / first} and {folder / PAGE}")
+
+    def show(self, result: Any, sentence: str, folder: OutputFolder | None = None) -> None:
+        """Print the answer on stdout: the sentence and the path of its page, or the result as JSON."""
+        lines = [sentence, *([] if folder is None else [f"report: {folder.page}"])]
+        if self.as_json:
+            print(atomic.as_json(result))
+            self.tell("\n  ".join(lines))
+        else:
+            print("\n".join(lines))
+
+    def deliver(
+        self, folder: OutputFolder | None, file: str, content: Any, page: Callable[[], str], sentence: str
+    ) -> None:
+        """Write a result and its page where there is a folder, and print the answer."""
+        if folder is not None:
+            from gimbalcal.report.files import write_report
+
+            write_report(file, content, page(), folder.folder, folder.question)
+            self.wrote(folder.folder, file)
+        self.show(content, sentence, folder)
+
+
+def output_options(
+    what: str, default: str = "nothing is written", replaces: bool = True
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator that adds --out, --quiet, --json and, if it `replaces` files, --overwrite to a command.
+
+    The command takes an `Output` in place of them. `what` is written into --out, else `default`.
     """
-    question = _question()
-    if out is not None:
-        if read := _effects_files() & {(out / name).resolve() for name in files}:
-            raise InputError(f"{read.pop()} is read and would be written over; give another --out")
-        other = _other_answers(out, files, question)
-        if other and not overwrite:
-            from gimbalcal.words.naming import listed
 
-            raise InputError(
-                f"{out} already holds {listed(other)} of another question, which would be lost; give another --out, or "
-                "--overwrite to replace"
-            )
-        return OutputFolder(out, question)
-    if as_json or not os.access(Path(), os.W_OK):
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def run(out: Path | None, quiet: bool, as_json: bool, overwrite: bool = False, **options: Any) -> None:
+            command(output=Output(out, overwrite, quiet, as_json), **options)
+
+        described = f"Folder for {what}.  [default: {default}]"
+        options = [
+            click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON."),
+            click.option("--quiet", is_flag=True, help="No progress on stderr."),
+            click.option("--out", type=click.Path(path_type=Path), callback=_writable, default=None, help=described),
+        ]
+        if replaces:
+            differ = "Replace files in --out that differ from what is written."
+            options.append(click.option("--overwrite", is_flag=True, help=differ))
+        return reduce(lambda function, option: option(function), options, run)
+
+    return decorate
+
+
+def _writable(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:
+    """Return --out. Raises InputError before anything is computed where it cannot be a folder."""
+    if out is None:
         return None
-    folder, k = Path(f"{_name(names)}-{noun}"), 1
-    while folder.exists() and (not folder.is_dir() or (_other_answers(folder, files, question) and not overwrite)):
-        k += 1
-        folder = Path(f"{_name(names)}-{noun}-{k}")
-    return OutputFolder(folder, question)
-
-
-def deliver(
-    folder: OutputFolder | None, file: str, content: Any, page: Callable[[], str], sentence: str, as_json: bool,
-    quiet: bool,
-) -> None:  # fmt: skip
-    """Write a result and its page where there is a folder, and print the answer."""
-    if folder is not None:
-        from gimbalcal.report.files import write_report
-
-        write_report(file, content, page(), folder.folder, folder.question)
-        wrote(folder.folder, file, quiet)
-    show(content, sentence, as_json, quiet, folder.page if folder else None)
+    existing = next(p for p in (out, *out.absolute().parents) if p.exists() or p.is_symlink())
+    if not existing.is_dir():
+        raise InputError(f"--out {out} cannot be a folder, because {existing} is a file; give another name")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError(f"--out {out} cannot be written, {existing} does not permit it; give another folder")
+    return out
 
 
 def sensor_folders(each: Sequence[Sequence[Recording]]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,12 +19,8 @@ from gimbalcal.cli.options import (
     Number,
     example,
     names_option,
-    output_options,
-    progress,
-    show,
-    wrote,
 )
-from gimbalcal.cli.output_folders import OVERWRITE, deliver, output_folder, staged_folder
+from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.errors import InputError, amount
 
 if TYPE_CHECKING:
@@ -66,12 +63,10 @@ FORCE_SIGMA = click.option(
 @RATE_NOISE
 @FORCE_NOISE
 @VELOCITY
-@OVERWRITE
 @output_options("observability.json and report.html", "NAME-observability, here")
 def observe(
     schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: tuple[str, ...], states: str,
-    rate_noise: float, force_noise: float, velocity_sigma: float, overwrite: bool,
-    out: Path | None, quiet: bool, as_json: bool,
+    rate_noise: float, force_noise: float, velocity_sigma: float, output: Output,
 ) -> None:  # fmt: skip
     """Say what SCHEDULE can and cannot see, before anything is recorded: a name, a schedule.toml, or static-48h."""
     from gimbalcal.report import plan_page
@@ -79,7 +74,7 @@ def observe(
     from gimbalcal.schedule.file import is_rotation
     from gimbalcal.words.answers import plan_answer, turning_answer
 
-    target = output_folder(out, [schedule], "observability", (OBSERVABILITY, "report.html"), overwrite, as_json)
+    target = output.folder([schedule], "observability", (OBSERVABILITY, "report.html"))
     if is_rotation(schedule):
         from gimbalcal.design.turning_observability import observe_turning
 
@@ -94,9 +89,8 @@ def observe(
         bounds = observe_any(schedule, angle_sigma, force_sigma, latitude, candidates)
         result = bounds.to_dict()
         page, sentence = partial(plan_page.plan_report, bounds), plan_answer(bounds)
-    if not (as_json or quiet):
-        print(bounds_table(bounds), end="\n\n")
-    deliver(target, OBSERVABILITY, result, page, sentence, as_json, quiet)
+    output.table(bounds_table(bounds))
+    output.deliver(target, OBSERVABILITY, result, page, sentence)
 
 
 @click.command(
@@ -145,13 +139,12 @@ def observe(
 @VELOCITY
 @click.option("--tries", default=4000, type=RUNS, show_default=True, help="Of turns: candidates to look at.")
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Of turns: of the search.")
-@OVERWRITE
 @output_options("schedule.toml and report.html", "PLATFORM-schedule, here")
 def design(
     kind: str, platform: str, positions: int, step: float, angle_sigma: float | None, force_sigma: float,
     terms: tuple[str, ...], separate: tuple[str, ...], criterion: str | None, states: str, total: float, rate: float,
     ramp: float, limit: float, against: tuple[str, ...], latitude: float, rate_noise: float, force_noise: float,
-    velocity_sigma: float, tries: int, seed: int, overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+    velocity_sigma: float, tries: int, seed: int, output: Output,
 ) -> None:  # fmt: skip
     """Choose what sees most under a rig's limits: positions that separate effects, or a sequence of turns."""
     from gimbalcal.atomic import write
@@ -162,17 +155,16 @@ def design(
     turning = kind == "rotation"
     named = ["turns" if turning else platform]
     plan: PositionsDesign | TurnsDesign
-    target = output_folder(out, named, "schedule", ("schedule.toml", "report.html"), overwrite, as_json)
+    target = output.folder(named, "schedule", ("schedule.toml", "report.html"))
     if turning:
         from gimbalcal.design.turning_design import design_turning, table_of
         from gimbalcal.schedule.file import rotation_toml
 
         _only(criterion, ("max", "sum"), kind)
-        tell = progress(quiet)
-        tell(f"looking at {amount(tries, 'sequence')} of turns")
+        output.tell(f"looking at {amount(tries, 'sequence')} of turns")
         turns = design_turning(
             table_of(step, limit, rate, ramp, total), latitude, states, against, criterion or "max",
-            (rate_noise, force_noise, velocity_sigma), tries, seed, tell,
+            (rate_noise, force_noise, velocity_sigma), tries, seed, output.tell,
         )  # fmt: skip
         plan, text, table = turns, rotation_toml(turns.schedule), groups_table(turns)
     else:
@@ -185,13 +177,12 @@ def design(
         chosen = run(rig, positions, terms, criterion or "D", separate, latitude=latitude)
         plan, text, table = chosen, schedule_toml(chosen.schedule), bounds_table(chosen)
     if target is not None:
-        with staged_folder(target.folder, overwrite) as new:
+        with output.staged(target.folder) as new:
             write(new / "schedule.toml", text)
             write(new / "report.html", marked(design_report(plan), target.question))
-        wrote(target.folder, "schedule.toml", quiet)
-    if not (as_json or quiet):
-        print(table, end="\n\n")
-    show(plan.to_dict(), design_headline(plan), as_json, quiet, target.page if target else None)
+        output.wrote(target.folder, "schedule.toml")
+    output.table(table)
+    output.show(plan.to_dict(), design_headline(plan), target)
 
 
 def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
@@ -213,11 +204,10 @@ def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
 @click.option("--with", "more", multiple=True, metavar="EFFECT", help="An effect that the calibration holds too.")
 @click.option("--states", default="", help="Of turns: what is calibrated, 30, 51, or EFFECT[:AXIS],... [51].")
 @DAMPING
-@OVERWRITE
 @output_options("budget.json and report.html", "NAME-budget, here")
 def budget(
     scenarios: tuple[Path, ...], hours: tuple[float, ...], more: tuple[str, ...], states: str, damping: float | None,
-    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+    output: Output,
 ) -> None:  # fmt: skip
     """Say what a calibration by these SCENARIOS leaves of position error, parameter by parameter, before it is made.
 
@@ -228,25 +218,24 @@ def budget(
     from gimbalcal.report.navigation_page import budget_report
     from gimbalcal.words.naming import answered
 
-    target = output_folder(out, scenarios, "budget", ("budget.json", "report.html"), overwrite, as_json)
+    target = output.folder(scenarios, "budget", ("budget.json", "report.html"))
     result = run(scenarios, hours, more, damping, states)
     page, sentence = partial(budget_report, result), answered(result.in_words)
-    deliver(target, "budget.json", result.to_list(), page, sentence, as_json, quiet)
+    output.deliver(target, "budget.json", result.to_list(), page, sentence)
 
 
 @click.command(epilog=example("gimbalcal simulate wu2018-18 --seed 7 --out my-rig"))
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
-@OVERWRITE
 @output_options("the recording and its truth.json", "the name of SCENARIO, here")
-def simulate(scenario: Path, seed: int | None, overwrite: bool, out: Path | None, quiet: bool, as_json: bool) -> None:
+def simulate(scenario: Path, seed: int | None, output: Output) -> None:
     """Make a recording from truth: SCENARIO.toml, or the name of one that ships with the package."""
     from gimbalcal.simulate import simulate_to
 
-    folder = out or Path(scenario.stem)
-    with staged_folder(folder, overwrite) as new:
-        truth = simulate_to(scenario, new, seed, progress(quiet))
-    show(truth, f"wrote a recording and its truth into {folder}", as_json, quiet)
+    folder = output.out or Path(scenario.stem)
+    with output.staged(folder) as new:
+        truth = simulate_to(scenario, new, seed, output.tell)
+    output.show(truth, f"wrote a recording and its truth into {folder}")
 
 
 @click.command(epilog=example("gimbalcal campaign wu2018-18 -n 100 --out campaign"))
@@ -256,11 +245,9 @@ def simulate(scenario: Path, seed: int | None, overwrite: bool, out: Path | None
 @click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")
 @click.option("--method", default="three-stage", show_default=True, help="How each simulated recording is calibrated.")
 @click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
-@OVERWRITE
 @output_options("campaign.json, campaign.parquet and report.html", "SCENARIO-campaign, here")
 def campaign(
-    scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None,
-    overwrite: bool, out: Path | None, quiet: bool, as_json: bool,
+    scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None, output: Output,
 ) -> None:  # fmt: skip
     """Monte Carlo of SCENARIO: the same digits whatever the number of workers; goes on where it was stopped."""
     from gimbalcal.campaign import run_campaign
@@ -269,19 +256,17 @@ def campaign(
     from gimbalcal.words.answers import campaign_answer
 
     files = ("campaign.json", "campaign.parquet", "report.html")
-    target = output_folder(
-        out, [scenario], "campaign", files, overwrite, False
-    )  # also with --json: runs are kept on the way
+    kept = replace(output, as_json=False)  # runs are kept on the way, also with --json
+    target = kept.folder([scenario], "campaign", files)
     if target is None:
         raise InputError("the current folder cannot be written, where the runs of a campaign are kept; give --out")
-    tell = progress(quiet)
     try:
         summary = run_campaign(
-            scenario, runs, target.folder, workers, scheduler, tell, method, seed,
-            lambda result: marked(campaign_report(result), target.question), overwrite,
+            scenario, runs, target.folder, workers, scheduler, output.tell, method, seed,
+            lambda result: marked(campaign_report(result), target.question), output.overwrite,
         )  # fmt: skip
     except KeyboardInterrupt:
-        tell(f"finished runs are kept in {target.folder}; the same command continues from there")
+        output.tell(f"finished runs are kept in {target.folder}; the same command continues from there")
         raise
-    wrote(target.folder, "campaign.json", quiet)
-    show(summary.to_dict(), campaign_answer(summary), as_json, quiet, target.page)
+    output.wrote(target.folder, "campaign.json")
+    output.show(summary.to_dict(), campaign_answer(summary), target)

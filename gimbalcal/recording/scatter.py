@@ -59,7 +59,7 @@ class Scatter:
         self.turn, self.squares, self.count = turn, np.zeros(len(turn)), 0
 
     def add(self, x: Sequence[Array], begins: Array, weight: Array, still: Array) -> None:
-        """Take in channels (n,) each; `begins` marks rows that do not continue the row before, `still` those that rest."""
+        """Take in channels (n,) each; `begins`: rows that do not continue the row before, `still`: those at rest."""
         if len(begins) < 4 or not len(x):
             return
         first = slice(ENOUGH)
