@@ -18,6 +18,7 @@ from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError, amount
 from gimbalcal.inference.allan import MIN_P_VALUE, MIN_ROWS, AllanCurve, AllanFit, curve, fit, law
 from gimbalcal.number import Array
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording, Source, dwells
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import SENSORS, Key
@@ -28,7 +29,6 @@ UNITS: Mapping[str, tuple[str, str, str]] = {
     "specific_force": ("ug/sqrt(Hz)", "ug", "ug/sqrt(h)"),
     "angular_rate": ("deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)"),
 }
-SI = {"specific_force": "m/s^2", "angular_rate": "rad/s"}
 WORDS = {"specific_force": "accelerometer", "angular_rate": "gyroscope"}
 
 
@@ -233,7 +233,7 @@ def header(channels: tuple[Channel, ...]) -> dict[str, StatedNoise]:
         mine = [c for c in mine if c.fitted.covariance[0, 0] > 0 and c.fitted.p_value > MIN_P_VALUE]
         if mine:
             squares = [c.fitted.square[0] * c.weight / c.curve.step for c in mine]
-            out[name] = StatedNoise(float(f"{np.sqrt(np.mean(squares)):.4g}"), SI[quantity])
+            out[name] = StatedNoise(float(f"{np.sqrt(np.mean(squares)):.4g}"), QUANTITIES[quantity].si)
     return out
 
 

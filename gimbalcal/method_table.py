@@ -59,8 +59,8 @@ class Method:
         self._refuse(request)
         module, _, name = self.function.partition(":")
         plain = not self.several and not self.options
-        made: Calibration = getattr(import_module(module), name)(request.recordings[0] if plain else request)
-        return made
+        calibration: Calibration = getattr(import_module(module), name)(request.recordings[0] if plain else request)
+        return calibration
 
     def _refuse(self, request: Request) -> None:
         for option, word in OPTIONS.items():
@@ -124,16 +124,9 @@ METHODS: Mapping[str, Method] = MappingProxyType(
                 "gimbalcal.estimate.gyroscopes.two_position:two_position",
                 "gyroscopes that stand still and are reversed, bias against the Earth's rate",
             ),
+            Method("least-squares", "gimbalcal.estimate.one_view:calibrate_view", options=("terms", "more")),
             Method(
-                "least-squares",
-                "gimbalcal.estimate.one_view:calibrate_view",
-                options=("terms", "more"),
-            ),
-            Method(
-                "pointing",
-                "gimbalcal.estimate.pointing.mount:calibrate_mount",
-                several=True,
-                options=("terms", "more"),
+                "pointing", "gimbalcal.estimate.pointing.mount:calibrate_mount", several=True, options=("terms", "more")
             ),
         )
     }

@@ -15,12 +15,7 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Rows, difference, linearise, picked, predict
-from gimbalcal.kinematics import (
-    lost_to_averaging,
-    refuse_other_platform,
-    stimulus_from_readings,
-    with_phase_of_force,
-)
+from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus_from_readings, with_phase_of_force
 from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.recording.record import Key
@@ -97,12 +92,12 @@ def readings(recording: Recording) -> Readings:
         recording = with_phase_of_force(recording)
     s = stimulus_from_readings(recording)
     value = np.stack([recording.channels[key] for key in channels], axis=1)
-    made = Readings(recording, s, channels, value, np.ones(value.shape))
-    force = made.columns("specific_force")
+    out = Readings(recording, s, channels, value, np.ones(value.shape))
+    force = out.columns("specific_force")
     if recording.kind.stabilised and force:
         lost = lost_to_averaging(recording, s.force)
         value[:, force] += lost[:, ["xyz".index(channels[i][1]) for i in force]]
-    return made
+    return out
 
 
 def measured_channels(recording: Recording) -> tuple[Key, ...]:

@@ -15,13 +15,14 @@ from itertools import islice
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.checks.input_errors import CLOCK_UNITS, SENSOR, SI, Correction, in_other_units, scaled, trials
+from gimbalcal.checks.input_errors import CLOCK_UNITS, SENSOR, Correction, in_other_units, scaled, trials
 from gimbalcal.checks.sidereal import measured_latitude
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.effects.sensor_grades import drift_rate_factor
 from gimbalcal.errors import alternatives
 from gimbalcal.estimate.grade import Graded
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 
@@ -121,7 +122,8 @@ def _of_sensors(sizes: Sequence[float], axes: Sequence[str], quantity: str, r: R
     if all(size < 0 for size in sizes):
         yield scaled(quantity, axes, -1.0, f"{which} of the opposite sign")
     words = which + " in {unit}, not in {stated}"
-    for correction in in_other_units(quantity, axes, [r.units.get((quantity, axes[0]), SI[quantity])], words):
+    stated = r.units.get((quantity, axes[0]), QUANTITIES[quantity].si)
+    for correction in in_other_units(quantity, axes, [stated], words):
         if _alike(map(abs, sizes), correction.factor(quantity)):
             yield correction
 

@@ -13,12 +13,7 @@ import numpy as np
 
 from gimbalcal.atomic import write_json
 from gimbalcal.calibration.arrays import correct_arrays
-from gimbalcal.calibration.content_checks import (
-    refuse_misfit,
-    refuse_mount,
-    refuse_other_definitions,
-    refuse_unsound,
-)
+from gimbalcal.calibration.content_checks import refuse_misfit, refuse_mount, refuse_other_definitions, refuse_unsound
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.provenance import Provenance
 from gimbalcal.calibration.readout import Readout, from_content

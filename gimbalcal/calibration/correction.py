@@ -22,7 +22,7 @@ import numpy as np
 
 from gimbalcal.calibration.mount_correction import Mount, mount, with_readouts
 from gimbalcal.calibration.provenance import Provenance
-from gimbalcal.calibration.readout import SI, Readout, in_counts, in_si, with_noise
+from gimbalcal.calibration.readout import Readout, in_counts, in_si, with_noise
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.effect import GIMBALS, happens_once, lacking
 from gimbalcal.errors import InputError
@@ -30,6 +30,7 @@ from gimbalcal.forward import accelerometers, gyroscopes
 from gimbalcal.inversion import invert, response
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 
@@ -245,7 +246,7 @@ def _with_needs(effects: Sequence[Effect], recording: Recording) -> tuple[Effect
 def _refuse_other_unit(readout: Readout, recording: Recording) -> None:
     known = readout.accelerometers is not None
     if recording.has(FORCE) and recording.counted(FORCE) != known:
-        have, want = (SI[FORCE], "counts") if known else ("counts", SI[FORCE])
+        have, want = (QUANTITIES[FORCE].si, "counts") if known else ("counts", QUANTITIES[FORCE].si)
         raise InputError(
             f"{recording.title!r} has specific force in {have} and the calibration was estimated from readings in "
             f"{want}: use a calibration of the same unit"

@@ -18,10 +18,10 @@ import numpy as np
 from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import COLOURED, FORCE, RATE, SENSORS
 
-SI = {FORCE: "m/s^2", RATE: "rad/s"}
 AXES = ("x", "y", "z")
 DRAWING = "drawing"  # sense in which a file counts `gimbal_zero`: that of the platform's drawing
 
@@ -89,7 +89,7 @@ def in_si(recording: Recording, readout: Readout) -> Recording:
     for quantity, counts in readout.counts.items():
         if recording.has(quantity) and recording.counted(quantity):
             y = counts.to_si(recording.triad(quantity))
-            recording = _scaled(recording, quantity, y, np.abs(counts.scale), SI[quantity])
+            recording = _scaled(recording, quantity, y, np.abs(counts.scale), QUANTITIES[quantity].si)
     return recording
 
 

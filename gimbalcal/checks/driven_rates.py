@@ -19,11 +19,12 @@ from math import pi
 import numpy as np
 
 from gimbalcal.checks.check import ROTATION, Check, Examined
-from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, SI, Correction, in_other_units, permuted, scaled, trials
+from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, Correction, in_other_units, permuted, scaled, trials
 from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.dwell import usual_step
 from gimbalcal.recording.record import ANGLE, RATE, Recording
 from gimbalcal.rotation import frame_rotation
@@ -146,7 +147,7 @@ def _corrections(r: Recording, physical: bool) -> Iterator[Correction]:
     logged, names = r.axes(ANGLE), r.platform.axis_names
     if physical:
         remedy = 'write unit = "{unit}" for the column of ' + " and ".join(logged)
-        stated = [r.units.get((ANGLE, a), SI[ANGLE]) for a in logged]
+        stated = [r.units.get((ANGLE, a), QUANTITIES[ANGLE].si) for a in logged]
         yield from in_other_units(ANGLE, logged, stated, "as its angles say in {unit}, not {stated}", remedy, names)
     for few in sorted(product((0, 1), repeat=len(names)), key=sum) if physical else ():
         turned = [a for a, wrong in zip(names, few, strict=True) if wrong]
@@ -164,7 +165,7 @@ def _corrections(r: Recording, physical: bool) -> Iterator[Correction]:
         )
     for p in PERMUTATIONS[1:]:
         yield replace(permuted(RATE, p), words=f"if {p.in_words(RATE)}")
-    stated = [r.units.get((RATE, a), SI[RATE]) for a in AXES]
+    stated = [r.units.get((RATE, a), QUANTITIES[RATE].si) for a in AXES]
     yield from in_other_units(RATE, AXES, stated, "if they read {unit}, not {stated}", 'write unit = "{unit}" for them')
 
 

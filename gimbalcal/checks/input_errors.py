@@ -30,7 +30,6 @@ SIGN_CONVENTION = {
     "specific_force": " (f = a - g: one whose axis points down reads -9.8 m/s^2 at rest)",
     "angular_rate": "",
 }
-SI = {"specific_force": "m/s^2", "angular_rate": "rad/s", "gimbal_angle": "rad"}
 UNITS = {
     "specific_force": ("m/s^2", "g", "mg", "ug", "ft/s^2", "Gal"),
     "angular_rate": ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h", "rev/min"),
@@ -213,9 +212,7 @@ def permuted(quantity: str, permutation: AxisPermutation) -> Correction:
     """Return the correction of a triad whose axes, or signs, are others."""
     handed = "; as stated they make a left-handed triad" if permutation.handed < 0 else ""
     return Correction(
-        permutation.in_words(quantity) + handed,
-        permutation.remedy(quantity),
-        {quantity: (AXES, permutation.matrix)},
+        permutation.in_words(quantity) + handed, permutation.remedy(quantity), {quantity: (AXES, permutation.matrix)}
     )
 
 

@@ -30,7 +30,6 @@ from gimbalcal.checks.input_errors import (
     MIN_AGREEMENT,
     MIN_GAIN,
     PERMUTATIONS,
-    SI,
     AxisPermutation,
     Correction,
     in_other_units,
@@ -40,6 +39,7 @@ from gimbalcal.checks.input_errors import (
 from gimbalcal.checks.measured_turns import MeasuredTurns, down, gimbals_read, turns_of
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.number import Array
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import FORCE, RATE, Recording
 
@@ -190,7 +190,7 @@ def _units(recording: Recording) -> list[Correction]:
     """Return other units of the rates and other clocks."""
     step = float(np.median(np.diff(recording.time)))
     increments = f'they are what each step of {step:.3g} s adds to the angle (write quantity = "angle_increment")'
-    stated = recording.units.get((RATE, "x"), SI[RATE])
+    stated = recording.units.get((RATE, "x"), QUANTITIES[RATE].si)
     corrections = [
         scaled(RATE, AXES, 1 / step, increments),
         *in_other_units(RATE, AXES, [stated], 'the rates are in {unit} (write unit = "{unit}")'),

@@ -18,6 +18,7 @@ import numpy as np
 from gimbalcal.checks.check import ROTATION, SOME_ROWS, Check, Examined
 from gimbalcal.checks.forces import ALIKE, FORCE_UNITS, MAX_NORM_ERROR, NO_GRAVITY, unit_of_every_row, unit_of_some
 from gimbalcal.checks.input_errors import AXES
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import FORCE, RATE
 
@@ -27,7 +28,6 @@ MIN_IMPROVEMENT = 2.0  # ratio of the force's unexplained change, squared, by wh
 MAX_ROWS = 100_000  # of the recording: a turn or two show a lag
 MIN_ROWS = 100
 MAX_READING = {FORCE: 100.0, RATE: 200.0}  # ten g; thirty revolutions a second
-UNIT = {FORCE: "m/s^2", RATE: "rad/s"}
 FEW = 0.01  # of the rows; where more are beyond, the unit is wrong
 
 
@@ -54,8 +54,8 @@ def impossible_readings(e: Examined) -> str:
             others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
             return (
                 f"at {e.recording.time[rows[0]]:.10g} s {q} {axis} is "
-                f"{np.abs(y[rows[0]]).max():.3g} {UNIT[q]}, beyond anything that a unit turned in its place can read"
-                f"{others}; put the mean of its neighbours there, or cut the recording there"
+                f"{np.abs(y[rows[0]]).max():.3g} {QUANTITIES[q].si}, beyond anything that a unit turned in its place "
+                f"can read{others}; put the mean of its neighbours there, or cut the recording there"
             )
     return ""
 

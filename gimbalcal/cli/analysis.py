@@ -9,17 +9,7 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import (
-    DAMPING,
-    DRAWS,
-    GRADE,
-    RECORDINGS,
-    SEED,
-    F,
-    Number,
-    example,
-    names_option,
-)
+from gimbalcal.cli.options import DAMPING, DRAWS, GRADE, RECORDINGS, SEED, F, Number, example, names_option
 from gimbalcal.cli.output_folders import Output, output_options, sensor_folders
 from gimbalcal.entries import Json
 from gimbalcal.errors import InputError

@@ -143,10 +143,7 @@ def _pair(setting: str) -> tuple[str, str]:
 )
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
-    "--rate",
-    type=POSITIVE,
-    default=None,
-    help="Rows in a second: they are counted, and no column is the clock.",
+    "--rate", type=POSITIVE, default=None, help="Rows in a second: they are counted, and no column is the clock."
 )
 @click.option(
     "--latitude",

@@ -9,17 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gimbalcal.cli.options import (
-    DAMPING,
-    LATITUDE,
-    NOISE,
-    POSITIVE,
-    RUNS,
-    SEED,
-    Number,
-    example,
-    names_option,
-)
+from gimbalcal.cli.options import DAMPING, LATITUDE, NOISE, POSITIVE, RUNS, SEED, Number, example, names_option
 from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.errors import InputError, amount
 
@@ -102,12 +92,7 @@ def observe(
 @click.option("--kind", type=click.Choice(["positions", "rotation"]), default="positions", show_default=True)
 @click.option("--platform", default="space-stable", show_default=True, help="Name of the rig's gimbal chain.")
 @click.option(
-    "-n",
-    "--positions",
-    type=click.IntRange(1, 1000),
-    default=18,
-    show_default=True,
-    help="How many positions to hold.",
+    "-n", "--positions", type=click.IntRange(1, 1000), default=18, show_default=True, help="How many positions to hold."
 )
 @click.option("--step", default=45.0, type=POSITIVE, show_default=True, help="Angles of an axis: multiples, deg.")
 @click.option("--angle-sigma", type=NOISE, default=None, help="Setting error, arcsec; left out: no angle is known.")

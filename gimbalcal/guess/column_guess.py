@@ -20,11 +20,12 @@ from gimbalcal.guess.column_names import (
     unit_written,
 )
 from gimbalcal.guess.column_values import by_order, by_similar_names, is_unit_of, unit_of_force, unit_of_rate
-from gimbalcal.guess.log import FORCE, RATE, Guess, Log
+from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import without_duplicates
 from gimbalcal.guess.text_table import Table
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import ROW_STEP_S
+from gimbalcal.recording.record import FORCE, RATE
 
 JOINED_CLOCK = "time of two columns"
 MIN_STEP = 0.05  # of the norm of the force, from row to row: no log is so slow, but a table of positions is

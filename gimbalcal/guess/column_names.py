@@ -7,7 +7,8 @@ import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from gimbalcal.guess.log import FORCE, RATE, Guess
+from gimbalcal.guess.log import Guess
+from gimbalcal.recording.record import FORCE, RATE
 
 AXIS = {"x": "x", "y": "y", "z": "z", "0": "x", "1": "y", "2": "z"}
 
@@ -47,7 +48,7 @@ _OWN_ESTIMATE = re.compile(
 )
 _BARE = re.compile(r"^(?:(?:axis|achse|values?|measurement|data)_)?([xyz]|(?<=_)[012])(?:_(?:axis|achse))?(_|$)")
 _BODY = {"p": "x", "q": "y", "r": "z"}  # roll, pitch and yaw rate of a vehicle
-_TEMPERATURE = re.compile(r"^(temperature|temperatur|temp|tmp)(_|$)")
+_TEMPERATURE = re.compile(r"(temperature|temperatur|temp|tmp)(_|$)|(t_(deg_)?[cfk]|t_(degc|celsius|degf))$")
 _POSITION = re.compile(
     r"^(position|pos|posture|station|rest|segment|lage|stellung|nr|no|number|nummer|orientation_no|pt|point|punkt|pose"
     r"|attitude_no|face|setup)(_(no|nr|number|id))?$"
@@ -173,9 +174,7 @@ def by_name(name: str, hint: str = "") -> Guess | None:
             return Guess("sigma", "", unit_written(_rest(of, whole)), why)
     if (timed := _time(words)) is not None:
         return Guess("time", "", timed, why)
-    if warm := _TEMPERATURE.match(words):
-        return Guess("temperature", "", unit_written(_rest(words, warm)) or "degC", why)
-    if re.fullmatch(r"t_(deg_)?[cfk]|t_(degc|celsius|degf)", words):
+    if _TEMPERATURE.match(words):
         return Guess("temperature", "", unit_written(words) or "degC", why)
     if _POSITION.match(words):
         return Guess("position", "", "", why)

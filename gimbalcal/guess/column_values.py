@@ -12,9 +12,10 @@ import numpy as np
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import NOT_A_TRIAD, plain, unit_written
-from gimbalcal.guess.log import FORCE, RATE, Guess
+from gimbalcal.guess.log import Guess
 from gimbalcal.number import Array
 from gimbalcal.quantities import check
+from gimbalcal.recording.record import FORCE, RATE
 
 MAX_RATE = 35.0  # rad/s, 2000 deg/s: the range of the fastest gyroscopes in such units
 MIN_COUNT = 200.0  # whole numbers beyond this are counts

@@ -11,8 +11,6 @@ import numpy as np
 from gimbalcal.number import Array
 from gimbalcal.units import to_si
 
-FORCE, RATE = "specific_force", "angular_rate"
-
 
 @dataclass(frozen=True)
 class Guess:

@@ -14,9 +14,10 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.clocks import best_clock, jitter
-from gimbalcal.guess.log import FORCE, RATE, Guess, Log
+from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.text_table import Table
 from gimbalcal.number import Array
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
 
 SINC_LOBES = 8  # of the interpolating kernel, on either side

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import by_name, quantity_of_log
-from gimbalcal.guess.log import FORCE, RATE
 from gimbalcal.importers.delimited import encoding_of
 from gimbalcal.recording.dates import is_date
+from gimbalcal.recording.record import FORCE, RATE
 
 MIN_TRIAD_ROWS = 20  # rows of a kind of message that holds a triad
 MIN_ROWS, MAX_KINDS = 3, 200

@@ -20,7 +20,7 @@ from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon
 from gimbalcal.guess.column_guess import guessed
 from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
 from gimbalcal.guess.gimbal_chain import chain_among, encoder_angles, gimbal_chain
-from gimbalcal.guess.log import FORCE, Guess, Log
+from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import are_parts, concatenated, on_one_clock, slowest_first
 from gimbalcal.guess.novatel import rawimu
 from gimbalcal.guess.pointing_run import angles_in, pointing_proposal
@@ -40,7 +40,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.frames import Rig
-from gimbalcal.recording.record import ANGLE
+from gimbalcal.recording.record import ANGLE, FORCE
 
 SELF_DESCRIBING = {"TPOINT's observations": import_tpoint, "a pointing run of the MMT": import_mmt}
 NOISE_FROM_ROWS = "taken from the rows, where nothing is stated"
@@ -85,11 +85,7 @@ class _Context:
     left_out: tuple[str, ...]
 
     def recording(
-        self,
-        log: Log,
-        platform: Rig = "bench",
-        reversed_columns: Sequence[str] = (),
-        kind: str = "multi-position",
+        self, log: Log, platform: Rig = "bench", reversed_columns: Sequence[str] = (), kind: str = "multi-position"
     ) -> Recording:
         """Return the columns of the log that are known as a recording."""
         return from_frame(

@@ -17,8 +17,9 @@ import numpy as np
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import by_turn
-from gimbalcal.guess.log import FORCE, Log
+from gimbalcal.guess.log import Log
 from gimbalcal.number import Array
+from gimbalcal.recording.record import FORCE
 from gimbalcal.units import to_si
 
 MIN_TURN = 0.05  # rad that the Earth has to turn, eleven minutes

@@ -18,11 +18,12 @@ from gimbalcal.effects.history import integral
 from gimbalcal.guess.column_names import axis_word, commanded, estimated, plain, rate_word, unit_written
 from gimbalcal.guess.column_values import changes_direction
 from gimbalcal.guess.gimbal_chain import MAX_AXES, MAX_COLUMNS, QUARTER_TURNS, chains, encoder_angles, usual_platform
-from gimbalcal.guess.log import FORCE, RATE, Guess, Log
+from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.unit_candidates import RATE_UNITS, rates_in
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.quantities import QUANTITIES
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import to_si
 
 ANGLE_UNITS, RATE_UNITS_OF_TABLE = ("deg", "rad", "rev"), ("deg/s", "rad/s", "rev/min")  # of an unnamed readout

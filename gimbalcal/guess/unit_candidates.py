@@ -14,7 +14,8 @@ import numpy as np
 
 from gimbalcal.guess import clocks
 from gimbalcal.guess.column_values import MAX_GRAVITY_ERROR
-from gimbalcal.guess.log import FORCE, RATE, Guess, Log
+from gimbalcal.guess.log import Guess, Log
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si, to_si
 
 RATE_UNITS = ("rad/s", "deg/s", "deg/h")  # tried where the guessed one cannot be

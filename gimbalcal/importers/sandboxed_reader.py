@@ -53,11 +53,7 @@ def _main() -> None:
     import scipy.io
 
     source, into, max_bytes = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    for limit, wanted in (
-        (resource.RLIMIT_AS, max_bytes),
-        (resource.RLIMIT_CPU, MAX_CPU_S),
-        (resource.RLIMIT_CORE, 0),
-    ):
+    for limit, wanted in ((resource.RLIMIT_AS, max_bytes), (resource.RLIMIT_CPU, MAX_CPU_S), (resource.RLIMIT_CORE, 0)):
         allowed = resource.getrlimit(limit)[1]  # a limit of the caller's cannot be raised
         value = wanted if allowed == resource.RLIM_INFINITY else min(wanted, allowed)
         resource.setrlimit(limit, (value, value))

@@ -221,11 +221,7 @@ def _noise_of(document: Document, kind: Kind, columns: tuple[Column, ...]) -> di
 
 
 def _noise(
-    document: Document,
-    kind: Kind,
-    columns: tuple[Column, ...],
-    table: Mapping[str, Any] | None = None,
-    name: str = "",
+    document: Document, kind: Kind, columns: tuple[Column, ...], table: Mapping[str, Any] | None = None, name: str = ""
 ) -> dict[str, float]:
     heading = f"noise.{name}" if name else "noise"
     if table is None:

@@ -54,8 +54,8 @@ class Kind(str):
     def view_of(self, recording: Recording, baseline: Sequence[str] = ()) -> View:
         """Return the view of a recording of this kind."""
         module, _, name = self.view.partition(":")
-        made: View = getattr(import_module(module), name)(recording, baseline)
-        return made
+        view: View = getattr(import_module(module), name)(recording, baseline)
+        return view
 
     @property
     def inertial(self) -> bool:

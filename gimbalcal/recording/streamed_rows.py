@@ -135,23 +135,24 @@ class Rests(Blocks):
         super().__init__(rows, "", weight, turns)
         self.position = position
         self.rows, self.alone = 0, False  # rows so far, and whether the last of them stands by itself
-        self.held: Mapping[str, Array] = {}  # the last row, which is that of a rest or not
-        self.held_begins = np.zeros(0, dtype=bool)
+        self.last_row: Mapping[str, Array] = {}  # the last row, which is that of a rest or not
+        self.last_begins = np.zeros(0, dtype=bool)
 
     def add(self, batch: Mapping[str, Array], begins: Array) -> None:
         """Take in a batch."""
         if not len(begins):
             return
-        begins = np.concatenate([self.held_begins, begins])
-        batch = {name: np.concatenate([self.held[name], x]) for name, x in batch.items()} if self.held else batch
-        self.held, self.held_begins = {name: x[-1:] for name, x in batch.items()}, begins[-1:]
+        begins = np.concatenate([self.last_begins, begins])
+        if self.last_row:
+            batch = {name: np.concatenate([self.last_row[name], x]) for name, x in batch.items()}
+        self.last_row, self.last_begins = {name: x[-1:] for name, x in batch.items()}, begins[-1:]
         self._take({name: x[:-1] for name, x in batch.items()}, begins[:-1], begins[1:])
 
     def table(self) -> dict[str, Array]:
         """One row per block; the key ``""`` holds the weight."""
-        if self.held:
-            self._take(self.held, self.held_begins, np.ones(1, dtype=bool))
-            self.held = {}
+        if self.last_row:
+            self._take(self.last_row, self.last_begins, np.ones(1, dtype=bool))
+            self.last_row = {}
         return super().table()
 
     def _take(self, batch: Mapping[str, Array], begins: Array, ends: Array) -> None:

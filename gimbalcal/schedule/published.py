@@ -19,9 +19,7 @@ EIGHTEEN_ANGLES = (
 )  # fmt: skip
 
 EIGHTEEN_POSITIONS = Schedule(
-    "wu2018-18",
-    SPACE_STABLE,
-    tuple(Hold((p * pi / 4, i * pi / 4, m * pi / 4, 0.0)) for p, i, m in EIGHTEEN_ANGLES),
+    "wu2018-18", SPACE_STABLE, tuple(Hold((p * pi / 4, i * pi / 4, m * pi / 4, 0.0)) for p, i, m in EIGHTEEN_ANGLES)
 )
 FACE_POSITIONS = (1, 3, 5, 7, 9, 11)  # one sensitive axis along the vertical: Wu et al. (2018) section 3
 

@@ -22,8 +22,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gimbalcal.earth import rate_at
-from gimbalcal.number import Array, apply_matrix
+from gimbalcal.number import Array
 from gimbalcal.rotation import exponential, frame_rotation
 from gimbalcal.schedule.commands import RotationSchedule, standing
 
@@ -150,8 +149,3 @@ def trajectory(schedule: RotationSchedule, tilt: Array | None = None, angle_erro
     stands = np.stack(C) if tilt is None else exponential(-tilt) @ np.stack(C)
     axis = np.array(axes).reshape(-1, 3)
     return Trajectory(axis, angle, begin, length, ramp, stands, float(stops.sum() + length.sum()))
-
-
-def earth_rate(C_bn: Array, latitude: float) -> Array:
-    """Return the Earth's rate (n, 3) [rad/s] in the axes of a unit that stands as C_bn (n, 3, 3)."""
-    return apply_matrix(np.swapaxes(C_bn, -1, -2), rate_at(latitude))

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
-from gimbalcal.effects.process import (
-    Flicker,
-    GaussMarkov,
-    Process,
-    RandomWalk,
-    SettingError,
-    WhiteNoise,
-    sample,
-)
+from gimbalcal.effects.process import Flicker, GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise, sample
 from gimbalcal.inference.noise_processes import Noise, one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import COLOURED, SENSORS
@@ -27,26 +20,21 @@ def noises(scenario: Scenario) -> Mapping[str, Noise]:
     See `recording.noise_levels.stated`.
     """
     n, rate = scenario.noise, scenario.schedule.rate
-    force = float(np.hypot(n.accelerometer, n.accelerometer_density * np.sqrt(rate)))
-    spin = float(np.hypot(n.gyroscope, n.gyroscope_density * np.sqrt(rate)))
     read = WhiteNoise if scenario.recording_kind.stabilised else SettingError
-    every: dict[str, list[tuple[float, Process]]] = {
-        "specific_force": [
-            (force, WhiteNoise(force)),
-            (n.accelerometer_random_walk, RandomWalk(n.accelerometer_random_walk)),
-            (n.accelerometer_flicker, Flicker(n.accelerometer_flicker)),
-            (n.accelerometer_gauss_markov, GaussMarkov(n.accelerometer_gauss_markov, n.accelerometer_gauss_markov_tau)),
-        ],
-        "angular_rate": [
-            (spin, WhiteNoise(spin)),
-            (n.gyroscope_random_walk, RandomWalk(n.gyroscope_random_walk)),
-            (n.gyroscope_flicker, Flicker(n.gyroscope_flicker)),
-            (n.gyroscope_gauss_markov, GaussMarkov(n.gyroscope_gauss_markov, n.gyroscope_gauss_markov_tau)),
-        ],
-        "gimbal_angle": [(n.gimbal_angle, read(n.gimbal_angle))],
-        "attitude_error": [(n.attitude, WhiteNoise(n.attitude))],
+    every: dict[str, list[tuple[float, Callable[[float], Process]]]] = {
+        "gimbal_angle": [(n.gimbal_angle, read)],
+        "attitude_error": [(n.attitude, WhiteNoise)],
     }
-    return {quantity: tuple(p for size, p in those if size > 0) for quantity, those in every.items()}
+    for sensor in ("accelerometer", "gyroscope"):
+        size = partial(getattr, n)
+        tau = size(f"{sensor}_gauss_markov_tau")
+        every[SENSORS[sensor]] = [
+            (float(np.hypot(size(sensor), size(f"{sensor}_density") * np.sqrt(rate))), WhiteNoise),
+            (size(f"{sensor}_random_walk"), RandomWalk),
+            (size(f"{sensor}_flicker"), Flicker),
+            (size(f"{sensor}_gauss_markov"), partial(GaussMarkov, tau=tau)),
+        ]
+    return {quantity: tuple(process(size) for size, process in those if size > 0) for quantity, those in every.items()}
 
 
 def coloured(

@@ -87,12 +87,7 @@ def _effect(
 
 
 def _drawn(
-    name: str,
-    gimbals: Sequence[str],
-    read: Sequence[str],
-    factor: float,
-    sigma: float | None,
-    rng: np.random.Generator,
+    name: str, gimbals: Sequence[str], read: Sequence[str], factor: float, sigma: float | None, rng: np.random.Generator
 ) -> dict[Parameter, float]:
     out = {}
     for p in parameters(CATALOGUE[name], gimbals):

@@ -27,7 +27,7 @@ from gimbalcal.schedule import ROTATIONS, Move, RotationSchedule
 from gimbalcal.schedule.commands import standing
 from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.file import read_rotation
-from gimbalcal.schedule.trajectory import Motion, Swing, earth_rate, trajectory
+from gimbalcal.schedule.trajectory import Motion, Swing, trajectory
 from gimbalcal.simulate.scenario import ScheduleSection
 
 QUIVER_PERIOD_S = 0.2  # s
@@ -86,27 +86,25 @@ def nodes(path: Motion, time: Array, interval: float | Array, instant: bool) -> 
 def stimulus(path: Motion, like: Recording, time: Array) -> Stimulus:
     """Return the stimulus at `time` (N,) [s] of the recording's clock; `like` holds the environment there."""
     C_bn, own, slope = path.at(time)
+    C_nb = np.swapaxes(C_bn, -1, -2)
     if isinstance(path, Drive):
-        return _driven(path, like, time)
-    earth = earth_rate(C_bn, required_latitude(like.site.latitude))
-    force = apply_matrix(np.swapaxes(C_bn, -1, -2), -like.site.gravity * DOWN)
-    s = stimulus_from_truth(replace(like, time=time, weight=np.ones(len(time))), force, own + earth)
-    return s.at(rate_slope=slope - np.cross(own, earth))  # the Earth's rate turns in the axes of the unit
+        force, frame = _driven(path, like.site.gravity, time)
+    else:
+        force, frame = -like.site.gravity * DOWN, rate_at(required_latitude(like.site.latitude))
+    turning = apply_matrix(C_nb, frame)
+    like = replace(like, time=time, weight=np.ones(len(time)))
+    s = stimulus_from_truth(like, apply_matrix(C_nb, force), own + turning)
+    return s.at(rate_slope=slope - np.cross(own, turning))  # the rate of the frame turns in the axes of the unit
 
 
-def _driven(path: Drive, like: Recording, time: Array) -> Stimulus:
-    """Return the stimulus of a vehicle, whose frame turns with the Earth and along the way."""
-    C_bn, own, slope = path.at(time)
+def _driven(path: Drive, gravity: float, time: Array) -> tuple[Array, Array]:
+    """Return force (N, 3) [m/s^2] of a vehicle and the rate (N, 3) [rad/s] of north, east, down along its way."""
     (v, dv), (L, _, h) = path.motion(time), path.place(time).T
     M, N = radii(L)
     earth = rate_at(L)
     over = np.stack([v[:, 1] / (N + h), -v[:, 0] / (M + h), -v[:, 1] * np.tan(L) / (N + h)], axis=-1)
-    C_nb = np.swapaxes(C_bn, -1, -2)
-    g = like.site.gravity + normal_gravity(L, h) - normal_gravity(path.latitude, path.height)
-    force = apply_matrix(C_nb, dv + np.cross(2 * earth + over, v) - g[:, None] * DOWN)
-    frame = apply_matrix(C_nb, earth + over)
-    s = stimulus_from_truth(replace(like, time=time, weight=np.ones(len(time))), force, own + frame)
-    return s.at(rate_slope=slope - np.cross(own, frame))
+    g = gravity + normal_gravity(L, h) - normal_gravity(path.latitude, path.height)
+    return dv + np.cross(2 * earth + over, v) - g[:, None] * DOWN, earth + over
 
 
 def schedule_of(motion: ScheduleSection) -> RotationSchedule:
@@ -154,12 +152,7 @@ def flown(motion: ScheduleSection, setting: float, rng: np.random.Generator, sit
 
 
 def shaken(
-    path: Motion,
-    time: Array,
-    step: float,
-    sigma: float,
-    rng: np.random.Generator,
-    states: dict[tuple[str, str], Array],
+    path: Motion, time: Array, step: float, sigma: float, rng: np.random.Generator, states: dict[tuple[str, str], Array]
 ) -> Array:
     """Return the force (n, 3) [m/s^2] of a place that quivers, velocity one `sigma` [m/s]; block after block.
 
