@@ -187,7 +187,7 @@ def of_single_view(asked: DiagnosisRequest) -> Parts:
         number = v.stimulus.position
         size = [float(from_si(float(np.linalg.norm(d.curves.after[k] * d.sigma[k])), v.unit)) for k in off]
         at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
-        why = MISTAKEN if at is None else why_far(d.curves.after * d.sigma, at[:, :2], off, axis)
+        why = MISTAKEN if at is None else why_far(d.curves.after * d.sigma, at[:, : len(v.channels)], off, axis)
         notes.append(diagnosis_sentences.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
         asked.tell(notes[-1])
         asked = asked.of(replace(asked.recording, position=number).select(np.delete(np.arange(n), off)))

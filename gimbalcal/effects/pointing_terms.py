@@ -19,6 +19,8 @@ from gimbalcal.effects.effect import (
 )
 from gimbalcal.number import Array
 
+MIN_SINE_OF_ELEVATION = 0.0175  # a degree, where the refraction of a plane-parallel atmosphere is far too large
+
 
 @effect
 class AxisCollimation(Effect):
@@ -75,6 +77,8 @@ class Refraction(Effect):
 
     .. math:: \vartheta = \frac{R \, g}{f_x} \, x_p \times d, \qquad d = -\frac{f}{g}, \qquad
               E_{seen} - E_{true} = R \cot E
+
+    The formula ends a degree above the horizon; what is lower is refracted as there.
 
     Source: Wallace, TPOINT manual (TX); Explanatory Supplement (plane-parallel atmosphere, R about 60 arcsec in
     full). Magnitude: 0.5 to 10 arcsec left over. Seen by: elevations below 30 deg. Confounded with: tube_flexure at
@@ -175,4 +179,5 @@ def _towards_down(s: Stimulus) -> Array:
 
 
 def _sine_of_elevation(s: Stimulus) -> Array:
-    return s.force[..., 0] / s.gravity
+    sine = s.force[..., 0] / s.gravity
+    return np.where(np.real(sine) > MIN_SINE_OF_ELEVATION, sine, MIN_SINE_OF_ELEVATION)

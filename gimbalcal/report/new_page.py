@@ -102,10 +102,10 @@ def _facts(proposal: Proposal, intervals: Sequence[Dwell]) -> list[tuple[str, st
 
 
 def _offsets(r: Recording) -> list[Chart]:
-    """Draw readout minus true angle of each axis, against the angle of the outer one."""
-    inner, outer = r.axes("true_angle")[:2]
-    charts = []
-    for axis in (inner, outer):
+    """Draw readout minus true angle of each axis, against the angle of the outermost one that is read."""
+    axes = r.axes("true_angle")[:2]
+    outer, charts = axes[-1], []
+    for axis in axes:
         off = from_si(r.channels["gimbal_angle", axis] - r.channels["true_angle", axis], "arcsec")
         around = np.degrees(r.channels["true_angle", outer])
         charts.append(Chart((Points(around, off, COLOURS[0]),), f"{axis.replace('_', ' ')} read minus true  [arcsec]",

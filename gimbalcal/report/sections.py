@@ -126,12 +126,13 @@ def rate_table_picture(recordings: Sequence[Recording], c: Calibration) -> Pictu
 # --- a telescope mount ------------------------------------------------------------------------------------------------
 
 UNIT = "arcsec"
+WAYS = {"across": "across the plane of the innermost axis", "along": "along it"}
 
 
 def pointing_picture(recordings: Sequence[Recording], c: Calibration) -> Picture:
-    """Return the residual of each star with zeros alone and with all terms, over both axes of the mount."""
+    """Return the residual of each star with zeros alone and with all terms, over each axis of the mount."""
     from gimbalcal.estimate.pointing.fit import fit_terms, wanted_parameters
-    from gimbalcal.views.pointing import pointing, read_axes
+    from gimbalcal.views.pointing import moved_channels, pointing, read_axes
 
     axes = read_axes(recordings[0])
     angles, residual, titles = [], [], []
@@ -147,26 +148,35 @@ def pointing_picture(recordings: Sequence[Recording], c: Calibration) -> Picture
     after = np.concatenate(residual)
     sizes = [significant(float(np.sqrt((x**2).sum(axis=1).mean())), 3) for x in (before, after)]
     names = [a.replace("_", " ") for a in axes]
+    across = [axis for _, axis in moved_channels(recordings[0])]
+    ways = " and ".join(WAYS[axis] for axis in across)
     return picture(
-        _over_axes(np.concatenate(angles), before, after, names, titles),
+        _over_axes(np.concatenate(angles), before, after, names, across, titles),
         f"Residuals of {counted(len(after), 'star')} over {listed(names)}: {sizes[0]} arcsec on the sky with zeros "
         f"alone, {sizes[1]} arcsec with all terms.",
-        "Observed minus target direction of each star, across the plane of the innermost axis and along it: with the "
+        f"Observed minus target direction of each star, {ways}: with the "
         f"zeros alone (pale, {sizes[0]} arcsec rms on the sky) and with all terms (blue, {sizes[1]} arcsec).",
     )
 
 
-def _over_axes(at: Array, before: Array, after: Array, names: Sequence[str], titles: Sequence[str]) -> list[Chart]:
-    """Draw residuals (n, 2) [arcsec] before and after over the angles (n, 2) [deg] of both axes, and on the sky."""
+def _over_axes(
+    at: Array, before: Array, after: Array, names: Sequence[str], ways: Sequence[str], titles: Sequence[str]
+) -> list[Chart]:
+    """Draw residuals (n, C) [arcsec] before and after over the angles (n, k) [deg] of each axis, and of two on the sky.
+
+    ways: in which directions the residuals are, "across" the plane of the innermost axis or "along" it.
+    """
     size = 2.6 if len(at) <= 400 else 1.5
-    charts = [figures.sky(at[:, 1], at[:, 0], after[:, 0], after[:, 1], UNIT, titles, "azimuth" in names)]
-    for i, across in enumerate(("across", "along")):
+    charts = []
+    if len(names) == 2:
+        charts.append(figures.sky(at[:, 1], at[:, 0], after[:, 0], after[:, 1], UNIT, titles, "azimuth" in names))
+    for i, way in enumerate(ways):
         points = [f"{t}: {signed(a)} {UNIT}" for t, a in zip(titles, after[:, i], strict=True)]
         charts += [
             Chart(
                 (Points(at[:, k], before[:, i], "pale", "square", size, label="zeros alone"),
                  Points(at[:, k], after[:, i], BLUE, "dot", size, names=points, label="all terms"), Rule(0.0)),
-                f"{across}: {rms(before[:, i])} → {rms(after[:, i])} {UNIT} rms", f"{name} [°]", f"[{UNIT}]",
+                f"{way}: {rms(before[:, i])} → {rms(after[:, i])} {UNIT} rms", f"{name} [°]", f"[{UNIT}]",
                 height=170,
             ) for k, name in enumerate(names)
         ]  # fmt: skip

@@ -2,7 +2,8 @@ r"""A pointing run as rows: where each star was seen against where it is, across
 
 .. math:: r = 0 - (y, -z) \, \text{of} \, C_b^p(\text{true angles}) \, v(\text{readouts, effects}),
 
-with v the direction in which the mount with these effects looks: a perfect model sees every star on its target.
+with v the direction in which the mount with these effects looks: a perfect model sees every star on its target. A mount
+with a single axis moves the line of sight in one of these directions, and that one alone is a row.
 """
 
 from __future__ import annotations
@@ -22,11 +23,13 @@ from gimbalcal.forward import AXES, Rows, linearise
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import Key
 from gimbalcal.views.core import Measurement, View, gauges, recording_fields
 from gimbalcal.views.noise import NoiseModel, of_channels
 
 STAGES = frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT})
 CHANNELS = tuple(("pointing", axis) for axis in AXES["pointing"])
+MOVED_BY = {"z": CHANNELS[:1], "y": CHANNELS[1:]}  # where a single axis of that direction moves the line of sight, x
 MAX_ROUGHNESS_RATIO = 0.5  # of the roughness of where the stars are
 MAX_TRAVEL_RAD = 3 * np.pi  # rad that a mount turns, from one stop to the other
 MIN_POLE_COSINE = 0.02  # of the inner angle, below which a mount points along its outer axis
@@ -39,27 +42,28 @@ POINTING = Measurement(
 
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
-    """Return the view of a pointing run; every star is a visit of its own."""
+    """Return the view of a pointing run; every star is a visit of its own. Raises InputError as `read_axes` does."""
+    channels = moved_channels(recording)
     s = on_stars(recording)
     calm = calmer(recording)
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        return against_stars(recording, s, effects)
+        return against_stars(recording, s, effects, channels)
 
     def reference(effects: Sequence[Effect]) -> Rows:
         found = rows(effects)
         there = s.at(readout=s.readout + ~calm * _readout_misses(found))
-        return replace(against_stars(recording, there, effects), residual=found.residual)
+        return replace(against_stars(recording, there, effects, channels), residual=found.residual)
 
     n = len(recording.time)
     outer = s.axis_names[0].replace("_", " ")
     measurement = replace(POINTING, channel=f"{POINTING.channel} {outer}")
-    sigma = np.repeat(1 / np.sqrt(recording.weight)[:, None], len(CHANNELS), axis=1)  # in units of one of weight 1
+    sigma = np.repeat(1 / np.sqrt(recording.weight)[:, None], len(channels), axis=1)  # in units of one of weight 1
     return View(
-        measurement, channels=CHANNELS, **recording_fields(recording), stimulus=s, label=s.position,
+        measurement, channels=channels, **recording_fields(recording), stimulus=s, label=s.position,
         evaluate=rows, reference=reference, stages=STAGES, baseline=tuple(baseline) or BASELINE["pointing"],
         gauge=gauges({Stage.BASE}), groups=np.arange(n),
-        noise=NoiseModel(sigma, wander=of_channels(n, len(CHANNELS)) if n <= MAX_FILTERED_STARS else None),
+        noise=NoiseModel(sigma, wander=of_channels(n, len(channels)) if n <= MAX_FILTERED_STARS else None),
     )  # fmt: skip
 
 
@@ -69,10 +73,10 @@ def _readout_misses(rows: Rows) -> Array:
     Near the pole of the outer axis no star determines the readouts: there they are zero.
     """
     S = rows.sensitivity[Stage.ENCODER]
-    square = S[:, :, : S.shape[1]]  # what is read are the innermost axes
-    seen = np.abs(np.linalg.det(square)) > MIN_POLE_COSINE
+    square = S[:, :, : S.shape[1]]  # of the axes that are read, the innermost ones
+    determined = np.abs(np.linalg.det(square)) > MIN_POLE_COSINE
     out = np.zeros((len(S), S.shape[2]))
-    out[seen, : S.shape[1]] = np.linalg.solve(square[seen], rows.residual[seen][..., None])[..., 0]
+    out[determined, : S.shape[1]] = np.linalg.solve(square[determined], rows.residual[determined][..., None])[..., 0]
     return out
 
 
@@ -139,16 +143,17 @@ def since_turning(angle: Array) -> Array:
     return moved
 
 
-def against_stars(recording: Recording, s: Stimulus, effects: Sequence[Effect]) -> Rows:
-    """The rows of a pointing run (n, 2) about the effects; nothing is read but that the star is on target."""
-    on_target = np.zeros((len(s.time), len(CHANNELS)))
-    return linearise(recording.platform, s, effects, "pointing", CHANNELS, on_target, STAGES)
+def against_stars(recording: Recording, s: Stimulus, effects: Sequence[Effect], channels: Sequence[Key]) -> Rows:
+    """Return the rows of a pointing run (n, C) about the effects; nothing is read but that the star is on target."""
+    on_target = np.zeros((len(s.time), len(channels)))
+    return linearise(recording.platform, s, effects, "pointing", channels, on_target, STAGES)
 
 
 def read_axes(recording: Recording) -> tuple[str, ...]:
-    """The axes of the mount that have a readout and a true angle, innermost first; InputError if they are not two.
+    """Return the axes of the mount that have a readout and a true angle, innermost first.
 
-    Other axes of the platform belong to its drawing: the fixed tilt of a polar axis.
+    Other axes of the platform belong to its drawing: the fixed tilt of a polar axis. Raises InputError if they are not
+    the innermost axis or the two innermost ones, or if a single axis does not move the line of sight.
     """
     names = recording.platform.axis_names
     axes = tuple(a for a in names if ("gimbal_angle", a) in recording.channels)
@@ -158,12 +163,23 @@ def read_axes(recording: Recording) -> tuple[str, ...]:
             f"{recording.title!r} does not say where the stars were: it needs a true_angle along "
             f"{' and '.join(missing)}; add the column to [columns] of its recording.toml"
         )
-    if len(axes) != 2 or names[: len(axes)] != axes:
+    if len(axes) not in (1, 2) or names[: len(axes)] != axes:
         raise InputError(
             f"{recording.title!r} has readouts of {', '.join(axes) or 'no axis'}: a pointing run needs those of the "
-            "two innermost axes of its platform"
+            "innermost axis of its platform, or of the two innermost ones"
+        )
+    if len(axes) == 1 and recording.platform.axes[0].direction not in MOVED_BY:
+        raise InputError(
+            f"{axes[0]} of {recording.title!r} turns about the line of sight, x of the innermost axis, and does not "
+            "move it; give the axis the direction y or z in [platform]"
         )
     return axes
+
+
+def moved_channels(recording: Recording) -> tuple[Key, ...]:
+    """Return the directions in which the read axes move the line of sight: both, or the one of a single axis."""
+    axes = read_axes(recording)
+    return CHANNELS if len(axes) == 2 else MOVED_BY[recording.platform.axes[0].direction]
 
 
 def nights(recording: Recording) -> tuple[Recording, ...]:
@@ -173,7 +189,7 @@ def nights(recording: Recording) -> tuple[Recording, ...]:
 
 
 def starting_zeros(recording: Recording, axes: Sequence[str]) -> Array:
-    """Median of true angle minus readout (2,) [rad] of the read axes, within half a turn: where a fit begins."""
+    """Return the median of true angle minus readout (k,) [rad] of the read axes, within half a turn: a first guess."""
     off = [recording.channels["true_angle", a] - recording.channels["gimbal_angle", a] for a in axes]
     middle = [np.angle(np.median(np.cos(d)) + 1j * np.median(np.sin(d))) for d in off]
     return np.array(middle)

@@ -38,7 +38,7 @@ def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
     Where no sigma is stated, it is what the nights scatter each by itself: what differs between them is no noise.
     """
     wanted, sigma = joint.solution.parameters, joint.excess
-    runs = [v for v in joint.views if 2 * len(v) >= len(wanted) + MIN_SPARE_DOF]
+    runs = [v for v in joint.views if len(v.channels) * len(v) >= len(wanted) + MIN_SPARE_DOF]
     if len(runs) < 2:
         return None
     alone = tuple(fit_terms([v], wanted, sigma, joint.absent) for v in runs)

@@ -26,6 +26,11 @@ USUAL_TERMS = ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality", "ba
 """Zeros, collimation, squareness, the tilt of the mount and the sag of the tube: seven terms of a two-axis mount."""
 
 
+def usual_terms(axes: Sequence[str]) -> tuple[str, ...]:
+    """Return the usual terms of a mount with these read axes; those of a single axis are all part of its zero."""
+    return USUAL_TERMS if len(axes) > 1 else USUAL_TERMS[:1]
+
+
 def wanted_parameters(platform: Platform, axes: Sequence[str], terms: Sequence[str]) -> tuple[Parameter, ...]:
     """The unknowns of effects named by id, or of one axis as in "encoder_eccentricity:azimuth", in that order.
 
@@ -39,7 +44,8 @@ def wanted_parameters(platform: Platform, axes: Sequence[str], terms: Sequence[s
         chosen = [p for p in every if axis in ("", p.axis)]
         if not chosen:
             has = ", ".join(dict.fromkeys(p.axis for p in every if p.axis)) or "no axis"
-            raise InputError(f"{effect} has no axis {axis!r} on this mount; it has {has}")
+            what = f"axis {axis!r}" if axis else "axis"
+            raise InputError(f"{effect} has no {what} on this mount; it has {has}")
         out += [p for p in chosen if p not in out]
     return tuple(out)
 
@@ -75,7 +81,7 @@ def fit_terms(
     Raises InputError where there are fewer readings than unknowns, or the steps do not settle.
     """
     stars = sum(len(v) for v in runs)
-    if 2 * stars <= len(wanted):
+    if len(runs[0].channels) * stars <= len(wanted):
         raise InputError(
             f"{amount(stars, 'star')} cannot tell {amount(len(wanted), 'term')}: observe more, or name fewer --terms"
         )
@@ -98,7 +104,7 @@ def _of_noise(v: View, sigma: float) -> View:
 
 
 def weighted(found: ViewsFit) -> tuple[Array, ...]:
-    """Return the residual of each star (n, 2) [rad] times the root of its weight: of one sigma for all."""
+    """Return the residual of each star (n, C) [rad] times the root of its weight: of one sigma for all."""
     return tuple(r / s * found.excess for r, s in zip(found.residual, found.sigma, strict=True))
 
 

@@ -13,13 +13,13 @@ from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.pointing.drift import Nights, by_night, printed_nights
-from gimbalcal.estimate.pointing.fit import USUAL_TERMS, fit_terms, wanted_parameters
+from gimbalcal.estimate.pointing.fit import fit_terms, usual_terms, wanted_parameters
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
 from gimbalcal.inference.p_value import probability
 from gimbalcal.method_table import Request
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
-from gimbalcal.views.pointing import CHANNELS, nights, pointing, read_axes
+from gimbalcal.views.pointing import nights, pointing, read_axes
 
 SIGNIFICANCE = 1e-3  # probability below which chance is not believed
 NEGLIGIBLE_EXCESS = 0.1  # relative excess over the stated noise that no user would act on, however significant
@@ -36,7 +36,7 @@ def pointing_calibration(
 ) -> Calibration:
     """The terms of one mount from runs with it, in any number of files and nights.
 
-    terms: ids of effects, or "id:axis" (default `USUAL_TERMS`); more: further ones as `extra_effects` reads them. The
+    terms: ids of effects, or "id:axis" (default `usual_terms`); more: further ones as `extra_effects` reads them. The
     outcome is a sentence where the stated noise does not explain what is left, or where the nights do not share their
     terms. Raises InputError for recordings of several mounts, without true angles, or with fewer readings than
     unknowns.
@@ -45,7 +45,8 @@ def pointing_calibration(
     each = [nights(r) for r in recordings]
     runs = tuple(pointing(night) for own in each for night in own)
     before = [sum(len(n.time) for n in own[:k]) for own in each for k in range(len(own))]
-    held, platform, axes = terms or USUAL_TERMS, recordings[0].platform, read_axes(recordings[0])
+    platform, axes = recordings[0].platform, read_axes(recordings[0])
+    held = terms or usual_terms(axes)
     stated = _stated([r.noise.get("gimbal_angle") for r in recordings])
     also = extra_effects(more, recordings, held)
     sizes = tuple(p for e in also for p in wanted_parameters(platform, axes, _named(e)))
@@ -96,7 +97,9 @@ def _stated(told: Sequence[float | None]) -> float | None:
 
 def _residual(found: ViewsFit) -> Residual:
     left = np.concatenate(found.residual)
-    rms = {" ".join(key): float(v) for key, v in zip(CHANNELS, np.sqrt((left**2).mean(axis=0)), strict=True)}
+    rms = {
+        " ".join(key): float(v) for key, v in zip(found.views[0].channels, np.sqrt((left**2).mean(axis=0)), strict=True)
+    }
     return Residual(found.solution.chi2, found.solution.dof, rms)
 
 

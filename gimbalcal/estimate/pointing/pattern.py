@@ -31,7 +31,7 @@ MISTAKEN = "mistaken or not centred"
 MIN_COMMON_STARS = 3  # such stars, of which something in common can be told
 MAX_CROSS_SHARE = 0.2  # of the distance, off in the other direction, where one axis of the mount does it
 COMMON_SIGNIFICANCE = 0.01  # probability below which such stars do not have it in common by chance
-MEDIAN_LENGTH = 1.1774  # of a plane vector of normal noise with sigma 1: the median of Rayleigh's distribution
+MEDIAN_LENGTH = (0.6745, 1.1774)  # of a number, and of a vector of two (Rayleigh), of normal noise with sigma 1
 
 
 def far_off(found: ViewsFit, before: Sequence[int]) -> tuple[FarStar, ...]:
@@ -41,19 +41,19 @@ def far_off(found: ViewsFit, before: Sequence[int]) -> tuple[FarStar, ...]:
     """
     every = [(v.title, k + n + 1, d) for v, k, left in zip(found.views, before, weighted(found), strict=True)
              for n, d in enumerate(np.linalg.norm(left, axis=1).tolist())]  # fmt: skip
-    left, axes = np.concatenate(weighted(found)), found.views[0].stimulus.axis_names[:2]
-    at = np.concatenate([_true_angles(v)[:, :2] for v in found.views])
+    left, axes = np.concatenate(weighted(found)), found.views[0].stimulus.axis_names
+    at = np.concatenate([_true_angles(v)[:, : left.shape[1]] for v in found.views])
     far = strays(left)
     why = why_far(left, at, far, axes[0])
     return tuple(FarStar(title, n, float(from_si(d, "arcsec")), why) for title, n, d in (every[k] for k in far))
 
 
 def strays(left: Array) -> list[int]:
-    """Ordinals of stars far off the others by what is left of them (n, 2), worst first."""
+    """Ordinals of stars far off the others by what is left of them (n, C), worst first."""
     length = np.linalg.norm(left, axis=1)
     if len(length) < MIN_STARS:
         return []
-    far = np.flatnonzero(length > MIN_OUTLIER_SIGMAS * float(np.median(length)) / MEDIAN_LENGTH)
+    far = np.flatnonzero(length > MIN_OUTLIER_SIGMAS * float(np.median(length)) / MEDIAN_LENGTH[left.shape[1] - 1])
     return sorted(far.tolist(), key=lambda k: -float(length[k]))
 
 
@@ -62,8 +62,10 @@ def why_far(left: Array, angles: Array, far: Sequence[int], axis: str) -> str:
 
     left (n, 2): what is left of every star; angles (n, 2) [rad]: where it is, inner and outer; far: ordinals of those;
     axis: the inner one. A mistaken star is off any way, and anywhere; a gear that plays, or an axis that slips, moves
-    one axis alone.
+    one axis alone. A mount of a single axis, (n, 1), cannot show the difference.
     """
+    if angles.shape[1] == 1:
+        return MISTAKEN
     inner, outer = angles.T
     every = np.stack([np.cos(inner) * np.cos(outer), np.cos(inner) * np.sin(outer), np.sin(inner)], axis=-1)
     left, star = left[far], every[far]
@@ -95,7 +97,7 @@ def pattern(found: ViewsFit, axes: Sequence[str]) -> ResidualPattern | None:
         if np.ptp(angle) < MIN_TRAVEL_RAD:
             continue
         order = np.argsort(angle, kind="stable")
-        for (_, channel), r in zip(CHANNELS, left[order].T, strict=True):
+        for (_, channel), r in zip(found.views[0].channels, left[order].T, strict=True):
             alike = 2 - (np.diff(r) ** 2).sum() / max(float((r**2).sum()), 1e-300)
             trials.append(ResidualPattern(channel, axis, float(ndtr(-alike / np.sqrt(4 / len(r))))))
     if not trials:

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
-from gimbalcal.forward import predict
+from gimbalcal.forward import picked, predict
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Platform
 from gimbalcal.recording import Recording, Site
-from gimbalcal.views.pointing import on_stars
+from gimbalcal.views.pointing import moved_channels, on_stars
 
 ARCSEC = np.pi / 648000
 LATITUDE = np.radians(39.0)
@@ -28,8 +28,8 @@ def effects(platform: Platform, **sizes: float) -> tuple[Effect, ...]:
 
 def run(platform: Platform, readout: Array, there: Sequence[Effect], noise: float = 0.0, seed: int = 1,
         **more: object) -> Recording:  # fmt: skip
-    """A run at the readouts (n, 2) [rad], with `noise` [arcsec] of a star in each direction on the sky."""
-    names = platform.axis_names[:2]
+    """A run at the readouts (n, k) [rad], with `noise` [arcsec] of a star in each direction in which the axes move."""
+    names = platform.axis_names[: readout.shape[1]]
     time = 120.0 * np.arange(len(readout))
     read = {("gimbal_angle", a): readout[:, i] for i, a in enumerate(names)}
     true = readout.copy()
@@ -41,10 +41,12 @@ def run(platform: Platform, readout: Array, there: Sequence[Effect], noise: floa
         return Recording("pointing", "made", platform, Site(float(LATITUDE), 0.0, 9.8), {}, time, None, channels)
 
     def off(true: Array) -> Array:
-        return np.asarray(predict(platform, on_stars(made(true)), there, "pointing")["pointing"] + scatter)
+        r = made(true)
+        seen = picked(platform, predict(platform, on_stars(r), there, "pointing"), moved_channels(r))
+        return np.asarray(seen + scatter)
 
     for _ in range(8):  # a perfect mount would point to where this one looks
-        J = np.stack([(off(true + h) - off(true - h)) / 2e-6 for h in 1e-6 * np.eye(2)], axis=-1)
+        J = np.stack([(off(true + h) - off(true - h)) / 2e-6 for h in 1e-6 * np.eye(len(names))], axis=-1)
         true = true - np.linalg.solve(J, off(true)[..., None])[..., 0]
     return Recording(**{**vars(made(true)), **more})
 

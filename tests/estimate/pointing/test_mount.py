@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose import diagnose
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.pattern import why_far
 from gimbalcal.platform import Axis, Platform
@@ -195,6 +196,35 @@ def test_any_two_axis_gimbal_can_be_calibrated() -> None:
     assert "base_tilt:north" not in found
     assert max(map(abs, found.values())) < 4.5
     assert made.provenance["tpoint"] == []
+
+
+@pytest.mark.parametrize("direction", ["y", "z"])
+def test_a_mount_of_a_single_axis_shows_its_zero_and_its_encoder(direction: str) -> None:
+    """It moves the line of sight in one direction: along the innermost axis' plane (y), or across it (z)."""
+    servo = Platform("servo", (Axis("table", direction),))
+    readout = np.radians(np.linspace(-80, 80, 161))[:, None]
+    truth = {"gimbal_zero__table": 900.0, "eccentricity_cos__table": 700.0, "eccentricity_sin__table": -400.0}
+    there = effects(servo, **truth)
+    recording = run(servo, readout, there, noise=100.0)
+    made = pointing_calibration([recording], more=("encoder_eccentricity",))
+    assert [p.effect for p in made.parameters] == ["gimbal_zero", "encoder_eccentricity", "encoder_eccentricity"]
+    assert np.abs(off(made, truth)).max() < 4.0
+    assert set(made.residual.rms) == {f"pointing {'along' if direction == 'y' else 'across'}"}
+
+
+def test_the_encoder_of_a_single_axis_is_found_and_noise_alone_is_not() -> None:
+    """The axis is vertical: of a horizontal one the sag of the tube looks like the cosine of an eccentric encoder."""
+    servo, zero = Platform("servo", (Axis("table", "z"),)), {"gimbal_zero__table": 900.0}
+    readout = np.radians(np.linspace(-80, 80, 161))[:, None]
+    there = effects(servo, **zero, eccentricity_cos__table=700.0, eccentricity_sin__table=-400.0)
+    assert [c.effect for c in diagnose([run(servo, readout, there, noise=100.0)]).findings] == ["encoder_eccentricity"]
+    assert diagnose([run(servo, readout, effects(servo, **zero), noise=100.0)]).verdict == "adequate"
+
+
+def test_an_axis_along_the_line_of_sight_is_refused() -> None:
+    night = run(Platform("servo", (Axis("table", "z"),)), np.radians(np.linspace(0, 50, 20))[:, None], ())
+    with refused():
+        pointing_calibration([replace(night, platform=Platform("roll", (Axis("table", "x"),)))])
 
 
 @pytest.mark.parametrize(
