@@ -10,7 +10,7 @@ import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.verdict.refit_calibration import origin
-from gimbalcal.diagnose.verdict.view_calibration import Seen, calibrated_views
+from gimbalcal.diagnose.verdict.view_calibration import FittedView, calibrated_views
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.effect import constants
@@ -87,6 +87,7 @@ def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
                 found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin(_views(parts), causes)
             )
     seen = [
-        Seen(v, model) for v, model in fitted if not v.measurement.timing
-    ]  # time stamps are shifted, not calibrated
+        FittedView((v,), m.effects, m.parameters, m.covariance, m.residual)
+        for v, m in fitted if not v.measurement.timing  # time stamps are shifted, not calibrated
+    ]  # fmt: skip
     return calibrated_views(_views(parts), seen, causes, outcome, forces)

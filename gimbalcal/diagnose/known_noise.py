@@ -21,40 +21,30 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import settle
 from gimbalcal.diagnose.laws.law_claims import APART, Lawful, beyond_walk, lawful, misheld
 from gimbalcal.diagnose.library.assemble import library
-from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import (
-    Estimate,
-    Finding,
     Mismatch,
     RecordingFit,
-    RecordingSize,
     SeparateVerdict,
     Shape,
-    Shift,
-    SizeAgreement,
     StatedNoiseFit,
 )
 from gimbalcal.diagnose.search.combine import combine
-from gimbalcal.diagnose.search.fitted_causes import FittedCauses, calibration_fit, fit_causes
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.relinearise import about_causes, about_settings
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering
-from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement, against
+from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
-from gimbalcal.diagnose.verdict.detection_limits import detection_limits
-from gimbalcal.diagnose.verdict.findings import axes_of, entry, shifts_of
-from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, LISTED, Scan, mismatches, scan
-from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, Part, agreement_on_size, common_sizes, parts
+from gimbalcal.diagnose.verdict.findings import findings_of_recordings
+from gimbalcal.diagnose.verdict.mismatch import LEFT, MAX_CELLS, Scan, scan, scanned_mismatches
+from gimbalcal.diagnose.verdict.pooled_sizes import Part, common_sizes, parts
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
-from gimbalcal.diagnose.verdict.refit_calibration import Constants, calibrated, found_of
-from gimbalcal.diagnose.verdict.separation import advise, sentence
-from gimbalcal.diagnose.verdict.threshold import clean_evidence
-from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, verify
+from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
+from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limits
+from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, stated_noise_shifts, verify
 from gimbalcal.diagnose.view_diagnosis import Contradiction, ViewDiagnosis
-from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View, carried
 from gimbalcal.views.known_attitude import fit_baseline
 from gimbalcal.words import diagnosis_sentences
@@ -174,7 +164,7 @@ def _report(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> 
     lead = min(range(len(shares)), key=lambda k: (shares[k].before.p_value, -shares[k].before.statistic.max()))
     mismatch = () if d.verdict == "adequate" else _mismatch(shares, lead)
     sizes = common_sizes([s.part for s in shares], causes)
-    named = _findings(c, d, [s.part for s in shares], sizes)
+    named = findings_of_recordings(c, d, [s.part for s in shares], sizes)
     shapes = tuple(_shape(c, i) for i in d.shapes[:3])
     law = law or lawful(c, d, case.seed, case.tell)
     shares = _with_law(shares, law)
@@ -236,8 +226,8 @@ def _share(c: Ranking, d: Decision, k: int, part: Part, rng: np.random.Generator
     physical, node = physical_columns(s, f), seen.projection.node
     before = scan(s.fit, s.rows, node, rng)
     after = scan(s.fit, s.rows, node, rng, s.library.X[:, list(f.index)]) if f.index else before
-    fitted = verify(s, f if f.index else seen, physical).summary(node, before.p_value, after.p_value)
-    fitted = replace(fitted, calibration_moved=moved(s, f) if f.index else ())
+    fitted = verify(s, f if f.index else seen, physical, before.p_value, after.p_value)
+    fitted = replace(fitted, calibration_moved=stated_noise_shifts(s, f) if f.index else ())
     v = s.fit.view
     left, rest = residual_rows(s.fit, physical @ f.x)
     sigma, units = in_print(v.channels, np.broadcast_to(s.fit.sigma, left.shape))
@@ -256,90 +246,13 @@ def _with_law(shares: tuple[Share, ...], law: Lawful) -> tuple[Share, ...]:
 def _mismatch(shares: Sequence[Share], lead: int) -> tuple[Mismatch, ...]:
     """Return where each recording is off, the one that is off most first."""
     if len(shares) == 1:
-        return mismatches(shares[0].before, at_least=1)
+        return scanned_mismatches(shares[0].before, at_least=1)
     out = []
     for k in sorted(range(len(shares)), key=lambda k: k != lead):
-        for m in mismatches(shares[k].before, at_least=int(k == lead)):
+        for m in scanned_mismatches(shares[k].before, at_least=int(k == lead)):
             words = f"In recording {k + 1}, {m.in_words[0].lower()}{m.in_words[1:]}"
             out.append(replace(m, recording=k + 1, in_words=words))
-    return tuple(out[:LISTED])
-
-
-def _findings(c: Ranking, d: Decision, shares: Sequence[Part], sizes: CommonSizes) -> tuple[Finding, ...]:
-    """Return what is named: effect, axis, probability, significance, sizes, what fits alike and how to separate it.
-
-    Of several recordings the size by each stands beside the common one.
-    """
-    x, sigma, out, at = sizes.x, np.sqrt(np.diag(sizes.joint.covariance)), [], 0
-    for slot, j in enumerate(d.judgements):
-        own = slice(at, at + len(j.cause.parameters))
-        at = own.stop
-        rows = printed(j.cause.parameters, x[own], sigma[own] / [p.sigma for p in j.cause.parameters])
-        rows += constants_in_print(j.cause, sizes.constants[slot])
-        significance = float(np.sqrt(sum(p.significance(slot) ** 2 for p in shares)))
-        named = entry(j, axes_of(j), significance, rows, _advice(c, d, shares, slot, x[own]))
-        if len(shares) > 1:
-            named = replace(named, recordings=_sizes(shares, slot), agreement=_agreement(shares, slot, named))
-        out.append(named)
-    return tuple(out)
-
-
-def printed(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[Estimate]:
-    """Return parameters as printed, from sizes and sigmas (p,) in prior sigmas; without those that nothing shows."""
-    rows = []
-    for p, x, e in zip(parameters, size, sigma, strict=True):
-        if e == 0:
-            continue
-        scale = float(from_si(p.sigma, p.unit))
-        rows.append(Estimate(p.name, p.axis, float(x) * scale, float(e) * scale, p.unit))
-    return rows
-
-
-def constants_in_print(c: Candidate, values: Constants) -> list[Estimate]:
-    """Return non-linear constants as printed, from name, value and sigma in SI."""
-    units = {g.name: g.metadata["unit"] for g in CATALOGUE[c.effect].__dataclass_fields__.values() if g.metadata}
-    return [
-        Estimate(name, "", float(from_si(value, units[name])), float(from_si(spread, units[name])), units[name])
-        for name, value, spread in values
-    ]
-
-
-def _sizes(shares: Sequence[Part], slot: int) -> tuple[RecordingSize, ...]:
-    """Return the size that each recording gives a member."""
-    out = []
-    for k, p in enumerate(shares):
-        if slot in p.slots:
-            at = p.span(slot)
-            sigma = np.sqrt(np.diag(p.fit.covariance))[at]
-            rows = printed(p.cause(slot).parameters, p.fit.x[at], sigma)
-            out.append(RecordingSize(k + 1, round(p.significance(slot), 2), tuple(rows)))
-    return tuple(out)
-
-
-def _agreement(shares: Sequence[Part], slot: int, found: Finding) -> SizeAgreement:
-    a, name = agreement_on_size(shares, slot), diagnosis_sentences.cause_in_words(found.effect, found.axis)
-    return SizeAgreement(round(a.rise, 3), a.combinations, a.p_value, against(a, name))
-
-
-def _advice(c: Ranking, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
-    """Return what would separate a member from the cause most like it, in the recording that shows it best."""
-    for fits in d.judgements[slot].alike[:1]:
-        alike = next(i for i, one in enumerate(c.library.candidates) if one is fits)
-        both = [k for k in c.sees(alike) if slot in shares[k].slots]
-        for k in sorted(both, key=lambda k: -shares[k].significance(slot))[:1]:
-            s, found = c.searches[k], shares[k].cause(slot)
-            variant = shares[k].fit.variants[shares[k].slots.index(slot)]
-            (at,) = c.within((alike,), k)
-            other = s.library.candidates[at]
-            return sentence(advise(s.fit, found, variant, size, other), found, other)
-    return ""
-
-
-def moved(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
-    """Return how far each calibration constant moves once the findings are in the model."""
-    before, after, sigma = calibration_fit(s, f)
-    scale = np.array([p.sigma for p in s.fit.parameters])
-    return shifts_of(s.fit.parameters, (after - before) * scale, sigma * scale)
+    return tuple(out[:MAX_CELLS])
 
 
 def _shape(c: Ranking, i: int) -> Shape:

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import stated_law
 from gimbalcal.entries import Entry, Json
+from gimbalcal.units import from_si
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,11 @@ class Estimate(Entry):
     value: float
     sigma: float
     unit: str
+
+    @classmethod
+    def of(cls, p: Parameter, x: float, sigma: float) -> Estimate:
+        """Return a parameter with its value and one sigma, both in SI."""
+        return cls(p.name, p.axis, float(from_si(x, p.unit)), float(from_si(sigma, p.unit)), p.unit)
 
 
 @dataclass(frozen=True)

@@ -24,12 +24,12 @@ from gimbalcal.diagnose.search.relinearise import about_first_cause
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
 from gimbalcal.diagnose.search.stepwise import SearchResult, refined, result_of, stepwise
 from gimbalcal.diagnose.verdict.decide import capped
-from gimbalcal.diagnose.verdict.detection_limits import detection_limits
-from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding
+from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding_of_view
 from gimbalcal.diagnose.verdict.judgement import Judgement
-from gimbalcal.diagnose.verdict.mismatch_patterns import mismatches
+from gimbalcal.diagnose.verdict.mismatch import view_mismatches
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, likeliest_walk
-from gimbalcal.diagnose.verdict.view_fit import row_sigma, view_fit
+from gimbalcal.diagnose.verdict.threshold import detection_limits
+from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
@@ -138,7 +138,7 @@ def diagnosis_as(
         v = v.finer()
         c = refined(v, c)
     model = with_constants(c.end, {j.cause.effect for j in verdicts})
-    found = drifts_as_one([finding(model, j) for j in verdicts])
+    found = drifts_as_one([finding_of_view(model, j) for j in verdicts])
     shapes = tuple(Shape(f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), s.rival) for s in c.shapes)
     verdict = "adequate"
     if found:
@@ -162,7 +162,7 @@ def diagnosis_as(
         fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
-    mismatch = () if verdict == "adequate" else mismatches(c.start, sigma)
+    mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     return ViewDiagnosis(
         v, verdict, mismatch, found, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
         recommend=lawful.recommend,

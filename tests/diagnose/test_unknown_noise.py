@@ -10,7 +10,7 @@ import pytest
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import stepwise
-from gimbalcal.diagnose.verdict.view_fit import held_out_misfit, shifts
+from gimbalcal.diagnose.verdict.verify import held_out_misfit, view_shifts
 from gimbalcal.effects import values
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
@@ -117,7 +117,7 @@ def test_constants_move_as_what_was_found_moves_them() -> None:
     v = pointing(telescope(5, bend=30.0))
     c = stepwise(v, lambda _: None)
     assert {s.cause[0].effect for s in c.steps} == {"tube_flexure"}
-    rows = shifts(c.start, c.end)
+    rows = view_shifts(c.start, c.end)
     zero = next(r for r in rows if (r["name"], r["axis"]) == ("gimbal_zero", "elevation"))
     before, after = (values(m.effects, m.parameters) for m in (c.start, c.end))
     at = next(k for k, p in enumerate(c.start.parameters) if (p.name, p.axis) == ("gimbal_zero", "elevation"))

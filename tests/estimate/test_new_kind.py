@@ -10,11 +10,11 @@ import pytest
 
 from gimbalcal import methods
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.verdict.view_calibration import Seen, calibrated_views
+from gimbalcal.diagnose.verdict.view_calibration import FittedView, calibrated_views
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES
-from gimbalcal.estimate.fit import ViewsFit, fit
+from gimbalcal.estimate.fit import fit
 from gimbalcal.forward import accelerometers, linearise
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.platform import BENCH, Platform
@@ -124,18 +124,11 @@ def test_views_that_share_parameters_are_calibrated_in_one_frame() -> None:
         r = recorded(np.random.default_rng(10 + seed))
         alone, angles = norm(r), inclined(r)
         tied_down = tuple(p for i in ACCELEROMETER_TERMS for p in alone.parameters_of(i))
-        seen = [Seen(v, _Model(fit([v], wanted))) for v, wanted in ((alone, tied_down), (angles, WANTED))]
+        each = [(v, fit([v], wanted)) for v, wanted in ((alone, tied_down), (angles, WANTED))]
+        seen = [FittedView((v,), m.effects, m.parameters, m.covariance, m.residual[0]) for v, m in each]
         made = calibrated_views([alone, angles], seen, (), "")
         true = with_values((), WANTED, TRUE)
         assert {p.label for p in made.parameters} == {p.label for p in WANTED}
         errors.append((made.values - values(true, made.parameters)) / made.sigmas)
     assert 0.7 < np.sqrt(np.mean(np.square(errors))) < 1.35
     assert np.abs(errors).max() < 4.5
-
-
-class _Model:
-    """A fit of one view as a diagnosis has it."""
-
-    def __init__(self, found: ViewsFit) -> None:
-        self.effects, self.parameters, self.covariance = found.effects, found.parameters, found.covariance
-        (self.residual,) = found.residual

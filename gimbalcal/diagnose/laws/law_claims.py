@@ -7,7 +7,7 @@ that `calibrate --with` and every other command take it by `--effects law.py`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,9 +15,9 @@ import numpy as np
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
+from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.grounds import with_law
-from gimbalcal.diagnose.laws.law_advice import to_tell
-from gimbalcal.diagnose.laws.law_file import found, printed
+from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
 from gimbalcal.diagnose.laws.law_search import Ground, Law, same
 from gimbalcal.diagnose.laws.model_comparison import compared
 from gimbalcal.diagnose.library.assemble import library
@@ -27,13 +27,15 @@ from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.refit import fitted_columns
 from gimbalcal.diagnose.verdict.agreement import against, inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
-from gimbalcal.diagnose.verdict.mismatch_scan import LEFT, scan
+from gimbalcal.diagnose.verdict.mismatch import LEFT, scan
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
-from gimbalcal.diagnose.verdict.verify import Verification, residual_rows, verify
+from gimbalcal.diagnose.verdict.separation import apart, fastest
+from gimbalcal.diagnose.verdict.verify import residual_rows, verify
+from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit
-from gimbalcal.words.diagnosis_sentences import repeat_advice
+from gimbalcal.words.diagnosis_sentences import repeat_advice, separation_advice
 from gimbalcal.words.naming import spaced
 
 MOST = 3  # laws of one view
@@ -170,7 +172,7 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
             for s, own, columns in zip(searches, b.searches, g.parts(likely.columns), strict=True)]  # fmt: skip
     x, C, agree = mean_of([(h.x, h.weight) for h in held])
     lead = max(range(len(held)), key=lambda k: float(x @ held[k].weight @ x))
-    advice = to_tell(searches[lead].fit, likely, x, others[0], asked=best is None) if others else ""
+    advice = separating_manoeuvre(searches[lead].fit, likely, x, others[0], asked=best is None) if others else ""
     if best is None:
         return Lawful((), f"{undetermined(every, others, g, searches[0].fit.view.kind)}. {advice}")
     if against(agree, ""):
@@ -200,20 +202,21 @@ def _known(ranked: Ranking, ln_evidence: float) -> str:
 class LawFit:
     """A law in one recording: its sizes (m,) [SI] and their weight (m, m), what it leaves, and the fit with it.
 
-    left: p-value of the scan of the residuals; node: the likeliest noise.
+    left: p-value of the scan of the residuals.
     """
 
     x: Array
     weight: Array
     left: float
     strained: float
-    checked: Verification
-    node: Node
+    checked: StatedNoiseFit
 
     def summary(self, without: StatedNoiseFit) -> StatedNoiseFit:
         """The entry `fit` with the law in the place of what was in the model `without` it."""
-        made = self.checked.summary(self.node, without.scan_p_before, self.left)
-        return replace(made, calibration_moved=without.calibration_moved)
+        return replace(
+            self.checked, scan_p_before=without.scan_p_before, scan_p_after=self.left,
+            calibration_moved=without.calibration_moved,
+        )  # fmt: skip
 
 
 def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> LawFit:
@@ -221,13 +224,14 @@ def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> 
     made, physical, scale = with_law(s, columns)
     f = fit_causes(made, (0,))
     explained = made.library.X if columns.any() else None
-    left, checked = scan(s.fit, s.rows, f.projection.node, rng, explained), verify(made, f, physical)
+    left = scan(s.fit, s.rows, f.projection.node, rng, explained)
+    checked = verify(made, f, physical)
     if s is not bare:
         same = next(p for p in bare.projections if p.node is f.projection.node)
         none = verify(bare, replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.fit.residual.shape, 0)))
-        checked = replace(checked, before=none.before, heldout_before=none.heldout_before)
+        checked = replace(checked, chi2_reduced_before=none.chi2_reduced_before, heldout_before=none.heldout_before)
     weight = inverse_of(f.covariance * np.outer(scale, scale))
-    return LawFit(f.x * scale, weight, left.p_value, strained(made, (0,)), checked, f.projection.node)
+    return LawFit(f.x * scale, weight, left.p_value, strained(made, (0,)), checked)
 
 
 def laws_of_view(m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
@@ -264,3 +268,30 @@ def told_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
         laws = (replace(law, heldout_before=before, heldout_after=after) for law in lawful.laws)
         return replace(lawful, laws=tuple(laws))
     return Lawful((), LEAVES.format(law=lawful.laws[0].expression))
+
+
+def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool = True) -> str:
+    """The manoeuvre that tells a law with coefficients `size` (m,) [SI] from another fastest, as one sentence.
+
+    asked: whether the question is open; else it is empty where no manoeuvre would tell.
+    """
+
+    def gained(planned: Fit) -> float:
+        signal = _columns(planned, law, law.expression) @ size[:, None]
+        return apart(planned, signal, _varied(planned, other))
+
+    best = fastest(o, gained)
+    if not (best.words or asked):
+        return ""
+    return separation_advice(best.words, best.hours, best.ln_bayes, printed(law), printed(other))
+
+
+def _varied(o: Fit, law: Law) -> Iterator[Array]:
+    return (_columns(o, law, e) for e in law.expression.varied())
+
+
+def _columns(o: Fit, law: Law, e: Expression) -> Array:
+    """Return what a unit of each coefficient adds to the reduced rows of a recording, (R, m)."""
+    stage = Stage[STAGES[law.place.channel]]
+    names = o.view.stimulus.axis_names if stage is Stage.ENCODER else "xyz"
+    return np.asarray(o.reduced(o.rows.added(stage, names.index(law.place.axis), e.on(o.rows.seen[stage]).columns)))

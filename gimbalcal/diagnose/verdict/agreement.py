@@ -27,7 +27,6 @@ from gimbalcal.estimate.sharing import Agreement, agreement
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
-from gimbalcal.units import from_si
 from gimbalcal.words.diagnosis_sentences import constants_disagreement, size_disagreement
 
 MIN_P_VALUE_OF_A_SIZE = 1e-3  # below it a size differs between recordings
@@ -70,10 +69,7 @@ class ConstantsAgreement(Entry):
     @property
     def differences(self) -> tuple[Estimate, ...]:
         """The difference of each parameter in its unit of print, with its sigma."""
-        return tuple(
-            Estimate(p.name, p.axis, float(from_si(d, p.unit)), float(from_si(s, p.unit)), p.unit)
-            for p, d, s in zip(self.parameters, self.difference, self.sigma, strict=True)
-        )
+        return tuple(Estimate.of(p, d, s) for p, d, s in zip(self.parameters, self.difference, self.sigma, strict=True))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of the fit of a diagnosis; numbers in printed units."""

@@ -1,4 +1,4 @@
-"""What is said of the causes that a search through a view took up: which of them stand, and each as an entry."""
+"""Findings: which of the causes that a search selected stand, and each of them with its sizes and its advice."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
-from gimbalcal.diagnose.result import Estimate, Finding, Shift
-from gimbalcal.diagnose.search.ranking import is_usual
+from gimbalcal.diagnose.result import Estimate, Finding, RecordingSize, SizeAgreement
+from gimbalcal.diagnose.search.ranking import Ranking, is_usual
 from gimbalcal.diagnose.search.refit import constants_with_sigma
 from gimbalcal.diagnose.search.stepwise import Key, SearchResult, SelectedCause, likeliest, result_of, with_causes
-from gimbalcal.diagnose.verdict.decide import capped
+from gimbalcal.diagnose.verdict.agreement import against
+from gimbalcal.diagnose.verdict.decide import Decision, capped
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
+from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, Part, agreement_on_size
+from gimbalcal.diagnose.verdict.separation import advise, sentence
 from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
 from gimbalcal.inference.algebra import basis
@@ -22,6 +25,7 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
+from gimbalcal.words.diagnosis_sentences import cause_in_words
 from gimbalcal.words.naming import spaced
 
 SERIES = 3.0  # times the whole misfit, that one of several causes may be
@@ -99,31 +103,87 @@ def judged_in_turn(c: SearchResult) -> list[Judgement]:
             for j, cause in zip(first, selected, strict=True)]  # fmt: skip
 
 
-def finding(m: Fit, j: Judgement) -> Finding:
+def finding_of_view(m: Fit, j: Judgement) -> Finding:
     """Return the finding of a cause of a view, with its sizes and constants from a model that has both fitted."""
     e, own = j.cause.effect, {p.label for p in j.cause.parameters}
     names = {f.name for f in constants(CATALOGUE[e])}
     constant = [p.effect == e and p.field in names for p in m.parameters]
     sigma = np.sqrt(np.diag(m.covariance))
     silent = keeps_prior(m.parameters, np.where(constant, 0.0, values(m.effects, m.parameters)), sigma)
-    told = [(p, r) for p, r, at_prior in zip(m.parameters, sizes(m), silent, strict=True) if not at_prior]
+    each = zip(m.parameters, values(m.effects, m.parameters), sigma, silent, strict=True)
+    told = [(p, Estimate.of(p, x, s)) for p, x, s, at_prior in each if not at_prior]
     rows = [r for p, r in told if p.label in own]
     rows += [replace(r, name=p.field, axis="") for p, r in told if p.effect == e and p.field in names]
     rows += [
-        Estimate(p.field, "", float(from_si(x, p.unit)), float(from_si(s, p.unit)), p.unit)
+        replace(Estimate.of(p, x, s), name=p.field, axis="")
         for p, x, s in constants_with_sigma(m, e)  # whole numbers, which no fit moves
     ]
     axis = j.cause.axis if m.view.added is None else _element(j.cause.axis, rows)
-    return entry(j, axis, j.significance or 0.0, rows, _advice(j))
+    return _entry(j, axis, j.significance or 0.0, rows, _cards(j))
 
 
-def entry(j: Judgement, axis: str, significance: float, estimates: Sequence[Estimate], advice: str) -> Finding:
+def findings_of_recordings(c: Ranking, d: Decision, shares: Sequence[Part], sizes: CommonSizes) -> tuple[Finding, ...]:
+    """Return what is named: effect, axis, probability, significance, sizes, what fits alike and how to separate it.
+
+    Of several recordings the size by each stands beside the common one.
+    """
+    x, sigma, out, at = sizes.x, np.sqrt(np.diag(sizes.joint.covariance)), [], 0
+    for slot, j in enumerate(d.judgements):
+        own = slice(at, at + len(j.cause.parameters))
+        at = own.stop
+        rows = _estimates(j.cause.parameters, x[own] * [p.sigma for p in j.cause.parameters], sigma[own])
+        units = {f.name: f.metadata["unit"] for f in constants(CATALOGUE[j.cause.effect])}
+        rows += [
+            Estimate(name, "", float(from_si(value, units[name])), float(from_si(spread, units[name])), units[name])
+            for name, value, spread in sizes.constants[slot]
+        ]
+        significance = float(np.sqrt(sum(p.significance(slot) ** 2 for p in shares)))
+        named = _entry(j, _axes_of(j), significance, rows, _experiment(c, d, shares, slot, x[own]))
+        if len(shares) > 1:
+            named = replace(named, recordings=_sizes(shares, slot), agreement=_agreement(shares, slot, named))
+        out.append(named)
+    return tuple(out)
+
+
+def _sizes(shares: Sequence[Part], slot: int) -> tuple[RecordingSize, ...]:
+    """Return the size that each recording gives a member."""
+    out = []
+    for k, p in enumerate(shares):
+        if slot in p.slots:
+            at = p.span(slot)
+            scale = np.array([q.sigma for q in p.cause(slot).parameters])
+            sigma = np.sqrt(np.diag(p.fit.covariance))[at]
+            rows = _estimates(p.cause(slot).parameters, p.fit.x[at] * scale, sigma * scale)
+            out.append(RecordingSize(k + 1, round(p.significance(slot), 2), tuple(rows)))
+    return tuple(out)
+
+
+def _agreement(shares: Sequence[Part], slot: int, found: Finding) -> SizeAgreement:
+    a, name = agreement_on_size(shares, slot), cause_in_words(found.effect, found.axis)
+    return SizeAgreement(round(a.rise, 3), a.combinations, a.p_value, against(a, name))
+
+
+def _experiment(c: Ranking, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
+    """Return what would separate a member from the cause most like it, in the recording that shows it best."""
+    for fits in d.judgements[slot].alike[:1]:
+        alike = next(i for i, one in enumerate(c.library.candidates) if one is fits)
+        both = [k for k in c.sees(alike) if slot in shares[k].slots]
+        for k in sorted(both, key=lambda k: -shares[k].significance(slot))[:1]:
+            s, found = c.searches[k], shares[k].cause(slot)
+            variant = shares[k].fit.variants[shares[k].slots.index(slot)]
+            (at,) = c.within((alike,), k)
+            other = s.library.candidates[at]
+            return sentence(advise(s.fit, found, variant, size, other), found, other)
+    return ""
+
+
+def _entry(j: Judgement, axis: str, significance: float, estimates: Sequence[Estimate], advice: str) -> Finding:
     """Return the finding of a claimed cause on an axis: sizes, what fits alike, and how to separate them."""
     probability = capped(j.probability)
     return Finding(j.cause.effect, axis, probability, round(significance, 2), tuple(estimates), j.confounded, advice)
 
 
-def axes_of(j: Judgement) -> str:
+def _axes_of(j: Judgement) -> str:
     """Return the axes of a claimed cause and of those that fit alike, "x / y"."""
     axes = list(dict.fromkeys(c.axis for c in [j.cause, *j.alike] if c.axis))
     return " / ".join(a for n, a in enumerate(axes) if not any(a in b for b in axes[:n]))
@@ -136,7 +196,7 @@ def _element(axis: str, rows: Sequence[Estimate]) -> str:
     return shown[0] if len(shown) == 1 and not vague and len(axis) == 1 and shown[0].startswith(axis) else axis
 
 
-def _advice(j: Judgement) -> str:
+def _cards(j: Judgement) -> str:
     """Return what would show the one and not the other, by the cards of the effects."""
     if not j.confounded:
         return ""
@@ -150,22 +210,9 @@ def _advice(j: Judgement) -> str:
     return f"{spaced(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
 
 
-def sizes(m: Fit) -> list[Estimate]:
-    """Every fitted parameter with its sigma, in the unit of print."""
-    sigma = np.sqrt(np.diag(m.covariance))
-    return [
-        Estimate(p.name, p.axis, float(from_si(x, p.unit)), float(from_si(s, p.unit)), p.unit)
-        for p, x, s in zip(m.parameters, values(m.effects, m.parameters), sigma, strict=True)
-    ]
-
-
-def shifts_of(parameters: Sequence[Parameter], change: Array, sigma: Array) -> tuple[Shift, ...]:
-    """Return changes (p,) of constants with one sigma (p,), both in SI, as entries; the clearest first."""
-    out = []
-    for p, d, e in zip(parameters, change, sigma, strict=True):
-        in_sigmas = round(float(d / e), 2) if e > 0 else 0.0
-        out.append(Shift(p.name, p.axis, float(from_si(d, p.unit)), float(from_si(e, p.unit)), p.unit, in_sigmas))
-    return tuple(sorted(out, key=lambda row: -abs(row.in_sigmas)))
+def _estimates(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[Estimate]:
+    """Return parameters as printed, from values and sigmas (p,) in SI; without those that nothing shows."""
+    return [Estimate.of(p, x, s) for p, x, s in zip(parameters, size, sigma, strict=True) if s != 0]
 
 
 def drifts_as_one(found: Sequence[Finding]) -> tuple[Finding, ...]:

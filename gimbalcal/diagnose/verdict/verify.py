@@ -8,52 +8,35 @@ compared with its own covariance, so that one is what noise alone gives.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.result import StatedNoiseFit
-from gimbalcal.diagnose.search.fitted_causes import FittedCauses
+from gimbalcal.diagnose.result import Delay, RmsMisfit, RowNoise, SearchStep, Shift, StatedNoiseFit, ViewFit
+from gimbalcal.diagnose.search.fitted_causes import FittedCauses, calibration_fit
 from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.search.stepwise import SearchResult
+from gimbalcal.effects import Parameter, values
+from gimbalcal.errors import InputError
 from gimbalcal.inference.algebra import basis, eigh
 from gimbalcal.number import Array
+from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.views.slews import lateness
 
 FOLDS = 12  # stretches of a static run
+SAME_WEIGHT = 1e-9  # of ln(sigma x weight), within which rows were fitted in these sigmas
 SHOWN = 1e-6  # share of a direction that the rows outside a group show; less is fitted by the group itself
 
 
-@dataclass(frozen=True)
-class Verification:
-    """Reduced chi^2 of the fit and of held-out data, without and with what was found."""
+def verify(
+    s: Search, f: FittedCauses, physical: Array, scan_p_before: float = 1.0, scan_p_after: float = 1.0
+) -> StatedNoiseFit:
+    """Return fit and prediction in the noise of the final model; `physical` (n, C, p) are its columns, row by row.
 
-    before: float
-    after: float
-    heldout_before: float
-    heldout_after: float
-    heldout_by: str
-    autocorrelation: float  # of the whitened residual from one block to the next, after
-    autocorrelation_sigma: float
-
-    def summary(self, node: Node, scan_p_before: float, scan_p_after: float) -> StatedNoiseFit:
-        """Entry `fit` of diagnosis.json, with the noise and the p-values of the scan for a mismatch."""
-        return StatedNoiseFit(
-            chi2_reduced_before=self.before,
-            chi2_reduced_after=self.after,
-            heldout_before=self.heldout_before,
-            heldout_after=self.heldout_after,
-            heldout_by=self.heldout_by,
-            autocorrelation_after=self.autocorrelation,
-            autocorrelation_sigma=self.autocorrelation_sigma,
-            scan_p_before=scan_p_before,
-            scan_p_after=scan_p_after,
-            noise=dict(node.name),
-        )
-
-
-def verify(s: Search, f: FittedCauses, physical: Array) -> Verification:
-    """Fit and prediction in the noise of the final model; `physical` (n, C, p) are its columns, row by row."""
+    scan_p_before, scan_p_after: p-values of the scans for a mismatch.
+    """
     Z, X, y, fold, by = _whitened(s, f, physical)
     C = s.fit.residual.shape[1]
     A = np.concatenate([Z, X], axis=1)
@@ -62,11 +45,18 @@ def verify(s: Search, f: FittedCauses, physical: Array) -> Verification:
     same = fold.reshape(-1, C)[1:, 0] == fold.reshape(-1, C)[:-1, 0] if by != "time" else slice(None)
     pairs = (series[1:] * series[:-1])[same]
     lag = float(pairs.sum() / (series**2).sum()) if series.size else 0.0
-    return Verification(
-        float(left @ left) / max(1, len(y) - q), float(rest @ rest) / max(1, len(y) - qx),
-        float(left @ out) / len(y), float(rest @ out_with) / len(y),
-        by, lag, 1 / np.sqrt(max(1, pairs.size)),
-    )  # fmt: skip
+    return StatedNoiseFit(
+        chi2_reduced_before=float(left @ left) / max(1, len(y) - q),
+        chi2_reduced_after=float(rest @ rest) / max(1, len(y) - qx),
+        heldout_before=float(left @ out) / len(y),
+        heldout_after=float(rest @ out_with) / len(y),
+        heldout_by=by,
+        autocorrelation_after=lag,  # of the whitened residual from one block to the next
+        autocorrelation_sigma=1 / np.sqrt(max(1, pairs.size)),
+        scan_p_before=scan_p_before,
+        scan_p_after=scan_p_after,
+        noise=dict(f.projection.node.name),
+    )
 
 
 def _whitened(s: Search, f: FittedCauses, physical: Array) -> tuple[Array, Array, Array, Array, str]:
@@ -145,3 +135,109 @@ def _refitted(o: Fit, Z: Array, y: Array) -> Array:
         if o.view.noise.weights is None
         else np.asarray(left.reshape(y.shape) / np.sqrt(o.view.noise.weights))
     )
+
+
+def stated_noise_shifts(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
+    """Return how far each calibration constant moves once the findings are in the model."""
+    before, after, sigma = calibration_fit(s, f)
+    scale = np.array([p.sigma for p in s.fit.parameters])
+    return shifts_of(s.fit.parameters, (after - before) * scale, sigma * scale)
+
+
+def shifts_of(parameters: Sequence[Parameter], change: Array, sigma: Array) -> tuple[Shift, ...]:
+    """Return changes (p,) of constants with one sigma (p,), both in SI, as entries; the clearest first."""
+    out = []
+    for p, d, e in zip(parameters, change, sigma, strict=True):
+        in_sigmas = round(float(d / e), 2) if e > 0 else 0.0
+        out.append(Shift(p.name, p.axis, float(from_si(d, p.unit)), float(from_si(e, p.unit)), p.unit, in_sigmas))
+    return tuple(sorted(out, key=lambda row: -abs(row.in_sigmas)))
+
+
+def row_sigma(end: Fit) -> Array:
+    """Return one sigma (n, C) of each row: the scatter about the last model, spread as the noise of the samples."""
+    r = end.view.noise.weighted(end.residual)
+    free = max(r.size - basis(end.reduced(end.jacobian)).shape[1], 1)
+    return np.asarray(np.sqrt((r**2).sum() / free) / end.view.weight)
+
+
+def view_fit(c: SearchResult, sigma: Array) -> ViewFit:
+    """Return how well the last model of a search explains a view, in rows of `sigma` (n, C)."""
+    v, before, after = c.start.view, c.start, c.described
+    (held_before, held_rms_before), (held_after, held_rms_after) = (_held_out(m, sigma) for m in (before, after))
+    late = turns = None
+    if v.measurement.timing:
+        every = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in lateness(v).items()}
+        late = {axis: Delay(x, s, "ms") for axis, (x, s) in every.items()}
+    if v.missed_by_turns is not None and c.steps:
+        with suppress(InputError):  # turns too few, or all about one axis, prove nothing
+            missed = [float(from_si(v.missed_by_turns(e), "arcsec")) for e in ((), after.effects)]
+            turns = RmsMisfit(missed[0], missed[1], "arcsec")
+    return ViewFit(
+        chi2_reduced_before=_reduced(before, sigma),
+        chi2_reduced_after=_reduced(after, sigma),
+        heldout_before=held_before,
+        heldout_after=held_after,
+        heldout_rms_before=held_rms_before,
+        heldout_rms_after=held_rms_after,
+        noise=RowNoise(v.name, float(from_si(float(np.median(sigma)), v.unit)), v.unit),
+        rms_before=float(from_si(before.rms, v.unit)),
+        rms_after=float(from_si(after.rms, v.unit)),
+        steps=tuple(
+            SearchStep(s.cause[0].effect, s.cause[0].axis, float(from_si(s.model.rms, v.unit)), v.unit) for s in c.steps
+        ),
+        calibration_moved=view_shifts(before, after) if c.steps else (),
+        late=late,
+        turns=turns,
+        chi2_of_samples_before=_against_samples(before),
+        chi2_of_samples_after=_against_samples(after),
+    )
+
+
+def _against_samples(m: Fit) -> dict[str, float] | None:
+    """Return reduced chi^2 of each channel in the noise of the samples alone; None where their scatter is not known."""
+    v = m.view
+    if v.noise.sample is None:
+        return None
+    n = len(m.residual)
+    Q = _basis(m, v.noise.sample).reshape(n, len(v.channels), -1)
+    fitted = (Q**2).sum(axis=(0, 2))  # degrees of freedom that the parameters take of each channel
+    chi2 = ((m.residual / v.noise.sample) ** 2).sum(axis=0) / np.maximum(n - fitted, 1)
+    return dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
+
+
+def _reduced(m: Fit, sigma: Array) -> float:
+    rank = _basis(m, sigma).shape[1]
+    return float(((m.residual / sigma) ** 2).sum() / max(m.residual.size - rank, 1))
+
+
+def _basis(m: Fit, sigma: Array) -> Array:
+    """Return an orthonormal basis (n C, q) of a model's columns in rows of `sigma` (n, C)."""
+    return basis((m.jacobian / sigma[..., None]).reshape(m.residual.size, -1))
+
+
+def _held_out(m: Fit, sigma: Array) -> tuple[float, float]:
+    """Return the mean square misfit of rows held out, in sigma, and the rms length of a row in the unit of print."""
+    left = held_out_misfit(m, sigma)
+    rms = float(np.sqrt(((left * sigma) ** 2).sum() / len(left)))
+    return float(np.mean(left**2)), float(from_si(rms, m.view.unit))
+
+
+def held_out_misfit(m: Fit, sigma: Array) -> Array:
+    """Return the misfit (n, C), in sigma, of each group of rows to a fit without it."""
+    n, C = m.residual.shape
+    A, r = (m.jacobian / sigma[..., None]).reshape(n * C, -1), (m.residual / sigma).ravel()
+    if np.ptp(np.log(sigma * m.view.weight)) > SAME_WEIGHT:  # to the minimum in these sigmas
+        Q = _basis(m, sigma)
+        r = r - Q @ (Q.T @ r)
+    return held_out(A, r, np.repeat(m.view.groups, C)).reshape(n, C)
+
+
+def view_shifts(before: Fit, after: Fit) -> tuple[Shift, ...]:
+    """Return the change of each constant of the baseline once the causes are in the model, the clearest first."""
+    visible = np.abs(before.jacobian).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
+    old = values(before.effects, before.parameters)
+    new = {p.label: k for k, p in enumerate(after.parameters)}
+    shown = [(p, k, new[p.label]) for k, (p, seen) in enumerate(zip(before.parameters, visible, strict=True)) if seen]
+    at = [k for *_, k in shown]
+    change = values(after.effects, after.parameters)[at] - old[[k for _, k, _ in shown]]
+    return shifts_of([p for p, *_ in shown], change, np.sqrt(np.diag(after.covariance))[at])

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -24,42 +23,28 @@ from gimbalcal.number import Array
 from gimbalcal.views.core import View
 
 
-class Fitted(Protocol):
-    """What is asked of a fit of a view: effects, what was fitted (p,), its covariance (p, p) in SI, misfit (n, C)."""
+@dataclass(frozen=True, eq=False)
+class FittedView:
+    """A model of a view, the last of `views` that it was fitted to: covariance (p, p) in SI, misfit (n, C) in SI."""
+
+    views: tuple[View, ...]
+    effects: tuple[Effect, ...]
+    parameters: tuple[Parameter, ...]
+    covariance: Array
+    residual: Array
 
     @property
-    def effects(self) -> tuple[Effect, ...]:
-        """The model, with the values and constants it ended with."""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Parameters that were fitted, in the order of the covariance."""
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance (p, p) in SI."""
-
-    @property
-    def residual(self) -> Array:
-        """The residual (n, C), SI."""
-
-
-@dataclass(frozen=True)
-class Seen:
-    """A view and the model that a search through it ended with."""
-
-    view: View
-    model: Fitted
-    joint: tuple[View, ...] = ()  # all views that the model was fitted to, if it is not this one alone
-
-    @property
-    def views(self) -> tuple[View, ...]:
-        """All views that the model was fitted to."""
-        return self.joint or (self.view,)
+    def view(self) -> View:
+        """The view whose misfit this is."""
+        return self.views[-1]
 
 
 def calibrated_views(
-    views: Sequence[View], seen: Sequence[Seen], causes: Sequence[str], outcome: str, forces: Calibration | None = None
+    views: Sequence[View],
+    seen: Sequence[FittedView],
+    causes: Sequence[str],
+    outcome: str,
+    forces: Calibration | None = None,
 ) -> Calibration:
     """Return the calibration of what was seen in some of the views of a unit.
 
@@ -94,82 +79,72 @@ def calibrated_views(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _JointModel:
-    """The model of views that were fitted together, see `Fitted`."""
-
-    effects: tuple[Effect, ...]
-    parameters: tuple[Parameter, ...]
-    covariance: Array
-    residual: Array
-
-
-def _joint(seen: Sequence[Seen], gimbals: Sequence[str]) -> list[Seen]:
+def _joint(seen: Sequence[FittedView], gimbals: Sequence[str]) -> list[FittedView]:
     """Return the views, those that share linear parameters with the model of their joint fit."""
-    out: list[Seen] = []
+    out: list[FittedView] = []
     for s in seen:
-        labels = {p.label for p in s.model.parameters}
-        alike = [o for o in out if labels & {p.label for p in o.model.parameters}]
+        labels = {p.label for p in s.parameters}
+        alike = [o for o in out if labels & {p.label for p in o.parameters}]
         if not alike:
             out.append(s)
             continue
         views = [v for o in (*alike, s) for v in o.views]
-        every = [p for o in (*alike, s) for p in o.model.parameters]
+        every = [p for o in (*alike, s) for p in o.parameters]
         sigma = {p.label: max(q.sigma for q in every if q.label == p.label) for p in every}
         wanted = tuple({p.label: replace(p, sigma=sigma[p.label]) for p in every}.values())
-        effects = tuple({e.id: e for o in (*alike, s) for e in o.model.effects}.values())
+        effects = tuple({e.id: e for o in (*alike, s) for e in o.effects}.values())
         found = fit(views, wanted, with_values(effects, wanted, _values(wanted, (*alike, s)), gimbals))
-        model = _JointModel(found.effects, found.parameters, found.covariance, s.model.residual)
-        out = [*(o for o in out if o not in alike), Seen(s.view, model, tuple(views))]
+        joint = FittedView(tuple(views), found.effects, found.parameters, found.covariance, s.residual)
+        out = [*(o for o in out if o not in alike), joint]
     return out
 
 
-def _values(wanted: Sequence[Parameter], each: Sequence[Seen]) -> Array:
+def _values(wanted: Sequence[Parameter], each: Sequence[FittedView]) -> Array:
     """Return the value of each parameter in the last model that holds it."""
     found = {p.label: float(x) for s in each
-             for p, x in zip(s.model.parameters, values(s.model.effects, s.model.parameters), strict=True)}  # fmt: skip
+             for p, x in zip(s.parameters, values(s.effects, s.parameters), strict=True)}  # fmt: skip
     return np.array([found[p.label] for p in wanted])
 
 
-def _block(s: Seen, gimbals: Sequence[str]) -> tuple[tuple[Effect, ...], tuple[Parameter, ...], Array]:
+def _block(s: FittedView, gimbals: Sequence[str]) -> tuple[tuple[Effect, ...], tuple[Parameter, ...], Array]:
     """Return effects of a view, what was fitted, and constants that were chosen (epochs, whole numbers): sigma zero."""
-    linear = {p for e in s.model.effects for p in parameters(type(e), gimbals)}
-    ids = {p.effect for p in s.model.parameters}
-    every = (p for e in s.model.effects if e.id in ids for p in parameters(type(e), gimbals, constants=True))
-    held = tuple(p for p in every if p not in linear and p not in s.model.parameters)
-    n, m = len(s.model.parameters), len(held)
+    linear = {p for e in s.effects for p in parameters(type(e), gimbals)}
+    ids = {p.effect for p in s.parameters}
+    every = (p for e in s.effects if e.id in ids for p in parameters(type(e), gimbals, constants=True))
+    held = tuple(p for p in every if p not in linear and p not in s.parameters)
+    n, m = len(s.parameters), len(held)
     P = np.zeros((n + m, n + m))
-    P[:n, :n] = s.model.covariance
-    return s.model.effects, (*s.model.parameters, *held), P
+    P[:n, :n] = s.covariance
+    return s.effects, (*s.parameters, *held), P
 
 
-def _unseen(seen: Sequence[Seen]) -> list[Unobservable]:
+def _unseen(seen: Sequence[FittedView]) -> list[Unobservable]:
     """Parameters of which these rows say nothing: they keep their prior; and what turns a triad as a whole."""
     out: list[Unobservable] = []
     for s in seen:
-        sigma = np.sqrt(np.maximum(np.diag(s.model.covariance), 0.0))
-        silent = keeps_prior(s.model.parameters, values(s.model.effects, s.model.parameters), sigma)
-        labels = [p.label for p, at_prior in zip(s.model.parameters, silent, strict=True) if at_prior]
+        sigma = np.sqrt(np.maximum(np.diag(s.covariance), 0.0))
+        silent = keeps_prior(s.parameters, values(s.effects, s.parameters), sigma)
+        labels = [p.label for p, at_prior in zip(s.parameters, silent, strict=True) if at_prior]
         out += [Unobservable({one: 1.0}, f"{one} does not show in {s.view.name}") for one in labels]
         turned = {effect for effect, _ in s.view.gauge}  # of the accelerometers, as a triad
-        if "misalignment" in turned and any(p.effect == "misalignment" for p in s.model.parameters):
+        if "misalignment" in turned and any(p.effect == "misalignment" for p in s.parameters):
             out += rotations_of_the_triad()
     return out
 
 
-def _residual(seen: Sequence[Seen], forces: Calibration | None) -> Residual:
+def _residual(seen: Sequence[FittedView], forces: Calibration | None) -> Residual:
     """Misfit by channel, SI. Where nobody stated the noise it is the misfit, and chi^2 its degrees of freedom."""
     rms = dict(forces.residual.rms) if forces else {}
     for s in seen:
-        left = np.sqrt(np.mean(s.model.residual**2, axis=0))
+        left = np.sqrt(np.mean(s.residual**2, axis=0))
         rms |= {f"{s.view.name} {' '.join(c)}".strip(): float(v) for c, v in zip(s.view.channels, left, strict=True)}
     if forces is not None:
         return replace(forces.residual, rms=rms)
-    dof = max(sum(s.model.residual.size - len(s.model.parameters) for s in seen), 0)
+    dof = max(sum(s.residual.size - len(s.parameters) for s in seen), 0)
     return Residual(float(dof), dof, rms)
 
 
-def _readout(views: Sequence[View], seen: Sequence[Seen]) -> Readout:
+def _readout(views: Sequence[View], seen: Sequence[FittedView]) -> Readout:
     """Return nominal scales of what counts, as the first of the views that were seen had them, and the gimbals."""
     each = [s.view.readout for s in seen]
     forces = next((r.accelerometers for r in each if r.accelerometers), None)

@@ -16,7 +16,7 @@ from gimbalcal import calibrate, load_effects
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws.expressions import Expression, terms
-from gimbalcal.diagnose.laws.law_advice import to_tell
+from gimbalcal.diagnose.laws.law_claims import separating_manoeuvre
 from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.diagnose.laws.law_search import Law, Place
 from gimbalcal.diagnose.library.variables import Variable, variables
@@ -164,9 +164,11 @@ def test_what_tells_a_law_from_the_next_is_taken_from_the_menu() -> None:
         return Law(place, Expression(tuple(plain)), 50.0, None)  # type: ignore[arg-type]
 
     time, warm = map(law, follows)
-    told = to_tell(o, warm, np.array([30 * plant.UG / plant.G]), time)
+    told = separating_manoeuvre(o, warm, np.array([30 * plant.UG / plant.G]), time)
     golden_text(told)
-    assert to_tell(o, warm, np.array([1e-3 * plant.UG / plant.G]), time).startswith("No manoeuvre of the menu")
+    assert separating_manoeuvre(o, warm, np.array([1e-3 * plant.UG / plant.G]), time).startswith(
+        "No manoeuvre of the menu"
+    )
 
 
 def test_a_law_that_leaves_no_rest_takes_the_place_of_a_cause_that_does(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from scipy.stats import f as fisher
 from gimbalcal.diagnose.library.assemble import spans
 from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.verdict.mismatch_patterns import largest, mismatches, patterns
+from gimbalcal.diagnose.verdict.mismatch import largest, patterns, view_mismatches
 from gimbalcal.views.core import View
 from gimbalcal.views.pointing import pointing
 from tests.diagnose.plant import ARCSEC
@@ -31,7 +31,7 @@ def test_a_pattern_is_told_with_its_f_statistic() -> None:
     v = wavy(3.0)
     m = start(v)
     first = patterns(m)[0]
-    assert mismatches(m, np.full((80, 2), ARCSEC))[0] == first
+    assert view_mismatches(m, np.full((80, 2), ARCSEC))[0] == first
     assert (first["channel"], first["axis"]) == ("pointing", "along")
     assert "azimuth" in first["in_words"]
     angle = v.stimulus.readout[:, list(v.stimulus.axis_names).index("azimuth")]
@@ -64,7 +64,7 @@ def test_chance_is_no_pattern() -> None:
         v = pointing(telescope(seed))
         m = start(v)
         assert patterns(m) == ()
-        assert mismatches(m, np.full((80, 2), ARCSEC)) == largest(m, np.full((80, 2), ARCSEC))
+        assert view_mismatches(m, np.full((80, 2), ARCSEC)) == largest(m, np.full((80, 2), ARCSEC))
 
 
 def test_without_a_pattern_the_worst_channel_is_told_against_the_scatter_in_the_end() -> None:

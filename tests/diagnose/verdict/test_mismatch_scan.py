@@ -11,8 +11,8 @@ from scipy.stats import chi2, kstest
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import ReducedRows
 from gimbalcal.diagnose.search.ranking import reduced
-from gimbalcal.diagnose.verdict import mismatch_scan
-from gimbalcal.diagnose.verdict.mismatch_scan import LISTED, Cell, Scan, mismatches, scan
+from gimbalcal.diagnose.verdict import mismatch
+from gimbalcal.diagnose.verdict.mismatch import MAX_CELLS, Cell, Scan, scan, scanned_mismatches
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 from tests.diagnose.plant import known, on
@@ -67,7 +67,7 @@ def test_a_misfit_at_one_position_is_the_first_cell(position: int, axis: int) ->
     o = observed(4, lambda b: on(axis, (b.visit == position - 1).astype(float)), 80.0, dwell=6)
     s = scanned(o)
     assert s.p_value < 1e-4
-    first = mismatches(s)[0]
+    first = scanned_mismatches(s)[0]
     assert (first["channel"], first["axis"]) == ("specific_force", "xyz"[axis])
     assert first["where"] == {"positions": [position]}
     tail = chi2.sf(s.statistic.max(), 1)  # of this cell alone, and Bonferroni's bound over all
@@ -77,13 +77,13 @@ def test_a_misfit_at_one_position_is_the_first_cell(position: int, axis: int) ->
 
 def test_a_wave_in_a_static_run_is_seen_at_its_period() -> None:
     o = at_rest(5, lambda r: np.outer(np.sin(2 * np.pi * r.t / 9600.0), [0.0, 0.0, 1.0]), 3.0)
-    first = mismatches(scanned(o))[0]
+    first = scanned_mismatches(scanned(o))[0]
     assert (first["axis"], first["where"]) == ("z", {"period_min": 160.0})
 
 
 def test_a_clean_recording_is_as_bad_somewhere_as_its_p_value_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """p is uniform over clean recordings of this design, whichever of the many overlapping cells is the worst."""
-    monkeypatch.setattr(mismatch_scan, "DRAWS", 100)  # for time
+    monkeypatch.setattr(mismatch, "DRAWS", 100)  # for time
     rng = np.random.default_rng(6)
     design = observed(1, dwell=2)
     rows, node = prepared(design)
@@ -111,14 +111,14 @@ def cell(axis: str, position: int) -> Cell:
 def test_positions_of_one_channel_are_told_together() -> None:
     cells = (cell("x", 9), cell("x", 2), cell("y", 3), cell("z", 4), cell("z", 5))
     s = Scan(cells, np.array([50.0, 40.0, 30.0, 10.0, 35.0]), np.array([1e-9, 1e-7, 1e-4, 1e-3, 0.2]))
-    x, y = mismatches(s)
+    x, y = scanned_mismatches(s)
     assert x["where"] == {"positions": [2, 9]}
     golden_text(x["in_words"])
     assert (x["statistic"], x["p_value"]) == (50.0, 1e-9)
     golden_text(y["in_words"])
     # z 4 is less than a quarter of the strongest, and z 5 is not significant
     nothing = replace(s, p_values=np.full(5, 0.5))
-    assert mismatches(nothing) == ()
-    assert [m["axis"] for m in mismatches(nothing, at_least=1)] == ["x"]
-    many = tuple(Cell("specific_force", "x", {"n": k}, f"there {k}") for k in range(LISTED + 3))
-    assert len(mismatches(Scan(many, np.ones(len(many)), np.full(len(many), 1e-3)))) == LISTED
+    assert scanned_mismatches(nothing) == ()
+    assert [m["axis"] for m in scanned_mismatches(nothing, at_least=1)] == ["x"]
+    many = tuple(Cell("specific_force", "x", {"n": k}, f"there {k}") for k in range(MAX_CELLS + 3))
+    assert len(scanned_mismatches(Scan(many, np.ones(len(many)), np.full(len(many), 1e-3)))) == MAX_CELLS

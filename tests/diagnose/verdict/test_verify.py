@@ -42,9 +42,11 @@ def test_held_out_positions_are_refits_without_each() -> None:
     assert v.heldout_before == pytest.approx(refitted_without_each(Z, y[:, 0], fold), rel=1e-6)
     assert v.heldout_after == pytest.approx(refitted_without_each(both, y[:, 0], fold), rel=1e-6)
     left = y[:, 0] - both @ np.linalg.lstsq(both, y[:, 0], rcond=1e-9)[0]
-    assert v.after == pytest.approx(left @ left / (len(left) - np.linalg.matrix_rank(both, 1e-8)), rel=1e-6)
+    assert v.chi2_reduced_after == pytest.approx(
+        left @ left / (len(left) - np.linalg.matrix_rank(both, 1e-8)), rel=1e-6
+    )
     r = left.reshape(18, 6, 3)  # six blocks in each dwell; nothing follows from one dwell to the next
-    assert v.autocorrelation == pytest.approx((r[:, 1:] * r[:, :-1]).sum() / (r**2).sum(), abs=1e-9)
+    assert v.autocorrelation_after == pytest.approx((r[:, 1:] * r[:, :-1]).sum() / (r**2).sum(), abs=1e-9)
     assert v.autocorrelation_sigma == pytest.approx(1 / np.sqrt(18 * 5 * 3))
 
 
@@ -58,7 +60,7 @@ def test_prediction_of_clean_noise_is_as_good_as_stated() -> None:
         f = fit_causes(s, ())
         out.append(verify(s, f, physical_columns(s, f)))
     four_sigmas = 4 * np.sqrt(2 / (24 * 324))
-    assert np.mean([v.before for v in out]) == pytest.approx(1.0, abs=four_sigmas)
+    assert np.mean([v.chi2_reduced_before for v in out]) == pytest.approx(1.0, abs=four_sigmas)
     assert np.mean([v.heldout_before for v in out]) == pytest.approx(1.0, abs=four_sigmas)
 
 
@@ -66,12 +68,12 @@ def test_prediction_is_as_good_as_noise_once_the_missing_cause_is_in() -> None:
     s = searched(PLANTED, LABEL)
     f = fit_causes(s, (0,))
     v = verify(s, f, physical_columns(s, f))
-    assert v.before > 1.5
+    assert v.chi2_reduced_before > 1.5
     assert v.heldout_before > 1.5
-    assert v.after == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300))
+    assert v.chi2_reduced_after == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300))
     assert v.heldout_after == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300))
-    fit = v.summary(f.projection.node, 0.1, 0.2)
-    assert (fit.heldout_after, fit.scan_p_after) == (v.heldout_after, 0.2)
+    fit = verify(s, f, physical_columns(s, f), 0.1, 0.2)
+    assert (fit.heldout_after, fit.scan_p_before, fit.scan_p_after) == (v.heldout_after, 0.1, 0.2)
 
 
 @pytest.mark.parametrize(("name", "label"), [("blunder", "position_blunder"), ("step", "bias_step:x")])

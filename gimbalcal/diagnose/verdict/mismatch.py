@@ -1,8 +1,9 @@
-r"""Where the mismatch is, in a known noise: residuals scanned over places, times and covariates.
+r"""Where the mismatch is: in a known noise by a scan over places, times and covariates, else the shapes it follows.
 
-Residuals are whitened and the calibration is profiled out. The statistic of a cell is the misfit that its columns could
-take away, chi^2 with as many degrees of freedom. Cells overlap and are many, so the p-value that counts is that of the
-most extreme cell of a clean recording of this very design (Westfall and Young's minimum p), from simulated scores.
+Residuals of a known noise are whitened and the calibration is profiled out. The statistic of a cell is the misfit that
+its columns could take away, chi^2 with as many degrees of freedom. Cells overlap and are many, so the p-value that
+counts is that of the most extreme cell of a clean recording of this very design (Westfall and Young's minimum p), from
+simulated scores. In a noise of unknown scale the statistic of a shape is an F ratio.
 """
 
 from __future__ import annotations
@@ -14,18 +15,27 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.projection import ReducedRows
+from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, log_bayes
+from gimbalcal.diagnose.library.assemble import free_rows, spans
+from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.result import Mismatch
-from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.diagnose.search.ranking import projections_of
+from gimbalcal.inference.algebra import basis, orthonormal
+from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
-from gimbalcal.views.core import Fit
+from gimbalcal.units import from_si
+from gimbalcal.views.core import Fit, View
+from gimbalcal.words import diagnosis_sentences
 
 DRAWS = 400
 LEFT = 1e-4  # probability that a clean recording looks as bad: what leaves less does not explain the data
-LISTED = 6  # cells that are listed, strongest first
+MAX_CELLS = 6  # cells that are listed, strongest first
 WEAK = 0.25  # of the strongest statistic: weaker cells see the same mismatch from further away
 HELD = 1e-8  # of a column's square that the calibration leaves of it: less is rounding of what the model holds
 RANK = 1e-8  # of a cell's largest eigenvalue: less is a direction that it does not have
+ODD = 1e-3  # p-value below which a pattern of the misfit is listed
+MAX_PATTERNS = 3  # that are listed, strongest first
 CHUNK = 256  # columns that are scanned at a time
 WINDOWS = 12  # stretches of time of a static run
 
@@ -111,14 +121,14 @@ def _cells(o: Fit) -> Iterator[tuple[list[Cell], Array]]:
     """Cells, and in equal parts their reduced columns (R, p): a few at a time, as of positions there may be many."""
     cells: list[Cell] = []
     columns: list[Array] = []
-    for where, words, basis in _patterns(o):
-        w = basis.shape[1]
+    for where, words, pattern in _patterns(o):
+        w = pattern.shape[1]
         if columns and (w != columns[0].shape[1] // len(o.view.channels) or w * len(cells) >= CHUNK):
             yield cells, np.concatenate(columns, axis=1)
             cells, columns = [], []
         X = np.zeros((*o.residual.shape, w * len(o.view.channels)))
         for k, (channel, axis) in enumerate(o.view.channels):
-            X[:, k, w * k : w * (k + 1)] = basis
+            X[:, k, w * k : w * (k + 1)] = pattern
             cells.append(Cell(channel, axis, where, words))
         columns.append(o.reduced(X))
     yield cells, np.concatenate(columns, axis=1)
@@ -174,7 +184,7 @@ def _ordinal(n: int) -> str:
     return {1: "first", 2: "second", 3: "third"}[n]
 
 
-def mismatches(s: Scan, at_least: int = 0) -> tuple[Mismatch, ...]:
+def scanned_mismatches(s: Scan, at_least: int = 0) -> tuple[Mismatch, ...]:
     """Entries of `mismatch`: the significant cells (and `at_least` so many), positions of one channel joined."""
     order = [int(i) for i in np.argsort(-s.statistic)]
     order.sort(key=lambda i: float(s.p_values[i]))
@@ -186,7 +196,7 @@ def mismatches(s: Scan, at_least: int = 0) -> tuple[Mismatch, ...]:
         own = cells.setdefault((c.channel, c.axis, "positions" if "positions" in c.where else c.words), [])
         if not own or "positions" in c.where:
             own.append(i)
-    return tuple(_mismatch(s, own) for own in list(cells.values())[:LISTED])
+    return tuple(_mismatch(s, own) for own in list(cells.values())[:MAX_CELLS])
 
 
 def _mismatch(s: Scan, own: Sequence[int]) -> Mismatch:
@@ -200,3 +210,72 @@ def _mismatch(s: Scan, own: Sequence[int]) -> Mismatch:
     channel = first.channel.replace("_", " ").capitalize()
     in_words = f"{channel} {first.axis} is off {words} ({p} over the whole scan)"
     return Mismatch(first.channel, first.axis, where, round(float(s.statistic[own[0]]), 2), p_value, in_words)
+
+
+def view_mismatches(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
+    """Entries of `mismatch`: patterns of the baseline's misfit, or the channel that is off most where it has none."""
+    return patterns(m) or largest(m, sigma)
+
+
+def patterns(m: Fit) -> tuple[Mismatch, ...]:
+    """The shapes that the misfit of the baseline follows, strongest first, by an F test each."""
+    from scipy.special import fdtrc
+
+    v, blocks = m.view, list[Array]()
+    shapes = shapes_of(v, m.residual, spans(m.jacobian), blocks, free_rows(v, m.parameters))
+    X = m.reduced(np.concatenate(blocks, axis=-1))
+    white = projections_of(m, X, memory=False)  # in one scale, and in scales of the channels where these may differ
+    dof = m.residual.size - basis(m.reduced(m.jacobian)).shape[1]
+    out = []
+    for c in shapes:
+        at = c.variants[0].index
+        ln, k = max((_ln_of_any_size(p, at), k) for k, p in enumerate(white))  # the scales that belong to the shape
+        ln, likeliest = ln - white[k].log_evidence(), white[k]
+        y2, taken = float(likeliest.misfit[0]), likeliest.explained(at)
+        free = max(dof - len(at), 1)
+        F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
+        p = min(1.0, float(fdtrc(len(at), free, F)) * len(shapes))
+        out.append((ln, F, p, c))
+    listed = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:MAX_PATTERNS]
+    return tuple(_pattern(m, c, F, p) for _, F, p, c in listed)
+
+
+def _ln_of_any_size(p: Projection, index: Sequence[int]) -> float:
+    """Return ln of prior x likelihood of a noise where the columns are present, at their likeliest size."""
+    return p.log_evidence() + float(log_bayes(p, np.array(index), p.scale.any_size).max())
+
+
+def _pattern(m: Fit, c: Candidate, F: float, p: float) -> Mismatch:
+    v = m.view
+    if v.added is not None:  # in a sensor, and the rows are what a navigator makes of it
+        size = float(from_si(float(np.sqrt(np.mean(m.residual**2))), v.unit))
+        rows = np.argsort(-np.abs(v.noise.weighted(m.residual)).max(axis=1))[:3]
+        words = diagnosis_sentences.follows_sensor(v, c.channel, c.axis, size, c.rival)
+        return Mismatch(c.channel, c.axis, _where(v, rows), round(F, 2), p, words)
+    i, size = _channel(m, c.axis)
+    rows = np.argsort(-np.abs(m.residual[:, i]))[:3]
+    words = diagnosis_sentences.follows(v, c.axis, size, c.rival)
+    return Mismatch(v.channels[0][0], c.axis, _where(v, rows), round(F, 2), p, words)
+
+
+def largest(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
+    """The channel that the baseline misses by most, against the scatter that is left in the end."""
+    v, square = m.view, ((m.residual / sigma) ** 2).mean(axis=0)
+    axis = v.channels[int(np.argmax(square))][1]
+    i, size = _channel(m, axis)
+    rows = np.argsort(-np.abs(m.residual[:, i]))[:3]
+    ratio = float(square[i])
+    p = min(1.0, probability(ratio * len(m.residual), len(m.residual)) * len(v.channels))
+    words = diagnosis_sentences.largest(v, axis, size, float(np.sqrt(ratio)), rows)
+    return (Mismatch(v.channels[0][0], axis, _where(v, rows), round(ratio, 2), p, words),)
+
+
+def _channel(m: Fit, axis: str) -> tuple[int, float]:
+    i = [a for _, a in m.view.channels].index(axis)
+    return i, float(from_si(float(np.sqrt(np.mean(m.residual[:, i] ** 2))), m.view.unit))
+
+
+def _where(v: View, rows: Array) -> dict[str, list[float]]:
+    if v.label is None:
+        return {"time_s": [round(float(x), 3) for x in np.sort(v.time[rows])]}
+    return {"positions": [int(k) for k in v.label[rows]]}
