@@ -11,7 +11,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.result import Finding, FitSummary, LawResult, Mismatch, Shape
 from gimbalcal.effects import Stimulus
-from gimbalcal.entries import plain
+from gimbalcal.entries import Json, plain
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -121,7 +121,7 @@ class Diagnosis:
         ax.legend(loc="upper right", fontsize=8)
         return figure
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """The content of diagnosis.json."""
         return {
             "format": 1,

@@ -69,16 +69,16 @@ def diagnose(
     provenance: dict[str, Any] = {"recorded": date} if date else {}
     if all(r.kind.sighting for r in recordings):
         refuse_for_mounts(grade)
-        found = _judged(asked)
+        found = _diagnosed(asked)
     else:
         unit = graded(recordings, grade)
         tell(unit.in_words)
-        found = _questioned(_judged(replace(asked, recordings=tuple(unit.of(recordings)))), asked, unit)
+        found = _with_question(_diagnosed(replace(asked, recordings=tuple(unit.of(recordings)))), asked, unit)
         provenance["grade"] = unit.origin.to_dict()
-    return _defined(replace(found, provenance={**found.provenance, **provenance}))
+    return _with_effect_files(replace(found, provenance={**found.provenance, **provenance}))
 
 
-def _defined(found: Diagnosis) -> Diagnosis:
+def _with_effect_files(found: Diagnosis) -> Diagnosis:
     """The diagnosis with the files of effects that were compared beside the catalogue's, and those that it holds."""
     if not (compared := outside()):
         return found
@@ -89,14 +89,14 @@ def _defined(found: Diagnosis) -> Diagnosis:
     return replace(found, calibration=made, provenance={**found.provenance, "effects": plain(compared)})
 
 
-def _questioned(found: Diagnosis, asked: DiagnosisRequest, unit: Graded) -> Diagnosis:
+def _with_question(found: Diagnosis, asked: DiagnosisRequest, unit: Graded) -> Diagnosis:
     """The diagnosis; where its refit has constants that no unit has, it asks whether that is so."""
     if found.calibration is None:
         return found
     if found.outcome and found.verdict == "unexplained":  # positions that were not held leave constants of any size
         return found
     made = with_gravity(found.calibration, asked.recordings)
-    doubted = with_question(made, asked.recordings, unit, _again, {f.effect for f in found.findings})
+    doubted = with_question(made, asked.recordings, unit, _quick_calibration, {f.effect for f in found.findings})
     question = doubted.provenance.options.question if doubted is not made else ""
     if not question:
         return replace(found, calibration=made)
@@ -108,7 +108,7 @@ def _questioned(found: Diagnosis, asked: DiagnosisRequest, unit: Graded) -> Diag
     )
 
 
-def _again(recordings: Sequence[Recording]) -> Calibration:
+def _quick_calibration(recordings: Sequence[Recording]) -> Calibration:
     """The usual constants of changed recordings."""
     gimbals = all(r.platform.axes and not r.kind.rotating for r in recordings)
     if not gimbals and (len(recordings) > 1 or not recordings[0].kind.in_positions):
@@ -116,11 +116,11 @@ def _again(recordings: Sequence[Recording]) -> Calibration:
     return three_stage(recordings) if gimbals else inertial_unit(recordings[0])
 
 
-def _judged(asked: DiagnosisRequest) -> Diagnosis:
+def _diagnosed(asked: DiagnosisRequest) -> Diagnosis:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
-        found = _of_all(asked)
+        found = _by_kind(asked)
         return found if asked.calibration else with_reservation(found, asked.recordings, asked.baseline)
 
 
@@ -142,7 +142,7 @@ def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Se
     return replace(d, outcome=outcome, in_words=f"{words}. {outcome}.")
 
 
-def _of_all(asked: DiagnosisRequest) -> Diagnosis:
+def _by_kind(asked: DiagnosisRequest) -> Diagnosis:
     if all(r.kind.sighting for r in asked.recordings):
         return _nights(asked)
     if len(asked.recordings) == 1:

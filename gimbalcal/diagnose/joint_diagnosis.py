@@ -46,7 +46,7 @@ def joint_diagnosis(
         "version": gimbalcal.__version__,
         "recordings": [file for v in _views(parts) for file in v.source.files],
         "options": {"baseline": list(baseline) or [i for p in parts for i in p.view.baseline], "seed": seed},
-        **{key: value for p in parts for key, value in p.evidence.items()},
+        **{key: value for p in parts if p.evidence for key, value in p.evidence.to_dict().items()},
         "views": [p.name for p in parts],
         **({"notes": list(notes)} if notes else {}),
     }

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -19,9 +18,10 @@ from gimbalcal.diagnose.answer import Curves, in_print, plotted_against
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import settle
-from gimbalcal.diagnose.laws.law_claims import APART, Lawful, beyond_walk, lawful, misheld
+from gimbalcal.diagnose.laws.law_claims import Lawful, beyond_walk, lawful, misheld
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import (
+    Evidence,
     Mismatch,
     RecordingFit,
     SeparateVerdict,
@@ -37,7 +37,7 @@ from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.findings import findings_of_recordings
 from gimbalcal.diagnose.verdict.mismatch import LEFT, MAX_CELLS, Scan, scan, scanned_mismatches
-from gimbalcal.diagnose.verdict.pooled_sizes import Part, common_sizes, parts
+from gimbalcal.diagnose.verdict.pooled_sizes import RecordingCauses, causes_by_recording, common_sizes
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
 from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limits
@@ -47,15 +47,14 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit, View, carried
 from gimbalcal.views.known_attitude import fit_baseline
-from gimbalcal.words import diagnosis_sentences
+from gimbalcal.words import diagnosis_sentences, law_sentences
 from gimbalcal.words.naming import spaced
 
 MAX_CHI2_TO_LINEARISE = 100.0  # reduced chi^2 above which rows are linearised about nominal constants
-AVERAGED = ("chi2_reduced", "heldout")  # numbers of a fit that are averages over its rows
 
 
 @dataclass(frozen=True)
-class Alone:
+class SeparateDecision:
     """What one recording by itself would have said: its verdict, a walk of one sensor, and the bar it is held to."""
 
     decision: Decision
@@ -64,10 +63,10 @@ class Alone:
 
 
 @dataclass(frozen=True)
-class Share:
+class RecordingAnswer:
     """One recording in the common answer: its part of the fit, where it is off before, its numbers and residuals."""
 
-    part: Part
+    part: RecordingCauses
     before: Scan
     fit: StatedNoiseFit
     curves: Curves
@@ -82,7 +81,7 @@ class _Case:
     """
 
     clean: Array
-    alone: tuple[Alone, ...]
+    alone: tuple[SeparateDecision, ...]
     known: Calibration | None
     rng: np.random.Generator
     seed: int
@@ -107,14 +106,13 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
     held = without_single_walks(c)
     d, walk = decide_with_walk(c, held, bar(clean))
     alone = [
-        Alone(*decide_with_walk(s, without_single_walks(s), bar(x)), bar(x))
+        SeparateDecision(*decide_with_walk(s, without_single_walks(s), bar(x)), bar(x))
         for s, x in (zip(searches, each, strict=True) if len(views) > 1 else ())
     ]
     case = _Case(clean, tuple(alone), known, rng, seed, tell)
     if walk is not None and d.verdict == "adequate":  # unless a deterministic law is as probable as the random walk
         none, law, odds = beyond_walk(held, walk, seed, tell)
-        made = _report(case, held, none, law)
-        return made if odds > CLAIM else made.with_walk(walk, only=odds < -CLAIM)
+        return _report(case, held, none, law).against_walk(walk, odds)
     made = _report(case, c, d)
     if walk is not None:
         return made.with_walk(walk, only=False)
@@ -160,35 +158,35 @@ def _report(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> 
     members = d.hypothesis.members if d.hypothesis else ()
     causes = [c.library.candidates[m] for m in members]
     case.tell("locating the mismatch and checking held-out data")
-    shares = tuple(_share(c, d, k, part, case.rng) for k, part in enumerate(parts(c, members)))
-    lead = min(range(len(shares)), key=lambda k: (shares[k].before.p_value, -shares[k].before.statistic.max()))
-    mismatch = () if d.verdict == "adequate" else _mismatch(shares, lead)
-    sizes = common_sizes([s.part for s in shares], causes)
-    named = findings_of_recordings(c, d, [s.part for s in shares], sizes)
+    answers = tuple(_answer_of(c, d, k, part, case.rng) for k, part in enumerate(causes_by_recording(c, members)))
+    lead = min(range(len(answers)), key=lambda k: (answers[k].before.p_value, -answers[k].before.statistic.max()))
+    mismatch = () if d.verdict == "adequate" else _mismatch(answers, lead)
+    sizes = common_sizes([s.part for s in answers], causes)
+    named = findings_of_recordings(c, d, [s.part for s in answers], sizes)
     shapes = tuple(_shape(c, i) for i in d.shapes[:3])
     law = law or lawful(c, d, case.seed, case.tell)
-    shares = _with_law(shares, law)
-    fitted = _sums(shares, lead)
+    answers = _with_law(answers, law)
+    fitted = _joint_fit(answers, lead)
     if d.verdict == "adequate":
         fitted = replace(fitted, unseen=detection_limits([(s.library.candidates, s.projections) for s in c.searches]))
     case.tell("the model with what was found, as a calibration")
-    seen = [(s.part.search.fit, s.part.fit.projection.node, s.part.slots) for s in shares]
+    seen = [(s.part.search.fit, s.part.fit.projection.node, s.part.ordinals) for s in answers]
     calibration, between = calibrated(seen, found_of(sizes), "", case.known)
-    curves, o = shares[lead].curves, c.searches[lead].fit
+    curves, o = answers[lead].curves, c.searches[lead].fit
     made = ViewDiagnosis(
         o.view, d.verdict, mismatch, named, shapes, fitted, curves,
         np.broadcast_to(o.sigma, curves.after.shape), calibration=calibration, laws=law.laws,
         recommend=law.recommend, outcome=misheld(c, d.verdict), evidence=_evidence(c, d, case.clean),
         together=tuple(s.fit.view for s in c.searches),
     )  # fmt: skip
-    return made if between is None else _of_several(made, case, c, shares, between)
+    return made if between is None else _of_several(made, case, c, answers, between)
 
 
 def _of_several(
-    made: ViewDiagnosis, case: _Case, c: Ranking, shares: Sequence[Share], between: ConstantsAgreement
+    made: ViewDiagnosis, case: _Case, c: Ranking, answers: Sequence[RecordingAnswer], between: ConstantsAgreement
 ) -> ViewDiagnosis:
     """Return the diagnosis with what each recording says by itself, and how well they agree on the constants."""
-    rows = tuple(_row(c, k, *both) for k, both in enumerate(zip(shares, case.alone, strict=True)))
+    rows = tuple(_recording_entry(c, k, *both) for k, both in enumerate(zip(answers, case.alone, strict=True)))
     alone = "; ".join(f"recording {row.recording}: {row.alone.in_words}" for row in rows)
     sizes = [f.agreement.in_words for f in made.findings if f.agreement and f.agreement.in_words]
     only = _shown_by_one(c, case.alone) if made.verdict == "adequate" else ()
@@ -201,23 +199,23 @@ def _of_several(
         made, fit=replace(made.fit, recordings=rows, constants=between),
         contradictions=tuple(x for x in contradictions if x.in_words),
         remarks=(*sizes, f"With this model each alone would have said: {alone}."),
-        recommend=made.recommend or APART * bool(between.in_words),
+        recommend=made.recommend or law_sentences.APART * bool(between.in_words),
     )  # fmt: skip
 
 
-def _evidence(c: Ranking, d: Decision, clean: Array) -> dict[str, Any]:
-    """Return the evidence of a ranking and of simulated clean recordings (draws,), for the provenance."""
-    return {
-        "ln_bayes_factor": round(c.ln_total, 3),
-        "ln_bayes_factor_needed": round(bar(clean), 3),
-        "false_alarm_rate_simulated": float(np.mean(clean >= CLAIM)),
-        "causes_compared": len({x.key for x in c.library.candidates if not x.rival}),
-        "excess_kurtosis": round(max(s.fit.view.noise.kurtosis for s in c.searches), 3),
-        "probability_unknown": round(d.unknown, 4),
-    }
+def _evidence(c: Ranking, d: Decision, clean: Array) -> Evidence:
+    """Return the evidence of a ranking and of simulated clean recordings (draws,)."""
+    return Evidence(
+        ln_bayes_factor=round(c.ln_total, 3),
+        ln_bayes_factor_needed=round(bar(clean), 3),
+        false_alarm_rate_simulated=float(np.mean(clean >= CLAIM)),
+        causes_compared=len({x.key for x in c.library.candidates if not x.rival}),
+        excess_kurtosis=round(max(s.fit.view.noise.kurtosis for s in c.searches), 3),
+        probability_unknown=round(d.unknown, 4),
+    )
 
 
-def _share(c: Ranking, d: Decision, k: int, part: Part, rng: np.random.Generator) -> Share:
+def _answer_of(c: Ranking, d: Decision, k: int, part: RecordingCauses, rng: np.random.Generator) -> RecordingAnswer:
     """Return where a recording is off before anything is added, the numbers of its fit, and its residuals."""
     s, f = part.search, part.fit
     seen = f
@@ -233,23 +231,23 @@ def _share(c: Ranking, d: Decision, k: int, part: Part, rng: np.random.Generator
     sigma, units = in_print(v.channels, np.broadcast_to(s.fit.sigma, left.shape))
     against = plotted_against(v.stimulus)
     curves = Curves(v.stimulus.time, v.stimulus.position, v.channels, left, rest, sigma, units, against)
-    return Share(part, before, fitted, curves)
+    return RecordingAnswer(part, before, fitted, curves)
 
 
-def _with_law(shares: tuple[Share, ...], law: Lawful) -> tuple[Share, ...]:
-    """Return the shares with what a law that no catalogue holds, if there is one, makes of their numbers."""
-    each = zip(shares, law.each, strict=True) if law.each else ()
+def _with_law(answers: tuple[RecordingAnswer, ...], law: Lawful) -> tuple[RecordingAnswer, ...]:
+    """Return the answers with what a law that no catalogue holds, if there is one, makes of their numbers."""
+    each = zip(answers, law.each, strict=True) if law.each else ()
     made = (replace(x, fit=law.summary(x.fit), curves=replace(x.curves, after=r)) for x, (law, r) in each)
-    return tuple(made) or shares
+    return tuple(made) or answers
 
 
-def _mismatch(shares: Sequence[Share], lead: int) -> tuple[Mismatch, ...]:
+def _mismatch(answers: Sequence[RecordingAnswer], lead: int) -> tuple[Mismatch, ...]:
     """Return where each recording is off, the one that is off most first."""
-    if len(shares) == 1:
-        return scanned_mismatches(shares[0].before, at_least=1)
+    if len(answers) == 1:
+        return scanned_mismatches(answers[0].before, at_least=1)
     out = []
-    for k in sorted(range(len(shares)), key=lambda k: k != lead):
-        for m in scanned_mismatches(shares[k].before, at_least=int(k == lead)):
+    for k in sorted(range(len(answers)), key=lambda k: k != lead):
+        for m in scanned_mismatches(answers[k].before, at_least=int(k == lead)):
             words = f"In recording {k + 1}, {m.in_words[0].lower()}{m.in_words[1:]}"
             out.append(replace(m, recording=k + 1, in_words=words))
     return tuple(out[:MAX_CELLS])
@@ -266,34 +264,41 @@ def _shape(c: Ranking, i: int) -> Shape:
     return Shape(f"{channel} of {where}", of.rival, recordings=tuple(seen))
 
 
-def _sums(shares: Sequence[Share], lead: int) -> StatedNoiseFit:
+def _joint_fit(answers: Sequence[RecordingAnswer], lead: int) -> StatedNoiseFit:
     """Return the numbers of all recordings; noise and calibration are those of the recording that is off most."""
-    if len(shares) == 1:
-        return shares[0].fit
-    sums: dict[str, Any] = {}
-    sizes = [x.part.search.rows.Q.shape for x in shares]
-    for what in AVERAGED:
-        for when in ("before", "after"):
-            fitted = [len(x.part.fit.index) if when == "after" else 0 for x in shares]
-            weight = [R - (q + p if what == "chi2_reduced" else 0) for (R, q), p in zip(sizes, fitted, strict=True)]
-            key = f"{what}_{when}"
-            sums[key] = float(np.average([getattr(x.fit, key) for x in shares], weights=weight))
-    for when in ("before", "after"):
-        p = [getattr(x.fit, f"scan_p_{when}") for x in shares]
-        sums[f"scan_p_{when}"] = float(-np.expm1(len(p) * np.log1p(-min(*p, 1 - 1e-15))))
-    return replace(shares[lead].fit, **sums, heldout_by=" and ".join(dict.fromkeys(x.fit.heldout_by for x in shares)))
+    if len(answers) == 1:
+        return answers[0].fit
+    rows, constants = np.array([x.part.search.rows.Q.shape for x in answers]).T
+    causes = np.array([len(x.part.fit.index) for x in answers])
+
+    def mean(what: str, weight: Array) -> float:
+        return float(np.average([getattr(x.fit, what) for x in answers], weights=weight))
+
+    def least(p: Sequence[float]) -> float:  # of so many scans
+        return float(-np.expm1(len(p) * np.log1p(-min(*p, 1 - 1e-15))))
+
+    return replace(
+        answers[lead].fit,
+        chi2_reduced_before=mean("chi2_reduced_before", rows - constants),
+        chi2_reduced_after=mean("chi2_reduced_after", rows - constants - causes),
+        heldout_before=mean("heldout_before", rows),
+        heldout_after=mean("heldout_after", rows),
+        scan_p_before=least([x.fit.scan_p_before for x in answers]),
+        scan_p_after=least([x.fit.scan_p_after for x in answers]),
+        heldout_by=" and ".join(dict.fromkeys(x.fit.heldout_by for x in answers)),
+    )
 
 
-def _row(c: Ranking, k: int, x: Share, alone: Alone) -> RecordingFit:
+def _recording_entry(c: Ranking, k: int, x: RecordingAnswer, alone: SeparateDecision) -> RecordingFit:
     """Return one recording in `fit`: what it is, its numbers, and what it alone would have said."""
     s = c.searches[k]
     walks = alone.walk is not None and alone.decision.verdict == "adequate"
     verdict = "unexplained" if walks else alone.decision.verdict
-    said = SeparateVerdict(verdict, _called(alone), round(s.ln_total, 3), round(alone.needed, 3))
+    said = SeparateVerdict(verdict, _verdict_in_words(alone), round(s.ln_total, 3), round(alone.needed, 3))
     return RecordingFit(k + 1, s.fit.view.title, s.fit.view.kind, x.fit, said)
 
 
-def _called(alone: Alone) -> str:
+def _verdict_in_words(alone: SeparateDecision) -> str:
     """Return the verdict on one recording by itself in a few words."""
     d = alone.decision
     if alone.walk is not None and d.verdict == "adequate":
@@ -307,11 +312,11 @@ def _called(alone: Alone) -> str:
     )
 
 
-def _shown_by_one(c: Ranking, each: Sequence[Alone]) -> tuple[Shape, ...]:
+def _shown_by_one(c: Ranking, each: Sequence[SeparateDecision]) -> tuple[Shape, ...]:
     """Return, as shapes, what recordings show by themselves beyond the odds that one of so many shows it by chance."""
     odds = float(np.log(len(each)))
     return tuple(
-        Shape(f"recording {k + 1}", _called(alone), (k + 1,))
+        Shape(f"recording {k + 1}", _verdict_in_words(alone), (k + 1,))
         for k, alone in enumerate(each)
         if alone.decision.verdict != "adequate" and c.searches[k].ln_total > alone.needed + odds
     )

@@ -271,7 +271,7 @@ def of_gimballed_unit(asked: DiagnosisRequest, means: bool) -> Parts:
         explained = not parts or parts[0].verdict != "unexplained"
         rates, notes = _gyroscopes(asked, made, gyro, explained)
         parts += rates
-    turns = next((p.model for p in parts if p.view.name == TURNS.name), None)
+    turns = next((p.model for p in parts if p.view.measurement is TURNS), None)
     both = recording.has(RATE) and recording.has(FORCE)
     without = asked.of(without_earth_rate(recording)) if both else asked
     late, why_not = of_slews(without, forces or NOTHING, turns.effects if turns else (), means)

@@ -205,6 +205,18 @@ class RowNoise(Entry):
 
 
 @dataclass(frozen=True)
+class Evidence(Entry):
+    """The ln Bayes factor of anything missing in a stated noise, and what it is compared with, for the provenance."""
+
+    ln_bayes_factor: float
+    ln_bayes_factor_needed: float
+    false_alarm_rate_simulated: float
+    causes_compared: int
+    excess_kurtosis: float
+    probability_unknown: float
+
+
+@dataclass(frozen=True)
 class SeparateVerdict(Entry):
     """The verdict on one of several recordings analysed by itself, its ln Bayes factor and the bar it is held to."""
 

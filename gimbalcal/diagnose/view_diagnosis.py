@@ -6,18 +6,17 @@ searched once more with that walk among its noises.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, plotted_against
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.laws.law_claims import SOUGHT, Lawful, laws_of_view, told_heldout
+from gimbalcal.diagnose.laws.law_claims import Lawful, against_walk, laws_of_view, with_heldout
 from gimbalcal.diagnose.library.assemble import library
-from gimbalcal.diagnose.result import Finding, FitSummary, LawResult, Mismatch, Shape
+from gimbalcal.diagnose.result import Evidence, Finding, FitSummary, LawResult, Mismatch, Shape
 from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
 from gimbalcal.diagnose.search.refit import with_constants
 from gimbalcal.diagnose.search.relinearise import about_first_cause
@@ -27,7 +26,7 @@ from gimbalcal.diagnose.verdict.decide import capped
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding_of_view
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.mismatch import view_mismatches
-from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, likeliest_walk
+from gimbalcal.diagnose.verdict.random_walk import PartOfWalk, RandomWalkFinding, likeliest_walk, part_of_walk
 from gimbalcal.diagnose.verdict.threshold import detection_limits
 from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
 from gimbalcal.effects import CATALOGUE
@@ -35,7 +34,7 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
-from gimbalcal.words import diagnosis_sentences
+from gimbalcal.words import diagnosis_sentences, law_sentences
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ class ViewDiagnosis:
     laws: tuple[LawResult, ...] = ()
     recommend: str = ""
     outcome: str = ""
-    evidence: Mapping[str, Any] = field(default_factory=dict)
+    evidence: Evidence | None = None
     contradictions: tuple[Contradiction, ...] = ()
     remarks: tuple[str, ...] = ()
     together: tuple[View, ...] = ()
@@ -88,6 +87,10 @@ class ViewDiagnosis:
             outcome=diagnosis_sentences.walk_as_explanation(walk, only),
         )
 
+    def against_walk(self, walk: RandomWalkFinding, ln_odds: float) -> ViewDiagnosis:
+        """Return the diagnosis, the walk of a sensor beside its formulas, which are so much likelier than the walk."""
+        return self if ln_odds > CLAIM else self.with_walk(walk, only=ln_odds < -CLAIM)
+
 
 def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
     """Return the diagnosis of a view whose noise has no stated scale, in which one sensor may walk alone."""
@@ -101,23 +104,16 @@ def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
     walk = _walk_of_sensor(replace(c.start, view=walking), ln_odds, ln_total)
     tell(f"again, as {diagnosis_sentences.walk_in_words(walk).partition(' wanders')[0]} may wander")
     again = diagnosis_of(stepwise(walking, tell), tell)
-    if again.findings and ln_odds > CLAIM:  # a cause as well as the walk; a drift may be the walk itself
+    part = part_of_walk(ln_odds, bool(again.findings), bool(again.unexplained), bool(steady.findings))
+    if part is PartOfWalk.NONE:
+        return again
+    if part is PartOfWalk.BESIDE:  # a drift may be the walk itself
         drifts = any(CATALOGUE[f.effect].role.time_drift for f in again.findings)
         return (replace(again, verdict="not-identifiable") if drifts else again).with_walk(walk, only=False)
-    if again.findings or (again.unexplained and ln_odds < CLAIM):
-        return again
-    if steady.findings and ln_odds < CLAIM:
+    if part is PartOfWalk.SHARED:
         shared = tuple(replace(f, probability=capped(walk.share_of(f.probability))) for f in steady.findings)
         return replace(steady, verdict="not-identifiable", findings=shared).with_walk(walk, only=False)
-    none = result_of(c.start, (), refused=True)
-    bare = diagnosis_as(none, (), tell, lacking=True)
-    likelier = max((law.evidence for law in bare.laws), default=-np.inf) - ln_total
-    if likelier > CLAIM:  # a walk has no formula
-        return bare
-    advice = diagnosis_sentences.repeat_advice(v.kind.stabilised, by_hand=not v.stimulus.axis_names)
-    if likelier < -CLAIM:
-        bare = replace(diagnosis_as(none, (), tell, lacking=True, formulas=False), recommend=bare.recommend or advice)
-    return bare.with_walk(walk, only=likelier < -CLAIM)
+    return diagnosis_as(result_of(c.start, (), refused=True), (), tell, walk)
 
 
 def diagnosis_of(c: SearchResult, tell: Tell) -> ViewDiagnosis:
@@ -126,11 +122,11 @@ def diagnosis_of(c: SearchResult, tell: Tell) -> ViewDiagnosis:
 
 
 def diagnosis_as(
-    c: SearchResult, verdicts: Sequence[Judgement], tell: Tell, lacking: bool = False, formulas: bool = True
+    c: SearchResult, verdicts: Sequence[Judgement], tell: Tell, walk: RandomWalkFinding | None = None
 ) -> ViewDiagnosis:
-    """Return the diagnosis of a search whose causes have been judged; where there is none, formulas may be sought.
+    """Return the diagnosis of a search whose causes have been judged; where there is none, formulas are sought.
 
-    lacking: something is missing even if it has no shape.
+    walk: that of a sensor which the formulas compete with; then something is missing even if it has no shape.
     """
     v = c.start.view
     if v.finer is not None:
@@ -143,19 +139,22 @@ def diagnosis_as(
     verdict = "adequate"
     if found:
         verdict = "missing-physics" if any(not f.twins for f in found) else "not-identifiable"
-    elif shapes or lacking:
+    elif shapes or walk is not None:
         verdict = "unexplained"
     sigma = row_sigma(c.described)
-    fit, lawful = view_fit(c, sigma), Lawful()
+    fit, lawful, odds = view_fit(c, sigma), Lawful(), np.inf
     if verdict == "adequate" and not c.start.exact:
         remaining = library(c.end)
         fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
-    if verdict == "unexplained" and formulas:
-        tell(SOUGHT)
+    if verdict == "unexplained":
+        tell(law_sentences.SOUGHT)
         lawful, with_law = laws_of_view(c.end, sigma)
         c_law = replace(c, described=with_law)
         fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
-        lawful = told_heldout(lawful, fit_law)
+        lawful = with_heldout(lawful, fit_law)
+        if walk is not None:
+            advice = diagnosis_sentences.repeat_advice(v.kind.stabilised, by_hand=not v.stimulus.axis_names)
+            lawful, odds = against_walk(lawful, walk, advice)
         if lawful.laws:
             c, fit, sigma = c_law, fit_law, row_sigma(with_law)
     if verdict == "missing-physics" and fit.heldout_rms_after > max(
@@ -163,10 +162,11 @@ def diagnosis_as(
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
-    return ViewDiagnosis(
+    made = ViewDiagnosis(
         v, verdict, mismatch, found, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
         recommend=lawful.recommend,
     )  # fmt: skip
+    return made if walk is None else made.against_walk(walk, odds)
 
 
 def _walk_of_sensor(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:

@@ -31,7 +31,7 @@ def campaign_report(c: CampaignSummary) -> str:
         "verdict": "reserved" if doubtful else "fits",
         "facts": _facts(c, rows),
         "picture": _picture(rows) if rows else None,
-        "rows": [_row(r, before) for r, before in zip(rows, [None, *rows], strict=False)],
+        "rows": [_errors_row(r, before) for r, before in zip(rows, [None, *rows], strict=False)],
         "reasons": [(words, amount(count, "run")) for words, count in c.outcomes.items()],
         "provenance": [
             ("method", str(identity.method)), ("seed", str(identity.seed)), ("kind", str(identity.kind)),
@@ -52,7 +52,7 @@ def _facts(c: CampaignSummary, rows: Sequence[ParameterErrors]) -> list[tuple[st
     return facts
 
 
-def _row(r: ParameterErrors, before: ParameterErrors | None) -> Context:
+def _errors_row(r: ParameterErrors, before: ParameterErrors | None) -> Context:
     rms, sigma, unit = _printed(r)
     return {
         "words": naming.label_in_words(r.parameter),

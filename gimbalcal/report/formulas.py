@@ -44,7 +44,7 @@ def plain_formula(latex: str) -> str:
     text = re.sub(rf"\\(?:operatorname|text|mathrm|mathbf){PART}", r"\1", text)
     while (inner := re.sub(rf"([_^]){PART}", _index, text)) != text:
         text = inner
-    text = re.sub(rf"\\frac{PART}{PART}", lambda m: f"{_held(m[1])}/{_held(m[2])}", text)
+    text = re.sub(rf"\\frac{PART}{PART}", lambda m: f"{_bracketed(m[1])}/{_bracketed(m[2])}", text)
     text = re.sub(rf"\\frac(\w)(\w)|\\frac(\d) ?{PART}", lambda m: f"{m[1] or m[3]}/{m[2] or m[4]}", text)
     text = re.sub(rf"\\sqrt{PART}", r"√(\1)", text)
     text = re.sub(rf"\\({'|'.join(ACCENTS)}) ?{PART}", lambda m: m[2] + ACCENTS[m[1]], text)
@@ -67,7 +67,7 @@ def _index(match: re.Match[str]) -> str:
     return match[1] + (f"({inside})" if re.search(r"[-+= /]", inside[1:]) and not bracketed else inside)
 
 
-def _held(part: str) -> str:
+def _bracketed(part: str) -> str:
     """Return numerator or denominator, in brackets where it is more than one factor."""
     return part if re.fullmatch(r"\\?\w+(?:[_^]\w+)?", part.strip()) else f"({part})"
 

@@ -27,7 +27,7 @@ def history_report(c: PrintedComparison, diagnoses: Sequence[tuple[str, str]] = 
         "verdict": "fits" if c.agree else "misfit",
         "facts": _facts(c),
         "pictures": _pictures(c.parameters, calibrations),
-        "rows": [_row(p, names) for p in c.parameters],
+        "rows": [_history_row(p, names) for p in c.parameters],
         "steps": [_step(s, names) for s in c.steps],
         "calibrations": [
             {"date": _day(one.date), "name": one.name, "method": one.method, "outcome": naming.typeset(one.outcome)}
@@ -72,7 +72,7 @@ def _facts(c: PrintedComparison) -> list[tuple[str, str]]:
     return facts
 
 
-def _row(p: PrintedHistory, names: Sequence[str]) -> dict[str, str]:
+def _history_row(p: PrintedHistory, names: Sequence[str]) -> dict[str, str]:
     change, spread = p.values[-1] - p.values[-2], float(np.hypot(p.sigmas[-2], p.sigmas[-1]))
     jumps = [f"jump by {names[k]}" for k in p.jumps]
     outliers = [f"{names[k]} is an outlier" for k in p.outliers]

@@ -36,7 +36,7 @@ def noise_report(noise: RestNoise, title: str) -> str:
             "Overlapping Allan deviation with one sigma, and the fitted noise: white noise falls with the root of "
             "time, bias instability (times 0.664) is level, random walk rises.",
         ),
-        "rows": [_row(c) for c in noise.channels],
+        "rows": [_noise_row(c) for c in noise.channels],
         "header": noise.lines,
         "sources": noise.recordings,
         "citations": cite("ieee952", "groves2013"),
@@ -69,7 +69,7 @@ def _chart(channels: Sequence[ChannelNoise], quantity: str) -> Chart:
                  log_y=True, height=300)  # fmt: skip
 
 
-def _row(c: ChannelNoise) -> Context:
+def _noise_row(c: ChannelNoise) -> Context:
     return {
         "name": " ".join(filter(None, [TITLES[c.quantity][:-1].lower(), c.axis, c.sensor])),
         "cells": [_cell(part) for part in (c.white_noise, c.bias_instability, c.random_walk)],

@@ -41,12 +41,12 @@ def rows(c: Calibration, truth: Mapping[str, float] | None) -> list[Context]:
     for part in (determined, others):
         for i, e in enumerate(part):
             new = not i or e.parameter.name != part[i - 1].parameter.name
-            out.append({**_row(e, nominal, truth), "first": new, "unobservable": part is others,
+            out.append({**_parameter_row(e, nominal, truth), "first": new, "unobservable": part is others,
                         "below": part is others and not i})  # fmt: skip
     return out
 
 
-def _row(e: ParameterEstimate, nominal: Counts | None, truth: Mapping[str, float] | None) -> Context:
+def _parameter_row(e: ParameterEstimate, nominal: Counts | None, truth: Mapping[str, float] | None) -> Context:
     p = e.parameter
     value, sigma, unit = as_printed(p, e.value, e.sigma, nominal)
     moved = e.value / e.prior_sigma if e.prior_sigma else 0.0

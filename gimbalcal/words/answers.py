@@ -157,7 +157,7 @@ def larger_errors(rows: Sequence[ParameterErrors]) -> list[ParameterErrors]:
 
 def with_offset(rows: Sequence[ParameterErrors]) -> list[ParameterErrors]:
     """Return parameters whose mean error is significant."""
-    return [r for r in rows if abs(offset_sigmas(r)) > _far(len(rows))]
+    return [r for r in rows if abs(offset_sigmas(r)) > _max_mean_sigmas(len(rows))]
 
 
 def offset_sigmas(r: ParameterErrors) -> float:
@@ -165,7 +165,7 @@ def offset_sigmas(r: ParameterErrors) -> float:
     return r.mean / r.sigma * sqrt(r.runs)
 
 
-def _far(parameters: int) -> float:
+def _max_mean_sigmas(parameters: int) -> float:
     """Return the sigmas that a mean exceeds by chance in none of so many parameters."""
     from scipy.special import ndtri
 

@@ -38,7 +38,7 @@ def comparison_in_words(c: UnitComparison) -> str:
     else:
         more = f", and {len(moved) - 3} more" if len(moved) > 3 else ""
         text = f"{start} do not agree: {'; '.join(_change(h, c.calibrations) for h in moved[:3])}{more}."
-        text += f" Next: {_next(moved[0], c.calibrations)}."
+        text += f" Next: {_next_step(moved[0], c.calibrations)}."
     if any(s.same_recording for s in c.steps):
         text += " Some are from the same recording and are not compared with each other."
     if c.gravity:
@@ -92,7 +92,7 @@ def _change(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
     return f"{name} {' and '.join(parts)}"
 
 
-def _next(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
+def _next_step(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
     """Return what to do about a parameter that changed."""
     if c.jumps:
         after = day_of(ordered[c.at[c.jumps[-1]]].date, ordered)

@@ -195,8 +195,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ): (
         ("diagnose.verdict.random_walk", "RandomWalkFinding.share_of", "1 + np.exp(self.ln_odds)",
          "1 + np.exp(-self.ln_odds)"),
-        ("diagnose.verdict.random_walk", "decide_with_walk", "None or walk.ln_odds > CLAIM",
-         "None or walk.ln_odds > -CLAIM"),
+        ("diagnose.verdict.random_walk", "part_of_walk", "named_without and ln_odds <= CLAIM",
+         "named_without and ln_odds <= -CLAIM"),
         ("diagnose.verdict.random_walk", "single_walk", "clearest.ln_total - held.ln_total",
          "held.ln_total - clearest.ln_total"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "from_si(np.exp(mean)", "from_si(mean"),

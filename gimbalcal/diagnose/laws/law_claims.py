@@ -35,32 +35,12 @@ from gimbalcal.effects import Stage
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit
+from gimbalcal.words import law_sentences
 from gimbalcal.words.diagnosis_sentences import repeat_advice, separation_advice
 from gimbalcal.words.naming import spaced
 
 MOST = 3  # laws of one view
 MANY = 4  # laws that fit as well and are others: with more of them none is named
-SOUGHT = "nothing known explains it: looking for a formula in what was recorded"
-INSTEAD = "what was named leaves a residual: looking for a formula that leaves none"
-AGAIN = "record the positions again that were not held where the readouts say: a law is sought when they are"
-APART = (
-    "diagnose each recording alone, and look for what was changed between them: a formula cannot describe constants "
-    "that differ between recordings"
-)
-NOWHERE = (
-    "make the same turns again, slower and faster, with whole minutes of rest between them: of what shows only while "
-    "the unit turns no formula is sought"
-)
-LEAVES = "log what else varies: the formula that fits best, {law}, leaves a significant residual"
-NONE = (
-    "log what may be behind it ({lacking}), or take {more} that spread angles, time and temperature independently of "
-    "each other: no small formula in what was recorded explains it"
-)
-DIFFERENT = (
-    "look for what differed between the recordings: the formula that fits best, {law}, has other sizes in each of them"
-)
-KNOWN = "take {more}: {names}, which is known, explains these data as well as the formula that fits best, {law}"
-ALIKE = "take {more} in which {names} vary independently of each other: several formulas fit alike, {alike}"
 
 
 @dataclass(frozen=True)
@@ -98,10 +78,10 @@ def undetermined(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: st
         alike = "; ".join(dict.fromkeys(printed(law) for law in [laws[0], *others][:3]))
         names = list(dict.fromkeys(v.name for law in [laws[0], *others] for v in law.expression.variables))
         spread = ", ".join(n.replace("_", " ") for n in names[:5])
-        return ALIKE.format(more=_more(kind), names=spread, alike=alike)
+        return law_sentences.ALIKE.format(more=_more(kind), names=spread, alike=alike)
     asked = (("temperature", s.temperature is not None), ("supply voltage, pressure", bool(s.covariates)))
     lacking = [words for words, there in asked if not there]
-    return NONE.format(lacking=" and ".join(lacking) or "another channel", more=_more(kind))
+    return law_sentences.NONE.format(lacking=" and ".join(lacking) or "another channel", more=_more(kind))
 
 
 def _more(kind: str) -> str:
@@ -111,30 +91,39 @@ def _more(kind: str) -> str:
 def lawful(ranked: Ranking, d: Decision, seed: int, tell: Tell, instead: bool = False) -> Lawful:
     """Return a formula for what no cause explains, in the noise that the likeliest shape leaves in each recording.
 
-    Where positions of one recording were not held, that is a fault and no law. ranked: all that was weighed; instead:
-    of causes that leave a rest.
+    Where positions of one recording were not held as read, that is a fault and no law. ranked: all that was weighed;
+    instead: of causes that leave a rest.
     """
     if d.verdict != "unexplained":
         return Lawful()
-    tell(INSTEAD if instead else SOUGHT)
+    tell(law_sentences.INSTEAD if instead else law_sentences.SOUGHT)
     fault = bool(misheld(ranked, d.verdict))
     if fault and len(ranked.searches) == 1:
-        return Lawful(recommend=AGAIN)
+        return Lawful(recommend=law_sentences.AGAIN)
     nodes = [fit_causes(s, ranked.within(d.shapes, k)[:1]).projection.node for k, s in enumerate(ranked.searches)]
     law = law_of_searches(ranked, nodes, np.random.default_rng(seed), instead)
-    return law if law.laws or not fault else Lawful(recommend=AGAIN)  # no position is held wrongly twice by chance
+    return (
+        law if law.laws or not fault else Lawful(recommend=law_sentences.AGAIN)
+    )  # no position is held wrongly twice by chance
 
 
-def beyond_walk(held: Ranking, walk: RandomWalkFinding, seed: int, tell: Tell) -> tuple[Decision, Lawful, float]:
+def beyond_walk(common: Ranking, walk: RandomWalkFinding, seed: int, tell: Tell) -> tuple[Decision, Lawful, float]:
     """Return the shapes and the formula that compete with the walk of one sensor, and ln odds of the formula to it.
 
-    held: the ranking without noises in which a single sensor walks. A walk has no formula.
+    common: the ranking without noises in which a single sensor walks. A walk has no formula.
     """
-    none = unnamed(held) if held.ln_total >= CLAIM else replace(unnamed(held), shapes=())
-    law = lawful(held, none, seed, tell) if none.shapes else Lawful()
+    none = unnamed(common) if common.ln_total >= CLAIM else replace(unnamed(common), shapes=())
+    law = lawful(common, none, seed, tell) if none.shapes else Lawful()
+    return none, *against_walk(law, walk, repeat_advice(common.searches[0].fit.view.kind.stabilised))
+
+
+def against_walk(law: Lawful, walk: RandomWalkFinding, advice: str) -> tuple[Lawful, float]:
+    """Return formulas that compete with the walk of a sensor, none of much lower odds, and ln of their odds to it.
+
+    advice: what tells the two apart, where the formulas have no advice of their own.
+    """
     odds = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
-    advice = law.recommend or repeat_advice(held.searches[0].fit.view.kind.stabilised)
-    return none, law if odds > -CLAIM else Lawful(recommend=advice), odds
+    return law if odds > -CLAIM else Lawful(recommend=law.recommend or advice), odds
 
 
 def misheld(ranked: Ranking, verdict: str) -> str:
@@ -164,29 +153,31 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     best_else = max(h.ln_weight for h in ranked.hypotheses) + (TOGETHER + CLAIM) * instead
     best, others = chosen(g, every, best_else - b.ln_known)
     if best is not None and (as_likely := _known(ranked, b.total)):
-        return Lawful((), KNOWN.format(more=_more(searches[0].fit.view.kind), names=as_likely, law=printed(best)))
+        return Lawful(
+            (), law_sentences.KNOWN.format(more=_more(searches[0].fit.view.kind), names=as_likely, law=printed(best))
+        )
     likely = best or next(iter(others and every), None)
     if likely is None:
         return Lawful((), undetermined(every, others, g, searches[0].fit.view.kind))
-    held = [_held(s, own, columns, rng)
+    fits = [_law_in_recording(s, own, columns, rng)
             for s, own, columns in zip(searches, b.searches, g.parts(likely.columns), strict=True)]  # fmt: skip
-    x, C, agree = mean_of([(h.x, h.weight) for h in held])
-    lead = max(range(len(held)), key=lambda k: float(x @ held[k].weight @ x))
+    x, C, agree = mean_of([(h.x, h.weight) for h in fits])
+    lead = max(range(len(fits)), key=lambda k: float(x @ fits[k].weight @ x))
     advice = separating_manoeuvre(searches[lead].fit, likely, x, others[0], asked=best is None) if others else ""
     if best is None:
         return Lawful((), f"{undetermined(every, others, g, searches[0].fit.view.kind)}. {advice}")
     if against(agree, ""):
-        return Lawful((), DIFFERENT.format(law=printed(best)))
-    before, after = (float(np.average([getattr(h.checked, w) for h in held], weights=[len(s.rows.Q) for s in searches]))
+        return Lawful((), law_sentences.DIFFERENT.format(law=printed(best)))
+    before, after = (float(np.average([getattr(h.checked, w) for h in fits], weights=[len(s.rows.Q) for s in searches]))
                      for w in ("heldout_before", "heldout_after"))  # fmt: skip
     # once in 1 / LEFT by chance, of the scan as of another noise; in the place of causes no more than these may leave
     most = CLAIM if instead else -np.log(LEFT)
-    if any(h.left < LEFT or h.strained >= most for h in held) or after >= before:
-        return Lawful((), LEAVES.format(law=printed(best)))
+    if any(h.left < LEFT or h.strained >= most for h in fits) or after >= before:
+        return Lawful((), law_sentences.LEAVES.format(law=printed(best)))
     title = " and ".join(s.fit.view.source.title for s in searches)
     law = found(best, x, C, (before, after), others, title, beside=b.name)
     left = (residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
-    return Lawful((law,), advice, tuple(zip(held, left, strict=True)))
+    return Lawful((law,), advice, tuple(zip(fits, left, strict=True)))
 
 
 def _known(ranked: Ranking, ln_evidence: float) -> str:
@@ -219,7 +210,7 @@ class LawFit:
         )  # fmt: skip
 
 
-def _held(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> LawFit:
+def _law_in_recording(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> LawFit:
     """The law with these columns (n, C, m), fitted to one recording; `bare`: without what it stands beside."""
     made, physical, scale = with_law(s, columns)
     f = fit_causes(made, (0,))
@@ -245,13 +236,13 @@ def laws_of_view(m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
     while left.ln_total >= (1 + bool(laws)) * CLAIM:
         b = compared([left], noises(m, memory=False), left, alone=bool(laws), sigma=one)
         if b is None:
-            return Lawful((), NOWHERE), m
+            return Lawful((), law_sentences.NOWHERE), m
         g, every = b.ground, b.laws
         best, others = chosen(g, every, max(h.ln_weight for h in left.hypotheses) - b.ln_known)
         if not laws and best is not None and (as_likely := _known(left, b.total)):
-            return Lawful((), KNOWN.format(more=_more(v.kind), names=as_likely, law=printed(best))), m
+            return Lawful((), law_sentences.KNOWN.format(more=_more(v.kind), names=as_likely, law=printed(best))), m
         if laws and (best is None or len(laws) == MOST):
-            return Lawful((), LEAVES.format(law=laws[0].expression)), m
+            return Lawful((), law_sentences.LEAVES.format(law=laws[0].expression)), m
         if best is None:
             return Lawful((), undetermined(every, others, g, v.kind)), m
         with_them, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
@@ -261,13 +252,13 @@ def laws_of_view(m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
     return Lawful(tuple(laws)), with_them
 
 
-def told_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
+def with_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
     """The same with the misfit of rows held out, if these agree; else none."""
     before, after = fit.heldout_before, fit.heldout_after
     if not lawful.laws or after < before:
         laws = (replace(law, heldout_before=before, heldout_after=after) for law in lawful.laws)
         return replace(lawful, laws=tuple(laws))
-    return Lawful((), LEAVES.format(law=lawful.laws[0].expression))
+    return Lawful((), law_sentences.LEAVES.format(law=lawful.laws[0].expression))
 
 
 def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool = True) -> str:

@@ -15,13 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.diagnose.result import Estimate
 from gimbalcal.effects import Parameter
-from gimbalcal.entries import Entry, plain
+from gimbalcal.entries import Entry, Json, plain
 from gimbalcal.estimate.fusion import SIGNIFICANCE
 from gimbalcal.estimate.sharing import Agreement, agreement
 from gimbalcal.inference.information import Information, Solution, solve
@@ -71,7 +70,7 @@ class ConstantsAgreement(Entry):
         """The difference of each parameter in its unit of print, with its sigma."""
         return tuple(Estimate.of(p, d, s) for p, d, s in zip(self.parameters, self.difference, self.sigma, strict=True))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """Return the entry of the fit of a diagnosis; numbers in printed units."""
         return {
             "in_words": self.in_words, "chi2": round(self.chi2, 3), "dof": self.dof, "p_value": self.p_value,

@@ -15,7 +15,7 @@ from gimbalcal.diagnose.search.stepwise import Key, SearchResult, SelectedCause,
 from gimbalcal.diagnose.verdict.agreement import against
 from gimbalcal.diagnose.verdict.decide import Decision, capped
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
-from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, Part, agreement_on_size
+from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, RecordingCauses, agreement_on_size
 from gimbalcal.diagnose.verdict.separation import advise, sentence
 from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
@@ -122,55 +122,59 @@ def finding_of_view(m: Fit, j: Judgement) -> Finding:
     return _entry(j, axis, j.significance or 0.0, rows, _cards(j))
 
 
-def findings_of_recordings(c: Ranking, d: Decision, shares: Sequence[Part], sizes: CommonSizes) -> tuple[Finding, ...]:
+def findings_of_recordings(
+    c: Ranking, d: Decision, by_recording: Sequence[RecordingCauses], sizes: CommonSizes
+) -> tuple[Finding, ...]:
     """Return what is named: effect, axis, probability, significance, sizes, what fits alike and how to separate it.
 
     Of several recordings the size by each stands beside the common one.
     """
     x, sigma, out, at = sizes.x, np.sqrt(np.diag(sizes.joint.covariance)), [], 0
-    for slot, j in enumerate(d.judgements):
+    for ordinal, j in enumerate(d.judgements):
         own = slice(at, at + len(j.cause.parameters))
         at = own.stop
         rows = _estimates(j.cause.parameters, x[own] * [p.sigma for p in j.cause.parameters], sigma[own])
         units = {f.name: f.metadata["unit"] for f in constants(CATALOGUE[j.cause.effect])}
         rows += [
             Estimate(name, "", float(from_si(value, units[name])), float(from_si(spread, units[name])), units[name])
-            for name, value, spread in sizes.constants[slot]
+            for name, value, spread in sizes.constants[ordinal]
         ]
-        significance = float(np.sqrt(sum(p.significance(slot) ** 2 for p in shares)))
-        named = _entry(j, _axes_of(j), significance, rows, _experiment(c, d, shares, slot, x[own]))
-        if len(shares) > 1:
-            named = replace(named, recordings=_sizes(shares, slot), agreement=_agreement(shares, slot, named))
+        significance = float(np.sqrt(sum(p.significance(ordinal) ** 2 for p in by_recording)))
+        named = _entry(j, _axes_of(j), significance, rows, _experiment(c, d, by_recording, ordinal, x[own]))
+        if len(by_recording) > 1:
+            named = replace(
+                named, recordings=_sizes(by_recording, ordinal), agreement=_agreement(by_recording, ordinal, named)
+            )
         out.append(named)
     return tuple(out)
 
 
-def _sizes(shares: Sequence[Part], slot: int) -> tuple[RecordingSize, ...]:
+def _sizes(by_recording: Sequence[RecordingCauses], ordinal: int) -> tuple[RecordingSize, ...]:
     """Return the size that each recording gives a member."""
     out = []
-    for k, p in enumerate(shares):
-        if slot in p.slots:
-            at = p.span(slot)
-            scale = np.array([q.sigma for q in p.cause(slot).parameters])
+    for k, p in enumerate(by_recording):
+        if ordinal in p.ordinals:
+            at = p.span(ordinal)
+            scale = np.array([q.sigma for q in p.cause(ordinal).parameters])
             sigma = np.sqrt(np.diag(p.fit.covariance))[at]
-            rows = _estimates(p.cause(slot).parameters, p.fit.x[at] * scale, sigma * scale)
-            out.append(RecordingSize(k + 1, round(p.significance(slot), 2), tuple(rows)))
+            rows = _estimates(p.cause(ordinal).parameters, p.fit.x[at] * scale, sigma * scale)
+            out.append(RecordingSize(k + 1, round(p.significance(ordinal), 2), tuple(rows)))
     return tuple(out)
 
 
-def _agreement(shares: Sequence[Part], slot: int, found: Finding) -> SizeAgreement:
-    a, name = agreement_on_size(shares, slot), cause_in_words(found.effect, found.axis)
+def _agreement(by_recording: Sequence[RecordingCauses], ordinal: int, found: Finding) -> SizeAgreement:
+    a, name = agreement_on_size(by_recording, ordinal), cause_in_words(found.effect, found.axis)
     return SizeAgreement(round(a.rise, 3), a.combinations, a.p_value, against(a, name))
 
 
-def _experiment(c: Ranking, d: Decision, shares: Sequence[Part], slot: int, size: Array) -> str:
+def _experiment(c: Ranking, d: Decision, by_recording: Sequence[RecordingCauses], ordinal: int, size: Array) -> str:
     """Return what would separate a member from the cause most like it, in the recording that shows it best."""
-    for fits in d.judgements[slot].alike[:1]:
+    for fits in d.judgements[ordinal].alike[:1]:
         alike = next(i for i, one in enumerate(c.library.candidates) if one is fits)
-        both = [k for k in c.sees(alike) if slot in shares[k].slots]
-        for k in sorted(both, key=lambda k: -shares[k].significance(slot))[:1]:
-            s, found = c.searches[k], shares[k].cause(slot)
-            variant = shares[k].fit.variants[shares[k].slots.index(slot)]
+        both = [k for k in c.sees(alike) if ordinal in by_recording[k].ordinals]
+        for k in sorted(both, key=lambda k: -by_recording[k].significance(ordinal))[:1]:
+            s, found = c.searches[k], by_recording[k].cause(ordinal)
+            variant = by_recording[k].fit.variants[by_recording[k].ordinals.index(ordinal)]
             (at,) = c.within((alike,), k)
             other = s.library.candidates[at]
             return sentence(advise(s.fit, found, variant, size, other), found, other)

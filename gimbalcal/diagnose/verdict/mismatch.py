@@ -8,9 +8,8 @@ simulated scores. In a noise of unknown scale the statistic of a shape is an F r
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.result import Mismatch
 from gimbalcal.diagnose.search.ranking import projections_of
+from gimbalcal.entries import Json
 from gimbalcal.inference.algebra import basis, orthonormal
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
@@ -46,7 +46,7 @@ class Cell:
 
     channel: str
     axis: str
-    where: Mapping[str, Any]
+    where: Json
     words: str
 
 
@@ -66,14 +66,14 @@ class Scan:
 
 def scan(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, explained: Array | None = None) -> Scan:
     """Scan the data (or what is left beside `explained` columns (R, p)) in one noise."""
-    Q = rows.Q if explained is None or not explained.shape[1] else _beside(rows.Q, explained)
+    Q = rows.Q if explained is None or not explained.shape[1] else _with_explained(rows.Q, explained)
     fitted = np.linalg.qr(node.whiten(Q))[0]
     data = np.concatenate([node.whiten(rows.y[:, :1]), rng.standard_normal((len(Q), DRAWS))], axis=1)
     data -= fitted @ (fitted.T @ data)
     cells: list[Cell] = []
     scores, ranks = [np.zeros((0, 1 + DRAWS))], [np.zeros(0)]
     for found, X in _cells(o):
-        score, rank = _scores(_left(node.whiten(X), fitted), data, len(found))
+        score, rank = _scores(_cleared(node.whiten(X), fitted), data, len(found))
         cells += found
         scores.append(score)
         ranks.append(rank)
@@ -88,12 +88,12 @@ def scan(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, explai
     return Scan(tuple(cells), statistic, np.where(family <= 2 / (1 + DRAWS), np.minimum(bound, family), family))
 
 
-def _beside(Q: Array, X: Array) -> Array:
+def _with_explained(Q: Array, X: Array) -> Array:
     """Calibration columns Q (R, q) and these as well."""
     return np.concatenate([Q, orthonormal((X - Q @ (Q.T @ X)) / np.abs(X).max())], axis=1)
 
 
-def _left(X: Array, fitted: Array) -> Array:
+def _cleared(X: Array, fitted: Array) -> Array:
     """Whitened X (R, p) cleared of orthonormal columns, and zero where nothing but rounding is left."""
     size = (X**2).sum(axis=0)
     for _ in range(2):  # once more for what rounding left
@@ -134,7 +134,7 @@ def _cells(o: Fit) -> Iterator[tuple[list[Cell], Array]]:
     yield cells, np.concatenate(columns, axis=1)
 
 
-def _patterns(o: Fit) -> Iterator[tuple[dict[str, Any], str, Array]]:
+def _patterns(o: Fit) -> Iterator[tuple[Json, str, Array]]:
     """Functions (n, m) of row to be scanned in every channel."""
     s = o.view.stimulus
     t = s.time / s.time[-1]
@@ -161,7 +161,7 @@ def _patterns(o: Fit) -> Iterator[tuple[dict[str, Any], str, Array]]:
         yield {"covariate": name}, f"with {name}", _column(x - x.mean())
 
 
-def _lines(o: Fit) -> list[tuple[dict[str, Any], str, Array]]:
+def _lines(o: Fit) -> list[tuple[Json, str, Array]]:
     """The strongest periods of a static run between two rows and a quarter of the run."""
     s = o.view.stimulus
     n = len(s.time)

@@ -38,7 +38,7 @@ Constants = tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)
-class Part:
+class RecordingCauses:
     """The share of one recording: its search, the fit of the members that it sees, and the ordinals of those.
 
     Where members have constants that are common to several recordings, the search holds nothing but the members it
@@ -47,7 +47,7 @@ class Part:
 
     search: Search
     fit: FittedCauses
-    slots: tuple[int, ...]
+    ordinals: tuple[int, ...]
     alone: Search
     own: FittedCauses
 
@@ -56,43 +56,43 @@ class Part:
         """The members that the recording sees."""
         return tuple(self.search.library.candidates[m] for m in self.fit.members)
 
-    def cause(self, slot: int) -> Candidate:
+    def cause(self, ordinal: int) -> Candidate:
         """Return a member as the recording sees it."""
-        return self.causes[self.slots.index(slot)]
+        return self.causes[self.ordinals.index(ordinal)]
 
-    def span(self, slot: int) -> slice:
+    def span(self, ordinal: int) -> slice:
         """Return the slice of a member's parameters in the fit."""
         counts = [len(c.parameters) for c in self.causes]
-        j = self.slots.index(slot)
+        j = self.ordinals.index(ordinal)
         return slice(sum(counts[:j]), sum(counts[: j + 1]))
 
-    def significance(self, slot: int) -> float:
+    def significance(self, ordinal: int) -> float:
         """Return the significance [sigma] of a member beyond all else; zero where it is not seen."""
-        return self.fit.significance[self.slots.index(slot)] if slot in self.slots else 0.0
+        return self.fit.significance[self.ordinals.index(ordinal)] if ordinal in self.ordinals else 0.0
 
     @cached_property
     def joint(self) -> JointCovariance:
         """The covariance of sizes and continuous constants, of which those of each member go by its ordinal."""
         made = joint_covariance(self.search, self.fit)
-        return replace(made, constants=tuple((self.slots[n], p) for n, p in made.constants))
+        return replace(made, constants=tuple((self.ordinals[n], p) for n, p in made.constants))
 
-    def spreads(self, slot: int) -> list[float]:
+    def spreads(self, ordinal: int) -> list[float]:
         """Return how far each constant of a member may be off among the values that were tried, SI."""
-        return [spread for *_, spread in constant_value(self.alone, self.own, self.slots.index(slot))]
+        return [spread for *_, spread in constant_value(self.alone, self.own, self.ordinals.index(ordinal))]
 
 
-def parts(c: Ranking, members: Sequence[int]) -> tuple[Part, ...]:
+def causes_by_recording(c: Ranking, members: Sequence[int]) -> tuple[RecordingCauses, ...]:
     """Return each recording fitted with the members it sees, their constants common to all."""
     own = [fit_causes(s, c.within(members, k)) for k, s in enumerate(c.searches)]
     common = [_common(c, members, j, own) if _shared(c, m) else None for j, m in enumerate(members)]
     out = []
     for k, s in enumerate(c.searches):
-        slots = _slots(c, members, k)
-        if all(common[j] is None for j in slots):
-            out.append(Part(s, own[k], slots, s, own[k]))
+        ordinals = _slots(c, members, k)
+        if all(common[j] is None for j in ordinals):
+            out.append(RecordingCauses(s, own[k], ordinals, s, own[k]))
             continue
-        small = _only(s, [_columns(s, own[k], n, common[j]) for n, j in enumerate(slots)])
-        out.append(Part(small, fit_causes(small, range(len(slots))), slots, s, own[k]))
+        small = _only(s, [_columns(s, own[k], n, common[j]) for n, j in enumerate(ordinals)])
+        out.append(RecordingCauses(small, fit_causes(small, range(len(ordinals))), ordinals, s, own[k]))
     return tuple(out)
 
 
@@ -169,22 +169,22 @@ class CommonSizes:
     joint: JointCovariance
 
 
-def common_sizes(shares: Sequence[Part], causes: Sequence[Candidate]) -> CommonSizes:
+def common_sizes(by_recording: Sequence[RecordingCauses], causes: Sequence[Candidate]) -> CommonSizes:
     """Return the sizes of causes at the constants that are common to all recordings, and what these leave open."""
-    joint = _joint(shares, causes)
-    x, _ = pooled(shares, [len(c.parameters) for c in causes])
-    constants = tuple(_constants(shares, j, joint) for j in range(len(causes)))
+    joint = _joint(by_recording, causes)
+    x, _ = pooled(by_recording, [len(c.parameters) for c in causes])
+    constants = tuple(_constants(by_recording, j, joint) for j in range(len(causes)))
     return CommonSizes(tuple(causes), x, constants, joint)
 
 
-def pooled(shares: Sequence[Part], counts: Sequence[int]) -> tuple[Array, Array]:
+def pooled(by_recording: Sequence[RecordingCauses], counts: Sequence[int]) -> tuple[Array, Array]:
     """Return sizes (p,) of all members, `counts` parameters each, in prior sigmas, and their covariance (p, p)."""
-    if len(shares) == 1:
-        return shares[0].fit.x, shares[0].fit.covariance
+    if len(by_recording) == 1:
+        return by_recording[0].fit.x, by_recording[0].fit.covariance
     starts = np.cumsum([0, *counts])
     N, v = np.zeros((starts[-1], starts[-1])), np.zeros(starts[-1])
-    for part in shares:
-        at = np.array([i for j in part.slots for i in range(starts[j], starts[j + 1])], dtype=int)
+    for part in by_recording:
+        at = np.array([i for j in part.ordinals for i in range(starts[j], starts[j + 1])], dtype=int)
         weight = inverse_of(part.fit.covariance)
         N[np.ix_(at, at)] += weight
         v[at] += weight @ part.fit.x
@@ -192,41 +192,43 @@ def pooled(shares: Sequence[Part], counts: Sequence[int]) -> tuple[Array, Array]
     return C @ v, C
 
 
-def _joint(shares: Sequence[Part], causes: Sequence[Candidate]) -> JointCovariance:
+def _joint(by_recording: Sequence[RecordingCauses], causes: Sequence[Candidate]) -> JointCovariance:
     """Return the covariance of the sizes and continuous constants of all members, whose information adds."""
-    if len(shares) == 1:
-        return shares[0].joint
+    if len(by_recording) == 1:
+        return by_recording[0].joint
     starts = np.cumsum([0, *(len(c.parameters) for c in causes)])
-    constants = tuple(dict.fromkeys(one for part in shares for one in part.joint.constants))
+    constants = tuple(dict.fromkeys(one for part in by_recording for one in part.joint.constants))
     p = int(starts[-1])
     N = np.zeros((p + len(constants), p + len(constants)))
-    for part in shares:
-        at = [i for j in part.slots for i in range(starts[j], starts[j + 1])]
+    for part in by_recording:
+        at = [i for j in part.ordinals for i in range(starts[j], starts[j + 1])]
         at += [p + constants.index(one) for one in part.joint.constants]
         N[np.ix_(at, at)] += part.joint.information
     return JointCovariance(constants, inverse_of_information(N))
 
 
-def agreement_on_size(shares: Sequence[Part], slot: int) -> Agreement:
+def agreement_on_size(by_recording: Sequence[RecordingCauses], ordinal: int) -> Agreement:
     """Return how well the recordings that see a member agree on its size."""
-    seen = [(p.fit.x[p.span(slot)], inverse_of(p.fit.covariance[p.span(slot), p.span(slot)]))
-            for p in shares if slot in p.slots]  # fmt: skip
+    seen = [(p.fit.x[p.span(ordinal)], inverse_of(p.fit.covariance[p.span(ordinal), p.span(ordinal)]))
+            for p in by_recording if ordinal in p.ordinals]  # fmt: skip
     return mean_of(seen)[2]
 
 
-def _constants(shares: Sequence[Part], slot: int, joint: JointCovariance) -> tuple[tuple[str, float, float], ...]:
+def _constants(
+    by_recording: Sequence[RecordingCauses], ordinal: int, joint: JointCovariance
+) -> tuple[tuple[str, float, float], ...]:
     """Return the non-linear constants of a member: name, value and sigma in SI, from all recordings that see it.
 
     The sigma of a continuous constant is that of the fit with all else, of others that of the values that were tried.
     """
-    seen = [p for p in shares if slot in p.slots]
-    first, sigma = seen[0], joint.sigma_of(slot)
-    variant = first.cause(slot).variants[first.fit.variants[first.slots.index(slot)]]
-    spread = [_of_all(each) for each in zip(*(p.spreads(slot) for p in seen), strict=True)]
+    seen = [p for p in by_recording if ordinal in p.ordinals]
+    first, sigma = seen[0], joint.sigma_of(ordinal)
+    variant = first.cause(ordinal).variants[first.fit.variants[first.ordinals.index(ordinal)]]
+    spread = [_sigma_of_mean(each) for each in zip(*(p.spreads(ordinal) for p in seen), strict=True)]
     return tuple((name, float(x), sigma.get(name, s)) for (name, x), s in zip(variant.constants, spread, strict=True))
 
 
-def _of_all(sigma: Sequence[float]) -> float:
+def _sigma_of_mean(sigma: Sequence[float]) -> float:
     """Return one sigma of the mean of values with these sigmas, of which those that are zero say nothing."""
     if len(sigma) == 1:
         return sigma[0]

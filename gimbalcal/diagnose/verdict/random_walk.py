@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 
@@ -64,6 +65,25 @@ class RandomWalkFinding:
         return float(probability / (1 + np.exp(self.ln_odds)))
 
 
+class PartOfWalk(Enum):
+    """The part that the random walk of one sensor has in a verdict."""
+
+    NONE = "causes or a shape stand without it"
+    BESIDE = "causes stand, and the walk as well"
+    SHARED = "a cause that is named without it is about as likely"
+    INSTEAD = "no cause is as likely; it competes with formulas"
+
+
+def part_of_walk(ln_odds: float, named: bool, shaped: bool, named_without: bool) -> PartOfWalk:
+    """Return the part of a walk with these ln odds to all that is found without it.
+
+    named, shaped: whether causes or a shape are claimed in noises with the walk; named_without: causes in the others.
+    """
+    if named or (shaped and ln_odds <= CLAIM):
+        return PartOfWalk.BESIDE if named and ln_odds > CLAIM else PartOfWalk.NONE
+    return PartOfWalk.SHARED if named_without and ln_odds <= CLAIM else PartOfWalk.INSTEAD
+
+
 def decide_with_walk(s: Ranking, held: Ranking, needed: float) -> tuple[Decision, RandomWalkFinding | None]:
     """Return the verdict, and the accelerometer that walks alone where that has a part in it.
 
@@ -74,12 +94,11 @@ def decide_with_walk(s: Ranking, held: Ranking, needed: float) -> tuple[Decision
     walk = None if d.hypothesis is not None else single_walk(s, held)
     if walk is None:
         return d, None
-    if d.verdict != "adequate":  # a shape beside a walk, or instead of it
-        return (replace(d, verdict="adequate"), walk) if walk.ln_odds > CLAIM else (d, None)
     other = decide(held, needed)
-    if other.hypothesis is None or walk.ln_odds > CLAIM:
-        return d, walk
-    return replace(other.scaled(walk.share_of), verdict="not-identifiable"), walk
+    part = part_of_walk(walk.ln_odds, False, d.verdict != "adequate", other.hypothesis is not None)
+    if part is PartOfWalk.SHARED:
+        return replace(other.scaled(walk.share_of), verdict="not-identifiable"), walk
+    return (d, None) if part is PartOfWalk.NONE else (replace(d, verdict="adequate"), walk)
 
 
 def single_walk(s: Ranking, held: Ranking) -> RandomWalkFinding | None:

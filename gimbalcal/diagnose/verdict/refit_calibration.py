@@ -103,7 +103,7 @@ def calibrated(
     seen: the rows of each recording, their noise, and which of the causes it shows; known: the calibration that the
     diagnosis started from, for what it holds and these recordings do not.
     """
-    here = [_Share(fit, node, found, tuple(which), alone=len(seen) == 1) for fit, node, which in seen]
+    here = [_RecordingRows(fit, node, found, tuple(which), alone=len(seen) == 1) for fit, node, which in seen]
     solution, made, between = _refitted(here, found)
     mine = solution.parameters
     held = {p: told for p, told in found.held(mine).items() if p not in mine}
@@ -146,7 +146,7 @@ def origin(views: Sequence[View], causes: Sequence[str]) -> Provenance:
 
 
 @dataclass(frozen=True)
-class _Share:
+class _RecordingRows:
     """One recording: its rows, their noise, and the causes that it shows."""
 
     fit: Fit
@@ -192,7 +192,9 @@ class _Share:
         return told if self.alone else told.without([wide.get(p, p) for p in self.own])
 
 
-def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Effect, ...], ConstantsAgreement | None]:
+def _refitted(
+    here: Sequence[_RecordingRows], found: Found
+) -> tuple[Solution, tuple[Effect, ...], ConstantsAgreement | None]:
     """Constants and causes from all recordings, the effects of all of them with these values, and how they agree."""
     models = [s.model() for s in here]
     told = dict(zip(found.parameters, values(_union(models), found.parameters), strict=True))
@@ -202,7 +204,7 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
         solution = solve(reduce(add, infos))
         narrow = {w: p for p, w in found.wide().items()}
         solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
-        solution = _near(_with_sizes(solution, found, told), values(_union(models), solution.parameters))
+        solution = _limited_step(_with_sizes(solution, found, told), values(_union(models), solution.parameters))
         names = here[0].fit.view.stimulus.axis_names
         models = [
             with_values(m, mine, values_of(solution, mine), names)
@@ -216,7 +218,7 @@ def _refitted(here: Sequence[_Share], found: Found) -> tuple[Solution, tuple[Eff
     return solution, made, agreement_on_constants(infos) if len(infos) > 1 else None
 
 
-def _near(solution: Solution, start: Array) -> Solution:
+def _limited_step(solution: Solution, start: Array) -> Solution:
     """The solution, or as much of the way to it from `start` (p,) as a linear model can be trusted over."""
     farthest = float((np.abs(solution.x - start) / [p.sigma for p in solution.parameters]).max(initial=0.0))
     return solution if farthest <= FAR else replace(solution, x=start + FAR / farthest * (solution.x - start))
@@ -249,7 +251,7 @@ def _union(models: Sequence[Sequence[Effect]]) -> tuple[Effect, ...]:
     return tuple({e.id: e for m in reversed(models) for e in m}.values())
 
 
-def _rms(here: Sequence[_Share], effects: Sequence[Effect]) -> dict[str, float]:
+def _rms(here: Sequence[_RecordingRows], effects: Sequence[Effect]) -> dict[str, float]:
     """Root mean square of what is left, SI, by "quantity:axis"; of the first recording that has the channel."""
     out: dict[str, float] = {}
     for s in here:

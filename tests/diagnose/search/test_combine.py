@@ -197,7 +197,7 @@ def test_pooled_sizes_are_those_of_least_squares_on_everything():
     made = []
     for X, data in ((A, y), (B, z)):
         C = np.linalg.pinv(X.T @ X, rcond=1e-10, hermitian=True)
-        made.append(SimpleNamespace(fit=SimpleNamespace(x=C @ X.T @ data, covariance=C), slots=(0, 1)))
+        made.append(SimpleNamespace(fit=SimpleNamespace(x=C @ X.T @ data, covariance=C), ordinals=(0, 1)))
     x, C = pooled(made, [1, 1])
     both = np.concatenate([A, B])
     np.testing.assert_allclose(x, np.linalg.lstsq(both, np.concatenate([y, z]), rcond=None)[0], rtol=1e-9)

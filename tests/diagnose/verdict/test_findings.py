@@ -13,7 +13,7 @@ from gimbalcal.diagnose.result import Estimate, Finding
 from gimbalcal.diagnose.search.refit import refit, start, with_constants
 from gimbalcal.diagnose.search.stepwise import result_of
 from gimbalcal.diagnose.verdict import findings
-from gimbalcal.diagnose.verdict.findings import cancelling, drifts_as_one, finding, judged_in_turn
+from gimbalcal.diagnose.verdict.findings import cancelling, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
@@ -122,7 +122,7 @@ def test_a_cause_is_told_with_the_sizes_of_the_last_model() -> None:
     tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
     c = result_of(first, [(tilt, tilt.variants[0])])
     (j,) = judged_in_turn(c)
-    told = finding(c.end, j)
+    told = finding_of_view(c.end, j)
     assert (told["effect"], told["probability"]) == ("base_tilt", 0.9)
     (north, east) = told["parameters"]
     assert abs(north["value"] - 25.0) < 4 * north["sigma"] < 4.0
@@ -141,7 +141,7 @@ def test_errors_of_a_size_with_a_fitted_time_constant_are_as_large_as_its_sigma(
         effects = (*start(v).effects, absent_effect("warm_up", v.stimulus, tau=0.9 * tau))
         wanted = [p for e in (*terms, "warm_up") for p in v.parameters_of(e)]
         m = with_constants(refit(v, effects, wanted), {"warm_up"})
-        told = {(p.name, p.axis): p for p in finding(m, Judgement(cause, 0.9, (), 9.0)).parameters}
+        told = {(p.name, p.axis): p for p in finding_of_view(m, Judgement(cause, 0.9, (), 9.0)).parameters}
         p = told[cause.parameters[1].name, "y"]
         pulls.append((to_si(p.value, p.unit) - size) / to_si(p.sigma, p.unit))
         assert told["tau", ""].sigma > 0

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine
 from gimbalcal.diagnose.search.fitted_causes import constant_value, fit_causes
 from gimbalcal.diagnose.verdict.agreement import inverse_of
-from gimbalcal.diagnose.verdict.pooled_sizes import agreement_on_size, common_sizes, parts, pooled
+from gimbalcal.diagnose.verdict.pooled_sizes import agreement_on_size, causes_by_recording, common_sizes, pooled
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from tests.diagnose.plant import cooled, known, on
@@ -55,20 +55,20 @@ def members(c: CombinedRanking, labels: tuple[str, ...]) -> tuple[int, ...]:
 @pytest.mark.parametrize("labels", [LABELS[:1], LABELS])
 def test_the_pooled_size_is_that_of_one_fit_to_both(labels: tuple[str, ...]) -> None:
     m = members(ALIKE, labels)
-    made = parts(ALIKE, m)
+    made = causes_by_recording(ALIKE, m)
     counts = [len(ALIKE.library.candidates[i].parameters) for i in m]
     x, C = pooled(made, counts)
     x_joint, C_joint = joint(ALIKE, labels)
     np.testing.assert_allclose(x, x_joint, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(C, C_joint, rtol=1e-5, atol=1e-9)
-    assert [p.slots for p in made] == [tuple(range(len(m)))] * 2
+    assert [p.ordinals for p in made] == [tuple(range(len(m)))] * 2
     assert made[0].span(len(m) - 1) == slice(sum(counts[:-1]), sum(counts))
 
 
 @pytest.mark.parametrize(("sizes", "alike"), [((150.0, 150.0), True), ((150.0, -150.0), False)])
 def test_agreement_is_chi2_of_the_difference(sizes: tuple[float, float], alike: bool) -> None:
     c = two(sizes)
-    made = parts(c, members(c, LABELS[:1]))
+    made = causes_by_recording(c, members(c, LABELS[:1]))
     (x1, x2), (v1, v2) = [p.fit.x[0] for p in made], [p.fit.covariance[0, 0] for p in made]
     a = agreement_on_size(made, 0)
     assert a.combinations == 1
@@ -79,16 +79,16 @@ def test_agreement_is_chi2_of_the_difference(sizes: tuple[float, float], alike: 
 
 def test_one_recording_has_nobody_to_disagree_with() -> None:
     c = two((150.0, 150.0))
-    only = parts(c, members(c, LABELS[:1]))[:1]
+    only = causes_by_recording(c, members(c, LABELS[:1]))[:1]
     assert (agreement_on_size(only, 0).combinations, agreement_on_size(only, 0).p_value) == (0, 1.0)
     x, C = pooled(only, [1])
     assert (x[0], C[0, 0]) == pytest.approx((only[0].fit.x[0], only[0].fit.covariance[0, 0]))
 
 
 def test_without_members_each_part_is_the_fit_of_nothing() -> None:
-    for part, s in zip(parts(ALIKE, ()), ALIKE.searches, strict=True):
+    for part, s in zip(causes_by_recording(ALIKE, ()), ALIKE.searches, strict=True):
         assert part.search is s
-        assert (part.slots, part.fit.index) == ((), ())
+        assert (part.ordinals, part.fit.index) == ((), ())
 
 
 def test_a_direction_without_information_stays_without() -> None:
@@ -102,7 +102,7 @@ def test_a_lag_is_common_and_surer_together() -> None:
     label = "bias_temperature_lagged:x"
     made = [observed(seed, lambda b: on(0, cooled(b, 750.0)), 200.0, dwell=30) for seed in (3, 4)]
     c = combine([searched(o, label, count=1) for o in made])
-    both = parts(c, (0,))
+    both = causes_by_recording(c, (0,))
     (common,) = {p.search.library.candidates[0].variants[0].constants for p in both}
     sizes = common_sizes(both, c.library.candidates[:1])
     (((name, value, sigma),),) = sizes.constants

@@ -15,7 +15,7 @@ from gimbalcal.diagnose.evidence.stated_noise import settle
 from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.search.fitted_causes import JointCovariance, fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search
-from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, common_sizes, parts
+from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, causes_by_recording, common_sizes
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
 from gimbalcal.recording import Recording, Source
 from gimbalcal.units import to_si
@@ -43,9 +43,9 @@ def observed_of(r: Recording, label: str) -> Search:
 
 def calibration_with(c: Ranking, members: list[int]) -> Calibration:
     """The calibration of all recordings of a ranking with these causes."""
-    each = parts(c, members)
+    each = causes_by_recording(c, members)
     found = found_of(common_sizes(each, [c.library.candidates[i] for i in members]))
-    return calibrated([(p.search.fit, p.fit.projection.node, p.slots) for p in each], found, "")[0]
+    return calibrated([(p.search.fit, p.fit.projection.node, p.ordinals) for p in each], found, "")[0]
 
 
 @cache
