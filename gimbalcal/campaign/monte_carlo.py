@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gimbalcal.campaign.campaign_folder import CampaignFolder, CampaignSummary, ParameterErrors
-from gimbalcal.campaign.cluster import cluster, connect
-from gimbalcal.campaign.process_pool import here, processes
 from gimbalcal.campaign.task import Task, task
+from gimbalcal.campaign.workers import cluster, connect, here, processes
 from gimbalcal.errors import InputError, amount
 
 if TYPE_CHECKING:

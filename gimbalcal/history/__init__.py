@@ -1,8 +1,7 @@
 """History of a unit: calibrations and diagnoses in one file, and changes of parameters between them."""
 
 from gimbalcal.history.compare import UnitComparison, compare
-from gimbalcal.history.dated_calibration import DatedCalibration, date_in, dated_file, of_store
-from gimbalcal.history.unit_store import StoredResult, keep, kept
+from gimbalcal.history.unit_store import DatedCalibration, StoredResult, date_in, dated_file, keep, kept, of_store
 
 __all__ = [
     "DatedCalibration",

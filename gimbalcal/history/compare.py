@@ -23,8 +23,8 @@ from gimbalcal.earth import YEAR
 from gimbalcal.effects import Parameter
 from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError
-from gimbalcal.history.dated_calibration import DatedCalibration
 from gimbalcal.history.parameter_history import SIGNIFICANCE, ParameterHistory, parameter_history
+from gimbalcal.history.unit_store import DatedCalibration
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
 from gimbalcal.words.history_sentences import comparison_in_words

@@ -11,7 +11,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers.described_table import from_variables
-from gimbalcal.importers.registry import importer
+from gimbalcal.importers.registry import DAMAGED, importer
 from gimbalcal.number import Array
 from gimbalcal.recording.memory_limit import refuse_bomb
 from gimbalcal.recording.record import Recording
@@ -95,5 +95,5 @@ def _opened(path: Path) -> Iterator[h5py.File]:
             yield file
     except InputError:
         raise
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, MemoryError, RecursionError):
+    except DAMAGED:
         raise InputError(f"{path} is not an HDF5 file, or it is cut short or damaged; copy it again") from None

@@ -12,6 +12,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.recording.record import Recording
 
 Reader = Callable[[Sequence[Path], Mapping[str, str]], Recording]
+DAMAGED = (OSError, EOFError, KeyError, ValueError, TypeError, OverflowError, MemoryError, RuntimeError, SyntaxError)
+"""What libraries raise at a file that is cut short, damaged or of another kind."""
 COMMON_OPTIONS = ("title", "means")  # that every kind has: another title; means = yes keeps one row per dwell
 
 

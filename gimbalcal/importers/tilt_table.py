@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.registry import importer
+from gimbalcal.importers.registry import DAMAGED, importer
 from gimbalcal.importers.unit_log import unit_log
 from gimbalcal.number import Array
 from gimbalcal.recording.memory_limit import refuse_bomb
@@ -38,20 +38,7 @@ def import_tilt_table(files: Sequence[Path], _options: Mapping[str, str]) -> Rec
             arrays = {name: np.asarray(archive[name], dtype=float) for name in [*names, "fs"]}
     except InputError:
         raise
-    except (
-        KeyError,
-        OSError,
-        TypeError,
-        ValueError,
-        EOFError,
-        MemoryError,
-        OverflowError,
-        NotImplementedError,
-        RuntimeError,
-        SyntaxError,
-        zipfile.BadZipFile,
-        zlib.error,
-    ) as error:
+    except (*DAMAGED, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(
             f"{path} is not the archive of a tilt table, it must hold {', '.join(names)}, fs: {error}"
         ) from None

@@ -17,7 +17,13 @@ from gimbalcal.recording.document import Document
 from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import ANYWHERE, Site
 
-LOWEST, HIGHEST = -12e3, 100e3  # m, from the deepest trench to the edge of space
+POLE = pi / 2 * (1 + 1e-12)
+RANGES = {  # SI, lowest and highest value, and what is wrong beyond
+    "latitude": (-POLE, POLE, "is beyond 90 deg; give it between -90 and 90 deg, or correct its unit"),
+    # from the deepest trench to the edge of space
+    "height": (-12e3, 100e3, "is no place for a rig; give it above the sea, or correct its unit"),
+    "gravity": (9.7, 9.9, "is not found on the Earth (9.76 to 9.84 m/s^2); correct the value or its unit"),
+}
 ANOMALY = 3e-4  # m/s^2, one sigma
 UNKNOWN_HEIGHT = 1e-3  # m/s^2: 300 m of land
 MAX_ANOMALY = 3 * ANOMALY  # a stated gravity further from normal is a rare place, or an error
@@ -30,29 +36,15 @@ def site_of(document: Document, kind: Kind) -> tuple[Site, tuple[str, ...]]:
     quantities = {"latitude": "angle", "height": "height", "gravity": "gravity"}
     table, sigma = _gravity_sigma(document, table)
     given = {key: document.number("site", key, entry, quantities[key]) for key, entry in table.items()}
-    latitude, height = given.get("latitude"), given.get("height", 0.0)
-    if latitude is not None and abs(latitude) > pi / 2 * (1 + 1e-12):
-        written = table["latitude"]
-        raise InputError(
-            f"{document.where('site', 'latitude')}: latitude {written['value']} {written['unit']} is beyond "
-            "90 deg; give it between -90 and 90 deg, or correct its unit"
-        )
-    if not LOWEST <= height <= HIGHEST:
-        written = table["height"]
-        raise InputError(
-            f"{document.where('site', 'height')}: height {written['value']} {written['unit']} is no place for a rig; "
-            "give it above the sea, or correct its unit"
-        )
+    latitude = given.get("latitude")
+    for key, (low, high, why) in RANGES.items():
+        if key in given and not low <= given[key] <= high:
+            written = f"{table[key]['value']} {table[key]['unit']}"
+            raise InputError(f"{document.where('site', key)}: {key} {written} {why}")
     if kind.stabilised and latitude is None:
         raise InputError(
             f"{document.where('site')}: a static run needs the latitude, because the Earth turns under the "
             'platform; write latitude = { value = ..., unit = "deg" } in [site]'
-        )
-    if "gravity" in given and not 9.7 < given["gravity"] < 9.9:  # m/s^2; extremes on the Earth are 9.76 and 9.84
-        written = table["gravity"]
-        raise InputError(
-            f"{document.where('site', 'gravity')}: gravity {written['value']} {written['unit']} is not found on "
-            "the Earth (9.76 to 9.84 m/s^2); correct the value or its unit"
         )
     if "gravity" in given:
         site = with_gravity_stated(latitude, given.get("height"), given["gravity"], sigma)

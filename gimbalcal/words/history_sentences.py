@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from gimbalcal.history.compare import UnitComparison
-    from gimbalcal.history.dated_calibration import DatedCalibration
     from gimbalcal.history.parameter_history import ParameterHistory
+    from gimbalcal.history.unit_store import DatedCalibration
 
 
 def comparison_in_words(c: UnitComparison) -> str:

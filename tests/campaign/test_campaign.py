@@ -18,12 +18,11 @@ import polars as pl
 import pytest
 
 from gimbalcal.calibration.exchange.matrices import matrices
-from gimbalcal.campaign import cluster as campaign_cluster
 from gimbalcal.campaign import run_campaign
+from gimbalcal.campaign import workers as campaign_workers
 from gimbalcal.campaign.campaign_folder import CampaignFolder
-from gimbalcal.campaign.cluster import connect
-from gimbalcal.campaign.process_pool import here, processes
 from gimbalcal.campaign.task import Task, _comparable, compute, seed_of, task
+from gimbalcal.campaign.workers import connect, here, processes
 from gimbalcal.effects import parameters
 from gimbalcal.effects.accelerometer import Misalignment, angles_of
 from gimbalcal.effects.effect import MISALIGNMENT_AXES, tied
@@ -157,7 +156,7 @@ def test_no_scheduler_is_one_sentence() -> None:
 def test_a_cluster_without_workers_or_that_goes_away_is_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(campaign_cluster, "PATIENCE", 1.0)
+    monkeypatch.setattr(campaign_workers, "PATIENCE", 1.0)
     with dask_cluster(tmp_path) as (address, workers):
         with connect(address) as client:
             client.wait_for_workers(2, timeout=30)

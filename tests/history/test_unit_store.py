@@ -20,7 +20,7 @@ import pytest
 
 from gimbalcal.errors import InputError
 from gimbalcal.history import DatedCalibration, StoredResult, keep, kept, of_store
-from gimbalcal.history.dated_calibration import when
+from gimbalcal.history.unit_store import when
 from gimbalcal.words.history_sentences import day_of
 from tests.golden import refused
 from tests.history.calibrations import SIGMA, START, calibration, history

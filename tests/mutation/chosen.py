@@ -29,8 +29,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "history/test_unit_store.py": (
         ("words.history_sentences", "day_of", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
-        ("history.dated_calibration", "of_store", 'e.content.get("provenance", {}).get("created") or e.date', "e.date"),
-        ("history.dated_calibration", "when", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
+        ("history.unit_store", "of_store", 'e.content.get("provenance", {}).get("created") or e.date', "e.date"),
+        ("history.unit_store", "when", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
         ("history.unit_store", "_digest", 'k != "created"', 'k != "recordings"'),
     ),
     "recording/test_dwells.py": (
