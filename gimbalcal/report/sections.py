@@ -45,7 +45,7 @@ def pictures(c: Calibration, recordings: Sequence[Recording]) -> Pictures:
 
 def position_pictures(r: Recording, c: Calibration) -> Pictures:
     """Return the residual at each position, and the positions where the platform has gimbals."""
-    from gimbalcal.report.evidence import by_position
+    from gimbalcal.report.residuals import by_position
 
     if r.position is None or not r.has("specific_force"):
         return [], []
@@ -71,7 +71,7 @@ def position_pictures(r: Recording, c: Calibration) -> Pictures:
 
 def run_pictures(r: Recording, c: Calibration) -> Pictures:
     """Return the residual of a static run, and the model through the data."""
-    from gimbalcal.report.evidence import over_time
+    from gimbalcal.report.residuals import over_time
 
     hours, curves = over_time(r, c.effects)
     time, unit = sensible_time(3600 * hours)

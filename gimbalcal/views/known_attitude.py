@@ -32,6 +32,8 @@ from gimbalcal.units import to_si
 from gimbalcal.views.core import Fit, Measurement, View
 from gimbalcal.views.noise import NoiseModel
 
+POSITIONS = Measurement("positions", "", acts_on=(FORCE, "gimbal_angle"), known_attitude=True)
+STATIC_RUN = Measurement("static run", "", acts_on=(FORCE,), known_attitude=True)
 DEFAULT_SETTING = float(to_si(1.0, "arcsec"))
 FOLDS = 12  # stretches of a static run that are held out in turn
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
@@ -71,7 +73,7 @@ def view_of_readings(
         return replace(view, evaluate=replace(there, value=there.value + moved).rows)
 
     view = View(
-        Measurement("static run" if recording.kind.stabilised else "positions", unit="", known_attitude=True),
+        STATIC_RUN if recording.kind.stabilised else POSITIONS,
         title=recording.title,
         kind=recording.kind,
         channels=read.channels,

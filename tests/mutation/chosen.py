@@ -241,7 +241,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "report/test_calibration_page.py": (
         ("report.parameters", "as_printed", "zero + x / k", "zero - x / k"),
-        ("report.evidence", "by_position", "/ np.sqrt(means.weight)", "/ means.weight"),
+        ("report.residuals", "by_position", "/ np.sqrt(means.weight)", "/ means.weight"),
         ("report.parameters", "as_printed", 'dx / abs(k), "counts"', 'dx, "counts"'),
     ),
     "words/test_sentences.py": (
@@ -256,8 +256,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("report.history_page", "_course", "2 * sigma[chosen]", "sigma[chosen]"),
         ("report.parameters", "_parameter_row", "(e.value - float(from_si(truth", "(e.value + float(from_si(truth"),
         ("report.parameters", "_parameter_row", "from_si(truth[p.label], p.unit)", "truth[p.label]"),
-        ("report.evidence", "by_position", "stages=()).residual", "stages=()).residual * -1"),
-        ("report.evidence", "by_position", "gravity=-s.force", "gravity=s.force"),
+        ("report.residuals", "by_position", "stages=()).residual", "stages=()).residual * -1"),
+        ("report.residuals", "by_position", "gravity=-s.force", "gravity=s.force"),
         ("report.parameters", "_stage_picture", "/ p.sigma", "* p.sigma"),
         ("report.chart", "limits", "m.y - m.spread, m.y + m.spread", "m.y - m.spread, m.y"),
         ("report.figures", "sky", "x, y = -r * np.sin(a)", "x, y = r * np.sin(a)"),

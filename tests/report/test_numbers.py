@@ -19,13 +19,13 @@ from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.history.compare import CalibrationStep, ComparedCalibration, PrintedComparison, PrintedHistory
 from gimbalcal.report import figures
 from gimbalcal.report.chart import Bars, Chart, Line, Points, limits
-from gimbalcal.report.evidence import by_position, over_time
 from gimbalcal.report.figures import correlation
 from gimbalcal.report.history_page import _course, history_report
 from gimbalcal.report.navigation_page import budget_report
 from gimbalcal.report.noise_page import _chart as noise_chart
 from gimbalcal.report.noise_page import _rate as told_rate
 from gimbalcal.report.parameters import rows, stages
+from gimbalcal.report.residuals import by_position, over_time
 from gimbalcal.report.sections import innovations_by_leg, night_by_night, pointing_picture
 from gimbalcal.units import to_si
 from tests.estimate.pointing.mounts import ALT_AZ, run

@@ -1,4 +1,4 @@
-"""Where a law is sought: the outputs and gimbals of a recording of known noise, or what a view's rows are made of."""
+"""Where a law is sought: the sensors and gimbals whose additions the rows of a view show."""
 
 from __future__ import annotations
 
@@ -17,23 +17,15 @@ from gimbalcal.diagnose.library.shapes import RIVAL_SIGMA
 from gimbalcal.diagnose.library.variables import joined, variables
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.effects import Stage
-from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import block_diagonal, orthonormal
 from gimbalcal.number import Array
-from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.recording.record import RATE
 from gimbalcal.views.core import Fit
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
 FEWER = 150  # the same of six sensors at once
 CHANNEL = {Stage.ACCELEROMETER: "specific_force", Stage.GYROSCOPE: "angular_rate", Stage.ENCODER: "gimbal_angle"}
 MOVES = 1e-2  # rad
-
-
-def _places(rows: Rows, stage: Stage, axes: Sequence[tuple[int, str]], block: Array) -> list[Place]:
-    """One place for each of these numbers of a stage."""
-    s = rows.seen[stage]
-    made = ((axis, partial(rows.added, stage, i)) for i, axis in axes)
-    return [Place(CHANNEL[stage], axis, variables(s), s, block, columns) for axis, columns in made]
 
 
 def stretches(n: int, most: int = STRETCHES) -> Array:
@@ -46,7 +38,7 @@ def ground(s: Search, node: Node, sigma: float = 1.0) -> Ground | None:
 
     sigma: of a row, in the unit of reduced rows.
     """
-    places = _places_at_known_attitude(s.fit) if s.fit.view.measurement.known_attitude else _places_of_view(s.fit)
+    places = _places(s.fit)
     if not places:
         return None
     Q, y = orthonormal(node.whiten(s.rows.Q)), node.whiten(s.rows.y[:, :1])[:, 0] * (s.rows.unit / sigma)
@@ -61,33 +53,26 @@ def ground(s: Search, node: Node, sigma: float = 1.0) -> Ground | None:
     return Ground(places, lambda X: node.whiten(s.fit.reduced(X)) / sigma, Q, y - Q @ (Q.T @ y), evidence, (n, C))
 
 
-def _places_at_known_attitude(fit: Fit) -> list[Place]:
-    """Outputs of the accelerometers, and the gimbals that move, of a recording of known attitude."""
-    v = fit.view
-    outputs = [("xyz".index(a), a) for q, a in v.channels if q == FORCE]
-    moving = [(i, a) for i, a in enumerate(v.stimulus.axis_names) if np.ptp(v.stimulus.readout[:, i]) > MOVES]
-    if v.kind.stabilised:
-        return _places(fit.rows, Stage.ACCELEROMETER, outputs, stretches(len(fit.residual)))
-    return [
-        *_places(fit.rows, Stage.ACCELEROMETER, outputs, v.noise.block),
-        *_places(fit.rows, Stage.ENCODER, moving, v.noise.block),
-    ]
-
-
-def _places_of_view(fit: Fit) -> list[Place]:
-    """Sensors or gimbals whose additions a view shows: in its channels, or in those of a navigator behind them."""
+def _places(fit: Fit) -> list[Place]:
+    """Return sensors and gimbals whose additions a view shows: in its channels, or in a navigator's behind them."""
     v = fit.view
     if v.added is not None:
         s, block = v.stimulus, stretches(len(v.stimulus.time), FEWER)
         sensors = [(q, a, partial(v.added, q, a)) for q in v.measurement.acts_on for a in "xyz"]
         return [Place(q, a, variables(s), s, block, columns) for q, a, columns in sensors]
-    rows = v.noise_free(fit.effects)
-    stage = next((s for s, q in CHANNEL.items() if q in v.measurement.acts_on), None)
-    if stage is None or stage not in rows.sensitivity:
-        return []
-    names = list(enumerate(v.stimulus.axis_names if stage is Stage.ENCODER else "xyz"))
-    shown = {a for q, a in v.channels if q == RATE} or {a for _, a in names}
-    return _places(rows, stage, [(i, a) for i, a in names if a in shown], stretches(len(rows.seen[stage].time)))
+    rows, out = fit.rows, list[Place]()
+    for stage, quantity in CHANNEL.items():
+        if quantity not in v.measurement.acts_on or stage not in rows.sensitivity:
+            continue
+        s, gimbals = rows.seen[stage], stage is Stage.ENCODER
+        block = v.noise.block if len(v.noise.block) else stretches(len(s.time))
+        names = v.stimulus.axis_names if gimbals else tuple("xyz")
+        # a turn shows no gyroscope by itself; the norm of the force shows each accelerometer
+        own = {a for q, a in v.channels if q == quantity and (q == RATE or a in names)} or set(names)
+        for i, axis in enumerate(names):
+            if axis in own and not (gimbals and np.ptp(v.stimulus.readout[:, i]) <= MOVES):
+                out.append(Place(quantity, axis, variables(s), s, block, partial(rows.added, stage, i)))
+    return out
 
 
 def together(each: Sequence[Ground]) -> Ground:
