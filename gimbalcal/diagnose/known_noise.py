@@ -187,18 +187,17 @@ def _of_several(
 ) -> ViewDiagnosis:
     """Return the diagnosis with what each recording says by itself, and how well they agree on the constants."""
     rows = tuple(_recording_entry(c, k, *both) for k, both in enumerate(zip(answers, case.alone, strict=True)))
-    alone = "; ".join(f"recording {row.recording}: {row.alone.in_words}" for row in rows)
     sizes = [f.agreement.in_words for f in made.findings if f.agreement and f.agreement.in_words]
     only = _shown_by_one(c, case.alone) if made.verdict == "adequate" else ()
     differing = (Shape("all", "constants that differ between the recordings"),)
     contradictions = (
         Contradiction(between.in_words, differing),
-        Contradiction("What one recording shows by itself is contradicted by the others." if only else "", only),
+        Contradiction(diagnosis_sentences.CONTRADICTED if only else "", only),
     )
     return replace(
         made, fit=replace(made.fit, recordings=rows, constants=between),
         contradictions=tuple(x for x in contradictions if x.in_words),
-        remarks=(*sizes, f"With this model each alone would have said: {alone}."),
+        remarks=(*sizes, diagnosis_sentences.separate_verdicts(rows)),
         recommend=made.recommend or law_sentences.APART * bool(between.in_words),
     )  # fmt: skip
 
@@ -248,7 +247,7 @@ def _mismatch(answers: Sequence[RecordingAnswer], lead: int) -> tuple[Mismatch, 
     out = []
     for k in sorted(range(len(answers)), key=lambda k: k != lead):
         for m in scanned_mismatches(answers[k].before, at_least=int(k == lead)):
-            words = f"In recording {k + 1}, {m.in_words[0].lower()}{m.in_words[1:]}"
+            words = diagnosis_sentences.in_recording(k + 1, m.in_words)
             out.append(replace(m, recording=k + 1, in_words=words))
     return tuple(out[:MAX_CELLS])
 
@@ -301,15 +300,8 @@ def _recording_entry(c: Ranking, k: int, x: RecordingAnswer, alone: SeparateDeci
 def _verdict_in_words(alone: SeparateDecision) -> str:
     """Return the verdict on one recording by itself in a few words."""
     d = alone.decision
-    if alone.walk is not None and d.verdict == "adequate":
-        return diagnosis_sentences.walk_in_words(alone.walk)
-    if d.verdict == "adequate":
-        return "nothing is missing"
-    if d.hypothesis is None:
-        return "something is missing that no cause of the catalogue explains"
-    return " and ".join(
-        diagnosis_sentences.cause_in_words(j.cause.effect, j.cause.axis, j.confounded) for j in d.judgements
-    )
+    causes = [(j.cause.effect, j.cause.axis, j.confounded) for j in d.judgements]
+    return diagnosis_sentences.separate_verdict(d.verdict, causes, alone.walk)
 
 
 def _shown_by_one(c: Ranking, each: Sequence[SeparateDecision]) -> tuple[Shape, ...]:

@@ -15,7 +15,7 @@ from gimbalcal.number import Array
 from gimbalcal.words.naming import spaced
 
 if TYPE_CHECKING:
-    from gimbalcal.diagnose.result import DetectionLimit, Finding, FitSummary, Mismatch, Shape, ViewFit
+    from gimbalcal.diagnose.result import DetectionLimit, Finding, FitSummary, Mismatch, RecordingFit, Shape, ViewFit
     from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
     from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
     from gimbalcal.estimate.sharing import Agreement
@@ -162,6 +162,48 @@ def chi2_reduction(fit: FitSummary, of: str = "Reduced chi^2") -> str:
         f"{of} goes from {fit.chi2_reduced_before:.3g} to {fit.chi2_reduced_after:.3g}, "
         f"on held-out data from {fit.heldout_before:.3g} to {fit.heldout_after:.3g}."
     )
+
+
+def off_over_scan(channel: str, axis: str, where: str, p_value: float) -> str:
+    """Return that a channel differs from the baseline somewhere, with the p-value of the whole scan."""
+    p = "p < 1e-6" if p_value < 1e-6 else f"p = {p_value:.1g}"
+    return f"{spaced(channel).capitalize()} {axis} is off {where} ({p} over the whole scan)"
+
+
+# --- several recordings -----------------------------------------------------------------------------------------------
+
+CONTRADICTED = "What one recording shows by itself is contradicted by the others."
+
+
+def in_recording(number: int, in_words: str) -> str:
+    """Return what is said of one of several recordings."""
+    return f"In recording {number}, {in_words[0].lower()}{in_words[1:]}"
+
+
+def separate_verdict(
+    verdict: str, causes: Sequence[tuple[str, str, Sequence[str]]], walk: RandomWalkFinding | None
+) -> str:
+    """Return the verdict on one of several recordings by itself: effect, axis and twins of each cause, or a walk."""
+    if verdict == "adequate":
+        return "nothing is missing" if walk is None else walk_in_words(walk)
+    if not causes:
+        return "something is missing that no cause of the catalogue explains"
+    return " and ".join(cause_in_words(*cause) for cause in causes)
+
+
+def separate_verdicts(rows: Sequence[RecordingFit]) -> str:
+    """Return a sentence on the verdicts on all recordings by themselves."""
+    each = "; ".join(f"recording {row.recording}: {row.alone.in_words}" for row in rows)
+    return f"With this model each alone would have said: {each}."
+
+
+def misheld_positions(each: Sequence[Sequence[str]]) -> str:
+    """Return sentences on positions of recordings that were not held where the readouts say; empty for none."""
+    told = [
+        f"{words[:1].upper()}{words[1:].rstrip('.')}{f' in recording {k + 1}' * (len(each) > 1)}."
+        for k, own in enumerate(each) for words in own
+    ]  # fmt: skip
+    return " ".join([*told, "`gimbalcal calibrate` leaves such positions out."]) if told else ""
 
 
 # --- a view without a known noise -------------------------------------------------------------------------------------

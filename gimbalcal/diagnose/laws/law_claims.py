@@ -36,7 +36,7 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit
 from gimbalcal.words import law_sentences
-from gimbalcal.words.diagnosis_sentences import repeat_advice, separation_advice
+from gimbalcal.words.diagnosis_sentences import misheld_positions, repeat_advice, separation_advice
 from gimbalcal.words.naming import spaced
 
 MOST = 3  # laws of one view
@@ -130,14 +130,8 @@ def misheld(ranked: Ranking, verdict: str) -> str:
     """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
     if verdict != "unexplained":
         return ""
-    each = [
-        [words.rstrip(".") for words in s.fit.view.misheld()] if s.fit.view.misheld else [] for s in ranked.searches
-    ]
-    told = [
-        f"{words[:1].upper()}{words[1:]}{f' in recording {k + 1}' * (len(each) > 1)}."
-        for k, own in enumerate(each) for words in own
-    ]  # fmt: skip
-    return " ".join([*told, "`gimbalcal calibrate` leaves such positions out."]) if told else ""
+    each = [s.fit.view.misheld for s in ranked.searches]
+    return misheld_positions([own() if own else () for own in each])
 
 
 def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: bool = False) -> Lawful:

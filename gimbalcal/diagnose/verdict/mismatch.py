@@ -206,9 +206,7 @@ def _mismatch(s: Scan, own: Sequence[int]) -> Mismatch:
     if len(own) > 1:
         where = {"positions": sorted(p for i in own for p in s.cells[i].where["positions"])}
         words = f"at positions {', '.join(str(p) for p in where['positions'])}"
-    p = "p < 1e-6" if p_value < 1e-6 else f"p = {p_value:.1g}"
-    channel = first.channel.replace("_", " ").capitalize()
-    in_words = f"{channel} {first.axis} is off {words} ({p} over the whole scan)"
+    in_words = diagnosis_sentences.off_over_scan(first.channel, first.axis, words, p_value)
     return Mismatch(first.channel, first.axis, where, round(float(s.statistic[own[0]]), 2), p_value, in_words)
 
 
