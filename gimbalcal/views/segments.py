@@ -49,7 +49,7 @@ class Segments:
     the updates, the first at the start. group (n,): group of each interval, for which the model is linearised once;
     groups: their means. sigma (6,): one sample of each channel, stated or estimated; shown (6,): estimated from the
     stops; velocity: one sigma of that of the place [m/s]; stated: whether the header states the noise of both triads;
-    handled: whether a hand turned the unit, and so moved it.
+    source: the recording as it was read; handled: whether a hand turned the unit, and so moved it.
     """
 
     rows: Recording
@@ -64,6 +64,7 @@ class Segments:
     shown: Array
     velocity: float
     stated: bool
+    source: Recording
     handled: bool = False
 
     @property
@@ -97,6 +98,7 @@ class Segments:
 def segment(recording: Recording) -> Segments:
     """Divide a recording into stops, turns and pauses. Raises InputError where it cannot be navigated."""
     _refuse_other_kinds(recording)
+    source = recording
     if recording.instant:
         recording = _as_means(recording)
     step = float(np.median(np.diff(recording.time)))
@@ -111,7 +113,7 @@ def segment(recording: Recording) -> Segments:
         )
     _refuse_lost_turns(recording, stop_dwells, paused)
     sigma, shown, stated = _noise(recording, stop_dwells)
-    return _assembled(recording, stop_dwells, dt, step, paused, sigma, shown, stated)
+    return _assembled(recording, stop_dwells, dt, step, paused, sigma, shown, stated, source)
 
 
 def turned_in_place(recording: Recording) -> bool:
@@ -160,7 +162,7 @@ def _through_pauses(recording: Recording, stop_dwells: Sequence[Dwell], paused: 
 
 def _assembled(
     recording: Recording, stop_dwells: Sequence[Dwell], dt: Array, step: float, paused: NDArray[np.bool_], sigma: Array,
-    shown: Array, stated: bool,
+    shown: Array, stated: bool, source: Recording,
 ) -> Segments:  # fmt: skip
     begins, first, stop = [0], [0], []  # rows at which intervals begin; intervals at which stretches begin
     group: list[int] = []
@@ -189,8 +191,9 @@ def _assembled(
     velocity = recording.noise.get("velocity", DEFAULT_VELOCITY_SIGMA_M_S)
     handled = "velocity" not in recording.noise and _handled(recording, stop_dwells)
     return Segments(
-        rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated, handled
-    )
+        rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated,
+        source, handled,
+    )  # fmt: skip
 
 
 def _handled(recording: Recording, stop_dwells: Sequence[Dwell]) -> bool:

@@ -36,11 +36,16 @@ EARTH_RATE_TOLERANCE = 0.5  # relative, besides 3 sigma
 
 @dataclass(frozen=True)
 class Alignment:
-    """C_bn (3, 3) at the start, one sigma (3,) [rad] of it about north, east, down, and the bias (3,) [rad/s]."""
+    """C_bn (3, 3) at the start, one sigma (3,) [rad] of it about north, east, down, and the bias (3,) [rad/s].
+
+    latitude [rad]: height of the Earth's axis above the horizon by gravity and the Earth's rate, with its sigma [rad].
+    """
 
     C_bn: Array
     sigma: Array
     bias: Array
+    latitude: float
+    latitude_sigma: float
 
 
 def align(segments: Segments, u: Array) -> Alignment:
@@ -93,7 +98,7 @@ def _from_vectors(segments: Segments, down: Array, after: float, b: Array, earth
             f"{segments.rows.label}: turned through its stops, the gyroscopes see a rate of {ratio:.3g} times the "
             f"Earth's that turns with them; {likely}"
         )
-    observed = np.arcsin(np.clip(-float(down @ earth) / np.linalg.norm(earth), -1, 1))
+    observed = float(np.arcsin(np.clip(-float(down @ earth) / np.linalg.norm(earth), -1, 1)))
     if abs(observed - latitude) > LATITUDE_TOLERANCE_RAD + 5 * sigma / EARTH_RATE:
         raise InputError(
             f"{segments.rows.label}: turned through its stops, the gyroscopes see the Earth's axis "
@@ -107,7 +112,8 @@ def _from_vectors(segments: Segments, down: Array, after: float, b: Array, earth
         level = level - down * (down @ level)
     north = level / np.linalg.norm(level)
     C = np.stack([north, np.cross(down, north), down])
-    return Alignment(C, np.array([LEVEL_SIGMA_RAD, LEVEL_SIGMA_RAD, heading]), b)
+    levels = np.array([LEVEL_SIGMA_RAD, LEVEL_SIGMA_RAD, heading])
+    return Alignment(C, levels, b, observed, sigma / EARTH_RATE)
 
 
 def _with_pauses(segments: Segments) -> Array:

@@ -145,14 +145,6 @@ def _expected(segments: Segments, u: Array, C: Array) -> Array:
     return np.concatenate([force, np.where(at_rest[:, None], rate, u[:, 3:])], axis=1)
 
 
-def in_body(segments: Segments, u: Array, C: Array, v: Array) -> Array:
-    """Return a vector v (3,), in north, east, down, in the axes of the unit for each group of intervals (g, 3)."""
-    begin = np.flatnonzero(np.diff(segments.group, prepend=-1))
-    return np.asarray(
-        np.add.reduceat(_in_body(segments, u, C, v[None])[0], begin) / np.diff(begin, append=len(u))[:, None]
-    )
-
-
 def _in_body(segments: Segments, u: Array, C: Array, v: Array) -> Array:
     """Return vectors v (m, 3), in north, east, down, in the axes of the unit in mid-interval (m, n, 3)."""
     stretch = np.repeat(np.arange(len(segments.stop)), np.diff(segments.first))

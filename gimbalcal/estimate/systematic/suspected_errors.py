@@ -1,30 +1,26 @@
-r"""Input errors that a systematic calibration can suspect: noise, clock, lever arm, latitude; and limits of the data.
-
-A latitude that is off by dL adds to the rates, in the axes of the unit,
-
-.. math:: \delta\omega = C_n^b \, \frac{d\omega_{ie}}{dL} \, dL, \qquad
-          \frac{d\omega_{ie}}{dL} = \Omega \, (-\sin L, \; 0, \; -\cos L)
-
-so it is one more parameter, and least squares on the innovations shows whether it explains the misfit.
-"""
+"""Input errors that a systematic calibration can suspect: noise, clock, latitude, lever arm; and limits of the data."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE
+from gimbalcal.checks.input_errors import Correction, trials
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.systematic.alignment import align
 from gimbalcal.estimate.systematic.bias_processes import bias_processes
-from gimbalcal.estimate.systematic.error_model import in_body
 from gimbalcal.estimate.systematic.filter_pass import GATE_NIS
-from gimbalcal.estimate.systematic.innovation_rows import innovation_rows
-from gimbalcal.estimate.systematic.iterate import SystematicFit
+from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
 from gimbalcal.estimate.systematic.turn_consistency import NONLINEAR_SCALE_ERROR
 from gimbalcal.number import Array
-from gimbalcal.views.segments import Segments
+from gimbalcal.views.segments import Segments, segment
 
 MAX_DIFFERENCE = 0.1  # of the scale errors of a triad that have one cause
-MIN_SHARE = 0.8  # of the misfit, that an input error has to explain
-MIN_SIGNIFICANCE = 10.0  # sigma
+MAX_SHARE = 0.2  # of the misfit, that a correction may leave
+MIN_SHARE = 0.8  # of the updates without use, that are in turns where the unit does not turn about its accelerometers
+MIN_EXCESS = 100.0  # chi^2 beyond its degrees of freedom, of which a cause can be told
+MIN_LATITUDE_SIGMAS = 3.0  # by which the latitude that the turns show is another than the stated one
 MAX_HEADING_SIGMA_DEG = 10.0
 MIN_SIGMA_RATIO = 0.5  # posterior over prior sigma: beyond, the recording has not determined the parameter
 MAX_NOISE_RATIO = 3.0  # scatter at the stops over stated noise
@@ -54,7 +50,7 @@ def limitations(m: SystematicFit, sigmas: Array) -> list[str]:
 
 def suspected_error(m: SystematicFit) -> str:
     """Return the likeliest input error behind a lack of fit as a clause; empty where none is likely."""
-    return _noise(m.segments) or _clock(m) or _lever_arm(m) or _latitude(m) or _bias_instability(m.segments)
+    return _noise(m.segments) or _misstated(m) or _lever_arm(m) or _bias_instability(m.segments)
 
 
 def _noise(segments: Segments) -> str:
@@ -69,20 +65,53 @@ def _noise(segments: Segments) -> str:
     return ""
 
 
-def _clock(m: SystematicFit) -> str:
-    """Suspect rates, or a clock, in another unit: all three gyroscopes are off by the same."""
+def _misstated(m: SystematicFit) -> str:
+    """Suspect the clock or the latitude, where the recording so corrected and fitted again is explained."""
+    stated = _excess(m)
+    if stated < MIN_EXCESS:
+        return ""
+
+    def misfit(correction: Correction) -> float:
+        again = iterate(segment(correction.corrected(m.segments.source)), m.wanted, m.base_effects)
+        return _excess(again) / stated if again.converged else np.inf
+
+    tried = trials(_corrections(m), misfit, sufficient=MAX_SHARE)
+    return next((trial.candidate.words for trial in tried if trial.misfit <= MAX_SHARE), "")
+
+
+def _excess(m: SystematicFit) -> float:
+    """Return by how much chi^2 of all innovations is above its degrees of freedom."""
+    used = m.segments.believed
+    return float(max(m.last.calibrated.distance[used].sum() - 3 * np.count_nonzero(used), 0.0))
+
+
+def _corrections(m: SystematicFit) -> Iterator[Correction]:
+    """Yield the clock with which scale errors that all gyroscopes share are none, and the latitude of the turns."""
     sizes = np.array([x for p, x in zip(m.wanted, m.theta, strict=True) if p.effect == "gyro_scale_factor"])
     if (
-        len(sizes) != 3
-        or np.abs(sizes).min() <= NONLINEAR_SCALE_ERROR
-        or np.ptp(sizes) > MAX_DIFFERENCE * np.abs(sizes).max()
+        len(sizes) == 3
+        and np.abs(sizes).min() > NONLINEAR_SCALE_ERROR
+        and np.ptp(sizes) <= MAX_DIFFERENCE * np.abs(sizes).max()
     ):
-        return ""
-    off = 100 * (1 / (1 + float(np.mean(sizes))) - 1)  # of what they read, where the scale factor is of what was there
-    return (
-        f"all three gyroscopes read {abs(off):.3g} % too {'much' if off > 0 else 'little'} alike: is the unit of the "
-        "rates, or of the time, another?"
-    )
+        second = 1 + float(np.mean(sizes))
+        off = 100 * (1 / second - 1)  # of what they read, where the scale factor is of what was there
+        yield Correction(
+            f"all three gyroscopes read {abs(off):.3g} % too {'much' if off > 0 else 'little'} alike, and a clock "
+            f"whose second is {second:.4g} s explains it: correct the unit of the time, or the rate of the samples",
+            clock=second,
+        )
+    stated = m.segments.rows.site.latitude
+    assert stated is not None
+    try:
+        observed = align(m.segments, m.u)
+    except InputError:  # calibrated readings do not show the Earth's rate
+        return
+    if abs(observed.latitude - stated) > MIN_LATITUDE_SIGMAS * observed.latitude_sigma:
+        yield Correction(
+            f"a latitude of some {np.degrees(observed.latitude):.1f} deg instead of {np.degrees(stated):.4g} deg "
+            "would nearly explain it: correct [site]",
+            latitude=observed.latitude,
+        )
 
 
 def _bias_instability(segments: Segments) -> str:
@@ -109,32 +138,4 @@ def _lever_arm(m: SystematicFit) -> str:
         f"its velocity is zero at the stops and not in {struck} of {turns[-1]} turns, so it does not turn about its "
         "accelerometers, or a hand carried it along: add lever_arm to --states, or state velocity = { value = ..., "
         'unit = "m/s" } of its place in [noise]'
-    )
-
-
-def _latitude(m: SystematicFit) -> str:
-    """Suspect the latitude, where another one explains the misfit."""
-    w = innovation_rows(m)
-    stated = m.segments.rows.site.latitude
-    assert stated is not None
-    slope = EARTH_RATE * np.array([-np.sin(stated), 0.0, -np.cos(stated)])
-    D = np.zeros((len(w.felt.rate), 6, 1))
-    D[:, 3:, 0] = in_body(m.segments, m.u, m.C, slope)
-    columns = [D]
-    for effect_id in dict.fromkeys(p.effect for p in m.wanted):
-        effect = next(e for e in m.effects if e.id == effect_id)
-        columns.append(w.addition(effect, [p for p in m.wanted if p.effect == effect_id]))
-    scale = np.array([1.0, *(p.sigma for p in m.wanted)])
-    sigma = np.broadcast_to(w.sigma[..., None], (*w.sigma.shape, len(scale)))
-    A = (w.response(np.concatenate(columns, axis=2)) * scale / sigma).reshape(-1, len(scale))
-    y = (w.residual / w.sigma).reshape(-1)
-    fits = [np.linalg.lstsq(B, y, rcond=None)[0] for B in (A[:, 1:], A)]
-    without, with_it = (float(np.sum((y - B @ x) ** 2)) for B, x in zip((A[:, 1:], A), fits, strict=True))
-    off = float(fits[1][0])
-    excess = without - (len(y) - len(scale))
-    if without - with_it < max(MIN_SHARE * excess, MIN_SIGNIFICANCE**2):
-        return ""
-    return (
-        f"a latitude of some {np.degrees(stated + off):.1f} deg instead of {np.degrees(stated):.4g} deg would nearly "
-        "explain it: correct [site]"
     )

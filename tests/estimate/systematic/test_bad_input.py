@@ -11,6 +11,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.checks.table import refuse_implausible
+from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.systematic.innovation_tests import outcome
@@ -118,6 +119,15 @@ def test_a_gain_that_no_such_unit_has_is_calibrated_and_asked_about() -> None:
 def test_three_that_are_off_alike_are_one_slip() -> None:
     fast = systematic(replace(SOUND, time=1.05 * SOUND.time), "30")
     golden_text(fast.outcome)
+
+
+def test_gains_that_are_off_alike_are_no_clock_where_another_clock_explains_nothing() -> None:
+    square = parameters(CATALOGUE["quadratic_nonlinearity"])[0]
+    bent = turning_unit((), (square,), [10 * square.sigma], stop=15.0)
+    found = systematic(held(RATE, lambda y: 1.05 * y, bent), "30")
+    sizes = [x for p, x in zip(found.parameters, found.values, strict=True) if p.effect == "gyro_scale_factor"]
+    np.testing.assert_allclose(sizes, 1 / 1.05 - 1, rtol=0.1)
+    golden_text(found.outcome)
 
 
 def test_a_latitude_that_is_a_little_off_is_named() -> None:
