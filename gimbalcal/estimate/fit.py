@@ -303,16 +303,10 @@ class ViewsFit:
 
     def cost_of_sizes(self, sizes: Sequence[Parameter]) -> Cost:
         """Return chi^2 as a function of absent effects whose `sizes` are free in addition to what was fitted."""
-        J, r = self.whitened
-        rows = [(v.evaluate(self.effects), sigma[..., None]) for v, sigma in zip(self.views, self.sigma, strict=True)]
-        wanted, r = (*self.solution.parameters, *sizes), r + J @ self.solution.x
-
-        def cost(effects: Sequence[Effect]) -> float:
-            parts = (columns_of_sizes(each, effects, sizes) / sigma for each, sigma in rows)
-            X = np.concatenate([J, np.concatenate([part.reshape(-1, len(sizes)) for part in parts])], axis=1)
-            return solve(information(X, r, wanted), self.min_signal).chi2
-
-        return cost
+        return cost_of_sizes(
+            self.views, self.effects, self.solution.parameters, sizes, self.excesses, self.solution.x, self.local,
+            self.min_signal,
+        )  # fmt: skip
 
 
 def fit(
@@ -407,6 +401,26 @@ def fit(
     return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, found.steps, min_signal, local)
 
 
+def cost_of_sizes(
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], sizes: Sequence[Parameter],
+    excesses: Sequence[Array], x: Array, local: Sequence[Array] = (), min_signal: float = MIN_SIGNAL_TO_NOISE,
+) -> Cost:  # fmt: skip
+    """Return chi^2 of views, linear about x (p,), by absent effects whose `sizes` are free beside the wanted ones.
+
+    excesses: as in `ViewsFit`; local: values (m, k) of the local parameters of each view (none: zero).
+    """
+    linear, sigma = _about(views, effects, wanted, x, local), _row_sigma(views, excesses)
+    J, every = linear.J / sigma[:, None], (*wanted, *sizes)
+    y = linear.r / sigma + J @ x
+
+    def cost(absent: Sequence[Effect]) -> float:
+        parts = [part.whitened(columns_of_sizes(part.rows, absent, sizes))[0] for part in linear.parts]
+        X = np.concatenate([J, np.concatenate(parts) / sigma[:, None]], axis=1)
+        return solve(information(X, y, every), min_signal).chi2
+
+    return cost
+
+
 def fixed_nuisances(found: ViewsFit, views: Sequence[View]) -> ViewsFit:
     r"""Return a fit with what the nuisances of views add to its covariance, which are not part of it.
 
@@ -436,8 +450,7 @@ def information_of(
 ) -> Information:
     """Return the information of views of stated noise about the wanted parameters, linearised at effects."""
     x = values(effects, wanted)
-    linear = _about(views, effects, wanted, x, local or [NONE] * len(views))
-    sigma = np.sqrt(np.concatenate([_variances(v)[0] for v in views]))
+    linear, sigma = _about(views, effects, wanted, x, local), _row_sigma(views)
     J, r = linear.J / sigma[:, None], linear.r / sigma
     info = information(J, r + J @ x, wanted)
     return replace(info, count=info.count - linear.dependent)
@@ -448,42 +461,57 @@ def whitened(
     local: Sequence[Array] = (),
 ) -> tuple[Array, Array]:  # fmt: skip
     """Return Jacobian (q, p) and misfit (q,) of the rows of views about x (p,), in units of their noise."""
-    linear = _about(views, effects, wanted, x, local or [NONE] * len(views))
-    variance = [known + shape * np.resize(e, len(known)) ** 2
-                for (known, shape), e in zip(map(_variances, views), excesses, strict=True)]  # fmt: skip
-    sigma = np.sqrt(np.concatenate(variance))
+    linear, sigma = _about(views, effects, wanted, x, local), _row_sigma(views, excesses)
     return linear.J / sigma[:, None], linear.r / sigma
 
 
 @dataclass(frozen=True, eq=False)
-class _Linear:
-    """Rows of views about x (p,): Jacobian J (q, p) and misfit r (q,), SI, those with local parameters whitened.
+class _Part:
+    """Rows of one view, and with local parameters their values e (m, k), the rows by group, and whitened."""
 
-    parts: of each view the rows by group and whitened, with the values (m, k) of the local parameters, None where it
-    has none.
-    """
+    view: View
+    rows: Rows
+    e: Array
+    groups: tuple[VisitRows, Whitened] | None = None
+
+    def whitened(self, columns: Array) -> tuple[Array, tuple[VisitRows, Whitened] | None]:
+        """Return columns (n, C, p) as (q, p), with the local parameters eliminated, and the rows by group."""
+        local = self.view.local
+        if local is None:
+            return columns.reshape(-1, columns.shape[-1]), None
+        sigma = np.broadcast_to(np.asarray(self.view.noise.sigma), self.rows.residual.shape)
+        groups = local.eliminated(self.rows, columns, sigma, self.e)
+        return groups[1].rows[0], groups
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """Rows of views about x (p,): Jacobian J (q, p) and misfit r (q,), SI, those with local parameters whitened."""
 
     x: Array
     J: Array
     r: Array
-    parts: tuple[tuple[VisitRows, Whitened, Array, float] | None, ...]
+    parts: tuple[_Part, ...]
 
     @property
     def dependent(self) -> int:
         """Return how many rows hold nothing that the others do not hold."""
-        return sum(part[1].dependent for part in self.parts if part is not None)
+        return sum(part.groups[1].dependent for part in self.parts if part.groups)
 
     def local_at(self, x: Array) -> list[Array]:
         """Return the values (m, k) of the local parameters of each view that parameters x (p,) call for."""
-        return [NONE if part is None else apply_matrix(part[1].gain, part[0].r - part[0].J @ (x - self.x))
-                for part in self.parts]  # fmt: skip
+        return [
+            apply_matrix(p.groups[1].gain, p.groups[0].r - p.groups[0].J @ (x - self.x)) if p.groups else NONE
+            for p in self.parts
+        ]
 
     def settled(self, x: Array) -> bool:
         """Return whether parameters x (p,) move no row by local parameters."""
         for part, e in zip(self.parts, self.local_at(x), strict=True):
-            if part is not None:
-                least = MAX_SETTING_STEP / np.sqrt(part[0].weight)[:, None] + READING_ROUNDING * part[3]
-                if np.any(np.abs(apply_matrix(part[0].G, e - part[2])) > least):
+            if part.groups:
+                by_group, rounding = part.groups[0], READING_ROUNDING * part.view.stimulus.gravity
+                least = MAX_SETTING_STEP / np.sqrt(by_group.weight)[:, None] + rounding
+                if np.any(np.abs(apply_matrix(by_group.G, e - part.e)) > least):
                     return False
         return True
 
@@ -492,21 +520,17 @@ NONE = np.zeros((0, 0))
 
 
 def _about(
-    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, local: Sequence[Array]
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, local: Sequence[Array] = ()
 ) -> _Linear:
-    """Return the rows of views about parameters and nuisances x (p,), and values (m, k) of local parameters."""
-    J, r, parts = [], [], list[tuple[VisitRows, Whitened, Array, float] | None]()
-    for v, own, e in zip(views, _own(views, wanted), local, strict=True):
+    """Return the rows of views about parameters and nuisances x (p,), and local parameters (m, k); none: zero."""
+    J, r, parts = [], [], []
+    for v, own, e in zip(views, _own(views, wanted), local or [NONE] * len(views), strict=True):
         rows, columns, misfit = _of_view(v, effects, wanted, x, own, e)
-        if v.local is None:
-            parts.append(None)
-        else:
-            sigma = np.broadcast_to(np.asarray(v.noise.sigma), misfit.shape)
-            by_group, w = v.local.eliminated(rows, columns, sigma, e)
-            parts.append((by_group, w, e, v.stimulus.gravity))
-            columns, misfit = w.rows
-        J.append(columns.reshape(-1, len(wanted)))
-        r.append(misfit.ravel())
+        part = _Part(v, rows, e if v.local is None or e.size else v.local.zero(rows))
+        own_columns, groups = part.whitened(columns)
+        J.append(own_columns)
+        r.append(misfit.ravel() if groups is None else groups[1].rows[1])
+        parts.append(replace(part, groups=groups))
     return _Linear(x, np.concatenate(J), np.concatenate(r), tuple(parts))
 
 
@@ -526,7 +550,7 @@ def _of_view(
 ) -> tuple[Rows, Array, Array]:
     """Return the rows of one view about its effects, the columns (n, C, p) of all parameters, and the misfit (n, C)."""
     view = v if v.about is None else v.about(x[own])
-    rows = (view if v.local is None else v.local.about(e)).evaluate(_acting(v, effects))
+    rows = (v.local.about(e) if v.local is not None and e.size else view).evaluate(_acting(v, effects))
     at = [i for i, q in enumerate(wanted) if q.effect and (v.acting is None or q.effect in v.acting)]
     columns, misfit = np.zeros((*rows.residual.shape, len(wanted))), rows.residual
     columns[..., at] = rows.jacobian([wanted[i] for i in at])
@@ -544,6 +568,14 @@ def _variances(v: View) -> tuple[Array, Array]:
         return np.ones(q), np.zeros(q)
     known, shape = v.noise.parts_of_variance((len(v), len(v.channels)))
     return known.ravel(), shape.ravel()
+
+
+def _row_sigma(views: Sequence[View], excesses: Sequence[Array] | None = None) -> Array:
+    """Return one sigma (q,) of all rows, those that are whitened one; excesses: none of a stated noise."""
+    parts = map(_variances, views)
+    each = [np.zeros(1)] * len(views) if excesses is None else excesses
+    return np.sqrt(np.concatenate([known + w * np.resize(e, len(known)) ** 2
+                                   for (known, w), e in zip(parts, each, strict=True)]))  # fmt: skip
 
 
 def _sigma(v: View, excess: Array) -> Array:

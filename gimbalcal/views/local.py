@@ -51,10 +51,13 @@ class Local:
         linear = visit_rows(J, rows.residual + apply_matrix(G, e[self.group]), G, self.group, sigma[:, 0] ** -2)
         return linear, eliminate(linear, 1.0, self.sigma**2)
 
+    def zero(self, rows: Rows) -> Array:
+        """Return values (m, k) of zero."""
+        return np.zeros((self.group[-1] + 1, self.columns(rows).shape[-1]))
+
     def start(self, view: View, effects: Sequence[Effect]) -> Array:
         """Return values (m, k) that effects call for, so that large ones do not throw the first step off."""
-        rows = view.evaluate(effects)
-        e = np.zeros((self.group[-1] + 1, self.columns(rows).shape[-1]))
+        e = self.zero(view.evaluate(effects))
         for _ in range(START_ITERATIONS if self.sigma > SMALL_SETTING_RAD else 0):
             rows = self.about(e).evaluate(effects)
             sigma = np.broadcast_to(np.asarray(view.noise.sigma), rows.residual.shape)

@@ -22,22 +22,6 @@ EQUIVALENT: Mapping[tuple[str, str], str] = {
     ): "where a dwell has one row the difference over it is zero",
     (
         "estimate.accelerometers.coarse._as_fit",
-        "return PositionFit(solution, setting, settled.linear, w, noise, 2)",
+        "return PositionFit(solution, setting, settled.linear, noise, 2)",
     ): "steps are counted, and asked only whether there are none",
-    (
-        "estimate.accelerometers.errors_in_variables.gauss_newton",
-        "quiet = noise.accelerometer * np.sqrt(linear.weight)[:, None]",
-    ): "a looser stop for the setting errors, which the parameters' own stop outlasts",
-    (
-        "estimate.accelerometers.errors_in_variables.whiten",
-        "s = np.where(s > TURN / max(s.max(initial=0.0), 1e-300), s, 0.0)",
-    ): "a derivative by an angle is of the order of ten, and what no turn reaches of 1e-15",
-    (
-        "estimate.accelerometers.errors_in_variables.whiten",
-        "s = np.where(s > TURN * max(s.max(initial=0.0), 2e-300), s, 0.0)",
-    ): "a guard against zero",
-    (
-        "estimate.accelerometers.errors_in_variables.whiten",
-        "divisor = np.where(s > 0, s, 2.0)",
-    ): "what is divided by it is not taken",
 }

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gimbalcal.estimate.gyroscopes.rests import rests
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import rests
 from gimbalcal.methods import calibrate
 from gimbalcal.recording import Recording, read, write
 from gimbalcal.recording.dwell import whole_means

@@ -187,7 +187,7 @@ def _as_fit(p: Problem, noise: Noise, settled: Settled) -> PositionFit:
         chi2=float((left**2).sum()), dof=count - len(p.parameters) + len(settled.solution.unobservable),
     )  # fmt: skip
     setting = apply_matrix(w.gain, settled.linear.r - settled.linear.J @ settled.x)
-    return PositionFit(solution, setting, settled.linear, w, noise, 1)
+    return PositionFit(solution, setting, settled.linear, noise, 1)
 
 
 @dataclass(frozen=True)

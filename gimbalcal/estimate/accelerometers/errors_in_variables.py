@@ -20,10 +20,8 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, par
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.process import Process, SettingError, WhiteNoise
 from gimbalcal.effects.sensor_grades import GRADES, Grade
-from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
 from gimbalcal.estimate.fit import MAX_PRIOR_SIGMAS, fit
-from gimbalcal.forward import Rows
-from gimbalcal.inference.information import Solution, prior, solve
+from gimbalcal.inference.information import Solution, prior
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
 from gimbalcal.readings import Readings, readings
@@ -162,19 +160,10 @@ def set_off(p: Problem, e: Array) -> Readings:
 
 def by_visit(p: Problem, x: Array, e: Array) -> VisitRows:
     """Exact derivatives at parameters x and setting errors e, by visit."""
-    _, J, r, G = _linear(p, x, e, p.parameters)
-    return visit_rows(J, r, G, p.visit, p.weight)
-
-
-def _linear(p: Problem, x: Array, e: Array, wanted: Sequence[Parameter]) -> tuple[Rows, Array, Array, Array]:
-    """Rows about (x, e) with the stages of wanted parameters, J (n, 3, p), y - h + J x + G e (n, 3), and G (n, 3, k).
-
-    G is the derivative by the setting errors of the row's own visit.
-    """
-    stages = dict.fromkeys((*(CATALOGUE[q.effect].stage for q in wanted), Stage.ENCODER))
+    stages = dict.fromkeys((*(CATALOGUE[q.effect].stage for q in p.parameters), Stage.ENCODER))
     rows = set_off(p, e).rows(_effects(p, x), stages)
     J, G = rows.jacobian(p.parameters), rows.sensitivity[Stage.ENCODER]
-    return rows, J, rows.residual + J @ x + apply_matrix(G, e[p.visit]), G
+    return visit_rows(J, rows.residual + J @ x + apply_matrix(G, e[p.visit]), G, p.visit, p.weight)
 
 
 def visit_means(p: Problem, a: Array) -> Array:
@@ -195,7 +184,6 @@ class PositionFit:
     solution: Solution
     setting: Array
     linear: VisitRows
-    whitened: Whitened
     noise: Noise
     steps: int  # 0 where it did not converge
 
@@ -220,19 +208,7 @@ def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> Positi
     near = start is not None and np.all(np.abs(start - mean) <= MAX_PRIOR_SIGMAS * scale)
     found = fit([view_of_positions(p, noise)], p.parameters, p.effects, start if near else mean)
     linear = by_visit(p, found.x if found.steps else mean, found.local[0])  # where it ran away nothing can be read
-    return PositionFit(found.solution, found.local[0], linear, whiten(linear, noise), noise, found.steps)
-
-
-def misfit_with_sizes(p: Problem, x: Array, e: Array, noise: Noise, sizes: Sequence[Parameter]) -> Cost:
-    """Chi^2 of the rows about a fit (x, e) with the sizes of absent effects free beside its parameters."""
-    wanted = (*p.parameters, *sizes)
-    rows, J, r, G = _linear(p, x, e, wanted)
-
-    def misfit(effects: Sequence[Effect]) -> float:
-        every = np.concatenate([J, columns_of_sizes(rows, effects, sizes)], axis=-1)
-        return solve(whiten(visit_rows(every, r, G, p.visit, p.weight), noise).information(wanted)).chi2
-
-    return misfit
+    return PositionFit(found.solution, found.local[0], linear, noise, found.steps)
 
 
 def starting_values(p: Problem, effects: Sequence[Effect]) -> Array:

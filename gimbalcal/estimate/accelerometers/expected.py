@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, Problem, by_visit, problem, whiten
+from gimbalcal.effects import with_values
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, Problem, problem, view_of_positions
+from gimbalcal.estimate.fit import information_of
 from gimbalcal.inference.information import Solution, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording, Site
@@ -37,7 +39,9 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
     if schedule is None or not missing:
         return ""
     extra = planned(schedule, float(np.median(p.weight))).select(np.array(missing) - 1)
-    full = _expected_together(p, problem(extra, p.parameters, p.effects), noise, solution.x)
+    views = [view_of_positions(q, noise) for q in (p, problem(extra, p.parameters, p.effects))]
+    effects = with_values(p.effects, p.parameters, solution.x, p.platform.axis_names)
+    full = solve(information_of(views, effects, p.parameters))
     grown = solution.sigma / full.sigma
     worst = [i for i in np.argsort(-grown) if grown[i] > NOTABLE_SIGMA_RATIO] or [int(np.argmax(grown))]
     cost = ", ".join(f"{p.parameters[i].label} by {grown[i]:.2g}" for i in worst)
@@ -46,12 +50,6 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
     words = f"position{plural} {names} of schedule {schedule.name} missing: sigma grows most for "
     more = len(solution.unobservable) - len(full.unobservable)
     return words + cost + (f"; {more} further direction{'s' if more > 1 else ''} not seen at all" if more > 0 else "")
-
-
-def _expected_together(p: Problem, other: Problem, noise: Noise, x: Array) -> Solution:
-    """Return the solution of both recordings, linearised at the estimate x (p,) of one."""
-    parts = [whiten(by_visit(q, x, np.zeros((q.visits, q.turns))), noise).information(q.parameters) for q in (p, other)]
-    return solve(parts[0] + parts[1])
 
 
 def _follows(p: Problem, schedule: Schedule) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from gimbalcal.calibration import AssumedNoise, Provenance, StageResult
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, PositionFit, Problem, model
 from gimbalcal.estimate.accelerometers.expected import lost
+from gimbalcal.estimate.accelerometers.noise import RESIDUAL, deviance, fit_with_noise
 from gimbalcal.estimate.accelerometers.position_outliers import Fault, acceptable
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.inference.p_value import probability
@@ -65,6 +67,37 @@ def excess_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
     excess = f"chi^2 = {chi2:.4g} for {dof} degrees of freedom, p = {probability(chi2, dof):.1g}"
     words = f"the residual is {np.sqrt(chi2 / dof):.3g} times what the noise allows ({excess})"
     return [", ".join(filter(None, [words, larger]))]
+
+
+def larger_noise_in_words(p: Problem, fit: PositionFit) -> str:
+    """Words "explained only if ..." for a misfit that one larger noise, at its most likely size, explains; else empty.
+
+    The setting repeatability is tried, and outputs that wander from one visit to the next.
+    """
+    s = fit.solution
+    if not fit.steps or acceptable(s.chi2, s.dof):
+        return ""
+    found = []
+    opened = {
+        "setting": replace(fit.noise, setting_from=RESIDUAL),
+        "accelerometer": replace(fit.noise, accelerometer_from=RESIDUAL),
+    }
+    for name, noise in opened.items():
+        stated = getattr(fit.noise, name)
+        if getattr(fit.noise, f"{name}_from") == RESIDUAL or not 0 < stated < np.inf:
+            continue
+        free = fit_with_noise(p, noise, s.x)
+        times = getattr(free.noise, name) / stated
+        if free.steps and times > 1 and acceptable(free.solution.chi2, free.solution.dof):
+            found.append((deviance(free.linear, free.noise, p.parameters), name, times))
+    if not found:
+        return ""
+    _, name, times = min(found)
+    if name == "setting":
+        return f"explained only if the setting repeatability is {times:.2g} times the stated"
+    mean = fit.noise.accelerometer / np.sqrt(float(np.median(p.weight)))
+    wander = from_si(float(np.sqrt(times**2 - 1) * mean), "ug")
+    return f"explained only if the outputs wander by {wander:.2g} ug from one position to the next"
 
 
 def joined(sentences: Sequence[str]) -> str:

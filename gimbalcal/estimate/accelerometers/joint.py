@@ -11,23 +11,17 @@ Cramer-Rao bound of all that the positions show, with poor ones it passes over i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from gimbalcal.calibration import Calibration, Readout, Residual
-from gimbalcal.effects import Effect, with_values
+from gimbalcal.effects import with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.errors_in_variables import (
     PositionFit,
     Problem,
-    by_visit,
     gauss_newton,
     starting_values,
-    whiten,
 )
-from gimbalcal.estimate.accelerometers.excess_scatter import larger_noise_in_words
-from gimbalcal.estimate.accelerometers.fit_summary import outcome, provenance, rms, stage
+from gimbalcal.estimate.accelerometers.fit_summary import larger_noise_in_words, outcome, provenance, rms, stage
 from gimbalcal.estimate.accelerometers.positions import Positions
-from gimbalcal.inference.information import Information
 from gimbalcal.units import from_si
 
 
@@ -56,13 +50,6 @@ def joint(positions: Positions, start: Calibration | None = None, judged: bool =
         stages=(stage("joint", p, fit, words),),
         readout=Readout(gimbals=p.platform.axis_names),
     )
-
-
-def information_of_positions(positions: Positions, effects: Sequence[Effect]) -> Information:
-    """Return the information of the positions, linearised at `effects` with the setting errors of the fit."""
-    p = positions.problem
-    linear = by_visit(p, starting_values(p, effects), positions.fit.setting)
-    return whiten(linear, positions.noise).information(p.parameters)
 
 
 def in_words(p: Problem, fit: PositionFit) -> str:

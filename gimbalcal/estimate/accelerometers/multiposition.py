@@ -11,7 +11,7 @@ a coefficient must stand clear of its sigma (`support`), and positions left out 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 from math import nan
 
@@ -22,16 +22,23 @@ from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.errors_in_variables import Noise
-from gimbalcal.estimate.accelerometers.excess_scatter import noise_of_a_mean, scatter_in_words
 from gimbalcal.estimate.accelerometers.fit_summary import assumed_noise, rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, left_out_rms, norm_fit, sample_sigma, unknowns
-from gimbalcal.estimate.accelerometers.omitted_terms import covariance_of_omitted_terms, in_words
+from gimbalcal.estimate.accelerometers.norm_fit import (
+    LINEAR,
+    covariance_of_omitted_terms,
+    left_out_rms,
+    norm_fit,
+    omitted_terms_in_words,
+    sample_sigma,
+    unknowns,
+)
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, unfit
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.estimate.term_selection import coefficients, needed, refusal
+from gimbalcal.estimate.term_selection import MAX_SCATTER_RATIO, coefficients, needed, refusal
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import View
 from gimbalcal.views.norm import norm, scaled_by_gravity
@@ -71,7 +78,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
         left += declined  # a cubic of 600 ug hid a square of 250: what was declined before is asked once more
         declined = {}
     more_sigma = covariance_of_omitted_terms(best, list(declined))
-    wider = in_words(more_sigma, best.solution.covariance)
+    wider = omitted_terms_in_words(more_sigma, best.solution.covariance)
     told = [(term, why + wider) for term, why in declined.items()]
     own = noise_of_a_mean(recording, sample_sigma(view), counts)
     made = _calibration(best, tried, told, counts, own)
@@ -176,3 +183,31 @@ def _stage(terms: Sequence[str], made: ViewsFit) -> StageResult:
     left = f", {left_out:.2g} m/s^2 for a position left out" if np.isfinite(left_out) else ""
     words = f"norm of gravity at {positions} positions; condition number {made.condition:.0f}{left}"
     return made.stage(" + ".join(terms), words)
+
+
+def noise_of_a_mean(recording: Recording, sample: float, counts: Counts | None = None) -> float:
+    """Return the noise [m/s^2] of the mean of a position from that of a sample; 0 where it is unknown.
+
+    Where samples scatter less than a step of the converter, their mean is no better than the step.
+    """
+    means = dwell_means(recording)
+    if not means.sigma("accelerometer"):
+        return 0.0
+    own = sample / float(np.sqrt(np.median(means.weight)))
+    scale = counts.scale if counts else (1.0, 1.0, 1.0)
+    step = max(resolution(recording.channels[FORCE, a]) * k for a, k in zip("xyz", scale, strict=True))
+    return float(max(own, step / np.sqrt(12))) if sample < step else own
+
+
+def scatter_in_words(stated: Container[str], excess: float, own: float) -> str:
+    """A sentence where positions scatter by `excess` [m/s^2] far beyond `own`, the noise of their means.
+
+    stated: sensors whose noise the header states.
+    """
+    if not own or excess <= MAX_SCATTER_RATIO * own:
+        return ""
+    of = "stated noise" if "accelerometer" in stated else "scatter of the samples"
+    return (
+        f"the positions scatter by {excess:.2g} m/s^2 about the model, {excess / own:.2g} times what the {of} explains "
+        f"({own:.2g} m/s^2 for the mean of a position)"
+    )

@@ -7,25 +7,26 @@ all coefficients to the force vector at every visit: here it is made, and the st
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
 from gimbalcal.effects.effect import happens_once
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     PositionFit,
     Problem,
-    misfit_with_sizes,
     position_parameters,
     problem,
     starting_values,
+    view_of_positions,
 )
 from gimbalcal.estimate.accelerometers.noise import stated_noise
 from gimbalcal.estimate.accelerometers.position_outliers import Fault, fit_without_outliers
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
+from gimbalcal.estimate.fit import cost_of_sizes
 from gimbalcal.recording import Recording
 
 
@@ -51,8 +52,10 @@ def misfit_of_positions(positions: Positions, more: Sequence[ExtraEffect]) -> tu
         e = np.zeros((p.visits, p.turns))
     else:
         p = p.without([visit for fault in positions.faults for visit in fault.visits])
-    sizes = sizes_shown_by(more, positions.recording)
-    return misfit_with_sizes(p, positions.fit.solution.x, e, positions.noise, sizes), p.stimulus
+    sizes, x = sizes_shown_by(more, positions.recording), positions.fit.solution.x
+    view = view_of_positions(replace(p, parameters=(*p.parameters, *sizes)), positions.noise)
+    effects = with_values(p.effects, p.parameters, x, p.platform.axis_names)
+    return cost_of_sizes([view], effects, p.parameters, sizes, [np.zeros(1)], x, [e]), p.stimulus
 
 
 def trusted_positions(

@@ -33,15 +33,16 @@ from gimbalcal.estimate.gyroscopes.residual_checks import (
     sizes_in_words,
     turns_in_words,
 )
-from gimbalcal.estimate.gyroscopes.rests import (
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     BIAS,
     G_SENSITIVITY,
     by_motion,
     fit_rests,
+    fit_turns,
     level_of,
     rests,
+    with_reference_error,
 )
-from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns, with_reference_error
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.information import Unobservable

@@ -21,8 +21,7 @@ from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, GYROSCOPE_IN
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.fit import LEAST_SIGNAL, fit
-from gimbalcal.estimate.gyroscopes.rests import BIAS, fit_rests, level_of, rests
-from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import BIAS, fit_rests, fit_turns, level_of, rests
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
 from gimbalcal.views.core import View

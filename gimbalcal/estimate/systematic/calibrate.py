@@ -18,12 +18,11 @@ from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import ExtraEffect
-from gimbalcal.estimate.systematic.filter_pass import attitude_covariance
+from gimbalcal.estimate.systematic.filter_pass import attitude_covariance, data_information
 from gimbalcal.estimate.systematic.innovation_rows import innovation_rows
 from gimbalcal.estimate.systematic.innovation_tests import innovation_statistics, outcome
 from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
 from gimbalcal.estimate.systematic.linearisation_error import linearisation_covariance
-from gimbalcal.estimate.systematic.observability import data_information
 from gimbalcal.estimate.systematic.state_lists import UNESTIMATED, states
 from gimbalcal.estimate.systematic.suspected_errors import limitations, suspected_error
 from gimbalcal.inference.information import solve

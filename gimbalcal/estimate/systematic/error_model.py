@@ -4,27 +4,33 @@ The reference of stretch k starts from the attitude C_k, not moving; where it en
 known defect d_k of the model,
 
 .. math:: x_{k+1} = \Phi_k x_k + \Psi_k \, \delta\theta + d_k + w_k .
+
+Coloured noise that `[noise]` of a recording states is more states. A chain of a process (`effects.process`) adds its
+value x to the readings of one channel: over a stretch its mean, :math:`\tfrac{1}{2} (1 + \Phi) x`, as a constant
+addition to the reading, and at the end it moves on, :math:`x \to \Phi(h_k) x + w_k, \; w_k \sim N(0, Q(h_k))`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from gimbalcal.earth import rate_at
 from gimbalcal.effects import Effect, Parameter
-from gimbalcal.estimate.systematic.bias_processes import augment, bias_processes
 from gimbalcal.estimate.systematic.sensor_inversion import sensitivity
 from gimbalcal.navigate.error_growth import NAV, transitions
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
+from gimbalcal.recording.noise_levels import coloured
 from gimbalcal.rotation import cross_matrix, exponential, rotation_vector
-from gimbalcal.views.segments import Segments
+from gimbalcal.views.segments import CHANNELS, Segments
 
 BATCH_INTERVALS = 20_000  # intervals at a time: what a column of them takes stays below 50 MB
 STATE_SCALE = np.repeat([1e-3, 1e-3, 1e-3], 3)  # rad, m/s, m: scale of the navigation states
+SHORTEST_PERIOD_S = 2.0  # flicker of shorter periods is below the white noise of any instrument
 PAUSE_ATTITUDE_SIGMA_RAD = np.radians(0.5 / 3600)  # of the attitude over a pause of the clock in a stop
 
 
@@ -158,3 +164,54 @@ def _in_body(segments: Segments, u: Array, C: Array, v: Array) -> Array:
 def rotated(C: Array, phi: Array) -> Array:
     """Return exp([phi x]) C for attitudes C (K, 3, 3) and errors phi (K, 3) [rad]."""
     return np.asarray(exponential(-phi) @ C)
+
+
+@dataclass(frozen=True, eq=False)
+class BiasProcesses:
+    """c chains in SI that follow the navigation states.
+
+    channel (c,): the reading that each adds to; Phi, Q (K, c) over each stretch; P_0 (c,) at the start; scale (c,):
+    their size by the end of the recording.
+    """
+
+    channel: Array
+    Phi: Array
+    Q: Array
+    P_0: Array
+    scale: Array
+
+    def __len__(self) -> int:
+        return len(self.channel)
+
+
+def bias_processes(segments: Segments) -> BiasProcesses:
+    """Return the chains of all six channels; none where the header states white noise alone."""
+    h = np.diff(segments.time)
+    moved = np.zeros(len(h), dtype=bool)
+    stated = coloured(segments.rows, SHORTEST_PERIOD_S, float(h.sum()))
+    parts = [(i, process) for i, (quantity, _) in enumerate(CHANNELS) for process in stated.get(quantity, ())]
+    channel = np.concatenate([np.zeros(0, dtype=int), *(np.full(len(p.output()), i) for i, p in parts)])
+    H = np.concatenate([np.zeros(0), *(p.output() for _, p in parts)])
+    Phi = np.concatenate([np.zeros((len(h), 0)), *(p.transition(h, moved) for _, p in parts)], axis=1)
+    Q = np.concatenate([np.zeros((len(h), 0)), *(p.diffusion(h, moved) for _, p in parts)], axis=1) * H**2
+    P_0 = np.concatenate([np.zeros(0), *(p.initial() for _, p in parts)]) * H**2
+    return BiasProcesses(channel.astype(int), Phi, Q, P_0, np.sqrt(P_0 + Q.sum(axis=0)))
+
+
+def augment(
+    Phi: Array, Psi: Array, Q: Array, d: Array, additions: Array, processes: BiasProcesses
+) -> tuple[Array, Array, Array, Array]:
+    """Append the chains to an error model of m states: Phi (K, m + c, m + c), Psi, Q, d.
+
+    additions (K, m, 6): response of the states to a constant addition to each reading over a stretch.
+    """
+    K, m, c = len(Phi), Phi.shape[1], len(processes)
+    if not c:
+        return Phi, Psi, Q, d
+    own, none = np.arange(m, m + c), np.zeros((K, c))
+    F, N = np.zeros((K, m + c, m + c)), np.zeros((K, m + c, m + c))
+    F[:, :m, :m], N[:, :m, :m] = Phi, Q
+    F[:, :m, m:] = additions[:, :, processes.channel] * ((1 + processes.Phi) / 2 * processes.scale)[:, None]
+    F[:, own, own] = processes.Phi
+    N[:, own, own] = processes.Q / processes.scale**2
+    return F, np.concatenate([Psi, np.zeros((K, c, Psi.shape[2]))], axis=1), N, np.concatenate([d, none], axis=1)

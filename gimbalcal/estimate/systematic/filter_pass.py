@@ -7,6 +7,13 @@ known defect d_k of the linear error model,
 
 so that a run of any length stays linear (multiple shooting): the vertical channel has no time to diverge, and the next
 pass starts from smoothed attitudes. When passes have converged, products of two errors are part of the solution.
+
+A pass works with a prior so wide that it has no influence. An unobservable combination then comes out as noise over
+next to nothing, many times the size of any sensor error; a reference that went there would leave the range in which the
+model is linear, and spoil what is observable too. So the reference goes to the estimate theta* in which such
+combinations keep their prior mean, and the attitudes follow,
+
+.. math:: x_{k|n}(\theta^*) = x_{k|n} + P_{x \theta} P_{\theta\theta}^{-1} (\theta^* - \hat\theta) .
 """
 
 from __future__ import annotations
@@ -20,16 +27,15 @@ from numpy.typing import NDArray
 from gimbalcal.calibration.content_checks import not_finite
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.systematic.alignment import Alignment
-from gimbalcal.estimate.systematic.bias_processes import bias_processes
-from gimbalcal.estimate.systematic.error_model import STATE_SCALE, ErrorModel, defects, error_model
-from gimbalcal.estimate.systematic.observability import WIDE_PRIOR_SIGMAS, data_information, inverse_factor
+from gimbalcal.estimate.systematic.error_model import STATE_SCALE, ErrorModel, bias_processes, defects, error_model
 from gimbalcal.inference import adjoint, square_root_filter
-from gimbalcal.inference.information import solve
+from gimbalcal.inference.information import Information, solve
 from gimbalcal.inference.square_root_filter import Filtered
 from gimbalcal.number import Array
 from gimbalcal.rotation import rotation_vector
 from gimbalcal.views.segments import Segments
 
+WIDE_PRIOR_SIGMAS = 100.0  # times the catalogue's prior, which then has no influence
 POSITION_SIGMA_M = 1e-3  # at the start
 VELOCITY_STATES = np.arange(3, 6)
 JUMP_SIGMA_M_S = 1.0  # of the velocity after a knock, with which the navigator starts anew
@@ -196,3 +202,24 @@ def with_velocity_jumps(Q: Array, excluded: NDArray[np.bool_]) -> Array:
     Q = Q.copy()
     Q[np.ix_(excluded, VELOCITY_STATES, VELOCITY_STATES)] += (JUMP_SIGMA_M_S / STATE_SCALE[3]) ** 2 * np.eye(3)
     return Q
+
+
+def data_information(
+    wanted: Sequence[Parameter], factor: Array, x: Array, scale: Sequence[float] | Array
+) -> Information:
+    """Return the information of the data alone, from a pass that estimated x (p,) [SI] with prior sigmas scale (p,).
+
+    factor (p, p), lower triangular: P = S S^T includes the prior of width w = `WIDE_PRIOR_SIGMAS`, so the singular
+    values s of S^-1 become sqrt(s^2 - 1 / w^2).
+    """
+    _, s, Vt = np.linalg.svd(inverse_factor(factor))
+    s = np.sqrt(np.maximum(s**2 - WIDE_PRIOR_SIGMAS**-2, 0.0))
+    J = s[:, None] * Vt * (np.array([p.sigma for p in wanted]) / scale)
+    return Information(tuple(wanted), np.column_stack([J, s * (Vt @ (x / scale))]), len(wanted))
+
+
+def inverse_factor(factor: Array) -> Array:
+    """Return S^-1 of a lower triangular S (p, p)."""
+    from scipy.linalg import solve_triangular
+
+    return np.asarray(solve_triangular(factor, np.eye(len(factor)), lower=True))

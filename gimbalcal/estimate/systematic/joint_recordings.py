@@ -20,9 +20,8 @@ from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
 from gimbalcal.estimate.sharing import Comparison, agreement, disagreeing, largest_difference
 from gimbalcal.estimate.systematic.calibrate import calibrated, systematic
 from gimbalcal.estimate.systematic.error_model import rotated
-from gimbalcal.estimate.systematic.filter_pass import filter_and_smooth
+from gimbalcal.estimate.systematic.filter_pass import WIDE_PRIOR_SIGMAS, data_information, filter_and_smooth
 from gimbalcal.estimate.systematic.iterate import CONVERGED_SIGMAS, SystematicFit, iterate
-from gimbalcal.estimate.systematic.observability import WIDE_PRIOR_SIGMAS, data_information
 from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
 from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.inference.information import Information, solve

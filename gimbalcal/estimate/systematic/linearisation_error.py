@@ -15,9 +15,14 @@ import numpy as np
 
 from gimbalcal.effects import with_values
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE, rotated
-from gimbalcal.estimate.systematic.filter_pass import VELOCITY_STATES, filter_and_smooth, smoother_inputs
+from gimbalcal.estimate.systematic.filter_pass import (
+    VELOCITY_STATES,
+    data_information,
+    filter_and_smooth,
+    inverse_factor,
+    smoother_inputs,
+)
 from gimbalcal.estimate.systematic.iterate import SystematicFit
-from gimbalcal.estimate.systematic.observability import data_information, inverse_factor
 from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
 from gimbalcal.inference import adjoint
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE

@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.checks.input_errors import Correction, trials
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.alignment import align
-from gimbalcal.estimate.systematic.bias_processes import bias_processes
+from gimbalcal.estimate.systematic.error_model import bias_processes
 from gimbalcal.estimate.systematic.filter_pass import GATE_NIS
 from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
 from gimbalcal.estimate.systematic.turn_consistency import NONLINEAR_SCALE_ERROR

@@ -9,8 +9,10 @@ import pytest
 from gimbalcal.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, parameters, values
 from gimbalcal.estimate.accelerometers.coarse import coarse
-from gimbalcal.estimate.accelerometers.joint import information_of_positions, joint
+from gimbalcal.estimate.accelerometers.errors_in_variables import view_of_positions
+from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
+from gimbalcal.estimate.fit import information_of
 from gimbalcal.inference.information import solve
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
@@ -92,7 +94,9 @@ def test_where_it_starts_does_not_matter_and_adds_nothing() -> None:
 def test_information_of_a_recording_solves_to_its_joint_fit() -> None:
     _, recording = recorded(8)
     c = joint(trusted_positions(recording))
-    again = solve(information_of_positions(trusted_positions(recording), c.effects))
+    positions = trusted_positions(recording)
+    view = view_of_positions(positions.problem, positions.noise)
+    again = solve(information_of([view], c.effects, PARAMETERS, [positions.fit.setting]))
     # linearised at the estimate instead of one step before it: 1e-3 sigma is where the iteration stops
     np.testing.assert_allclose(again.x, c.values, atol=2e-3 * c.sigmas.min())
     assert again.dof == c.residual.dof

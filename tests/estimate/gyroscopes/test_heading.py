@@ -11,7 +11,7 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.estimate.gyroscopes.rests import fit_rests, rests
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import fit_rests, rests
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.turns import turns_between_rests

@@ -10,7 +10,7 @@ import pytest
 from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, gyroscopes_between_rests
-from gimbalcal.estimate.gyroscopes.turn_fit import fit_turns, with_reference_error
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import fit_turns, with_reference_error
 from gimbalcal.views.turns import turns_between_rests
 from tests.estimate.gyroscopes.test_between_rests import TRUTH, hand
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects.process import Flicker, GaussMarkov, RandomWalk, sample
-from gimbalcal.estimate.systematic.bias_processes import bias_processes
 from gimbalcal.estimate.systematic.calibrate import systematic
+from gimbalcal.estimate.systematic.error_model import bias_processes
 from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.recording import read, write
 from gimbalcal.recording.noise_levels import coloured

@@ -1,7 +1,9 @@
-r"""Gyroscopes at rest: bias, and what gravity does to them, from the mean outputs of dwells.
+r"""Fits of gyroscopes to dwells (bias, and what gravity does to them) and to the turns between dwells.
 
 Dwells may scatter beyond the noise of their means, as a wandering bias does; how far is estimated with the effects, for
-each axis. See `views.rest_rates` for the rows, and what of the Earth's rate is a nuisance of them.
+each axis. Nothing states the noise of turns: sigmas are scaled to their scatter. Turns start and end where the
+calibrated accelerometers say down is. An error of theirs stands in every turn alike, so that no scatter of turns shows
+it, and is added to the covariance. See `views.rest_rates` and `views.turns` for the rows.
 """
 
 from __future__ import annotations
@@ -11,17 +13,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
-from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
-from gimbalcal.estimate.gyroscopes.turn_fit import linear_effects
+from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit, fixed_nuisances, independent
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import View
 from gimbalcal.views.rest_rates import rest_rates
 from gimbalcal.views.swept_rotations import swept
-from gimbalcal.views.turns import Turns, logged_turns
+from gimbalcal.views.turns import Turns, gravity_after_turns, logged_turns
 
 BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
 MIN_DWELLS = 6  # four unknowns an axis, and something to test them on
@@ -78,3 +81,35 @@ def by_motion(extra: Extension, still: View) -> tuple[Extension, Extension]:
     at_rest |= {c for c in extra.constants if any(p.effect == c.effect for p in at_rest)}
     rest, moving = (tuple(p for p in extra.parameters if (p in at_rest) is still) for still in (True, False))
     return Extension(extra.effects, rest), Extension(extra.effects, moving)
+
+
+def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSION) -> ViewsFit:
+    """Fit the terms' parameters, and those of extra effects, to gravity after each turn.
+
+    Raises InputError where there are fewer turns than parameters ask for, or none that tells some of them apart.
+    """
+    view, wanted = (
+        gravity_after_turns(turns),
+        (*(p for t in terms for p in parameters(CATALOGUE[t])), *extra.parameters),
+    )
+    if 2 * len(view) < len(wanted):
+        raise InputError(
+            f"{amount(len(view), 'turn')} for {amount(len(wanted), 'parameter')} that are asked for: turn more often"
+        )
+    sizes = [p for p in wanted if p not in extra.constants]  # a constant shows nothing before its effect has a size
+    if not independent(view.evaluate(extra.effects).jacobian(sizes).reshape(-1, len(sizes))):
+        raise InputError(f"nothing in {amount(len(view), 'turn')} tells all of {', '.join(terms)} apart")
+    return fit([view], wanted, extra.effects, min_signal=LEAST_SIGNAL)
+
+
+def linear_effects(turns: Turns) -> tuple[Effect, ...]:
+    """Return the linear model of the gyroscopes on the way; empty where the turns do not determine all of it."""
+    try:
+        return fit_turns(turns, GYROSCOPE_INPUT_TERMS).effects
+    except InputError:
+        return ()
+
+
+def with_reference_error(found: ViewsFit, turns: Turns, accelerometers: Calibration) -> ViewsFit:
+    """Return the fit with what the accelerometers' covariance adds to that of the estimate."""
+    return fixed_nuisances(found, [gravity_after_turns(turns, accelerometers, found.effects)])
