@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 
@@ -25,8 +25,9 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.entries import Json, plain
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, by_visit, position_parameters, problem, whiten
+from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, position_parameters, problem, view_of_positions
 from gimbalcal.estimate.accelerometers.expected import planned
+from gimbalcal.estimate.fit import information_of
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, Unobservable, information, solve
 from gimbalcal.kinematics import stimulus_from_angles
@@ -194,9 +195,7 @@ def observe_static(
 
 def information_in_positions(plan: Recording, wanted: Sequence[Parameter], noise: Noise) -> Information:
     """Return the information of planned positions about the parameters, setting errors eliminated."""
-    p = problem(plan, wanted)
-    linear = by_visit(p, np.zeros(len(wanted)), np.zeros((p.visits, p.turns)))
-    return whiten(replace(linear, r=np.zeros_like(linear.r)), noise).information(wanted)
+    return information_of([view_of_positions(problem(plan, wanted), noise)], (), wanted)
 
 
 def information_at_rest(plan: Recording, wanted: Sequence[Parameter], noise: Mapping[str, float]) -> Information:

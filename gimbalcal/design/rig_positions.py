@@ -17,7 +17,7 @@ from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Parameter, Stage, parameters
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, position_parameters, whiten
+from gimbalcal.estimate.accelerometers.errors_in_variables import position_parameters
 from gimbalcal.forward import linearise
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
@@ -27,7 +27,7 @@ from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE
 from gimbalcal.rotation import cross_matrix
 from gimbalcal.units import to_si
-from gimbalcal.views.local import VisitRows
+from gimbalcal.views.local import VisitRows, eliminate
 
 MAX_CANDIDATES = 200_000  # rows of some 18 parameters: 100 MB of work space
 SAME = 1e-9  # of the largest information: separates rounding from a real difference of attitude
@@ -144,5 +144,5 @@ def whitened_rows(settings: Array, rig: PositioningRig, wanted: Sequence[Paramet
     # where no angle is known the force may be turned by any angle
     G = cross_matrix(s.force) if np.isinf(rig.setting) else rows.sensitivity[Stage.ENCODER]
     linear = VisitRows(J, 0 * s.force, G, np.ones(len(settings)), J[:0], s.force[:0])
-    w = whiten(linear, Noise(rig.accelerometer, rig.setting))
+    w = eliminate(linear, rig.accelerometer**2, rig.setting**2)
     return np.where(np.isfinite(w.sigma)[..., None], w.J, 0.0) * np.array([p.sigma for p in wanted])

@@ -17,7 +17,7 @@ from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
 from gimbalcal.estimate.grade import graded
-from gimbalcal.estimate.sharing import Comparison, compare_calibrations, disagreeing
+from gimbalcal.estimate.sharing import Comparison, Scope, compare_calibrations, disagreeing, scope_of
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.method_table import Request
 from gimbalcal.recording import Recording, dwells, join
@@ -41,8 +41,9 @@ def unit_of_sessions(
     Raises InputError for sessions that are not of one unit, see `recording.join`.
     """
     made = inertial_unit(join(sessions), terms, more)
-    own = {"gyro_bias", *(a.effect for a in more)}  # of each session
-    taken = tuple(dict.fromkeys(p.effect for p in made.parameters if p.effect not in own))
+    added = {a.effect for a in more}
+    effects = dict.fromkeys(p.effect for p in made.parameters)
+    taken = tuple(i for i in effects if i not in added and scope_of(i) is Scope.UNIT)
     scaled = [in_si(r, made.readout) for r in sessions]  # counts of all by one nominal scale
     alone, compared = zip(*(_compared(scaled, k, taken, more) for k in range(len(sessions))), strict=True)
     entries = tuple(c.session(rests=len(dwells(r))) for c, r in zip(compared, sessions, strict=True))

@@ -1,4 +1,8 @@
-r"""Agreement of recordings in the parameters that they share.
+r"""Which parameters recordings share, and whether the recordings agree in them.
+
+What an effect is a constant of, its scope, decides who shares its parameters: sensors, encoders and the axes of gimbals
+are of the unit; bases, platforms, attitudes and gravity are of the installation, which nights of a mount share and a
+rig that was moved does not; what happens once is of its recording; a rate bias is another after every switching on.
 
 Information about shared parameters is added (`Information.__add__`, which unites equal parameters). What chi^2 rises by
 when K recordings share them tells whether they may,
@@ -16,19 +20,46 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from math import nan
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.provenance import Session
-from gimbalcal.effects import Parameter
+from gimbalcal.effects import CATALOGUE, Parameter, Stage
+from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, happens_once
 from gimbalcal.inference.information import Solution
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
+UNIT_STAGES = SENSOR_STAGES | GYROSCOPE_STAGES | {Stage.ENCODER, Stage.AXIS_TILT}
 AGREEMENT_SIGNIFICANCE = 0.01  # chance that any of several recordings of a unit is said not to agree where all do
+
+
+class Scope(Enum):
+    """Of what the parameters of an effect are constants."""
+
+    UNIT = "unit"
+    INSTALLATION = "installation"
+    RECORDING = "recording"
+    POWER_UP = "power-up"
+
+
+def scope_of(effect_id: str) -> Scope:
+    """Return of what the parameters of an effect of the catalogue are constants.
+
+    >>> scope_of("scale_factor").value, scope_of("gyro_bias").value, scope_of("base_tilt").value
+    ('unit', 'power-up', 'installation')
+    """
+    cls = CATALOGUE[effect_id]
+    if happens_once(cls):
+        return Scope.RECORDING
+    if effect_id in GYROSCOPE_BIAS:
+        return Scope.POWER_UP
+    return Scope.UNIT if cls.stage in UNIT_STAGES else Scope.INSTALLATION
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ chance that anything at all is taken up in a calibration that has only the linea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Parameter, parameters
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -42,28 +43,54 @@ def coefficients(terms: Sequence[str]) -> int:
     return sum(len(parameters(CATALOGUE[i])) for i in terms)
 
 
+Fits = list[tuple[tuple[str, ...], ViewsFit]]
+
+
+def selected(
+    base: tuple[str, ...], first: ViewsFit, further: Sequence[str],
+    attempt: Callable[[tuple[str, ...], ViewsFit], ViewsFit | str],
+) -> tuple[Fits, dict[str, str]]:  # fmt: skip
+    """Return the fits of base and of ever one term more, the one that predicts left-out rows best; and why not others.
+
+    attempt: the fit of terms, the last of them new, or in a sentence why the data do not support it beside the fit
+    without it. What is declined is tried again beside each new term: a cubic of 600 ug hid a square of 250.
+    """
+    fits, remaining, declined = [(base, first)], list(further), dict[str, str]()
+    while remaining:
+        terms, best = fits[-1]
+        tried = {t: attempt((*terms, t), best) for t in remaining}
+        declined = {t: fit for t, fit in tried.items() if isinstance(fit, str)}
+        good = {t: fit for t, fit in tried.items() if not isinstance(fit, str)}
+        if not good:
+            break
+        term = min(good, key=lambda t: good[t].left_out_rms)
+        fits.append(((*terms, term), good[term]))
+        remaining.remove(term)
+    return fits, declined
+
+
 def refusal(
-    term: str, data: str, wanted: Sequence[Parameter], x: Array, sigma: Array,
-    left_out: tuple[float, float], unit: str, condition: tuple[float, float], clear_of: float,
+    term: str, data: str, without: ViewsFit, fit: ViewsFit, unit: str, clear_of: float, sigma: Array | None = None,
+    left_out: Callable[[ViewsFit], float] = lambda fit: fit.left_out_rms,
 ) -> str:  # fmt: skip
     """Explain in a sentence why `data` ("38 positions") do not support `term`; empty where they do.
 
-    wanted, x, sigma: parameters of the fit with the term, SI; left_out: rms misfit [unit] of what took no part,
-    without and with the term; condition: the condition numbers, columns of length one; clear_of: sigmas that its
-    largest coefficient must exceed (`needed`).
+    fit: with the term; clear_of: sigmas that its largest coefficient must exceed (`needed`), sigma (p,) those of the
+    fit unless given; left_out: rms misfit [unit] of rows that took no part.
     """
-    mine = [i for i, q in enumerate(wanted) if q.effect == term]
-    clear = float(np.max(np.abs(x[mine]) / sigma[mine]))
-    worse = left_out[1] > left_out[0]
+    sigma, rms = fit.sigmas if sigma is None else sigma, (left_out(without), left_out(fit))
+    mine = [i for i, q in enumerate(fit.parameters) if q.effect == term]
+    clear = float(np.max(np.abs(fit.x[mine]) / sigma[mine]))
+    worse = rms[1] > rms[0]
     if not worse and clear > clear_of:
         return ""
-    printed, things = wanted[mine[0]].unit, data.rsplit(maxsplit=1)[-1]
+    printed, things = fit.parameters[mine[0]].unit, data.rsplit(maxsplit=1)[-1]
     joint = "but" if clear > clear_of else "and" if worse else "although"
     most = float(f"{from_si(float(sigma[mine].max()), printed):.2g}")
     return (
         f"{term} is left out: from these {data} its largest coefficient is {clear:.1f} times its sigma, where it "
         f"takes {clear_of:.1f} to rule out chance, {joint} {things} kept out of the fit are predicted "
-        f"{'worse' if worse else 'no worse'} with it (rms {left_out[1]:.3g} {unit} with it, {left_out[0]:.3g} without; "
+        f"{'worse' if worse else 'no worse'} with it (rms {rms[1]:.3g} {unit} with it, {rms[0]:.3g} without; "
         f"its sigma is up to {most:g} {printed}, the condition number "
-        f"{condition[1]:.0f} with it, {condition[0]:.0f} without)"
+        f"{fit.condition:.0f} with it, {without.condition:.0f} without)"
     )

@@ -26,8 +26,8 @@ from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement, agreement_on_constants
 from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, values, with_values
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.estimate.sharing import Scope, scope_of
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.number import Array
 from gimbalcal.recording import when_recorded
@@ -37,7 +37,6 @@ ROUNDS = 4  # linearisations at most: each leaves a product of two errors of wha
 FAR = 20.0  # prior sigmas of one step: interchanged positions ask for nonlinearities that no force could be read with
 SETTLED = 1e-3  # of a sigma
 WIDE = 30.0
-UNIT = SENSOR_STAGES | GYROSCOPE_STAGES | {Stage.ENCODER, Stage.AXIS_TILT}  # other constants say how the rig stood
 Constants = Sequence[tuple[str, float, float]]  # name, value and sigma in SI
 
 
@@ -166,7 +165,7 @@ class _RecordingRows:
     def own(self) -> tuple[Parameter, ...]:
         """The parameters that are this recording's own and not carried."""
         once = {self.found.causes[i].effect for i in self.which if self.found.causes[i].once}
-        stood = {p for p in self.fit.parameters if CATALOGUE[p.effect].stage not in UNIT}
+        stood = {p for p in self.fit.parameters if scope_of(p.effect) is Scope.INSTALLATION}
         return tuple(p for p in self.wanted if p.effect in once or p in stood)
 
     def model(self) -> tuple[Effect, ...]:

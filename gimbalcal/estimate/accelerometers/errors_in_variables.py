@@ -18,7 +18,6 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.effects.process import Process, SettingError, WhiteNoise
 from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.estimate.fit import MAX_PRIOR_SIGMAS, fit
 from gimbalcal.inference.information import Solution, prior
@@ -41,16 +40,6 @@ class Noise:
     setting: float
     accelerometer_from: str = "header"
     setting_from: str = "header"
-
-    @property
-    def of_samples(self) -> Process:
-        """Process of every accelerometer, sample by sample."""
-        return WhiteNoise(self.accelerometer)
-
-    @property
-    def of_settings(self) -> Process:
-        """Process of every gimbal, or of every turn of a unit without gimbals, visit by visit."""
-        return SettingError(self.setting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +162,7 @@ def visit_means(p: Problem, a: Array) -> Array:
 
 def whiten(linear: VisitRows, noise: Noise) -> Whitened:
     """Scale to unit noise with the setting errors eliminated, see `views.local`."""
-    (sample,), (setting,) = noise.of_samples.initial(), noise.of_settings.initial()
-    return eliminate(linear, float(sample), float(setting))
+    return eliminate(linear, noise.accelerometer**2, noise.setting**2)
 
 
 @dataclass(frozen=True, eq=False)

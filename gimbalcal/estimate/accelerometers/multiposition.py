@@ -35,7 +35,7 @@ from gimbalcal.estimate.accelerometers.norm_fit import (
 )
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, unfit
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.estimate.term_selection import MAX_SCATTER_RATIO, coefficients, needed, refusal
+from gimbalcal.estimate.term_selection import MAX_SCATTER_RATIO, Fits, coefficients, needed, refusal, selected
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.noise_levels import resolution
@@ -63,25 +63,23 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     view = norm(means)
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     extra = _extension(view, base, more)
-    best = norm_fit(view, base, extra)
-    tried, declined, left = [(base, best)], dict[str, str](), [t for t in wanted if t not in base]
-    while left:
-        term = left.pop(0)
-        candidate = _attempt(view, (*tried[-1][0], term), extra)
-        why = _refusal(term, best, candidate, coefficients(wanted) - coefficients(base))
-        if why:
-            declined[term] = why
-            continue
-        assert candidate is not None
-        best = candidate
-        tried.append(((*tried[-1][0], term), candidate))
-        left += declined  # a cubic of 600 ug hid a square of 250: what was declined before is asked once more
-        declined = {}
+    tried, positions = coefficients(wanted) - coefficients(base), f"{len(view)} positions"
+
+    def attempt(terms: tuple[str, ...], without: ViewsFit) -> ViewsFit | str:
+        try:
+            fit = norm_fit(view, terms, extra)
+        except InputError:
+            return f"{terms[-1]} is left out: {positions} are fewer than the parameters it would make"
+        clear_of = needed(tried, fit.solution.dof if fit.excess > 0 else np.inf)
+        return refusal(terms[-1], positions, without, fit, "m/s^2", clear_of, left_out=left_out_rms) or fit
+
+    fits, declined = selected(base, norm_fit(view, base, extra), [t for t in wanted if t not in base], attempt)
+    best = fits[-1][1]
     more_sigma = covariance_of_omitted_terms(best, list(declined))
     wider = omitted_terms_in_words(more_sigma, best.solution.covariance)
     told = [(term, why + wider) for term, why in declined.items()]
     own = noise_of_a_mean(recording, sample_sigma(view), counts)
-    made = _calibration(best, tried, told, counts, own)
+    made = _calibration(fits, told, counts, own)
     return extra.complete(replace(made, covariance=made.covariance + more_sigma,
                                   readout=replace(made.readout, gimbals=recording.platform.axis_names)))  # fmt: skip
 
@@ -116,33 +114,8 @@ def _without_angles(cls: type[Effect]) -> bool:
     return cls.stage in SENSOR_STAGES and cls.channel == FORCE
 
 
-def _attempt(view: View, terms: Sequence[str], extra: Extension) -> ViewsFit | None:
-    try:
-        return norm_fit(view, terms, extra)
-    except InputError:
-        return None
-
-
-def _refusal(term: str, without: ViewsFit, candidate: ViewsFit | None, tried: int) -> str:
-    """Return why the positions do not support a term, of `tried` coefficients in all; empty where they do."""
-    positions = len(without.views[0])
-    if candidate is None:
-        return f"{term} is left out: {positions} positions are fewer than the parameters it would make"
-    solution = candidate.solution
-    return refusal(
-        term, f"{positions} positions", solution.parameters, solution.x, solution.sigma,
-        (left_out_rms(without), left_out_rms(candidate)), "m/s^2", (without.condition, candidate.condition),
-        needed(tried, solution.dof if candidate.excess > 0 else np.inf),
-    )  # fmt: skip
-
-
-def _calibration(
-    best: ViewsFit,
-    tried: Sequence[tuple[tuple[str, ...], ViewsFit]],
-    declined: Sequence[tuple[str, str]],
-    counts: Counts | None,
-    own: float,
-) -> Calibration:
+def _calibration(fits: Fits, declined: Sequence[tuple[str, str]], counts: Counts | None, own: float) -> Calibration:
+    best = fits[-1][1]
     solution, source = best.solution, best.views[0].source
     turned = any(q.effect == "misalignment" for q in best.parameters)
     unobservable = rotations_of_the_triad() if turned else []
@@ -165,7 +138,7 @@ def _calibration(
         unobservable=(*best.unobservable, *unobservable),
         outcome=_outcome(best, own),
         provenance=Provenance(recordings=source.source, noise=assumed_noise(noise), options=options),
-        stages=tuple(_stage(terms, made) for terms, made in tried),
+        stages=tuple(_stage(terms, made) for terms, made in fits),
         readout=Readout(accelerometers=counts),
     )  # fmt: skip
 

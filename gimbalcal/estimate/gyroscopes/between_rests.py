@@ -43,7 +43,7 @@ from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     rests,
     with_reference_error,
 )
-from gimbalcal.estimate.term_selection import coefficients, needed, refusal
+from gimbalcal.estimate.term_selection import Fits, coefficients, needed, refusal, selected
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
@@ -82,7 +82,10 @@ def gyroscopes_between_rests(
     if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
         turns = turns_between_rests(recording, accelerometers, level.effects)[0]
     further = [t for t in terms_moving if t not in base]
-    fits, declined = _taken_up(turns, base, further, tried, moving) if base or moving.parameters else ([], {})
+    fits, declined = Fits(), dict[str, str]()
+    if base or moving.parameters:
+        fits, declined = selected(base, fit_turns(turns, base, moving), further,
+                                  lambda terms, without: _attempt(turns, terms, without, tried, moving))  # fmt: skip
     if why:
         declined[G_SENSITIVITY] = why
     said = rests_in_words(level)
@@ -123,28 +126,6 @@ def _refuse(term: str, missing: str, title: str) -> None:
         raise InputError(f"--terms names {term}, which needs the channel {missing}; {title!r} has none")
 
 
-Fits = list[tuple[tuple[str, ...], ViewsFit]]
-
-
-def _taken_up(
-    turns: Turns, base: tuple[str, ...], further: Sequence[str], coefficients_tried: int, extra: Extension
-) -> tuple[Fits, dict[str, str]]:
-    """Fits of base and of ever one term more, the one that tells left-out turns best; and why others were declined."""
-    fits, left = [(base, fit_turns(turns, base, extra))], list(further)
-    declined: dict[str, str] = {}
-    while left:
-        terms, best = fits[-1]
-        tried = {t: _attempt(turns, (*terms, t), best, coefficients_tried, extra) for t in left}
-        declined = {t: found for t, found in tried.items() if isinstance(found, str)}
-        good = {t: found for t, found in tried.items() if not isinstance(found, str)}
-        if not good:
-            break
-        first = min(good, key=lambda t: good[t].left_out_rms)
-        fits.append(((*terms, first), good[first]))
-        left.remove(first)
-    return fits, declined
-
-
 def _attempt(turns: Turns, terms: tuple[str, ...], without: ViewsFit, tried: int, extra: Extension) -> ViewsFit | str:
     """The fit with the last of the terms, or why the turns do not support it."""
     try:
@@ -152,10 +133,8 @@ def _attempt(turns: Turns, terms: tuple[str, ...], without: ViewsFit, tried: int
     except InputError as problem:
         return f"{terms[-1]} is left out: {problem}"
     sigma = np.maximum(fit.sigmas, fit.left_out[1])
-    left_out, condition = (without.left_out_rms, fit.left_out_rms), (without.condition, fit.condition)
     data = f"{len(fit.residual[0])} turns"
-    clear_of = needed(tried, _dof(fit))
-    return refusal(terms[-1], data, fit.parameters, fit.x, sigma, left_out, "rad", condition, clear_of) or fit
+    return refusal(terms[-1], data, without, fit, "rad", needed(tried, _dof(fit)), sigma) or fit
 
 
 def _dof(fit: ViewsFit) -> int:

@@ -30,7 +30,7 @@ from gimbalcal.estimate.accelerometers.noise import SAMPLES
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
-from gimbalcal.estimate.term_selection import coefficients, needed, refusal
+from gimbalcal.estimate.term_selection import coefficients, needed, refusal, selected
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.method_table import Request
 from gimbalcal.number import Array
@@ -139,24 +139,21 @@ def _condition(view: View, wanted: Sequence[Parameter]) -> float:
     return float(np.linalg.cond(J / np.linalg.norm(J, axis=0)))
 
 
-def _chosen(view: View, best: ViewsFit) -> tuple[ViewsFit, dict[str, str]]:
-    """The linear fit, and with each further term that the stretches support."""
-    declined: dict[str, str] = {}
-    turned = {p.axis for p in best.parameters if p.effect == "gyro_scale_factor"}
-    for term in FURTHER:
-        more = (*best.parameters, *(p for p in parameters(CATALOGUE[term]) if p.axis in turned))
+def _chosen(view: View, linear: ViewsFit) -> tuple[ViewsFit, dict[str, str]]:
+    """The linear fit with each further term that the stretches support, and why not the others."""
+    turned = {p.axis for p in linear.parameters if p.effect == "gyro_scale_factor"}
+
+    def attempt(terms: tuple[str, ...], without: ViewsFit) -> ViewsFit | str:
+        term = terms[-1]
+        more = (*without.parameters, *(p for p in parameters(CATALOGUE[term]) if p.axis in turned))
         if 3 * len(view) <= len(more) or _condition(view, more) > MAX_CONDITION_NUMBER:
-            declined[term] = f"{term} is left out: it takes more rates, both ways round"
-            continue
-        tried = _fit(view, more)
-        why = refusal(term, f"{len(view)} stretches", tried.parameters, tried.x, tried.sigmas,
-                      (best.left_out_rms, tried.left_out_rms), "rad/s", (best.condition, tried.condition),
-                      needed(coefficients(FURTHER), tried.dof_of_scatter))  # fmt: skip
-        if why:
-            declined[term] = why
-        else:
-            best = tried
-    return best, declined
+            return f"{term} is left out: it takes more rates, both ways round"
+        fit = _fit(view, more)
+        clear_of = needed(coefficients(FURTHER), fit.dof_of_scatter)
+        return refusal(term, f"{len(view)} stretches", without, fit, "rad/s", clear_of) or fit
+
+    fits, declined = selected(BASE, linear, FURTHER, attempt)
+    return fits[-1][1], declined
 
 
 def _calibration(

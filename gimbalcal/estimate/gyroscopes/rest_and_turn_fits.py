@@ -60,8 +60,7 @@ def level_of(still: View, g_sensitivity: bool, tried: int = 0, extra: Extension 
         return plain, f"{G_SENSITIVITY} is left out: {data} are too few for it"
     full = fit_rests(still, (BIAS, G_SENSITIVITY), extra)
     clear_of = needed(tried or coefficients([G_SENSITIVITY]), full.dof_of_scatter)
-    why = refusal(G_SENSITIVITY, data, full.parameters, full.x, full.sigmas, (plain.left_out_rms, full.left_out_rms),
-                  "rad/s", (plain.condition, full.condition), clear_of)  # fmt: skip
+    why = refusal(G_SENSITIVITY, data, plain, full, "rad/s", clear_of)
     return (plain, why) if why else (full, "")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.effects.process import covariance
+from gimbalcal.effects.process import SettingError, WhiteNoise, covariance
 from gimbalcal.estimate.accelerometers.errors_in_variables import (
     Noise,
     by_visit,
@@ -87,8 +87,8 @@ def test_visits_are_whitened_by_the_covariance_of_the_processes(recording: Recor
     noise = Noise(SAMPLE, 3 * ARCSEC)
     w = whiten(linear, noise)
     ordinal = np.arange(p.visits)
-    setting = covariance(noise.of_settings, ordinal.astype(float), ordinal)
-    white = covariance(noise.of_samples, np.arange(120.0))
+    setting = covariance(SettingError(noise.setting), ordinal.astype(float), ordinal)
+    white = covariance(WhiteNoise(noise.accelerometer), np.arange(120.0))
     mean = np.full(120, 1 / 120)
     for i, W in enumerate(w.W):
         V = mean @ white @ mean * np.eye(3) + setting[i, i] * linear.G[i] @ linear.G[i].T
