@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.estimate.accelerometers.errors_in_variables import by_visit, problem
 from gimbalcal.estimate.static_run.system import static_readings
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.pipeline import load
 from gimbalcal.recording import dwell_means
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.positions import by_visit, problem
 
 DATA = Path(__file__).parents[1] / "data"
 ROUNDING = 1e-12  # of the largest: products of the same numbers in another order

@@ -19,8 +19,6 @@ from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, position_parameters
-from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.estimate.systematic.state_lists import LISTS, states
 from gimbalcal.inference.information import Information
 from gimbalcal.kinematics import required_latitude
@@ -34,6 +32,7 @@ from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.simulate import Scenario
 from gimbalcal.simulate.timetable import planned as position_schedule
 from gimbalcal.simulate.turned import schedule_of as turning_schedule
+from gimbalcal.views.positions import Noise, planned, position_parameters
 from gimbalcal.views.segments import DEFAULT_VELOCITY_SIGMA_M_S
 
 EXTRA_DWELL_S, EXTRA_RUN_S = 600.0, 86400.0  # manoeuvres: ten more minutes in a position, or a day at rest

@@ -25,8 +25,6 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.entries import Json, plain
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, position_parameters, problem, view_of_positions
-from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.estimate.fit import information_of
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, Unobservable, information, solve
@@ -37,6 +35,7 @@ from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.file import read_schedule
 from gimbalcal.units import from_si, to_si
+from gimbalcal.views.positions import Noise, planned, position_parameters, problem, view_of_positions
 
 CONFOUNDED_COSINE = 0.99  # separating two then takes 7 times the signal of detecting one
 STATIC_SENSORS = ("accelerometer", "gimbal_angle", "attitude")  # as [noise] calls them

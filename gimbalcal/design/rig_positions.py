@@ -17,7 +17,6 @@ from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Parameter, Stage, parameters
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.errors_in_variables import position_parameters
 from gimbalcal.forward import linearise
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
@@ -28,6 +27,7 @@ from gimbalcal.recording.record import FORCE
 from gimbalcal.rotation import cross_matrix
 from gimbalcal.units import to_si
 from gimbalcal.views.local import VisitRows, eliminate
+from gimbalcal.views.positions import position_parameters
 
 MAX_CANDIDATES = 200_000  # rows of some 18 parameters: 100 MB of work space
 SAME = 1e-9  # of the largest information: separates rounding from a real difference of attitude

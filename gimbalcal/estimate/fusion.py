@@ -17,7 +17,6 @@ from dataclasses import replace
 from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.accelerometers.errors_in_variables import view_of_positions
 from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.estimate.fit import fit, information_of
 from gimbalcal.estimate.sharing import agreement
@@ -25,6 +24,7 @@ from gimbalcal.estimate.static_run.system import outcome, static_view
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.readings import Readings
+from gimbalcal.views.positions import view_of_positions
 
 SIGNIFICANCE = 1e-4  # probability below which two stages that are both right would differ so much
 

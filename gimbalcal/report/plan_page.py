@@ -11,7 +11,6 @@ from gimbalcal.design.position_observability import Observability, PredictedSigm
 from gimbalcal.design.turning_design import TurnsDesign
 from gimbalcal.design.turning_observability import PublishedDegrees, SigmaCurve, TurningObservability
 from gimbalcal.errors import amount
-from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
@@ -21,6 +20,7 @@ from gimbalcal.report.chart import Chart
 from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.commands import RotationSchedule
+from gimbalcal.views.positions import planned
 from gimbalcal.words import naming
 from gimbalcal.words.answers import plan_answer, positions_answer, turning_answer, turns_answer
 from gimbalcal.words.naming import counted, label_in_words, unit_in_print

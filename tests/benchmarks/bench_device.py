@@ -20,11 +20,11 @@ import pytest
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import values
 from gimbalcal.estimate.accelerometers.coarse import coarse
-from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, by_visit, problem, starting_values, whiten
 from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, PAIRS, fine
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
+from gimbalcal.views.positions import Noise, by_visit, problem, starting_values, whiten
 from tests.benchmarks.collecting import say
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, draw, effects, measured
 

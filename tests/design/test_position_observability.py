@@ -9,13 +9,14 @@ import pytest
 
 from gimbalcal.design.position_observability import Observability, observe, observe_static
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, gauss_newton, model, problem
 from gimbalcal.estimate.accelerometers.joint import joint
+from gimbalcal.estimate.accelerometers.position_fit import gauss_newton
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, FACE_POSITIONS, Schedule
 from gimbalcal.schedule.file import schedule_toml
 from gimbalcal.units import from_si, to_si
+from gimbalcal.views.positions import Noise, model, problem
 from tests.estimate.device import ARCSEC, SAMPLE, SAMPLES, draw, measured
 from tests.golden import golden_text, refused
 

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.effects import Parameter, with_values
-from gimbalcal.estimate.accelerometers.errors_in_variables import model, position_parameters, problem
-from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, Schedule
 from gimbalcal.units import to_si
+from gimbalcal.views.positions import model, planned, position_parameters, problem
 
 ARCSEC = np.pi / 648000
 SAMPLE = 1.96e-4  # m/s^2 of one sample: 20 ug

@@ -10,7 +10,6 @@ import pytest
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
-from gimbalcal.estimate.accelerometers.errors_in_variables import model, problem
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, norm_fit
 from gimbalcal.estimate.extra_effects import Extension, extra_effects
@@ -18,6 +17,7 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.views.norm import norm
+from gimbalcal.views.positions import model, problem
 from tests.diagnose.plant import ARCSEC, UG, record
 from tests.estimate.accelerometers.test_multiposition import rested, scattered
 from tests.estimate.static_runs import run

@@ -11,13 +11,13 @@ from gimbalcal.calibration import Residual
 from gimbalcal.earth import G0 as G
 from gimbalcal.effects import parameters, with_values
 from gimbalcal.effects.accelerometer import Bias, ScaleFactor
-from gimbalcal.estimate.accelerometers.expected import planned
 from gimbalcal.estimate.fit import fit
 from gimbalcal.readings import readings
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
 from gimbalcal.views.core import View, nuisance
 from gimbalcal.views.known_attitude import view_of_readings
 from gimbalcal.views.noise import NoiseModel
+from gimbalcal.views.positions import planned
 
 WANTED = (*parameters(Bias), *parameters(ScaleFactor))
 TRUE = np.array([3e-3, -2e-3, 1e-3, 2e-4, -1e-4, 3e-4])  # m/s^2, 1

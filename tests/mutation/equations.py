@@ -13,8 +13,8 @@ TESTS: Mapping[str, tuple[str, ...]] = {  # of each module, the ones that end so
     "estimate.accelerometers.coarse": ("accelerometers/test_terms.py", "accelerometers/test_coarse.py"),
     "estimate.accelerometers.fine": ("accelerometers/test_terms.py", "accelerometers/test_fine.py"),
     "estimate.accelerometers.joint": ("accelerometers/test_joint.py",),
-    "estimate.accelerometers.errors_in_variables": (
-        "accelerometers/test_terms.py", "accelerometers/test_setting.py", "accelerometers/test_joint.py",
+    "views.positions": (
+        "accelerometers/test_terms.py", "accelerometers/test_errors_in_variables.py", "accelerometers/test_joint.py",
     ),
     "estimate.static_run.force_filter": ("static_run/test_terms.py", "static_run/test_force_filter.py"),
     "estimate.static_run.combined": ("static_run/test_combined.py",),

@@ -23,21 +23,14 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import with_values
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.estimate.accelerometers.errors_in_variables import (
-    Noise,
-    PositionFit,
-    Problem,
-    by_visit,
-    position_parameters,
-    visit_means,
-    whiten,
-)
 from gimbalcal.estimate.accelerometers.fit_summary import joined, outliers_in_words, provenance, rms, stage
+from gimbalcal.estimate.accelerometers.position_fit import PositionFit
 from gimbalcal.estimate.accelerometers.positions import Positions, trusted_positions
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Solution, information, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.views.local import VisitRows, Whitened
+from gimbalcal.views.positions import Noise, Problem, by_visit, position_parameters, visit_means, whiten
 
 OMITTED_TERM = "scale_nonlinearity"
 MIN_FACE_COSINE = np.cos(np.deg2rad(10.0))  # cosine of the vertical: a face, even if the zeros are off by degrees

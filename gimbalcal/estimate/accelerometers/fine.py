@@ -24,11 +24,11 @@ from gimbalcal.effects import Parameter, values, with_values
 from gimbalcal.effects.accelerometer import leaning
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
-from gimbalcal.estimate.accelerometers.errors_in_variables import Problem, position_parameters, visit_means
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words, outliers_in_words, provenance
 from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, Unobservable, information, solve
 from gimbalcal.number import Array
+from gimbalcal.views.positions import Problem, position_parameters, visit_means
 
 FORCE_TERMS = [name for name in BASELINE["multi-position"] if name != "gimbal_zero"]
 PAIRS = (("yz", "xz"), ("xy", "zy"), ("zx", "yx"))  # first less second: the differences that Eq. (17) holds

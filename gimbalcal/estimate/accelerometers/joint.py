@@ -14,15 +14,11 @@ from __future__ import annotations
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.effects import with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.accelerometers.errors_in_variables import (
-    PositionFit,
-    Problem,
-    gauss_newton,
-    starting_values,
-)
 from gimbalcal.estimate.accelerometers.fit_summary import larger_noise_in_words, outcome, provenance, rms, stage
+from gimbalcal.estimate.accelerometers.position_fit import PositionFit, gauss_newton
 from gimbalcal.estimate.accelerometers.positions import Positions
 from gimbalcal.units import from_si
+from gimbalcal.views.positions import Problem, starting_values
 
 
 def joint(positions: Positions, start: Calibration | None = None, judged: bool = True) -> Calibration:

@@ -21,9 +21,7 @@ from gimbalcal.calibration import DIRECTION, Calibration, Counts, Options, Prove
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.errors_in_variables import Noise
 from gimbalcal.estimate.accelerometers.fit_summary import assumed_noise, rotations_of_the_triad
-from gimbalcal.estimate.accelerometers.noise import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.accelerometers.norm_fit import (
     LINEAR,
     covariance_of_omitted_terms,
@@ -33,6 +31,7 @@ from gimbalcal.estimate.accelerometers.norm_fit import (
     sample_sigma,
     unknowns,
 )
+from gimbalcal.estimate.accelerometers.position_fit import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, unfit
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.term_selection import MAX_SCATTER_RATIO, Fits, coefficients, needed, refusal, selected
@@ -42,6 +41,7 @@ from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import View
 from gimbalcal.views.norm import norm, scaled_by_gravity
+from gimbalcal.views.positions import Noise
 
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 

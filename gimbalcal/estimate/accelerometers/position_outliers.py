@@ -21,21 +21,12 @@ from itertools import combinations
 
 import numpy as np
 
-from gimbalcal.estimate.accelerometers.errors_in_variables import (
-    Noise,
-    PositionFit,
-    Problem,
-    by_visit,
-    model,
-    starting_values,
-    visit_means,
-    whiten,
-)
-from gimbalcal.estimate.accelerometers.noise import RESIDUAL, fit_with_noise
+from gimbalcal.estimate.accelerometers.position_fit import RESIDUAL, PositionFit, fit_with_noise
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.units import from_si
+from gimbalcal.views.positions import Noise, Problem, by_visit, model, starting_values, visit_means, whiten
 
 SIGNIFICANCE = 1e-3  # probability, number of trials paid, below which chance is not believed
 MAX_REMAINING_EXCESS = 0.01  # share of the excess chi^2 that may remain where something else is wrong besides

@@ -14,20 +14,12 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
 from gimbalcal.effects.effect import happens_once
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.errors_in_variables import (
-    Noise,
-    PositionFit,
-    Problem,
-    position_parameters,
-    problem,
-    starting_values,
-    view_of_positions,
-)
-from gimbalcal.estimate.accelerometers.noise import stated_noise
+from gimbalcal.estimate.accelerometers.position_fit import PositionFit, stated_noise
 from gimbalcal.estimate.accelerometers.position_outliers import Fault, fit_without_outliers
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
 from gimbalcal.estimate.fit import cost_of_sizes
 from gimbalcal.recording import Recording
+from gimbalcal.views.positions import Noise, Problem, position_parameters, problem, starting_values, view_of_positions
 
 
 @dataclass(frozen=True, eq=False)

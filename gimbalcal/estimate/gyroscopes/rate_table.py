@@ -26,7 +26,7 @@ from gimbalcal.checks.driven_rates import refuse_unlike_table
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.accelerometers.noise import SAMPLES
+from gimbalcal.estimate.accelerometers.position_fit import SAMPLES
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO

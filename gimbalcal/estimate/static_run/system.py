@@ -19,7 +19,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words
-from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
+from gimbalcal.estimate.accelerometers.position_fit import HEADER, SAMPLES
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
 from gimbalcal.estimate.fit import fit
 from gimbalcal.estimate.static_run.combined import Combined, combined

@@ -7,18 +7,12 @@ import pytest
 
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.process import SettingError, WhiteNoise, covariance
-from gimbalcal.estimate.accelerometers.errors_in_variables import (
-    Noise,
-    by_visit,
-    gauss_newton,
-    position_parameters,
-    problem,
-    whiten,
-)
+from gimbalcal.estimate.accelerometers.position_fit import gauss_newton
 from gimbalcal.estimate.fit import fit
 from gimbalcal.platform import KNOWN, SPACE_STABLE
 from gimbalcal.recording import Recording
 from gimbalcal.views.norm import in_noise_of_readings, norm
+from gimbalcal.views.positions import Noise, by_visit, position_parameters, problem, whiten
 from tests.estimate.device import ARCSEC, SAMPLE, draw, measured
 
 NOISE = Noise(SAMPLE, ARCSEC)

@@ -8,7 +8,6 @@ import pytest
 from gimbalcal.effects import values
 from gimbalcal.effects.accelerometer import leaning
 from gimbalcal.estimate.accelerometers.coarse import coarse
-from gimbalcal.estimate.accelerometers.errors_in_variables import Noise, gauss_newton, position_parameters, problem
 from gimbalcal.estimate.accelerometers.fine import (
     COMBINATIONS,
     FORCE_TERMS,
@@ -17,8 +16,10 @@ from gimbalcal.estimate.accelerometers.fine import (
     fine,
     norm_rows,
 )
+from gimbalcal.estimate.accelerometers.position_fit import gauss_newton
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.platform import SPACE_STABLE
+from gimbalcal.views.positions import Noise, position_parameters, problem
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, measured
 
 WANTED = position_parameters(SPACE_STABLE, FORCE_TERMS)

@@ -9,13 +9,13 @@ import pytest
 from gimbalcal.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, parameters, values
 from gimbalcal.estimate.accelerometers.coarse import coarse
-from gimbalcal.estimate.accelerometers.errors_in_variables import view_of_positions
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.positions import trusted_positions
 from gimbalcal.estimate.fit import information_of
 from gimbalcal.inference.information import solve
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
+from gimbalcal.views.positions import view_of_positions
 from tests.estimate.device import ARCSEC, PARAMETERS, draw, interchanged, measured, misread
 from tests.golden import golden_text, refused
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.estimate.accelerometers.errors_in_variables import problem
-from gimbalcal.estimate.accelerometers.noise import HEADER, RESIDUAL, SAMPLES, fit_with_noise, stated_noise
+from gimbalcal.estimate.accelerometers.position_fit import HEADER, RESIDUAL, SAMPLES, fit_with_noise, stated_noise
+from gimbalcal.views.positions import problem
 from tests.estimate.device import ARCSEC, SAMPLE, STATED, draw, measured
 
 

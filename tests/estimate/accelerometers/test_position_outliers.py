@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.estimate.accelerometers.errors_in_variables import model, problem
-from gimbalcal.estimate.accelerometers.noise import stated_noise
+from gimbalcal.estimate.accelerometers.position_fit import stated_noise
 from gimbalcal.estimate.accelerometers.position_outliers import acceptable, fit_without_outliers, probability
 from gimbalcal.recording import Recording
+from gimbalcal.views.positions import model, problem
 from tests.estimate.device import ARCSEC, SAMPLE, draw, effects, interchanged, measured, misread
 from tests.golden import golden_text
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal import pipeline
-from gimbalcal.estimate.accelerometers import noise
+from gimbalcal.estimate.accelerometers import position_fit
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import joint
@@ -16,7 +16,7 @@ def test_every_stage_leaves_out_the_positions_that_were_found_once(monkeypatch: 
     rng = np.random.default_rng(3)
     recording = interchanged(measured(draw(rng), rng), 3, 9)
     positions = trusted_positions(recording)
-    monkeypatch.setattr(noise, "gauss_newton", None)  # whoever fits again to find noise or faults fails
+    monkeypatch.setattr(position_fit, "gauss_newton", None)  # whoever fits again to find noise or faults fails
     first = coarse(positions)
     second = fine(positions, first)
     third = joint(positions, second)

@@ -7,11 +7,18 @@ import pytest
 
 from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.coarse import coarse
-from gimbalcal.estimate.accelerometers.errors_in_variables import (
+from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
+from gimbalcal.estimate.accelerometers.position_fit import gauss_newton
+from gimbalcal.estimate.accelerometers.positions import trusted_positions
+from gimbalcal.number import Array
+from gimbalcal.platform import SPACE_STABLE
+from gimbalcal.recording import Recording
+from gimbalcal.schedule import FACE_POSITIONS
+from gimbalcal.units import to_si
+from gimbalcal.views.positions import (
     Noise,
     VisitRows,
     by_visit,
-    gauss_newton,
     model,
     position_parameters,
     problem,
@@ -19,13 +26,6 @@ from gimbalcal.estimate.accelerometers.errors_in_variables import (
     view_of_positions,
     whiten,
 )
-from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
-from gimbalcal.estimate.accelerometers.positions import trusted_positions
-from gimbalcal.number import Array
-from gimbalcal.platform import SPACE_STABLE
-from gimbalcal.recording import Recording
-from gimbalcal.schedule import FACE_POSITIONS
-from gimbalcal.units import to_si
 from tests.estimate.accelerometers.test_fine import half_squared_norm
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, effects, measured
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import with_values
-from gimbalcal.estimate.accelerometers.noise import HEADER, SAMPLES
+from gimbalcal.estimate.accelerometers.position_fit import HEADER, SAMPLES
 from gimbalcal.estimate.static_run.combined import NAMES, matrix
 from gimbalcal.estimate.static_run.force_filter import observation_matrix, projection
 from gimbalcal.estimate.static_run.system import noise_from, rms_by_channel, static, static_parameters, static_readings

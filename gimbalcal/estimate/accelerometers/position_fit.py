@@ -1,4 +1,4 @@
-r"""Noise of a multi-position recording: from its header, else from its samples, else from what a fit leaves.
+r"""The fit of positions in noise that its header states, else its samples show, else the residual of the fit.
 
 The noise of a sample shows inside the dwells. The setting repeatability of the gimbals shows only between them; where
 the header does not state it, it is the value that maximises the likelihood of the residual with the calibration
@@ -10,30 +10,36 @@ parameters integrated out (REML),
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.effects import Parameter
-from gimbalcal.estimate.accelerometers.errors_in_variables import (
-    Noise,
-    PositionFit,
-    Problem,
-    gauss_newton,
-    whiten,
-)
-from gimbalcal.inference.information import prior
+from gimbalcal.estimate.fit import MAX_PRIOR_SIGMAS, fit
+from gimbalcal.inference.information import Solution, prior
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.noise_levels import sample_sigma, stated
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.local import VisitRows
+from gimbalcal.views.positions import Noise, Problem, by_visit, view_of_positions, whiten
 
 FIRST_SETTING_RAD = np.deg2rad(1 / 3600)  # rad, start of the search: what a good gimbal repeats to
 FIRST_SAMPLE_SIGMA = 1e-5 * G0  # m/s^2, start of the search
 HEADER, SAMPLES, RESIDUAL, ATTITUDE = "header", "samples", "residual", "attitude unknown"
+
+
+@dataclass(frozen=True, eq=False)
+class PositionFit:
+    """A converged fit: its solution, the setting errors (m, k) [rad] and the last linearisation."""
+
+    solution: Solution
+    setting: Array
+    linear: VisitRows
+    noise: Noise
+    steps: int  # 0 where it did not converge
 
 
 def stated_noise(recording: Recording) -> Noise:
@@ -57,6 +63,15 @@ def inside_dwells(recording: Recording) -> float:
     axes = [(FORCE, axis) for axis in recording.axes(FORCE)]
     shown = sample_sigma(replace(recording, noise={}), axes, recording.triad(FORCE))
     return float(np.sqrt(np.mean(shown**2)))
+
+
+def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
+    """Fit parameters and setting errors; `steps` is 0 where the fit runs away."""
+    mean, scale = prior(p.parameters)
+    near = start is not None and np.all(np.abs(start - mean) <= MAX_PRIOR_SIGMAS * scale)
+    found = fit([view_of_positions(p, noise)], p.parameters, p.effects, start if near else mean)
+    linear = by_visit(p, found.x if found.steps else mean, found.local[0])  # where it ran away nothing can be read
+    return PositionFit(found.solution, found.local[0], linear, noise, found.steps)
 
 
 def fit_with_noise(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:

@@ -1,4 +1,4 @@
-r"""Least squares on dwells: white noise of the samples, and a setting repeatability of the gimbals at every visit.
+r"""Dwells at the angles of gimbals: white noise of the samples, and a setting repeatability at every visit.
 
 .. math:: y_d = h(x, \theta_d + e_d) + n_d, \qquad e_d \sim N(0, \sigma_\theta^2 I), \qquad
           n_d \sim N(0, \sigma_a^2 / n \, I)
@@ -16,16 +16,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.sensor_grades import GRADES, Grade
-from gimbalcal.estimate.fit import MAX_PRIOR_SIGMAS, fit
-from gimbalcal.inference.information import Solution, prior
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
 from gimbalcal.readings import Readings, readings
-from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording import Recording, Site, dwell_means
+from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE
+from gimbalcal.schedule import Schedule
 from gimbalcal.views.core import View
 from gimbalcal.views.known_attitude import view_of_readings
 from gimbalcal.views.local import Local, VisitRows, Whitened, eliminate, group_means, visit_rows
@@ -165,17 +166,6 @@ def whiten(linear: VisitRows, noise: Noise) -> Whitened:
     return eliminate(linear, noise.accelerometer**2, noise.setting**2)
 
 
-@dataclass(frozen=True, eq=False)
-class PositionFit:
-    """A converged fit: its solution, the setting errors (m, k) [rad] and the last linearisation."""
-
-    solution: Solution
-    setting: Array
-    linear: VisitRows
-    noise: Noise
-    steps: int  # 0 where it did not converge
-
-
 def view_of_positions(p: Problem, noise: Noise) -> View:
     """Return the view of the readings, with the setting error of each visit as local parameters."""
     stages = dict.fromkeys((*(CATALOGUE[q.effect].stage for q in p.parameters), Stage.ENCODER))
@@ -190,15 +180,20 @@ def view_of_positions(p: Problem, noise: Noise) -> View:
     return about(np.zeros((p.visits, p.turns)))
 
 
-def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
-    """Fit parameters and setting errors; `steps` is 0 where the fit runs away."""
-    mean, scale = prior(p.parameters)
-    near = start is not None and np.all(np.abs(start - mean) <= MAX_PRIOR_SIGMAS * scale)
-    found = fit([view_of_positions(p, noise)], p.parameters, p.effects, start if near else mean)
-    linear = by_visit(p, found.x if found.steps else mean, found.local[0])  # where it ran away nothing can be read
-    return PositionFit(found.solution, found.local[0], linear, noise, found.steps)
-
-
 def starting_values(p: Problem, effects: Sequence[Effect]) -> Array:
     """Values (p,) of the problem's parameters in `effects`, the prior mean where absent."""
     return np.asarray(values(effects, p.parameters), dtype=float)
+
+
+def planned(schedule: Schedule, samples: float = 1.0, site: Site | None = None) -> Recording:
+    """A perfect recording of a schedule, one row per hold, `samples` raw samples behind each."""
+    site = site or Site(gravity=G0)
+    angles, m = schedule.angles, len(schedule.holds)
+    force = -site.gravity * schedule.gravity_directions()
+    channels = {("specific_force", axis): force[:, i] for i, axis in enumerate("xyz")}
+    channels |= {("gimbal_angle", name): angles[:, i] for i, name in enumerate(schedule.platform.axis_names)}
+    time = np.cumsum([0.0, *(h.duration for h in schedule.holds)])[:-1]
+    return Recording(
+        kind=MULTI_POSITION, title=schedule.name, platform=schedule.platform, site=site, noise={}, time=time,
+        position=np.arange(1, m + 1), channels=channels, weight=np.full(m, samples),
+    )  # fmt: skip
