@@ -43,6 +43,7 @@ from gimbalcal.recording.frames import Rig
 from gimbalcal.recording.record import ANGLE, FORCE
 
 SELF_DESCRIBING = {"TPOINT's observations": import_tpoint, "a pointing run of the MMT": import_mmt}
+MAX_BYTES = 20_000_000  # of such a file: a hundred thousand stars
 NOISE_FROM_ROWS = "taken from the rows, where nothing is stated"
 
 
@@ -193,7 +194,7 @@ def _pointing(path: Path, table: Table, title: str, place: StatedPlace) -> Propo
 
 def _self_describing(path: Path, title: str) -> Proposal | None:
     """Return the recording in a file of a kind that describes itself."""
-    for kind, read in SELF_DESCRIBING.items():
+    for kind, read in SELF_DESCRIBING.items() if path.stat().st_size < MAX_BYTES else ():
         try:
             run = read([path], {})
         except (InputError, UnicodeDecodeError, OSError):

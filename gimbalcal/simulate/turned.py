@@ -114,12 +114,8 @@ def schedule_of(motion: ScheduleSection) -> RotationSchedule:
     elif motion.file:
         schedule = read_rotation(motion.file)
     else:
-        start = motion.start or {"x": "east", "y": "north", "z": "up"}
         moves = motion.sweeps * tuple(Move(m.axis, m.angle, m.rate, m.stop) for m in motion.moves)
-        try:
-            schedule = RotationSchedule("scenario", (start["x"], start["y"], start["z"]), moves)
-        except (KeyError, ValueError) as error:
-            raise InputError(f"schedule.start: {error}") from None
+        schedule = _starting(motion.start or {"x": "east", "y": "north", "z": "up"}, moves)
     return replace(
         schedule,
         rate=schedule.rate if motion.slew_rate is None else motion.slew_rate,
@@ -141,7 +137,7 @@ def flown(motion: ScheduleSection, setting: float, rng: np.random.Generator, sit
             np.array([0.0 if s is None else getattr(s, n) for s in swings]) for n in ("amplitude", "frequency")
         )
         start = motion.start or {"x": "north", "y": "east", "z": "down"}
-        return Swing(size, pace, exponential(-tilt) @ _standing(start), motion.duration)
+        return Swing(size, pace, exponential(-tilt) @ standing(_starting(start).start), motion.duration)
     schedule = schedule_of(motion)
     off = dict.fromkeys((m.axis for m in schedule.moves), 0.0)
     error = np.zeros(len(schedule.moves))
@@ -170,9 +166,9 @@ def shaken(
     return np.asarray(np.einsum("nji,nj->ni", C_bn, np.diff(v, axis=0) / step))
 
 
-def _standing(start: Mapping[str, str]) -> Array:
-    """Return C_bn (3, 3) of a unit whose axes point where the scenario says."""
+def _starting(start: Mapping[str, str], moves: tuple[Move, ...] = ()) -> RotationSchedule:
+    """Return the moves of a unit whose axes point where the scenario says at the start."""
     try:
-        return standing(RotationSchedule("scenario", (start["x"], start["y"], start["z"]), ()).start)
+        return RotationSchedule("scenario", (start["x"], start["y"], start["z"]), moves)
     except (KeyError, ValueError) as error:
         raise InputError(f"schedule.start: {error}") from None
