@@ -75,6 +75,7 @@ class Diagnosis:
     outcome: str = ""  # what else speaks against the recording or its model: a fault, a larger noise, an odd constant
     laws: tuple[LawResult, ...] = ()  # where nothing known explains it
     recommend: str = ""  # what would determine a law, where these data do not
+    without: Callable[[str], Calibration] | None = field(default=None, compare=False)  # the refit without an effect
     printer: Callable[[Diagnosis], str] | None = field(default=None, compare=False)  # how it prints itself
 
     def __str__(self) -> str:

@@ -1,11 +1,11 @@
 """What a cause costs if it is left out: position error of a navigator whose calibration holds it, and of one without.
 
-A cause is weighed by its consequence and not by its sigmas. The recordings are calibrated twice more, with everything
-that was found and with everything but this cause, so that the other coefficients take up of it what they can, as they
-would in a calibration that does not know it. Where a static run was diagnosed, it is navigated. Of positions and of a
-unit that was turned in its place, a still base of 24 h is, whose sensors err as was found while temperature and other
-logged channels swing once through the range that they were recorded in; with the cause in the calibration there is left
-what its covariance says. Where no navigator can be run, nothing is said.
+A cause is weighed by its consequence and not by its sigmas. The calibration without it is the refit of the diagnosis by
+a model that lacks this cause alone, so that the other coefficients take up of it what they can. Where a static run was
+diagnosed, it is navigated. Of positions and of a unit that was turned in its place, a still base of 24 h is, whose
+sensors err as was found while temperature and other logged channels swing once through the range that they were
+recorded in; with the cause in the calibration there is left what its covariance says. Where no navigator can be run,
+nothing is said.
 """
 
 from __future__ import annotations
@@ -20,21 +20,16 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.result import Cost
 from gimbalcal.earth import NAUTICAL_MILE, SOLAR_DAY
 from gimbalcal.effects import CATALOGUE, Effect
-from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.effects.effect import constants, follows, lacking
+from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.extra_effects import ExtraEffect
-from gimbalcal.estimate.systematic.calibrate import calibrated
-from gimbalcal.estimate.systematic.iterate import iterate
 from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.stationary_base import ROW, still_base, still_unit
 from gimbalcal.navigate.uncertainty import uncertain
-from gimbalcal.pipeline import Tell, silent, three_stage
+from gimbalcal.pipeline import Tell, silent
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
 from gimbalcal.schedule.commands import standing
-from gimbalcal.views.core import without_sizes
-from gimbalcal.views.segments import segment, turned_in_place
+from gimbalcal.views.segments import turned_in_place
 from gimbalcal.words.diagnosis_sentences import cost_in_words
 
 DAY = 24.0  # h that a still base is navigated
@@ -43,7 +38,7 @@ EAST_NORTH_UP = standing(("east", "north", "up"))  # how a unit stands on it
 
 @dataclass(frozen=True)
 class _Unit:
-    """What was found, how the unit is calibrated without an effect, and the base that it navigates on."""
+    """Effects that were found, the calibration with all and without one of them, and the base that it navigates on."""
 
     found: Mapping[str, Effect]
     whole: Calibration
@@ -58,56 +53,32 @@ def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent
     Largest errors of position, in n miles; where the run is one of the recordings, `uncalibrated_nmi` beside them, that
     without any calibration; where it is made up, `with_nmi` is the one sigma that the calibration leaves open.
     """
-    if not d.findings or d.calibration is None:
+    unit = _unit(recordings, d) if d.findings else None
+    if unit is None:
         return d
     try:
-        unit = _unit(recordings, d)
-        if unit is None:
-            return d
         tell("navigating with and without what was found")
         costs = _costs(unit)
-    except InputError:  # two runs of a kind, no readouts, no latitude: no calibration or no navigator
+    except InputError:  # no readouts, no latitude: no navigator
         return d
     return replace(d, findings=tuple(replace(f, cost=costs.get(f.effect)) for f in d.findings))
 
 
 def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
-    """Return how the unit of these recordings is calibrated and navigated; None where no navigator can be run."""
+    """Return the unit of these recordings and what it navigates on; None where no navigator can be run."""
     first, made = recordings[0], d.calibration
-    assert made is not None
-    named = list(dict.fromkeys(f.effect for f in d.findings))
-    found = {e.id: e for e in made.effects if e.id in named}
-    if len(recordings) == 1 and turned_in_place(first):
-        return _Unit(
-            found,
-            made,
-            lambda effect: _settled(first, made, effect),
-            _swung(still_unit(DAY + ROW / 3600, first.site, EAST_NORTH_UP), recordings),
-            False,
-        )
-    fixes = any(r.kind.at_rest and r.site.latitude is not None for r in recordings)
-    if not fixes or first.platform.name != SPACE_STABLE.name:
+    if made is None or d.without is None:
         return None
-
-    def without(effect: str) -> Calibration:
-        return three_stage(recordings, more=[_as_found(e) for e in found.values() if e.id != effect], judged=False)
-
-    own = next((r for r in recordings if r.kind.stabilised), None)
-    base = own or still_base(DAY, next(r.site for r in recordings if r.site.latitude is not None))
-    return _Unit(found, made, without, base if own else _swung(base, recordings), own is not None)
-
-
-def _settled(recording: Recording, made: Calibration, effect: str) -> Calibration:
-    """The unit turned in its place calibrated again, with the parameters of `made` but those of an effect."""
-    wanted = tuple(p for p in made.parameters if p.effect != effect)
-    fitted, beyond = {p.effect for p in made.parameters}, {p.effect for p in wanted} - set(BASELINE["rotation"])
-    fresh = [without_sizes(e) for e in made.effects if e.id in beyond]
-    return calibrated(iterate(segment(recording), wanted, (*(e for e in made.effects if e.id not in fitted), *fresh)))
-
-
-def _as_found(e: Effect) -> ExtraEffect:
-    stated = tuple((f.name, float(getattr(e, f.name))) for f in constants(type(e)))
-    return ExtraEffect(e.id, (), stated, str(getattr(e, "covariate", "")) if follows(type(e)) == "" else "")
+    found = {e.id: e for e in made.effects if e.id in {f.effect for f in d.findings}}
+    if len(recordings) == 1 and turned_in_place(first):
+        base = _swung(still_unit(DAY + ROW / 3600, first.site, EAST_NORTH_UP), recordings)
+        return _Unit(found, made, d.without, base, False)
+    located = [r for r in recordings if r.kind.at_rest and r.site.latitude is not None]
+    runs = [r for r in recordings if r.kind.stabilised]
+    if not located or first.platform.name != SPACE_STABLE.name or len(runs) > 1:
+        return None
+    base = runs[0] if runs else _swung(still_base(DAY, located[0].site), recordings)
+    return _Unit(found, made, d.without, base, bool(runs))
 
 
 def _costs(unit: _Unit) -> Mapping[str, Cost]:

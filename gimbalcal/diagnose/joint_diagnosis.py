@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import gimbalcal
@@ -12,10 +13,10 @@ from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.verdict.refit_calibration import origin
 from gimbalcal.diagnose.verdict.view_calibration import FittedView, calibrated_views
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
-from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects import Effect, Parameter
 from gimbalcal.effects.effect import constants
 from gimbalcal.estimate.accelerometers.fit_summary import joined
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences
 
 
@@ -58,7 +59,7 @@ def joint_diagnosis(
         calibration_of(parts, diagnosis_sentences.reservation(lead.verdict, found, shapes)),
         joined([s.rstrip(".") for s in (*(x.in_words for x in contradictions), outcome) if s]),
         laws=tuple(law for p in parts for law in p.laws),
-        recommend=next(filter(None, (p.recommend for p in by_weight)), ""),
+        recommend=next(filter(None, (p.recommend for p in by_weight)), ""), without=refit_without(parts),
     )  # fmt: skip
 
 
@@ -72,6 +73,25 @@ def _views(parts: Sequence[ViewDiagnosis]) -> tuple[View, ...]:
     return next((p.together for p in parts if p.together), (parts[0].view,))
 
 
+def refit_without(parts: Sequence[ViewDiagnosis]) -> Callable[[str], Calibration] | None:
+    """Return the calibration by a model without an effect as a function of its id; None where no view has one."""
+    for p in parts:
+        if p.without is not None:
+            return p.without
+        if p.view.calibrate is not None and p.model is not None:
+            return partial(_converged, calibrate=p.view.calibrate, model=p.model)
+    return None
+
+
+def _converged(
+    left_out: str, calibrate: Callable[[Sequence[Effect], Sequence[Parameter]], Calibration], model: Fit
+) -> Calibration:
+    """Return the calibration of a navigator with the effects of a model but one."""
+    names = {e.id: {f.name for f in constants(type(e))} for e in model.effects}
+    linear = [p for p in model.parameters if p.effect != left_out and p.field not in names[p.effect]]
+    return calibrate([e for e in model.effects if e.id != left_out], linear)
+
+
 def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
     """Return the calibration that the views end in."""
     forces = next((p.calibration for p in parts if p.calibration is not None), None)
@@ -81,8 +101,7 @@ def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
     causes = [f"{f.effect}:{f.axis}".rstrip(":") for p in parts if p.model is not None for f in p.findings]
     for v, model in fitted:
         if v.calibrate is not None:  # states of the navigator that the rows come from
-            linear = [p for p in model.parameters if p.field not in {f.name for f in constants(CATALOGUE[p.effect])}]
-            found = v.calibrate(model.effects, linear)
+            found = _converged("", v.calibrate, model)
             return replace(
                 found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin(_views(parts), causes)
             )

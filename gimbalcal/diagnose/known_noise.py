@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from gimbalcal.diagnose.verdict.findings import findings_of_recordings
 from gimbalcal.diagnose.verdict.mismatch import LEFT, MAX_CELLS, Scan, scan, scanned_mismatches
 from gimbalcal.diagnose.verdict.pooled_sizes import RecordingCauses, causes_by_recording, common_sizes
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
-from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
+from gimbalcal.diagnose.verdict.refit_calibration import calibrated, calibrated_without, found_of
 from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limits
 from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, stated_noise_shifts, verify
 from gimbalcal.diagnose.view_diagnosis import Contradiction, ViewDiagnosis
@@ -171,13 +172,15 @@ def _report(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> 
         fitted = replace(fitted, unseen=detection_limits([(s.library.candidates, s.projections) for s in c.searches]))
     case.tell("the model with what was found, as a calibration")
     seen = [(s.part.search.fit, s.part.fit.projection.node, s.part.ordinals) for s in answers]
-    calibration, between = calibrated(seen, found_of(sizes), "", case.known)
+    found = found_of(sizes)
+    calibration, between = calibrated(seen, found, "", case.known)
     curves, o = answers[lead].curves, c.searches[lead].fit
     made = ViewDiagnosis(
         o.view, d.verdict, mismatch, named, shapes, fitted, curves,
         np.broadcast_to(o.sigma, curves.after.shape), calibration=calibration, laws=law.laws,
         recommend=law.recommend, outcome=misheld(c, d.verdict), evidence=_evidence(c, d, case.clean),
         together=tuple(s.fit.view for s in c.searches),
+        without=partial(calibrated_without, seen=seen, found=found, known=case.known),
     )  # fmt: skip
     return made if between is None else _of_several(made, case, c, answers, between)
 

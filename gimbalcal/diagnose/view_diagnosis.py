@@ -6,7 +6,7 @@ searched once more with that walk among its noises.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,7 +53,8 @@ class ViewDiagnosis:
     same where it is. outcome: what else speaks against the view; evidence: what it adds to the provenance.
 
     Several recordings of one unit in a stated noise have one diagnosis, of the view that is off most: contradictions
-    between them are said before it, remarks after it, and together are their views.
+    between them are said before it, remarks after it, and together are their views. without: the calibration by a model
+    without an effect, by its id.
     """
 
     view: View
@@ -73,6 +74,7 @@ class ViewDiagnosis:
     contradictions: tuple[Contradiction, ...] = ()
     remarks: tuple[str, ...] = ()
     together: tuple[View, ...] = ()
+    without: Callable[[str], Calibration] | None = None
 
     @property
     def name(self) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gimbalcal import diagnose
+from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.cost import _swung, with_cost
 from gimbalcal.diagnose.result import Finding
@@ -41,8 +42,14 @@ def static_run(truth: dict[str, Any]) -> Recording:
 def diagnosed(recording: Recording, *words: str) -> Diagnosis:
     """A diagnosis that has found these effects, with their refit."""
     made = three_stage([recording], more=extra_effects(words, [recording], ()))
-    findings = tuple(named(w.partition(":")[0].partition(",")[0], "x") for w in words)
-    return Diagnosis("missing-physics", (), findings, (), FIT, calibration=made)
+    effects = [w.partition(":")[0].partition(",")[0] for w in words]
+
+    def without(effect: str) -> Calibration:
+        others = [w for w, e in zip(words, effects, strict=True) if e != effect]
+        return three_stage([recording], more=extra_effects(others, [recording], ()), judged=False)
+
+    findings = tuple(named(e, "x") for e in effects)
+    return Diagnosis("missing-physics", (), findings, (), FIT, calibration=made, without=without)
 
 
 def named(effect: str, axis: str) -> Finding:
@@ -101,7 +108,8 @@ def test_of_a_unit_turned_in_its_place_a_still_unit_is_navigated() -> None:
     wanted = [p for p in parameters(CATALOGUE["gyro_g_sensitivity_rate"]) if p.axis == "yz"]
     run = turning_unit(parameters=wanted, values=[1e-6], stop=12.0, speed=30.0, ramp=0.5, rate=10.0, seed=3)
     made = systematic(run, "30", more=extra_effects(("gyro_g_sensitivity_rate:yz",), [run], ()))
-    d = Diagnosis("missing-physics", (), (named("gyro_g_sensitivity_rate", "yz"),), (), FIT, calibration=made)
+    d = Diagnosis("missing-physics", (), (named("gyro_g_sensitivity_rate", "yz"),), (), FIT, calibration=made,
+                  without=lambda _: systematic(run, "30"))  # fmt: skip
     (found,) = with_cost([run], d).findings
     cost = found["cost"]
     assert cost["hours"] == pytest.approx(24, abs=0.2)

@@ -174,7 +174,9 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         "diagnose/test_cost.py::test_what_the_others_take_up_costs_nothing"
     ): (
         ("diagnose.cost", "_costs", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
-        ("diagnose.cost", "_unit", "if e.id != effect]", "]"),
+    ),
+    "diagnose/test_cost.py::test_a_static_run_from_end_to_end": (
+        ("diagnose.verdict.refit_calibration", "Found.without", "if c.effect != effect_id]", "]"),
     ),
     "diagnose/verdict/test_agreement.py": (
         ("estimate.sharing", "agreement", "shared.dof - sum(s.dof for s in alone)", "shared.dof"),

@@ -52,6 +52,15 @@ class Found:
     x: Array
     covariance: Array
     continuous: tuple[tuple[int, Parameter], ...] = ()
+    averaged: bool = True  # sizes are those averaged over the noises, which a refit keeps; else where it starts
+
+    def without(self, effect_id: str) -> Found:
+        """Return the other causes, whose sizes take up of this one what they can."""
+        kept = [i for i, c in enumerate(self.causes) if c.effect != effect_id]
+        at = [k for k, p in enumerate(self.parameters) if p.effect != effect_id]
+        continuous = tuple((kept.index(i), p) for i, p in self.continuous if i in kept)
+        causes, constants = tuple(self.causes[i] for i in kept), tuple(self.constants[i] for i in kept)
+        return Found(causes, constants, self.x[at], self.covariance[np.ix_(at, at)], continuous, averaged=False)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -130,6 +139,15 @@ def calibrated(
         readout=Readout(gimbals=here[0].fit.view.readout.gimbals),
     )
     return calibration, between
+
+
+def calibrated_without(
+    effect_id: str, seen: Sequence[tuple[Fit, Node, Sequence[int]]], found: Found, known: Calibration | None
+) -> Calibration:
+    """Return the calibration of the same rows, in the same noise, by a model without an effect that was found."""
+    kept = [i for i, c in enumerate(found.causes) if c.effect != effect_id]
+    rest = [(fit, node, [kept.index(i) for i in which if i in kept]) for fit, node, which in seen]
+    return calibrated(rest, found.without(effect_id), "", known)[0]
 
 
 def origin(views: Sequence[View], causes: Sequence[str]) -> Provenance:
@@ -231,7 +249,7 @@ def values_of(solution: Solution, wanted: Sequence[Parameter]) -> Array:
 def _with_sizes(s: Solution, found: Found, told: Mapping[Parameter, float]) -> Solution:
     """The solution with the causes at their sizes and covariance, the others as they go with it (module docstring)."""
     mine = [p for p in found.parameters if p in s.parameters and p.effect not in found.differing()]
-    if not mine:
+    if not mine or not found.averaged:
         return s
     c = [s.parameters.index(p) for p in mine]
     at = [found.parameters.index(p) for p in mine]
