@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gimbalcal.calibration.correction import Calibrated, correct
+from gimbalcal.calibration.correction import correct
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -19,11 +19,14 @@ from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 from gimbalcal.units import celsius, from_si, is_raw, to_si
 
+if TYPE_CHECKING:
+    from gimbalcal.calibration.calibration import Calibration
+
 MAX_RATE = 35.0  # rad/s, 2000 deg/s: the range of common gyroscopes; larger numbers are probably in deg/s
 
 
 def correct_arrays(
-    calibration: Calibrated, readings: Mapping[str, Any], units: Mapping[str, str] | None = None
+    calibration: Calibration, readings: Mapping[str, Any], units: Mapping[str, str] | None = None
 ) -> dict[str, Array]:
     """Return corrected arrays: time (n,), specific_force and angular_rate (n, 3), others (n,) or by axis.
 

@@ -16,12 +16,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from functools import partial
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gimbalcal.calibration.mount_correction import Mount, mount, with_readouts
-from gimbalcal.calibration.provenance import Provenance
 from gimbalcal.calibration.readout import Readout, in_counts, in_si, with_noise
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.effect import GIMBALS, happens_once, lacking
@@ -34,6 +33,9 @@ from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 
+if TYPE_CHECKING:
+    from gimbalcal.calibration.calibration import Calibration
+
 AXES = ("x", "y", "z")
 MAX_READOUT_STEPS = 50  # of readout = true - error(readout), which contracts tenfold or more
 ROUNDING = 16 * float(np.finfo(float).eps)  # of the largest angle, below which a step is rounding
@@ -42,23 +44,7 @@ MAX_MISFIT = 1e-6  # of the largest reading, of the reading that the solution pr
 MAX_STEPS = 6  # each multiplies the error by a product of two errors, below 1e-5
 
 
-class Calibrated(Protocol):
-    """The part of a calibration that `correct` and `corrupt` need."""
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """Errors, as functions from physics to reading."""
-
-    @property
-    def readout(self) -> Readout:
-        """Nominal scales of a unit whose output is in counts."""
-
-    @property
-    def provenance(self) -> Provenance:
-        """Recordings that it was estimated from."""
-
-
-def correct(calibration: Calibrated, recording: Recording) -> Recording:
+def correct(calibration: Calibration, recording: Recording) -> Recording:
     """Return the recording with force [m/s^2], rate [rad/s] and true gimbal angles instead of readings.
 
     Direction: readings to physics. Raises InputError where the calibration was estimated from counts and the recording
@@ -75,10 +61,10 @@ def correct(calibration: Calibrated, recording: Recording) -> Recording:
     for _ in range(MAX_STEPS):  # force and rate enter each other's errors (g-sensitivity, lever arms)
         before = s
         if rate is not None:
-            w, rate_gain = _inverted(partial(_rates, s, effects), rate, RATE)
+            w, rate_gain = _inverted(partial(gyroscopes, s=s, effects=effects), rate, RATE)
             s = s.at(rate=w)
         if force is not None:
-            f, force_gain = _inverted(partial(_forces, s, effects), force, FORCE)
+            f, force_gain = _inverted(partial(accelerometers, s=s, effects=effects), force, FORCE)
             s = s.at(force=f)
         if np.array_equal(s.force, before.force) and np.array_equal(s.rate, before.rate):
             break
@@ -122,7 +108,7 @@ def _added(channels: dict[Key, Array], change: Mount | None, sign: float) -> dic
     return {key: values + sign * added[key] if key in added else values for key, values in channels.items()}
 
 
-def _refuse_other_rig(calibration: Calibrated, recording: Recording) -> None:
+def _refuse_other_rig(calibration: Calibration, recording: Recording) -> None:
     pointed = recording.kind.sighting and recording.has(ANGLE)
     if not (recording.has(FORCE) or recording.has(RATE) or pointed):
         raise InputError(
@@ -153,15 +139,7 @@ def _initial_stimulus(recording: Recording) -> Stimulus:
     return stimulus_from_readings(replace(recording, channels=dict(recording.channels) | nothing))
 
 
-def _forces(s: Stimulus, effects: Sequence[Effect], f: Array) -> Array:
-    return accelerometers(f, s, effects)
-
-
-def _rates(s: Stimulus, effects: Sequence[Effect], w: Array) -> Array:
-    return gyroscopes(w, s, effects)
-
-
-def corrupt(calibration: Calibrated, recording: Recording) -> Recording:
+def corrupt(calibration: Calibration, recording: Recording) -> Recording:
     """Return what the calibrated unit would have read, inverse of `correct`. Direction: physics to readings."""
     _refuse_other_rig(calibration, recording)
     effects = _with_needs(_of(calibration, recording), recording)
@@ -170,13 +148,13 @@ def corrupt(calibration: Calibrated, recording: Recording) -> Recording:
     channels = _added(dict(read.channels), change, -1.0)
     if recording.has(FORCE):
         f = _turned(np.stack([channels[FORCE, a] for a in AXES], axis=-1), change, -1.0)
-        y, H = _read(partial(_forces, s, effects), f, FORCE)
+        y, H = _read(partial(accelerometers, s=s, effects=effects), f, FORCE)
         channels |= _columns(FORCE, y)
         read = with_noise(read, FORCE, H)
         s = s.at(force=f)
     if recording.has(RATE):
         w = _turned(recording.triad(RATE), change, -1.0)
-        y, H = _read(partial(_rates, s, effects), w, RATE)
+        y, H = _read(partial(gyroscopes, s=s, effects=effects), w, RATE)
         channels |= _columns(RATE, y)
         read = with_noise(read, RATE, H)
     return in_counts(replace(read, channels=channels), calibration.readout)
@@ -223,7 +201,7 @@ def _columns(quantity: str, v: Array) -> dict[Key, Array]:
     return {(quantity, a): v[:, i] for i, a in enumerate(AXES)}
 
 
-def _of(calibration: Calibrated, recording: Recording) -> tuple[Effect, ...]:
+def _of(calibration: Calibration, recording: Recording) -> tuple[Effect, ...]:
     """Return the effects of a recording: single events only where the calibration was estimated from it."""
     estimated_from = {file.sha256 for file in calibration.provenance.recordings}
     own = {file.sha256 for file in recording.source}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -20,25 +20,13 @@ from gimbalcal.recording.dwell import dwell_means
 from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
 
+if TYPE_CHECKING:
+    from gimbalcal.checks.stream_checks import StreamChecks
+
 POSITIONS, STATIC, ROTATION, SIGHTINGS = ("in_positions",), ("stabilised",), ("rotating",), ("sighting",)
 EVERY = (*POSITIONS, *STATIC, *ROTATION, *SIGHTINGS)
 T = TypeVar("T")
 SOME_ROWS, THINNED_ROWS = 5000, 500  # rows of a recording that show its usual force; of a static run
-
-
-class Examinable(Protocol):
-    """What a check may look at: its kind, what it holds, and what a sentence on it begins with."""
-
-    @property
-    def kind(self) -> Kind:
-        """Return the kind of the recording."""
-
-    @property
-    def label(self) -> str:
-        """Return the name that precedes the sentence of a refusal; empty where sentences name their place."""
-
-    def has(self, item: str, /) -> bool:
-        """Return whether a quantity, or another thing that checks require by a word, is there."""
 
 
 @dataclass(frozen=True)
@@ -133,12 +121,12 @@ class Check:
     requires: tuple[str, ...] = ()
     question: bool = False
 
-    def applies(self, examined: Examinable) -> bool:
+    def applies(self, examined: Examined | StreamChecks) -> bool:
         """Return whether the check can be made."""
         return any(getattr(examined.kind, name) for name in self.kinds) and all(map(examined.has, self.requires))
 
 
-def examine(examined: Examinable, checks: Iterable[Check]) -> tuple[str, ...]:
+def examine(examined: Examined | StreamChecks, checks: Iterable[Check]) -> tuple[str, ...]:
     """Make the checks that apply, in order; return the remarks. `InputError` with one sentence at the first refusal."""
     remarks = []
     for check in checks:

@@ -204,12 +204,10 @@ class StreamChecks:
         """Remember the extremes of a column and, where its `repeats` may be suspicious, whether it stands still."""
         for sign in (1, -1):
             value = float(x.max() if sign > 0 else x.min())
-            count = int(np.count_nonzero(x == value))
             before, counted = self.extremes.get((name, sign), (-sign * np.inf, 0))
-            if value == before:
-                self.extremes[name, sign] = (value, counted + count)
-            elif sign * value > sign * before:
-                self.extremes[name, sign] = (value, count)
+            if sign * value >= sign * before:
+                earlier = counted if value == before else 0
+                self.extremes[name, sign] = (value, earlier + int(np.count_nonzero(x == value)))
         if not repeats:
             return
         thin = x[::STRIDE]
