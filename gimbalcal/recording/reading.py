@@ -106,6 +106,7 @@ def assemble(
         source = tuple(digests)
     position = next((np.rint(table[c.name]).astype(np.int64) for c in columns if c.quantity == "position"), None)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
+    weight = table.get(next((c.name for c in columns if c.quantity == "weight"), ""), np.ones(0))
     clock = next(c for c in columns if c.quantity == "time")
     time, values = _si(clock, table[clock.name]), {c.name: _si(c, table[c.name]) for c in measured}
     recordings = [
@@ -119,7 +120,7 @@ def assemble(
             position=position,
             channels={c.key: values[c.name] for c in own},
             source=source,
-            weight=_weight(columns, table),
+            weight=weight,
             units={c.key: c.unit for c in own},
             scatter={c.key: to_si(scatter[c.name], c.unit) for c in own if c.name in scatter},
             remarks=header.remarks + remarks,
@@ -236,11 +237,6 @@ def _gather(
     checks.scatter = dict(zip(measured, scatter.sigma(), strict=False))
     examine(checks, column_checks.CHECKS)
     return kept.table(), checks.scatter
-
-
-def _weight(columns: tuple[Column, ...], table: dict[str, Array]) -> Array:
-    name = next((c.name for c in columns if c.quantity == "weight"), "")
-    return table[name] if name in table else np.ones(0)
 
 
 def _si(each: Column, values: Array) -> Array:

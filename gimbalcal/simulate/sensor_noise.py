@@ -58,18 +58,13 @@ def of_rates(noise: Noise, time: Array, rng: np.random.Generator, states: dict[t
 
 def stated(scenario: Scenario) -> dict[str, float]:
     """Return the noise that the header states: white noise of one sample and the setting repeatability."""
-    every = noises(scenario)
+    every, n = noises(scenario), scenario.noise
     processes = {
         sensor: [p for p in every.get(q, ()) if isinstance(p, WhiteNoise | SettingError)]
         for sensor, q in SENSORS.items()
     }
     out = {sensor: one_sigma(noise) for sensor, noise in processes.items() if noise}
     if scenario.schedule.turns:
-        out.pop("gimbal_angle", None)  # no gimbal is logged
-        out |= {key: size for key in COLOURED if (size := getattr(scenario.noise, key)) and _there(scenario, key)}
-    return out | ({"velocity": scenario.noise.velocity} if scenario.noise.velocity else {})
-
-
-def _there(scenario: Scenario, key: str) -> bool:
-    """Return whether the process of which a key of [noise] speaks is simulated: a time constant alone is none."""
-    return bool(getattr(scenario.noise, key.removesuffix("_tau")))
+        out.pop("gimbal_angle", None)  # no gimbal is logged; a time constant alone is no process
+        out |= {key: size for key in COLOURED if (size := getattr(n, key)) and getattr(n, key.removesuffix("_tau"))}
+    return out | ({"velocity": n.velocity} if n.velocity else {})
