@@ -64,16 +64,16 @@ def diagnose(
             refuse_other_gimbals(calibration.effects, r)
     made = {id(r): completed(r) for r in recordings}  # one that is given twice stays one
     recordings = [made[id(r)] for r in recordings]
-    asked = DiagnosisRequest(tuple(recordings), calibration, tuple(baseline), seed, tell)
+    request = DiagnosisRequest(tuple(recordings), calibration, tuple(baseline), seed, tell)
     date = when_recorded(recordings)
     provenance: dict[str, Any] = {"recorded": date} if date else {}
     if all(r.kind.sighting for r in recordings):
         refuse_for_mounts(grade)
-        found = _diagnosed(asked)
+        found = _diagnosed(request)
     else:
         unit = graded(recordings, grade)
         tell(unit.in_words)
-        found = _with_question(_diagnosed(replace(asked, recordings=tuple(unit.of(recordings)))), asked, unit)
+        found = _with_question(_diagnosed(replace(request, recordings=tuple(unit.of(recordings)))), request, unit)
         provenance["grade"] = unit.origin.to_dict()
     return _with_effect_files(replace(found, provenance={**found.provenance, **provenance}))
 
@@ -89,14 +89,14 @@ def _with_effect_files(found: Diagnosis) -> Diagnosis:
     return replace(found, calibration=made, provenance={**found.provenance, "effects": plain(compared)})
 
 
-def _with_question(found: Diagnosis, asked: DiagnosisRequest, unit: Graded) -> Diagnosis:
+def _with_question(found: Diagnosis, request: DiagnosisRequest, unit: Graded) -> Diagnosis:
     """The diagnosis; where its refit has constants that no unit has, it asks whether that is so."""
     if found.calibration is None:
         return found
     if found.outcome and found.verdict == "unexplained":  # positions that were not held leave constants of any size
         return found
-    made = with_gravity(found.calibration, asked.recordings)
-    doubted = with_question(made, asked.recordings, unit, _quick_calibration, {f.effect for f in found.findings})
+    made = with_gravity(found.calibration, request.recordings)
+    doubted = with_question(made, request.recordings, unit, _quick_calibration, {f.effect for f in found.findings})
     question = doubted.provenance.options.question if doubted is not made else ""
     if not question:
         return replace(found, calibration=made)
@@ -116,12 +116,12 @@ def _quick_calibration(recordings: Sequence[Recording]) -> Calibration:
     return three_stage(recordings) if gimbals else inertial_unit(recordings[0])
 
 
-def _diagnosed(asked: DiagnosisRequest) -> Diagnosis:
+def _diagnosed(request: DiagnosisRequest) -> Diagnosis:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
-        found = _by_kind(asked)
-        return found if asked.calibration else with_reservation(found, asked.recordings, asked.baseline)
+        found = _by_kind(request)
+        return found if request.calibration else with_reservation(found, request.recordings, request.baseline)
 
 
 def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str]) -> Diagnosis:
@@ -142,42 +142,42 @@ def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Se
     return replace(d, outcome=outcome, in_words=f"{words}. {outcome}.")
 
 
-def _by_kind(asked: DiagnosisRequest) -> Diagnosis:
-    if all(r.kind.sighting for r in asked.recordings):
-        return _nights(asked)
-    if len(asked.recordings) == 1:
-        return diagnose_recording(asked)
-    by_hand = all(has_unstated_noise(r) and r.kind.in_positions for r in asked.recordings)
-    return _sessions(asked) if by_hand else diagnose_jointly(asked)
+def _by_kind(request: DiagnosisRequest) -> Diagnosis:
+    if all(r.kind.sighting for r in request.recordings):
+        return _nights(request)
+    if len(request.recordings) == 1:
+        return diagnose_recording(request)
+    by_hand = all(has_unstated_noise(r) and r.kind.in_positions for r in request.recordings)
+    return _sessions(request) if by_hand else diagnose_jointly(request)
 
 
-def _sessions(asked: DiagnosisRequest) -> Diagnosis:
+def _sessions(request: DiagnosisRequest) -> Diagnosis:
     """Sessions of one unit turned by hand: their rests together, and whether they share their constants at all."""
-    made = _joined(asked)
-    terms = by_triad(asked.baseline)[0] or ACCELEROMETER_TERMS
-    ask = partial(unit_of_sessions, asked.recordings, terms)
-    return _held_together(made, "session", "agree on their constants", ask, asked.tell)
+    made = _diagnosed_as_one(request)
+    terms = by_triad(request.baseline)[0] or ACCELEROMETER_TERMS
+    compare = partial(unit_of_sessions, request.recordings, terms)
+    return _with_agreement(made, "session", "agree on their constants", compare, request.tell)
 
 
-def _joined(asked: DiagnosisRequest) -> Diagnosis:
+def _diagnosed_as_one(request: DiagnosisRequest) -> Diagnosis:
     """Sessions or nights as one recording, and how far apart in time they were taken to be."""
-    both = join(asked.recordings)
-    made = diagnose_recording(asked.of(both))
-    if len(asked.recordings) == 1:
+    both = join(request.recordings)
+    made = diagnose_recording(request.of(both))
+    if len(request.recordings) == 1:
         return made
     apart = both.remarks[-1]
     return replace(made, in_words=f"{made.in_words} {apart[0].upper()}{apart[1:]}.")
 
 
-def _nights(asked: DiagnosisRequest) -> Diagnosis:
+def _nights(request: DiagnosisRequest) -> Diagnosis:
     """Pointing runs of one mount: all nights together, and whether they share their terms at all."""
-    made = _joined(asked)
-    if made.calibration is None or sum(len(nights(r)) for r in asked.recordings) == 1:
+    made = _diagnosed_as_one(request)
+    if made.calibration is None or sum(len(nights(r)) for r in request.recordings) == 1:
         return made
     held = dict.fromkeys(p.effect for p in made.calibration.parameters)
     terms = tuple(e for e in held if not constants(CATALOGUE[e]))  # the same constants would be sought in every night
-    ask = partial(pointing_calibration, [replace(r, noise={}) for r in asked.recordings], terms)
-    made = _held_together(made, "night", "share their terms", ask, asked.tell)
+    compare = partial(pointing_calibration, [replace(r, noise={}) for r in request.recordings], terms)
+    made = _with_agreement(made, "night", "share their terms", compare, request.tell)
     if not made.outcome:
         return made
     shape = Shape("pointing", "terms that differ from night to night")
@@ -185,20 +185,20 @@ def _nights(asked: DiagnosisRequest) -> Diagnosis:
     return replace(made, verdict=verdict, unexplained=(*made.unexplained, shape))
 
 
-def _held_together(made: Diagnosis, each: str, alike: str, ask: Callable[[], Calibration], tell: Tell) -> Diagnosis:
-    """The diagnosis of all together, and what holding `each` of them against the others says beside it."""
+def _with_agreement(d: Diagnosis, each: str, alike: str, compare: Callable[[], Calibration], tell: Tell) -> Diagnosis:
+    """Return the diagnosis of all recordings, and whether each agrees with the others."""
     tell(f"comparing each {each} with the others")
     try:
-        told = ask()
+        shared = compare()
     except InputError as problem:
-        return replace(made, in_words=f"{made.in_words} Whether the {each}s {alike} cannot be told: {problem}.")
-    words = (told.outcome or f"the {each}s {alike}").rstrip(".")
-    listed = plain(told.provenance.nights or told.provenance.options.sessions or ())
+        return replace(d, in_words=f"{d.in_words} Whether the {each}s {alike} cannot be told: {problem}.")
+    words = (shared.outcome or f"the {each}s {alike}").rstrip(".")
+    listed = plain(shared.provenance.nights or shared.provenance.options.sessions or ())
     return replace(
-        made,
-        in_words=f"{made.in_words} {words[0].upper()}{words[1:]}.",
-        provenance={**made.provenance, f"{each}s": listed},
-        outcome=told.outcome,
+        d,
+        in_words=f"{d.in_words} {words[0].upper()}{words[1:]}.",
+        provenance={**d.provenance, f"{each}s": listed},
+        outcome=shared.outcome,
     )
 
 

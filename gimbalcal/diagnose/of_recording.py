@@ -93,54 +93,54 @@ def has_gyroscopes(recording: Recording) -> bool:
     return bool(recording.platform.axes) and (logged or recording.kind.rotating)
 
 
-def diagnose_recording(asked: DiagnosisRequest) -> Diagnosis:
+def diagnose_recording(request: DiagnosisRequest) -> Diagnosis:
     """Diagnose every view of a recording, and return one diagnosis. Raises InputError where nothing is to compare."""
-    recording, notes = asked.recording, list[str]()
+    recording, notes = request.recording, list[str]()
     if recording.kind.stabilised:
-        parts = [_known(asked, asked.baseline)]
+        parts = [_known(request, request.baseline)]
     elif not has_unstated_noise(recording):
-        parts, notes = of_gimballed_unit(_with_rests(asked), recording.kind.rotating and not recording.instant)
+        parts, notes = of_gimballed_unit(_with_rests(request), recording.kind.rotating and not recording.instant)
     elif recording.kind.view or recording.kind.rotating:
-        parts, notes = of_single_view(asked)
+        parts, notes = of_single_view(request)
     else:
-        parts, notes = of_triads(asked)
+        parts, notes = of_triads(request)
     if not parts:
         raise InputError(
             f"{recording.title!r} leaves nothing to compare: at rest it takes {FORCE} along x, y and z, and "
             f"{RATE} in a unit with a scale for the gyroscopes. {' '.join(notes)}".strip()
         )
-    return joint_diagnosis(parts, notes, asked.baseline, asked.seed)
+    return joint_diagnosis(parts, notes, request.baseline, request.seed)
 
 
-def known_view(asked: DiagnosisRequest, baseline: Sequence[str]) -> View:
+def known_view(request: DiagnosisRequest, baseline: Sequence[str]) -> View:
     """Return the view of forces at known attitude, whose scatter is seen about the values of a calibration."""
-    recording = asked.recording
+    recording = request.recording
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
-    v = view_at_known_attitude(recording, ids, carried(asked.calibration, ids))
+    v = view_at_known_attitude(recording, ids, carried(request.calibration, ids))
     return replace(v, misheld=partial(misheld_positions, recording)) if recording.kind.in_positions else v
 
 
-def _known(asked: DiagnosisRequest, baseline: Sequence[str]) -> ViewDiagnosis:
+def _known(request: DiagnosisRequest, baseline: Sequence[str]) -> ViewDiagnosis:
     """Diagnose the forces at known attitude of one recording."""
-    return diagnose_known_noise([known_view(asked, baseline)], asked.calibration, asked.seed, asked.tell)
+    return diagnose_known_noise([known_view(request, baseline)], request.calibration, request.seed, request.tell)
 
 
-def diagnose_jointly(asked: DiagnosisRequest) -> Diagnosis:
+def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
     """Diagnose several recordings of one unit at known attitude jointly; InputError if they are not that."""
-    check_one_unit(asked)
+    check_one_unit(request)
     alone = "its gyroscopes are not looked at together with other recordings; give it alone for them"
-    for r in asked.recordings:
+    for r in request.recordings:
         if has_gyroscopes(r):
-            asked.tell(f"{r.title}: {alone}")
-    ids = [baseline_of(r, asked.recordings, asked.baseline) for r in asked.recordings]
-    views = [known_view(asked.of(r), own) for r, own in zip(asked.recordings, ids, strict=True)]
-    made = diagnose_known_noise(views, asked.calibration, asked.seed, asked.tell)
-    return joint_diagnosis([made], [], [list(own) for own in ids], asked.seed)
+            request.tell(f"{r.title}: {alone}")
+    ids = [baseline_of(r, request.recordings, request.baseline) for r in request.recordings]
+    views = [known_view(request.of(r), own) for r, own in zip(request.recordings, ids, strict=True)]
+    made = diagnose_known_noise(views, request.calibration, request.seed, request.tell)
+    return joint_diagnosis([made], [], [list(own) for own in ids], request.seed)
 
 
-def check_one_unit(asked: DiagnosisRequest) -> None:
+def check_one_unit(request: DiagnosisRequest) -> None:
     """Raise InputError where recordings are not of one unit at known attitude, or where one is given twice."""
-    recordings, first = asked.recordings, asked.recording
+    recordings, first = request.recordings, request.recording
     for r in recordings:
         if has_unstated_noise(r):
             raise InputError(
@@ -170,15 +170,15 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if CATALOGUE[i].shows_in(r.kind))]))
 
 
-def of_single_view(asked: DiagnosisRequest) -> Parts:
+def of_single_view(request: DiagnosisRequest) -> Parts:
     """Diagnose a recording of one view; of stars without those that are outliers, with a note on each.
 
     One star that is nine sigma off makes half of the scatter of eighty, and hides what is as large as that scatter.
     """
     notes: list[str] = []
     while True:
-        v = single_view(asked)
-        d = diagnose_view(v, asked.tell)
+        v = single_view(request)
+        d = diagnose_view(v, request.tell)
         n = len(v)
         sought = v.kind.sighting and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS
         off = strays(d.curves.after) if sought else []
@@ -189,38 +189,38 @@ def of_single_view(asked: DiagnosisRequest) -> Parts:
         at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
         why = MISTAKEN if at is None else why_far(d.curves.after * d.sigma, at[:, : len(v.channels)], off, axis)
         notes.append(diagnosis_sentences.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
-        asked.tell(notes[-1])
-        asked = asked.of(replace(asked.recording, position=number).select(np.delete(np.arange(n), off)))
+        request.tell(notes[-1])
+        request = request.of(replace(request.recording, position=number).select(np.delete(np.arange(n), off)))
 
 
-def single_view(asked: DiagnosisRequest) -> View:
+def single_view(request: DiagnosisRequest) -> View:
     """Return the one view of a unit turned in its place, of a tilting table, or of a kind with one view."""
-    recording, calibration, baseline = asked.recording, asked.calibration, asked.baseline
+    recording, calibration, baseline = request.recording, request.calibration, request.baseline
     if recording.kind.rotating:
         if not turned_in_place(recording):
             return tilting_table(recording, baseline)
         usual = tuple(baseline) or BASELINE["rotation"]
         known = tuple(e for e in carried(calibration, ()) if e.id not in usual)
-        return navigation_view(recording, usual, asked.tell, known)
+        return navigation_view(recording, usual, request.tell, known)
     # every term is fitted anew: a calibration says which the model holds
     held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
     return recording.kind.view_of(recording, baseline or held)
 
 
-def of_triads(asked: DiagnosisRequest) -> Parts:
+def of_triads(request: DiagnosisRequest) -> Parts:
     """Diagnose the views of a unit turned by hand, one after the other, and note what was not analysed.
 
     The gyroscopes are compared with accelerometers that include what was found there: both triads are one model. A
     baseline of gyroscope effects alone asks for the gyroscopes alone, and so on.
     """
-    recording, tell = asked.recording, asked.tell
-    mine, gyro = by_triad(asked.baseline)
+    recording, tell = request.recording, request.tell
+    mine, gyro = by_triad(request.baseline)
     told: list[ViewDiagnosis] = []
-    if recording.has(FORCE) and (mine or not asked.baseline):
+    if recording.has(FORCE) and (mine or not request.baseline):
         told.append(diagnose_view(norm(recording, mine), tell))
-    if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not asked.baseline)):
+    if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not request.baseline)):
         return told, []
-    made = calibration_of(told, "") if told else asked.calibration
+    made = calibration_of(told, "") if told else request.calibration
     at_rest = view_at_rest(recording, gyro, made)
     if at_rest is None:
         note = diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)
@@ -237,17 +237,17 @@ def of_triads(asked: DiagnosisRequest) -> Parts:
         return told, [diagnosis_sentences.motion_not_analysed("too few turns were logged to say how the unit turned")]
     told.append(diagnose_view(moving, tell))
     turns = told[-1].model
-    late, notes = of_slews(asked, made, turns.effects if turns else ())
+    late, notes = of_slews(request, made, turns.effects if turns else ())
     return [*told, *late], notes
 
 
-def of_slews(asked: DiagnosisRequest, made: Calibration, gyro: Sequence[Effect], means: bool = False) -> Parts:
+def of_slews(request: DiagnosisRequest, made: Calibration, gyro: Sequence[Effect], means: bool = False) -> Parts:
     """Diagnose delays between channels in the slews, or note why there are none to compare; see `view_of_slews`."""
-    v = view_of_slews(asked.recording, made, gyro, means)
+    v = view_of_slews(request.recording, made, gyro, means)
     if isinstance(v, str):
         return [], [diagnosis_sentences.motion_not_analysed(v)]
-    asked.tell("the slews: do all channels agree in time")
-    return [diagnose_view(v, asked.tell)], []
+    request.tell("the slews: do all channels agree in time")
+    return [diagnose_view(v, request.tell)], []
 
 
 def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
@@ -255,42 +255,42 @@ def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
     return still.model.effects if still.findings and still.model is not None else ()
 
 
-def of_gimballed_unit(asked: DiagnosisRequest, means: bool) -> Parts:
+def of_gimballed_unit(request: DiagnosisRequest, means: bool) -> Parts:
     """Diagnose the forces at known attitude, then the gyroscopes at rest and between rests, then the slews.
 
     A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. means: whether rows are means.
     """
-    recording = asked.recording
-    mine, gyro = by_triad(asked.baseline)
+    recording = request.recording
+    mine, gyro = by_triad(request.baseline)
     parts, notes = list[ViewDiagnosis](), list[str]()
-    if (recording.has(FORCE) or not recording.has(RATE)) and (mine or not asked.baseline):
-        parts.append(_known(asked, mine))
+    if (recording.has(FORCE) or not recording.has(RATE)) and (mine or not request.baseline):
+        parts.append(_known(request, mine))
     forces = parts[0].calibration if parts else None
     if recording.has(RATE) and not (mine and not gyro):
-        made = asked.calibration if forces is None else _accelerometers(forces)
+        made = request.calibration if forces is None else _accelerometers(forces)
         explained = not parts or parts[0].verdict != "unexplained"
-        rates, notes = _gyroscopes(asked, made, gyro, explained)
+        rates, notes = _gyroscopes(request, made, gyro, explained)
         parts += rates
     turns = next((p.model for p in parts if p.view.measurement is TURNS), None)
     both = recording.has(RATE) and recording.has(FORCE)
-    without = asked.of(without_earth_rate(recording)) if both else asked
+    without = request.of(without_earth_rate(recording)) if both else request
     late, why_not = of_slews(without, forces or NOTHING, turns.effects if turns else (), means)
     for note in (*notes, *why_not):
-        asked.tell(note)
+        request.tell(note)
     return [*parts, *late], [*notes, *why_not]
 
 
-def _with_rests(asked: DiagnosisRequest) -> DiagnosisRequest:
+def _with_rests(request: DiagnosisRequest) -> DiagnosisRequest:
     """Return dwells at known angles as positions, whatever turned between them."""
-    recording = asked.recording
+    recording = request.recording
     if recording.kind.in_positions:
-        return asked
+        return request
     if recording.position is None or not np.any(recording.position > 0):
         raise InputError(
             f"{recording.title!r} is a rotation recording without rests: `diagnose` compares rests and the turns "
             "between them, so give a `position` column that numbers the rests and is 0 on the way"
         )
-    return asked.of(replace(recording, kind=MULTI_POSITION))
+    return request.of(replace(recording, kind=MULTI_POSITION))
 
 
 def _accelerometers(made: Calibration) -> Calibration:
@@ -301,9 +301,9 @@ def _accelerometers(made: Calibration) -> Calibration:
     return replace(made, effects=kept, parameters=wanted, covariance=made.covariance[np.ix_(at, at)])
 
 
-def _gyroscopes(asked: DiagnosisRequest, made: Calibration | None, gyro: Sequence[str], explained: bool) -> Parts:
+def _gyroscopes(request: DiagnosisRequest, made: Calibration | None, gyro: Sequence[str], explained: bool) -> Parts:
     """Diagnose the views of the gyroscopes, and note in sentences what was not analysed."""
-    recording = asked.recording
+    recording = request.recording
     rests = len(dwell_means(recording).time)
     if rests < MIN_RESTS:
         return [], [diagnosis_sentences.gyroscopes_not_analysed(f"that takes {MIN_RESTS} dwells, not {rests}")]
@@ -325,8 +325,8 @@ def _gyroscopes(asked: DiagnosisRequest, made: Calibration | None, gyro: Sequenc
         notes = [diagnosis_sentences.rate_not_analysed(why)]
 
     def looked(v: View) -> ViewDiagnosis:
-        asked.tell(f"the gyroscopes: {v.measurement.channels}")
-        return diagnose_view(v, asked.tell)
+        request.tell(f"the gyroscopes: {v.measurement.channels}")
+        return diagnose_view(v, request.tell)
 
     told = [looked(replace(still, missed_by_turns=None))]
     if turning and (found := found_at_rest(told[0])):

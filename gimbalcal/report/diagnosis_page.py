@@ -50,7 +50,7 @@ def diagnosis_report(d: Diagnosis, title: str = "") -> str:
         "in_words": naming.typeset(d.in_words),
         "verdict": "reserved" if d.outcome else LOOKS[d.verdict],
         "facts": _facts(d),
-        "findings": [_finding(f) for f in d.findings],
+        "findings": [_finding_section(f) for f in d.findings],
         "laws": [_law(law) for law in d.laws],
         "picture": _before_after(panels(d.curves, d.mismatch), d.findings, on_the_sky(d.curves)) if d.curves else None,
         "mismatch": mismatch,
@@ -184,7 +184,7 @@ def _probability(p: float) -> str:
     )
 
 
-def _finding(f: Finding) -> Context:
+def _finding_section(f: Finding) -> Context:
     latex = str(stated_law(CATALOGUE[f.effect])["equation"])
     return {
         "words": naming.named(f.effect, f.axis),

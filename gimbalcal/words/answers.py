@@ -45,7 +45,7 @@ RECORD_IT = "Next: turn the rig through schedule.toml while it logs."
 def plan_answer(o: Observability) -> str:
     """Return which parameters positions or a static run determine, how well, and what to do next."""
     unseen = o.unobservable
-    text = as_sentence(f"{o.schedule} determines {_share(len(o.rows), len(unseen))} of the parameters")
+    text = as_sentence(f"{o.schedule} determines {_determined(len(o.rows), len(unseen))} of the parameters")
     text += _precision(o.rows, unseen)
     if unseen:
         text += (
@@ -61,13 +61,13 @@ def _precision(rows: Sequence[PredictedSigma], unobservable: Sequence[Unobservab
     return precision((r.parameter.name, r.sigma, r.parameter.unit) for r in determined)
 
 
-def _share(total: int, unobservable: int) -> str:
+def _determined(total: int, unobservable: int) -> str:
     return f"{total - unobservable} of {total} combinations" if unobservable else f"all {counted(total, 'combination')}"
 
 
 def positions_answer(d: PositionsDesign) -> str:
     """Return which parameters designed positions determine, how well, compared with which, and what to do next."""
-    share = _share(len(d.parameters), len(d.unobservable))
+    share = _determined(len(d.parameters), len(d.unobservable))
     text = sentence(f"{d.origin}, determine {share} of the parameters")
     text += _precision(d.rows, d.unobservable)
     text += f" {sentence(d.position_error)}" if d.position_error else ""

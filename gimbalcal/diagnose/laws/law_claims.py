@@ -29,7 +29,7 @@ from gimbalcal.diagnose.verdict.agreement import against, inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
 from gimbalcal.diagnose.verdict.mismatch import LEFT, scan
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
-from gimbalcal.diagnose.verdict.separation import apart, fastest
+from gimbalcal.diagnose.verdict.separation import expected_ln_bayes, fastest
 from gimbalcal.diagnose.verdict.verify import residual_rows, verify
 from gimbalcal.effects import Stage
 from gimbalcal.number import Array
@@ -120,7 +120,7 @@ def beyond_walk(common: Ranking, walk: RandomWalkFinding, seed: int, tell: Tell)
 def against_walk(law: Lawful, walk: RandomWalkFinding, advice: str) -> tuple[Lawful, float]:
     """Return formulas that compete with the walk of a sensor, none of much lower odds, and ln of their odds to it.
 
-    advice: what tells the two apart, where the formulas have no advice of their own.
+    advice: what distinguishes the two, where the formulas have no advice of their own.
     """
     odds = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
     return law if odds > -CLAIM else Lawful(recommend=law.recommend or advice), odds
@@ -263,7 +263,7 @@ def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool 
 
     def gained(planned: Fit) -> float:
         signal = _columns(planned, law, law.expression) @ size[:, None]
-        return apart(planned, signal, _varied(planned, other))
+        return expected_ln_bayes(planned, signal, _varied(planned, other))
 
     best = fastest(o, gained)
     if not (best.words or asked):

@@ -16,7 +16,7 @@ from gimbalcal.diagnose.verdict.agreement import against
 from gimbalcal.diagnose.verdict.decide import Decision, capped
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
 from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, RecordingCauses, agreement_on_size
-from gimbalcal.diagnose.verdict.separation import advise, sentence
+from gimbalcal.diagnose.verdict.separation import advice_in_words, advise
 from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
 from gimbalcal.inference.algebra import basis
@@ -177,7 +177,7 @@ def _experiment(c: Ranking, d: Decision, by_recording: Sequence[RecordingCauses]
             variant = by_recording[k].fit.variants[by_recording[k].ordinals.index(ordinal)]
             (at,) = c.within((alike,), k)
             other = s.library.candidates[at]
-            return sentence(advise(s.fit, found, variant, size, other), found, other)
+            return advice_in_words(advise(s.fit, found, variant, size, other), found, other)
     return ""
 
 

@@ -69,13 +69,13 @@ def judgement(s: Ranking, member: int, others: Sequence[int], scores: Array, wit
     """
     p, candidates = s.posterior(), s.library.candidates
     alike = fits_alike(s, member, others, scores)
-    if not with_rest and _share(s, p, (member, *alike)) < SURE:
+    if not with_rest and _probability(s, p, (member, *alike)) < SURE:
         alike = _widened(s, p, member, alike, others)
-    probability = _share(s, p, (member, *alike), with_rest)
+    probability = _probability(s, p, (member, *alike), with_rest)
     return Judgement(candidates[member], probability, tuple(candidates[i] for i in alike))
 
 
-def _share(s: Ranking, p: Array, alike: Sequence[int], with_rest: bool = False) -> float:
+def _probability(s: Ranking, p: Array, alike: Sequence[int], with_rest: bool = False) -> float:
     """Return the probability of all hypotheses that contain one of these causes: without a shape, or with one.
 
     A law that leaves a residual may be another law much like it, so with a residual no cause is sure.
@@ -121,7 +121,7 @@ def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: 
         extra = [i for i in h.members if i not in beside]
         if len(h.members) != len(beside) + 1 or h.unknown(candidates) or len(extra) != 1:
             continue
-        if len(alike) >= MAX_ALTERNATIVES - 1 or _share(s, p, (member, *alike)) >= SURE:
+        if len(alike) >= MAX_ALTERNATIVES - 1 or _probability(s, p, (member, *alike)) >= SURE:
             break
         alike = (*alike, *_distinct(candidates, member, [i for i in extra if i not in alike]))
         alike = _distinct(candidates, member, alike)

@@ -58,7 +58,7 @@ def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
     return best
 
 
-def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
+def advice_in_words(a: Advice, found: Candidate, other: Candidate) -> str:
     """Return the advice as one sentence."""
     return separation_advice(a.words, a.hours, a.ln_bayes, spaced(found.effect), spaced(other.effect))
 
@@ -66,10 +66,10 @@ def sentence(a: Advice, found: Candidate, other: Candidate) -> str:
 def separation(o: Fit, found: Candidate, variant: int, size: Array, other: Candidate) -> float:
     """Expected log Bayes factor between the two causes in the nominal noise."""
     signal = columns_at(o, found, found.variants[variant].constants) @ size[:, None]
-    return apart(o, signal, [columns_at(o, other, v.constants) for v in other.variants[:TRIED]])
+    return expected_ln_bayes(o, signal, [columns_at(o, other, v.constants) for v in other.variants[:TRIED]])
 
 
-def apart(o: Fit, signal: Array, others: Iterable[Array]) -> float:
+def expected_ln_bayes(o: Fit, signal: Array, others: Iterable[Array]) -> float:
     """Expected log Bayes factor of a signal (R, 1) against the best of other columns (R, p), in the nominal noise."""
     node = nominal(o)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))

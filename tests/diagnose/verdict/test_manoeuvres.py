@@ -9,7 +9,7 @@ from gimbalcal.design.manoeuvres import menu, repeated
 from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.verdict import separation as module
-from gimbalcal.diagnose.verdict.separation import SETTLED, Advice, advise, sentence, separation
+from gimbalcal.diagnose.verdict.separation import SETTLED, Advice, advice_in_words, advise, separation
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
@@ -153,4 +153,4 @@ def test_twice_the_run_tells_a_ramp_from_a_day() -> None:
 def test_the_advice_is_one_sentence() -> None:
     i, j = causes(TABLE, "gimbal_friction:inner", "encoder_eccentricity:inner")
     names = "gimbal friction", "encoder eccentricity"
-    assert sentence(Advice(REVERSED, 12.3, 0.5), i, j) == separation_advice(REVERSED, 0.5, 12.3, *names)
+    assert advice_in_words(Advice(REVERSED, 12.3, 0.5), i, j) == separation_advice(REVERSED, 0.5, 12.3, *names)
