@@ -137,6 +137,10 @@ class View:
         least = min(scales)
         return replace(self, noise=replace(self.noise, scales=tuple(float(s / least) for s in scales)))
 
+    def of_one_scale(self) -> View:
+        """Return the view with one scale of all its channels."""
+        return replace(self, noise=replace(self.noise, scales=(), one_scale=True))
+
     def parameters_of(self, effect_id: str) -> tuple[Parameter, ...]:
         """Return the parameters of an effect with the priors of the grade.
 

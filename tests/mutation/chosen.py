@@ -222,8 +222,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.search.stepwise", "swap", "best.lead > SWAP", "best.lead > -SWAP"),
         ("diagnose.search.stepwise", "backward_eliminate", "kind), support[i], i)", "kind), -support[i], i)"),
         ("diagnose.search.stepwise", "needed_evidence", "CLAIM - OFTEN", "CLAIM + OFTEN"),
-        ("diagnose.search.stepwise", "stepwise", "if ln_odds(first, other, share) < ln_odds",
-         "if ln_odds(first, other, share) > ln_odds"),
+        ("diagnose.search.stepwise", "selection", "share) - SWAP", "share) + SWAP"),
+        ("diagnose.search.stepwise", "selection", "share) + SWAP", "share) + 9 * SWAP"),
     ),
     "diagnose/search/test_relinearise.py::test_about_the_angles_of_each_visit_nothing_is_curved": (
         ("diagnose.search.relinearise", "_settings", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),

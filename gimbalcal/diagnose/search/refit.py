@@ -139,7 +139,7 @@ def start(v: View) -> Fit:
     m = refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
     if v.noise.scale_known or distinguishable((m.residual**2).sum(axis=0), np.full(len(v.channels), float(len(v)))):
         return m
-    return replace(m, view=replace(m.view, noise=replace(m.view.noise, one_scale=True)))
+    return replace(m, view=m.view.of_one_scale())
 
 
 def with_columns(m: Fit, X: Array) -> Fit:
@@ -156,7 +156,7 @@ def with_columns(m: Fit, X: Array) -> Fit:
 def fitted_columns(m: Fit, X: Array) -> tuple[Fit, Array, Array]:
     """Return the same, the sizes x (q,) of the columns, and their covariance (q, q) from the remaining scatter."""
     made = with_columns(m, X)
-    Q, A, y = basis(m.reduced(m.jacobian)), m.reduced(X), m.reduced(m.residual[..., None])[:, 0]
+    Q, A, y = basis(made.reduced(m.jacobian)), made.reduced(X), made.reduced(m.residual[..., None])[:, 0]
     left = A - Q @ (Q.T @ A)
     x = np.linalg.lstsq(left, y, rcond=1e-9)[0]
     variance = float((made.reduced(made.residual[..., None]) ** 2).sum()) / max(len(y) - Q.shape[1] - X.shape[-1], 1)

@@ -89,7 +89,8 @@ def about_causes(s: Search) -> Fit:
 def about_first_cause(c: SearchResult, tell: Tell) -> SearchResult:
     """Return the search done anew where rows that are linear about a converged point have moved far from it."""
     v = c.start.view
-    before, after = (float(np.sum(v.noise.weighted(fit.residual) ** 2)) for fit in (c.start, c.end))
+    alike = v.of_scales().noise.weighted  # scales that a strong cause has made of the start would hide it
+    before, after = (float(np.sum(alike(fit.residual) ** 2)) for fit in (c.start, c.end))
     if v.relinearise is None or not c.steps or before <= MIN_CHI2_RATIO * after:
         return c
     cause, variant = c.causes[0]

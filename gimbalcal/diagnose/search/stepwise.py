@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
+from gimbalcal.diagnose.evidence.scale import NEAR_PRIOR, NEAR_SIZES, Free
 from gimbalcal.diagnose.library.assemble import constants_of, library
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.diagnose.search.ranking import (
@@ -17,17 +19,20 @@ from gimbalcal.diagnose.search.ranking import (
     likeliest_variants,
     log_priors,
     projections_of,
+    rms_misfit,
     search,
     total,
 )
 from gimbalcal.diagnose.search.refit import refit, start, with_columns, with_constants
-from gimbalcal.effects import Effect
+from gimbalcal.effects import Effect, values
+from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit, View, absent_effect
 from gimbalcal.views.known_attitude import refuse_too_little
 
 MAX_ROUNDS = 8
+RANK = 1e-12  # of the information about a parameter of the baseline: less is rounding
 SWAP = 1.0  # ln of odds by which another cause must be likelier to take a place
 Key = tuple[str, str, str, str]
 SelectedCause = tuple[Candidate, Variant]
@@ -94,30 +99,45 @@ def stepwise(v: View, tell: Tell) -> SearchResult:
     refuse_too_little(v.title, first.jacobian.reshape(first.residual.size, -1))
     if first.exact:
         return SearchResult(first, (), (), first)
-    selected = forward_select(first, (), tell)
-    if not selected:
-        return result_of(first, selected)
-    known = library(first)
-    usual = textbook(first, known)
-    lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in selected}
-    standard = backward_eliminate(first, usual, tell) if lacking else []
-    if not standard:
-        return result_of(first, selected)
-    tell("once more, from what every rig of the kind has")
-    other = forward_select(first, standard, tell)
-    share = log_shares(v, known)
-    if ln_odds(first, other, share) < ln_odds(first, selected, share):
-        return result_of(first, selected)
-    return result_of(first, other, [c for c in standard if c in other])
+    return result_of(first, *selection(first, tell))
 
 
-def forward_select(first: Fit, begun: Sequence[SelectedCause], tell: Tell) -> list[SelectedCause]:
+def selection(first: Fit, tell: Tell) -> tuple[list[SelectedCause], list[SelectedCause]]:
+    """Return the likeliest selection of causes from several starts, and what of the textbook's model is in it.
+
+    As long as others are not in the model a strong cause in one channel passes for the noise of this channel, and the
+    first of several may not show against it. Where channels have scales of their own, what is selected if all of them
+    scatter alike is therefore a start too. At equal odds what every rig of the kind has is preferred.
+    """
+    share = log_shares(first.view, library(first))
+    selected, standard = forward_select(first, (), tell), list[SelectedCause]()
+    if selected:
+        usual = textbook(first, library(first))
+        lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in selected}
+        if begun := backward_eliminate(first, usual, tell) if lacking else []:
+            tell("once more, from what every rig of the kind has")
+            other = forward_select(first, begun, tell, keep_usual=True)
+            if ln_odds(first, other, share) > ln_odds(first, selected, share) - SWAP:
+                selected, standard = other, [c for c in begun if c in other]
+    if first.view.noise.scales or with_causes(first, selected).view.noise.scales:
+        tell("once more, as if all channels scattered alike")
+        begun, usual = selection(start(first.view.of_one_scale()), tell)
+        if {c.key for c, _ in begun} - {c.key for c, _ in selected}:
+            other = forward_select(first, begun, tell, keep_usual=bool(usual))
+            if ln_odds(first, other, share) > ln_odds(first, selected, share) + SWAP:
+                selected, standard = other, [c for c in usual if c in other]
+    return selected, standard
+
+
+def forward_select(
+    first: Fit, begun: Sequence[SelectedCause], tell: Tell, keep_usual: bool = False
+) -> list[SelectedCause]:
     """Select causes in white noise as long as any is claimed, swap what fits better, eliminate in correlated noise.
 
     Correlated noise can mimic the first of several causes, not all of them, so it enters in the elimination. Where a
     sensor may walk by itself, steps in white noise were taken before, and the walk is among the noises from the start.
     """
-    selected, keep_usual = list(begun), bool(begun)
+    selected = list(begun)
     model = with_causes(first, selected)
     for _ in range(MAX_ROUNDS):
         best = likeliest(model, memory=bool(first.view.noise.single_walks))
@@ -167,16 +187,48 @@ def log_shares(v: View, known: Library) -> dict[Key, float]:
 
 
 def ln_odds(first: Fit, selected: Sequence[SelectedCause], share: Mapping[Key, float]) -> float:
-    """Return ln odds of several causes together against none: what each adds to those before it, and its prior.
+    """Return ln odds of several causes together against none.
 
     What every rig of the kind has costs no prior; `share` is the ln prior share of what shows by itself.
     """
     least = min(share.values())  # some show only together with others
-    steps = ordered(first, selected)
-    before = [first, *(s.model for s in steps)]
-    added = [evidence_for(m, s.cause) - float(np.log(s.cause[0].tried)) for m, s in zip(before, steps, strict=False)]
     special = [c for c, _ in selected if not is_usual(c, first.view.kind)]
-    return float(sum(added) + sum(share.get(c.key, least) + np.log(SINGLE) for c in special))
+    prior = sum(share.get(c.key, least) + np.log(SINGLE) for c in special) - sum(np.log(c.tried) for c, _ in selected)
+    return float(prior) + ln_evidence(with_causes(first, selected)) - ln_evidence(first)
+
+
+def ln_evidence(m: Fit) -> float:
+    r"""Return ln p(y) of a model at its minimum, scale and noise integrated over, up to a constant of the baseline.
+
+    .. math:: p(y) = \sum_V p(V) \, \tfrac12 \Gamma(\nu / 2) \, (\pi m)^{-\nu / 2} |V|^{-1/2} |J^T V^{-1} J|^{-1/2}
+        N(\hat x; 0, S + C)
+
+    m is the misfit in a noise V, J (n C, q) has all columns, nu = n C - rank J. The parameters of the baseline have a
+    flat prior. The others, in prior sigmas, are estimated as x with covariance C; each effect has a size s of its own
+    in S = s^2 I, mixed over its prior.
+    """
+    unit, names = rms_misfit(m), [p.effect for p in m.parameters]
+    each, Z = projections_of(m, np.zeros((m.residual.size, 0)), unit=unit), m.reduced(m.Z) / unit
+    G, scale = Z.T @ Z, each[0].scale
+    G += RANK * np.diag(1 + np.diag(G))
+    assert isinstance(scale, Free)
+    C, S = np.linalg.inv(G) * (m.residual.size / scale.dof), np.zeros(len(names))
+    x = values(m.effects, m.parameters) / np.array([p.sigma for p in m.parameters])
+    ln = float(logsumexp(np.array([p.log_evidence() for p in each])) - np.linalg.slogdet(G)[1] / 2)
+    for effect in dict.fromkeys(name for name in names if name not in m.view.baseline):
+        at = [i for i, name in enumerate(names) if name == effect]
+        own = [ln_normal(x[at], C[np.ix_(at, at)] + s**2 * np.eye(len(at))) for s in NEAR_SIZES] + np.log(NEAR_PRIOR)
+        best = int(np.argmax(own))
+        S[at] = NEAR_SIZES[best] ** 2
+        ln += float(logsumexp(own) - own[best] + np.log(NEAR_PRIOR[best]))
+    ln += ln_normal(x[S > 0], (C + np.diag(S))[np.ix_(S > 0, S > 0)])
+    ln -= m.residual.size * math.log(unit) + len(m.residual) * float(np.log(m.view.noise.scales or 1.0).sum())
+    return ln + math.lgamma(scale.dof / 2) - scale.dof / 2 * math.log(math.pi * scale.dof)
+
+
+def ln_normal(x: Array, C: Array) -> float:
+    """Return ln of the normal density of x (p,) with mean zero and covariance C (p, p)."""
+    return float(-(x @ np.linalg.solve(C, x) + np.linalg.slogdet(2 * np.pi * C)[1]) / 2)
 
 
 def swap(
@@ -293,14 +345,15 @@ def refined(v: View, c: SearchResult) -> SearchResult:
 
 def with_causes(model: Fit, selected: Sequence[SelectedCause]) -> Fit:
     """Return the model with these causes in it, everything refitted; each set of causes is fitted once."""
-    cache, key = model.view.cache, (model.parameters, frozenset((c.key, variant.constants) for c, variant in selected))
+    these, v = frozenset((c.key, c.parameters, variant.constants) for c, variant in selected), model.view
+    cache, key = v.cache, (v.noise.one_scale, model.parameters, these)
     if key not in cache:
         effects, wanted = list(model.effects), list(model.parameters)
         for this in selected:
             if not this[0].rival and this[0].effect not in {e.id for e in effects}:
-                effects.append(_absent(model.view, this))
+                effects.append(_absent(v, this))
             wanted += this[0].parameters
-        cache[key] = refit(model.view, effects, wanted)
+        cache[key] = refit(v, effects, wanted)
     return cache[key]
 
 

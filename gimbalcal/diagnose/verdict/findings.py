@@ -51,7 +51,8 @@ def confirmed(c: SearchResult, tell: Tell) -> tuple[SearchResult, list[Judgement
             continue
         tell("comparing each cause with what else could stand in its place")
         verdicts = judged_in_turn(c)
-        least = min(verdicts, key=lambda j: j.probability, default=None)
+        kind = c.start.view.kind  # of causes that are equally poor, what every rig has goes last
+        least = min(verdicts, key=lambda j: (j.probability, is_usual(j.cause, kind)), default=None)
         if least is None or least.probability >= LIKELY:
             return c, verdicts
         tell(f"{least.cause.in_words} is not named: another cause or correlated noise is likelier")

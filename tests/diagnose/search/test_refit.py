@@ -10,11 +10,13 @@ import pytest
 from gimbalcal.diagnose.search.ranking import projections_of
 from gimbalcal.diagnose.search.refit import (
     constants_with_sigma,
+    fitted_columns,
     refit,
     start,
     with_columns,
 )
 from gimbalcal.effects import values, with_values
+from gimbalcal.inference.algebra import basis
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.core import absent_effect
@@ -79,6 +81,23 @@ def test_columns_of_no_effect_are_fitted_beside_those_of_the_model() -> None:
     assert np.abs(np.einsum("nc,ncp->p", after.residual, after.jacobian)).max() < 1e-9 * np.linalg.norm(m.residual)
     assert after.jacobian.shape[-1] == m.jacobian.shape[-1] + 1
     assert after.parameters == m.parameters
+
+
+def test_columns_are_fitted_in_the_scales_that_remain_with_them() -> None:
+    """A wave of 20 arcsec in one channel is no noise of this channel once it is fitted."""
+    v = pointing(telescope(3))
+    v = replace(v, noise=replace(v.noise, of_each_channel=True), cache={})
+    X = np.zeros((len(v), 2, 1))
+    X[:, 1, 0] = np.sin(5 * v.stimulus.readout[:, 1])
+    m = start(v)
+    m = with_columns(replace(m, residual=m.residual + 1e-4 * X[..., 0]), X[..., :0])
+    assert max(m.view.noise.scales) > 5
+    made, x, C = fitted_columns(m, X)
+    assert made.view.noise.scales == ()
+    Q = basis(m.jacobian.reshape(m.residual.size, -1))
+    left = X.ravel() - Q @ (Q.T @ X.ravel())
+    assert x[0] == pytest.approx(left @ m.residual.ravel() / (left @ left), rel=1e-6)
+    assert np.sqrt(C[0, 0]) == pytest.approx(made.rms / np.sqrt(2) / np.linalg.norm(left), rel=0.1)
 
 
 def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings() -> None:

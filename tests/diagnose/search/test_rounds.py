@@ -14,7 +14,7 @@ from gimbalcal.diagnose.search import relinearise, stepwise
 from gimbalcal.diagnose.search.ranking import Hypothesis
 from gimbalcal.views.noise import NoiseModel
 
-VIEW: Any = SimpleNamespace(kind="pointing", title="run", stimulus=None)
+VIEW: Any = SimpleNamespace(kind="pointing", title="run", stimulus=None, noise=NoiseModel())
 FIRST: Any = SimpleNamespace(
     exact=False,
     effects=(),
@@ -24,6 +24,8 @@ FIRST: Any = SimpleNamespace(
     view=VIEW,
     expanded=lambda X: X,
 )
+ALIKE: Any = SimpleNamespace(view=SimpleNamespace(kind="pointing", noise=NoiseModel(one_scale=True)))
+VIEW.of_one_scale = lambda: ALIKE.view
 
 
 def cause(name: str, rival: str = "") -> Any:
@@ -31,7 +33,7 @@ def cause(name: str, rival: str = "") -> Any:
                            parameters=(), variants=(Variant((), (0,)),))  # fmt: skip
 
 
-A, B, C = ((cause(name), Variant((), (0,))) for name in "abc")
+A, B, C, D = ((cause(name), Variant((), (0,))) for name in "abcd")
 
 
 def said(_: str) -> None:
@@ -95,36 +97,60 @@ def test_the_weakest_is_dropped_first_as_it_may_hold_the_others_down(monkeypatch
 
 
 def test_odds_of_several_pay_the_share_of_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stepwise, "ordered", lambda _m, selected: [stepwise.Step(c, FIRST) for c in selected])
-    monkeypatch.setattr(stepwise, "evidence_for", lambda *_: 5.0)
+    monkeypatch.setattr(stepwise, "with_causes", lambda _m, selected: selected)
+    monkeypatch.setattr(stepwise, "ln_evidence", lambda m: 40.0 if m is FIRST else 40.0 + 5.0 * len(m))
     monkeypatch.setattr(stepwise, "is_usual", lambda c, _: c is C[0])
     share = {A[0].key: -2.0, C[0].key: -9.0}
     made = stepwise.ln_odds(FIRST, [A, B, C], share)  # the share of b is not known: the least, -9
     assert made == pytest.approx(3 * 5.0 - 2.0 - 9.0 + 2 * np.log(SINGLE))
 
 
-@pytest.mark.parametrize(("other", "told"), [(1.0, ([A], [])), (3.0, ([B, C], [B]))])
-def test_the_likelier_of_two_courses_is_told(monkeypatch: pytest.MonkeyPatch, other: float, told: Any) -> None:
-    monkeypatch.setattr(stepwise, "start", lambda _: FIRST)
+def selecting(monkeypatch: pytest.MonkeyPatch, odds: float, alike: list[Any]) -> None:
+    """Select A from nothing, B and C from B, which every rig has, at these odds against 2; `alike` in one scale."""
+
+    def selected(m: Any, begun: Any, _t: Any, keep_usual: bool = False) -> list[Any]:
+        assert keep_usual == (B in begun)
+        return alike if m is ALIKE else [*begun, C] if begun else [A]
+
+    monkeypatch.setattr(stepwise, "start", lambda v: ALIKE if v is ALIKE.view else FIRST)
     monkeypatch.setattr(stepwise, "refuse_too_little", lambda *_: None)
-    monkeypatch.setattr(stepwise, "forward_select", lambda _m, begun, _t: [B, C] if begun else [A])
+    monkeypatch.setattr(stepwise, "forward_select", selected)
+    monkeypatch.setattr(stepwise, "with_causes", lambda m, _: m)
     monkeypatch.setattr(stepwise, "library", lambda _: Library((A[0],), np.zeros((1, 1))))
-    monkeypatch.setattr(stepwise, "textbook", lambda *_: [B])
+    monkeypatch.setattr(stepwise, "textbook", lambda m, _: [] if m is ALIKE else [B])
     monkeypatch.setattr(stepwise, "backward_eliminate", lambda _m, selected, _t: list(selected))
     monkeypatch.setattr(stepwise, "log_priors", lambda *_: np.zeros(1))
-    monkeypatch.setattr(stepwise, "ln_odds", lambda _m, selected, _s: 2.0 if selected == [A] else other)
+    monkeypatch.setattr(stepwise, "ln_odds", lambda _m, these, _s: 2.0 if these == [A] else 9.0 if D in these else odds)
     monkeypatch.setattr(stepwise, "result_of", lambda _m, selected, standard=(): (selected, list(standard)))
+
+
+@pytest.mark.parametrize(("odds", "told"), [(0.9, ([A], [])), (1.1, ([B, C], [B])), (3.0, ([B, C], [B]))])
+def test_the_likelier_of_two_courses_is_told(monkeypatch: pytest.MonkeyPatch, odds: float, told: Any) -> None:
+    """At equal odds it is that of what every rig has."""
+    selecting(monkeypatch, odds, [D])
     assert stepwise.stepwise(VIEW, said) == told
 
 
+@pytest.mark.parametrize(("alike", "told"), [([D], ([D, C], [])), ([A], ([A], []))])
+def test_what_shows_in_one_scale_is_a_start_where_channels_have_their_own(
+    monkeypatch: pytest.MonkeyPatch, alike: list[Any], told: Any
+) -> None:
+    selecting(monkeypatch, 0.0, alike)
+    monkeypatch.setattr(VIEW, "noise", NoiseModel(scales=(1.0, 3.0)))
+    assert stepwise.stepwise(VIEW, said) == told
+
+
+@pytest.mark.parametrize("scales", [(), (3.0, 1.0)])
 @pytest.mark.parametrize(("left", "anew"), [(1.0, True), (1.6, False)])
 def test_constants_that_were_dragged_far_are_looked_about_again(
-    monkeypatch: pytest.MonkeyPatch, left: float, anew: bool
+    monkeypatch: pytest.MonkeyPatch, left: float, anew: bool, scales: tuple[float, ...]
 ) -> None:
-    """A misfit of nine is more than four times one, and less than that of 2.6."""
+    """A misfit of nine is more than four times one, and less than that of 2.6, whatever scales it made of channels."""
     monkeypatch.setattr(relinearise, "absent_effect", lambda *_, **__: None)
     monkeypatch.setattr(relinearise, "stepwise", lambda v, _: f"the search of {v}")
-    v: Any = SimpleNamespace(relinearise=lambda *_: "another view", stimulus=None, noise=NoiseModel())
-    first, last = (SimpleNamespace(residual=np.array([r]), view=v) for r in (3.0, left))
+    alike = SimpleNamespace(noise=NoiseModel())
+    v: Any = SimpleNamespace(relinearise=lambda *_: "another view", stimulus=None, noise=NoiseModel(scales=scales),
+                             of_scales=lambda: alike)  # fmt: skip
+    first, last = (SimpleNamespace(residual=np.array([[r, 0.0]]), view=v) for r in (3.0, left))
     c: Any = SimpleNamespace(start=first, end=last, steps=(A,), causes=[A])
     assert relinearise.about_first_cause(c, said) == ("the search of another view" if anew else c)

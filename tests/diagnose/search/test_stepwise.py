@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gimbalcal.diagnose.search.ranking import log_priors
+from gimbalcal.diagnose.evidence.noises import noises
+from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.search.ranking import log_priors, search
 from gimbalcal.diagnose.search.refit import refit, start
 from gimbalcal.diagnose.search.stepwise import (
     SearchResult,
     backward_eliminate,
     evidence_for,
     likeliest,
+    ln_evidence,
     refine_constants,
     refined,
     stepwise,
@@ -115,6 +118,21 @@ def test_what_noise_with_a_memory_explains_is_not_kept() -> None:
     assert evidence_for(without, c.causes[1]) > np.log(20)  # a bent tube is not explained by memory
     last = with_causes(c.start, c.causes)
     assert evidence_for(last, c.causes[1]) < 1  # once it is in the model nothing is left of it
+
+
+@pytest.mark.parametrize("own_scales", [False, True])
+@pytest.mark.parametrize(("north", "east"), [(0.0, 0.0), (1.0, -0.7)])
+def test_evidence_at_the_minimum_is_that_of_the_search(north: float, east: float, own_scales: bool) -> None:
+    """The same model by two ways: ranked at the baseline over scales and sizes, or fitted and asked at its minimum."""
+    v = view(north, east)
+    first = start(replace(v, noise=replace(v.noise, of_each_channel=own_scales), cache={}))
+    s = search(first, library(first), noises(first))
+    every = zip(s.library.candidates, s.singles.tolist(), strict=True)
+    ln = {c: ln for c, ln in every if len(c.variants) == 1 and not c.rival and not c.effect.startswith("gimbal_zero")}
+    assert len(ln) > 15
+    made = [ln_evidence(with_causes(first, [(c, c.variants[0])])) - ln_evidence(first) for c in ln]
+    np.testing.assert_allclose(made, list(ln.values()), rtol=0.01, atol=0.1)
+    assert (max(made) > 20.0) == bool(north)
 
 
 def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
