@@ -203,10 +203,10 @@ class ViewsFit:
         return tuple(out.values())
 
     def calibration(self, method: str, residual: Residual, **fields: Any) -> Calibration:
-        """Return the effects, parameters, covariance and unobservable directions with further fields as a result."""
+        """Return the effects, parameters, covariance, unobservable directions and readout with further fields."""
         return Calibration(
             **{"method": method, "effects": self.effects, "parameters": self.parameters, "covariance": self.covariance,
-               "unobservable": self.unobservable, "residual": residual, **fields}
+               "unobservable": self.unobservable, "residual": residual, "readout": self.views[0].readout, **fields}
         )  # fmt: skip
 
     def stage(self, name: str, in_words: str, rms: float | None = None) -> StageResult:

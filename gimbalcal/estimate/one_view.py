@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Provenance, Readout, Residual
+from gimbalcal.calibration import Calibration, Provenance, Residual
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, extension, extra_effects
 from gimbalcal.estimate.fit import fit
 from gimbalcal.method_table import Request
@@ -30,7 +30,6 @@ def calibrate_view(request: Request) -> Calibration:
             Residual(found.solution.chi2, found.solution.dof, by_channel),
             outcome="" if found.steps else "the fit did not converge, so its numbers mean nothing",
             provenance=Provenance(recordings=recording.source),
-            readout=Readout(gimbals=recording.platform.axis_names),
             stages=(found.stage(view.name, words),),
         )
     )

@@ -17,7 +17,7 @@ from math import nan
 
 import numpy as np
 
-from gimbalcal.calibration import DIRECTION, Calibration, Counts, Options, Provenance, Readout, Residual, StageResult
+from gimbalcal.calibration import DIRECTION, Calibration, Counts, Options, Provenance, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
@@ -40,7 +40,7 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import View
-from gimbalcal.views.norm import norm, scaled_by_gravity
+from gimbalcal.views.norm import norm
 from gimbalcal.views.positions import Noise
 
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
@@ -58,9 +58,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or TERMS) if t not in asked)
     _check(wanted, recording, "--terms")
     _check(tuple(asked), recording, "--with")
-    means = dwell_means(dwell_means(recording))  # a rest that a row on the way cuts in two is one
-    means, counts = scaled_by_gravity(means)
-    view = norm(means)
+    view = norm(dwell_means(recording))  # a rest that a row on the way cuts in two is one
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     extra = _extension(view, base, more)
     tried, positions = coefficients(wanted) - coefficients(base), f"{len(view)} positions"
@@ -78,10 +76,9 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     more_sigma = covariance_of_omitted_terms(best, list(declined))
     wider = omitted_terms_in_words(more_sigma, best.solution.covariance)
     told = [(term, why + wider) for term, why in declined.items()]
-    own = noise_of_a_mean(recording, sample_sigma(view), counts)
-    made = _calibration(fits, told, counts, own)
-    return extra.complete(replace(made, covariance=made.covariance + more_sigma,
-                                  readout=replace(made.readout, gimbals=recording.platform.axis_names)))  # fmt: skip
+    own = noise_of_a_mean(recording, sample_sigma(view), view.readout.accelerometers)
+    made = _calibration(fits, told, own)
+    return extra.complete(replace(made, covariance=made.covariance + more_sigma))
 
 
 def _extension(view: View, base: Sequence[str], more: Sequence[ExtraEffect]) -> Extension:
@@ -114,7 +111,7 @@ def _without_angles(cls: type[Effect]) -> bool:
     return cls.stage in SENSOR_STAGES and cls.channel == FORCE
 
 
-def _calibration(fits: Fits, declined: Sequence[tuple[str, str]], counts: Counts | None, own: float) -> Calibration:
+def _calibration(fits: Fits, declined: Sequence[tuple[str, str]], own: float) -> Calibration:
     best = fits[-1][1]
     solution, source = best.solution, best.views[0].source
     turned = any(q.effect == "misalignment" for q in best.parameters)
@@ -122,6 +119,7 @@ def _calibration(fits: Fits, declined: Sequence[tuple[str, str]], counts: Counts
     unobservable += [Unobservable.of(unknowns([t]), why) for t, why in declined]
     sample, left_out = sample_sigma(best.views[0]), left_out_rms(best)
     noise = Noise(sample, np.inf, HEADER if "accelerometer" in source.noise else SAMPLES, ATTITUDE)
+    counts = best.views[0].readout.accelerometers
     options = Options(
         gravity=source.site.gravity,
         direction=DIRECTION,
@@ -139,7 +137,6 @@ def _calibration(fits: Fits, declined: Sequence[tuple[str, str]], counts: Counts
         outcome=_outcome(best, own),
         provenance=Provenance(recordings=source.source, noise=assumed_noise(noise), options=options),
         stages=tuple(_stage(terms, made) for terms, made in fits),
-        readout=Readout(accelerometers=counts),
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual
+from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Residual
 from gimbalcal.calibration.provenance import AttitudeReference
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError, amount
@@ -135,5 +135,4 @@ def _calibration(found: ViewsFit, M: Array, lag: float, known: Reference) -> Cal
                             frame="x along the first input axis, y in the plane of the first two"),
         ),
         stages=(found.stage("against the attitude", words, noise),),
-        readout=Readout(gimbals=source.platform.axis_names),
     )  # fmt: skip

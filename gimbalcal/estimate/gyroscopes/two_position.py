@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual
+from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Residual
 from gimbalcal.calibration.provenance import North
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError, amount
@@ -110,7 +110,6 @@ def _calibration(best: ViewsFit) -> Calibration:
         unobservable=(*best.unobservable, *_unobservable(best.views[0])),
         provenance=Provenance(recordings=best.views[0].source.source, options=options),
         stages=(replace(best.stage("two positions", words), sigmas=np.sqrt(np.diag(covariance))),),
-        readout=Readout(gimbals=best.views[0].stimulus.axis_names),
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Readout, Residual
+from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Residual
 from gimbalcal.calibration.exchange.tpoint_model import mount_axes, printed, tpoint_terms
 from gimbalcal.calibration.provenance import Night, NightTerm
 from gimbalcal.effects import Parameter
@@ -77,7 +77,6 @@ def pointing_calibration(
             stars=sum(len(v) for v in runs),
             mount=mount_axes(recordings[0].platform, latitude),
         ),
-        readout=Readout(gimbals=recordings[0].platform.axis_names),
     )
     return extra.complete(_with_names(made, several))
 

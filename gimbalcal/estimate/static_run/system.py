@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Readout, Residual, StageResult
+from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError
@@ -110,7 +110,6 @@ def static(
         Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
         outcome=outcome(solution),
         provenance=Provenance(recordings=recording.source, noise=AssumedNoise(from_=noise_from(run))),
-        readout=Readout(gimbals=recording.platform.axis_names),
         stages=(stage(run, effects, combined(run, start, effects, solution, J)),),
     )
 
