@@ -41,10 +41,10 @@ from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View, by_triad, carried, known_effect
-from gimbalcal.views.earth_rate import without_earth_rate
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS
+from gimbalcal.views.rest_rates import without_earth_rate
 from gimbalcal.views.segments import turned_in_place
 from gimbalcal.views.slews import view_of_slews
 from gimbalcal.views.tilting_table import tilting_table

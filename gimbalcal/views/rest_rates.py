@@ -21,6 +21,8 @@ On gimbals that stand on a level base the readouts say how the unit stands, C_k,
 points east of north, is the one nuisance:
 
 .. math:: y_k = \varepsilon + C_k \, \Omega \, (\cos L \cos\alpha, -\cos L \sin\alpha, -\sin L)^T + \nu_k .
+
+So the Earth's rate can also be taken off all readings there, with the heading that the dwells tell.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
-from gimbalcal.forward import Rows, linearise
+from gimbalcal.forward import Rows, gyroscopes, linearise
 from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -150,3 +152,25 @@ def _headings(down: Array, turns: Mapping[int, Array]) -> list[Array]:
             heading = heading / np.linalg.norm(heading)
         columns[-1][:, k] = heading, np.cross(d, heading)
     return [x for pair in columns if np.count_nonzero(np.abs(pair).sum(axis=(0, 2))) > 1 for x in pair]
+
+
+def without_earth_rate(recording: Recording, gyro: Sequence[Effect] = ()) -> Recording:
+    """Return rates less what the gyroscopes, with these effects, read of the Earth's rate; counts are unchanged."""
+    L = recording.site.latitude
+    if L is None or recording.counted(RATE):
+        return recording
+    rest = dwell_means(recording)
+    A = EARTH_RATE * rest.platform.attitude(rest.angles())
+    u = rest.triad(FORCE) / rest.site.gravity
+    level = np.concatenate([np.einsum("ij,n->nij", np.eye(3), np.ones(len(u))), np.einsum("ij,nk->nijk", np.eye(3), u)
+                            .reshape(len(u), 3, 9)], axis=-1)  # fmt: skip
+    columns = np.concatenate([np.cos(L) * A[..., :2], EARTH_RATE * level], axis=-1).reshape(3 * len(u), -1)
+    north = np.linalg.lstsq(columns, rest.triad(RATE).ravel(), rcond=1e-9)[0][:2]
+    size = float(np.hypot(*north))
+    north = north / size if size > 0 else np.array([1.0, 0.0])
+    earth = EARTH_RATE * recording.platform.attitude(recording.angles()) @ np.array([*(np.cos(L) * north), -np.sin(L)])
+    seen = gyroscopes(earth, stimulus_from_readings(recording), gyro)
+    rate = recording.triad(RATE) - seen
+    channels = {**recording.channels, **{(RATE, a): rate[:, i] for i, a in enumerate("xyz")}}
+    # at the equator the vertical has no part of the Earth's rate: nothing is left there to take off once more
+    return replace(recording, channels=channels, site=replace(recording.site, latitude=0.0))

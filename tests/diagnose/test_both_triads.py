@@ -15,7 +15,7 @@ import gimbalcal.simulate
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.simulate import simulate
-from gimbalcal.views.earth_rate import without_earth_rate
+from gimbalcal.views.rest_rates import without_earth_rate
 from gimbalcal.words.diagnosis_sentences import COUNTS_WITHOUT_SCALE
 from tests.golden import golden_text, refused
 
