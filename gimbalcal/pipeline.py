@@ -17,7 +17,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.positions import Positions, misfit_of_positions, trusted_positions
+from gimbalcal.estimate.accelerometers.trusted_positions import Positions, misfit_of_positions, trusted_positions
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fusion import both_levels, fuse
 from gimbalcal.estimate.grade import graded

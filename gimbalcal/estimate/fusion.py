@@ -17,7 +17,7 @@ from dataclasses import replace
 from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.accelerometers.positions import Positions
+from gimbalcal.estimate.accelerometers.trusted_positions import Positions
 from gimbalcal.estimate.fit import fit, information_of
 from gimbalcal.estimate.sharing import agreement
 from gimbalcal.estimate.static_run.system import outcome, static_view

@@ -11,7 +11,7 @@ import pytest
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import with_reservation
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.positions import trusted_positions
+from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.estimate.caveats import reservations
 from gimbalcal.recording import Recording
 from tests.diagnose import static_plant

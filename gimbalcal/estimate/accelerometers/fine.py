@@ -25,7 +25,7 @@ from gimbalcal.effects.accelerometer import leaning
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words, outliers_in_words, provenance
-from gimbalcal.estimate.accelerometers.positions import Positions
+from gimbalcal.estimate.accelerometers.trusted_positions import Positions
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, Unobservable, information, solve
 from gimbalcal.number import Array
 from gimbalcal.views.positions import Problem, position_parameters, visit_means

@@ -16,7 +16,7 @@ from gimbalcal.effects import with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.fit_summary import larger_noise_in_words, outcome, provenance, rms, stage
 from gimbalcal.estimate.accelerometers.position_fit import PositionFit, gauss_newton
-from gimbalcal.estimate.accelerometers.positions import Positions
+from gimbalcal.estimate.accelerometers.trusted_positions import Positions
 from gimbalcal.units import from_si
 from gimbalcal.views.positions import Problem, starting_values
 

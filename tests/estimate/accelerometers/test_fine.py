@@ -17,7 +17,7 @@ from gimbalcal.estimate.accelerometers.fine import (
     norm_rows,
 )
 from gimbalcal.estimate.accelerometers.position_fit import gauss_newton
-from gimbalcal.estimate.accelerometers.positions import trusted_positions
+from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.views.positions import Noise, position_parameters, problem
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, measured

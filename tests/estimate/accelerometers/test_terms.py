@@ -9,7 +9,7 @@ from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
 from gimbalcal.estimate.accelerometers.position_fit import gauss_newton
-from gimbalcal.estimate.accelerometers.positions import trusted_positions
+from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
