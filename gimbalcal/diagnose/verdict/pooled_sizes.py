@@ -19,7 +19,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.projection import project, projected, rows_like
 from gimbalcal.diagnose.library.assemble import columns_at
-from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
+from gimbalcal.diagnose.library.candidates import Candidate, Constants, Library, Variant
 from gimbalcal.diagnose.search.fitted_causes import (
     FittedCauses,
     JointCovariance,
@@ -33,8 +33,6 @@ from gimbalcal.diagnose.verdict.agreement import UNOBSERVABLE, inverse_of, mean_
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.estimate.sharing import Agreement
 from gimbalcal.number import Array
-
-Constants = tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ ROUNDS = 4  # linearisations at most: each leaves a product of two errors of wha
 FAR = 20.0  # prior sigmas of one step: interchanged positions ask for nonlinearities that no force could be read with
 SETTLED = 1e-3  # of a sigma
 WIDE = 30.0
-Constants = Sequence[tuple[str, float, float]]  # name, value and sigma in SI
+FittedConstants = Sequence[tuple[str, float, float]]  # name, value and sigma in SI
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Found:
     """
 
     causes: tuple[Candidate, ...]
-    constants: tuple[Constants, ...]  # of each cause
+    constants: tuple[FittedConstants, ...]  # of each cause
     x: Array
     covariance: Array
     continuous: tuple[tuple[int, Parameter], ...] = ()
@@ -212,7 +212,7 @@ class _RecordingRows:
 def _refitted(
     here: Sequence[_RecordingRows], found: Found
 ) -> tuple[Solution, tuple[Effect, ...], ConstantsAgreement | None]:
-    """Constants and causes from all recordings, the effects of all of them with these values, and how they agree."""
+    """Return constants and causes from all recordings, all effects with these values, and how recordings agree."""
     models = [s.model() for s in here]
     told = dict(zip(found.parameters, values(_union(models), found.parameters), strict=True))
     before: Array | float = np.inf
