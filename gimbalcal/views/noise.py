@@ -25,7 +25,10 @@ class NoiseModel:
     Else: sigma (n, C) is what the samples say of one row against another, where they do; sample (n, C) what their
     scatter alone makes of a row, which bounds the scale; wander (n, C, m) how what m sensors wander from row to row
     shows in the rows, of unit length; single_walks are sensors that may walk alone; scales are the sigmas of the
-    channels beyond these, the least being one, where channels scatter differently.
+    channels beyond these, the least being one, where channels scatter differently. `of_each_channel`: the diagnosis
+    weighs one scale of all channels against one of each, and an estimate has an excess of each. It is set for the axes
+    of gyroscopes, of which one may scatter thirty times as much as another; the two channels of stars share most terms
+    of a mount, and there own scales name causes that one scale denies, some of them wrongly.
     """
 
     sigma: Array | None = None
