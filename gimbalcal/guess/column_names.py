@@ -86,16 +86,16 @@ _OTHER_WORDS = (
 NOT_A_TRIAD = frozenset(_OTHER_WORDS.split())  # words of columns that are no reading of a triad
 _UNITS = by_spelling(
     {
-        "m/s^2": "m_s2 ms2 mps2 m_s_2 m_s_s",
+        "m/s^2": "m_s2 ms2 mps2 m_s_2 m_s_s m_sec2 m_sec_2",
         "g": "g gs",
         "mg": "mg",
         "ug": "ug",
         "Gal": "gal cm_s2",
         "mGal": "mgal",
         "ft/s^2": "ft_s2 fts2 fps2 ft_s_2 ft_sec2 ft_s_s ft_sec_2",
-        "deg/s": "dps deg_s degs deg_per_s deg_sec deg_second",
+        "deg/s": "dps deg_s deg_s_1 degs deg_per_s deg_sec deg_second",
         "deg/h": "deg_h dph deg_hr deg_hour",
-        "rad/s": "rad_s rads rad_sec rad_per_s rad_per_sec rps",
+        "rad/s": "rad_s rad_s_1 rads rad_sec rad_per_s rad_per_sec rps",
         "count": "lsb count counts raw adc digits",
         "mdeg/s": "mdps mdeg_s",
         "s": "s sec seconds secs sekunden",
@@ -158,6 +158,11 @@ def unit_written(words: str) -> str:
     """Return the unit that the last words of a plain name spell, or the empty string."""
     parts = words.split("_")
     return next((u for k in range(len(parts)) if (u := _UNITS.get("_".join(parts[k:])))), "")
+
+
+def is_unit(cell: str) -> bool:
+    """Return whether a cell spells a unit and nothing else."""
+    return plain(cell) in _UNITS
 
 
 def by_name(name: str, hint: str = "") -> Guess | None:

@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.checks.input_errors import MIN_AGREEMENT, Correction, trials
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import refuse_implausible
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon
 from gimbalcal.guess.column_guess import guessed
 from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
@@ -25,6 +25,7 @@ from gimbalcal.guess.merged_logs import are_parts, concatenated, on_one_clock, s
 from gimbalcal.guess.novatel import rawimu
 from gimbalcal.guess.pointing_run import angles_in, pointing_proposal
 from gimbalcal.guess.space_stable import static_run
+from gimbalcal.guess.stored_arrays import arrays_table
 from gimbalcal.guess.text_table import Table, tables_of
 from gimbalcal.guess.turned_by_table import (
     TurnedLog,
@@ -131,8 +132,8 @@ def propose(
     dates = Dates()
     tables: dict[Path, Table] = {}
     for path in logs:
-        raw = rawimu(path)
-        tables |= {path: raw} if raw else tables_of(path, dates)
+        whole = arrays_table(path) or rawimu(path)
+        tables |= {path: whole} if whole else tables_of(path, dates)
     return of_tables(tables, title, rate, StatedPlace(latitude, height, longitude))
 
 
@@ -148,7 +149,8 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
         if (g := by_name(name, quantity_of_log(path.stem)))
     }
     read = {path: guessed(path, table, rate, elsewhere) for path, table in tables.items()}
-    notes = {}
+    skipped = sum(table.skipped for table in tables.values())
+    notes = {"lines": f"{amount(skipped, 'line')} of other kinds, or empty, are skipped"} if skipped else {}
     if are_parts([each.log for each in read.values()]):
         whole, notes["samples"] = concatenated(tables, read[first].log.clock, rate)
         read = {first: guessed(first, whole, 0.0, elsewhere)}

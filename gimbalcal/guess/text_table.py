@@ -1,11 +1,18 @@
-"""The table in a text file that nobody described: where it begins, its separator, names and units, its numbers."""
+"""The table in a text file that nobody described: its separator, names and units, the rows of one kind, their numbers.
+
+The rows of a table are the lines in which most cells are numbers; the separator and the number of cells are those that
+most of such lines share. What stands above them names the columns wherever it has as many cells. Lines of other kinds
+among the rows are skipped and counted.
+"""
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +20,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess import date_formats
-from gimbalcal.guess.column_names import by_name, plain, unit_written
+from gimbalcal.guess.column_names import by_name, is_unit, plain, unit_written
 from gimbalcal.guess.message_log import tables_in
 from gimbalcal.importers.delimited import encoding_of, frame_of
 from gimbalcal.number import Array
@@ -23,13 +30,15 @@ from gimbalcal.recording.lines import comment_words
 if TYPE_CHECKING:
     import polars as pl
 
-HEAD_LINES, MIN_COLUMNS = 200, 3  # lines that show how a log is written, and columns of one that holds a triad
+HEAD_LINES, MIN_COLUMNS = 400, 2  # lines that show how a log is written, and columns of a table
+MIN_SHARE = 0.4  # of the lines below the first row that are rows of the table
 SEXAGESIMAL = re.compile(
     r"\s*[-+]?\d{1,3}\s*[°hd]\s*\d{1,2}([.,]\d*)?\s*['′m]\s*|"
     r"\s*[-+]?\d{1,3}\s*[:°hd ]\s*\d{1,2}\s*[:'′m ]\s*\d{1,2}([.,]\d*)?\s*[\"″s]?\s*"
 )
-
-
+COMMENT = re.compile(r"\s*(#|%|!|//|/(?=\W|$))")
+_MARKS = (";", "\t", ",", "|", "  ", " ")  # separators; two blanks or more are one for cells that hold single ones
+_HEADING = ("name", "names", "channel", "channels")  # before what the columns are called
 _BESIDE = ("+-", "+/-", "±")  # what the column before is known to
 _MOVING = re.compile(r"^(move|moving|slew|slewing|turn|turning|transit|none|drehen|fahrt|bewegung)$", re.IGNORECASE)
 _DOUBLE = r"([\d.])[dD]([-+]\d{2,3})$"  # of Fortran
@@ -37,15 +46,21 @@ _NUMBER = re.compile(
     r"[-+]?\d{1,3}((\.\d{3})+,|(,\d{3})+\.)\d*|"
     r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+|[dD][-+]\d{2,3})?|[-+]?(nan|inf|NaN|NA|null)"
 )
+_STATED_RATE = re.compile(
+    r"\b(?:fs|f_s|sampl(?:e|ing)[ _]?(?:rate|freq\w*)|data[ _]?rate|rate|freq(?:uency)?|abtastrate)\b"
+    r"\W{0,4}(\d+(?:\.\d+)?)",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
 class TableLayout:
-    """Lines before a table (its line of names belongs to it), its separator, and whether it has names."""
+    """Separator, the line of the first row (from 0), the number of its cells, and the names of the columns, or none."""
 
-    skip: int
     separator: str
-    named: bool
+    first: int
+    width: int
+    names: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -58,32 +73,39 @@ class Table:
     others: tuple[str, ...] = field(default=())  # columns that hold no numbers
     dates: frozenset[str] = frozenset()  # columns of dates and times of day, in seconds
     day: str = ""  # from whose midnight dates are counted, ISO 8601; empty where they name none
+    named: bool = True
+    skipped: int = 0  # lines of other kinds among the rows
+
+    @property
+    def rate(self) -> tuple[float, str] | None:
+        """Return the rate of the rows [Hz] that a line above them states, and that line."""
+        stated = ((m, line) for line in self.above if (m := _STATED_RATE.search(line)))
+        return next(((float(m[1]), line.strip()) for m, line in stated if float(m[1]) > 0), None)
 
 
 def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
     """Return the table in a text file, see `table_of`, or those of its messages by path/word. Raises InputError."""
-    with path.open(encoding=encoding_of(path)) as file:
-        head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
-    messages = tables_in(path, head)
+    messages = tables_in(path, head_of(path))
     if not messages:
         return {path: table_of(path, dates)}
     return {path / word: table_of(path, dates, lines) for word, lines in messages.items()}
+
+
+def head_of(path: Path) -> list[str]:
+    """Return the first lines of a text file."""
+    with path.open(encoding=encoding_of(path)) as file:
+        return [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
 
 
 def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None = None) -> Table:
     """Return every column of numbers of a text table, by its name; dates of ISO 8601 are seconds, counted as `dates`
     does.
 
-    Lines before the table are skipped, the separator is the one that most lines share, a decimal comma is understood
-    beside semicolons and tabs, a line of units below the names goes to the names, and a table without names has its
-    columns called by number. Cells that hold no number are NaN. Raises InputError for a file without a table.
-    lines: of the file, where they were made plainer.
+    A decimal comma is understood where commas do not separate, a line of units below the names goes to the names, and
+    a table without names has its columns called by number. Cells that hold no number are NaN. Raises InputError for a
+    file without a table. lines: of the file, where they were made plainer.
     """
-    if lines is None:
-        with path.open(encoding=encoding_of(path)) as file:
-            head = [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
-    else:
-        head = list(lines[:HEAD_LINES])
+    head = head_of(path) if lines is None else list(lines[:HEAD_LINES])
     layout = _layout(head)
     if layout is None:
         like = next((line.strip()[:60] for line in head[::-1] if line.strip()), "")
@@ -91,28 +113,61 @@ def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None
             f"{path} holds no table of {MIN_COLUMNS} columns or more: its lines are like {like!r}; write numbers in "
             "columns with names above them, time acc_x acc_y acc_z, or ra_true dec_true ra_mount dec_mount LST"
         )
-    skip, separator, named = layout.skip, layout.separator, layout.named
-    marked = separator != " " and any(_seconds_marked(line, separator) for line in head[skip:])
-    frame = frame_of(path, separator, skip, named, quoted=not marked, lines=lines)
-    if not named:
-        frame.columns = _names_above(head[:skip], frame.width) or [str(i) for i in range(1, frame.width + 1)]
-    elif frame.height:
-        below = [str(cell or "") for cell in frame.row(0)]
-        if not _holds_numbers(below) and _holds_units(below):
-            units = [cell.strip(" []()\"'") for cell in below]
-            names = [f"{n} [{u}]" if u not in ("", "-") else n for n, u in zip(frame.columns, units, strict=True)]
-            frame = frame[1:]
-            frame.columns = names
+    frame, skipped = _rows(path, layout, head, lines)
     frame = _one_stamp(frame)
     clock = dates or Dates()
     texts = ((n, frame[n].str.strip_chars().str.strip_chars("\"'").str.strip_chars()) for n in frame.columns)
-    table = table_of_columns((name, *values_of(name, text, separator, clock)) for name, text in texts)
+    table = table_of_columns((name, *values_of(name, text, layout.separator, clock)) for name, text in texts)
     if len(table.columns) < MIN_COLUMNS:
         raise InputError(
             f"{path} holds {len(table.columns)} columns of numbers: no log of a unit, or in a form that is not text"
         )
-    above = (*head[:skip], *(line for line in head[skip:] if line.startswith("#")))
-    return replace(table, above=above, day=clock.day)
+    empty = ~np.any([np.isfinite(x) for x in table.columns.values()], axis=0)
+    if empty.any():
+        skipped += int(empty.sum())
+        table = replace(table, columns={n: x[~empty] for n, x in table.columns.items()})
+    above = (*head[: layout.first], *(line for line in head[layout.first :] if line.startswith("#")))
+    return replace(table, above=above, day=clock.day, named=bool(layout.names), skipped=skipped)
+
+
+def _rows(
+    path: Path, layout: TableLayout, head: Sequence[str], lines: Sequence[str] | None
+) -> tuple[pl.DataFrame, int]:
+    """Return the cells of the table as text, and the number of lines of other kinds that were skipped.
+
+    Raises InputError where most of the lines are of other kinds.
+    """
+    mark, first = layout.separator, layout.first
+    quoted = not (mark != " " and any(_seconds_marked(line, mark) for line in head[first:]))
+    comments = Counter(m[1] for line in head if (m := COMMENT.match(line)))
+    comment = max(comments, key=comments.__getitem__, default="#")
+    try:
+        if mark != "  ":
+            return _called(frame_of(path, mark, first, False, quoted, lines, comment), layout.names), 0
+    except InputError:  # a row with more cells than the first
+        pass
+    every = path.read_text(encoding=encoding_of(path)).splitlines() if lines is None else lines
+    below = [line for line in every[first:] if line.strip() and not COMMENT.match(line)]
+    cells = [_cells(line, mark) for line in below]
+    most = max(layout.width, len(layout.names))  # a last column of remarks is often left empty
+    rows = [row[: layout.width] for row in cells if layout.width <= len(row) <= most]
+    if len(rows) < MIN_SHARE * len(cells):
+        like = next(line for line, row in zip(below, cells, strict=True) if len(row) != layout.width)
+        raise InputError(
+            f"{path}: {len(rows)} of {len(cells)} lines have {layout.width} cells, and others like "
+            f"{like.strip()[:60]!r} do not; put the rows of one kind into a file of their own, with names above"
+        )
+    clean = ["\t".join(cell.replace("\t", " ") for cell in row) for row in rows]
+    return _called(frame_of(path, "\t", 0, False, False, clean, ""), layout.names), len(cells) - len(rows)
+
+
+def _called(frame: pl.DataFrame, headings: Sequence[str]) -> pl.DataFrame:
+    """Return the frame with its columns called by the headings, by number where there is none; no name stands twice."""
+    names = [name or str(i) for i, name in enumerate(headings or [""] * frame.width, start=1)]
+    names = [*names, *map(str, range(len(names) + 1, frame.width + 1))][: frame.width]
+    twice = Counter(names)
+    frame.columns = [f"{n} ({i})" if twice[n] > 1 else n for i, n in enumerate(names, start=1)]
+    return frame
 
 
 def table_of_columns(columns_of_text: Iterable[tuple[str, Array, str]]) -> Table:
@@ -124,7 +179,7 @@ def table_of_columns(columns_of_text: Iterable[tuple[str, Array, str]]) -> Table
     forms: dict[str, set[str]] = {"angle": set(), "date": set()}
     others = []
     for name, values, form in columns_of_text:
-        if form != "number" and np.count_nonzero(np.isfinite(values)) <= len(values) / 2:
+        if form != "number" and np.count_nonzero(np.isfinite(values)) <= 0.4 * len(values):
             others.append(name)
             continue
         columns[name] = values
@@ -140,18 +195,13 @@ def _one_stamp(frame: pl.DataFrame) -> pl.DataFrame:
         return frame
     first = {name: str(frame[name][0] or "").strip(" \"'") for name in frame.columns}
     day = next((n for n, cell in first.items() if date_formats.is_day(cell)), "")
-    time = next(
-        (
-            n
-            for n, cell in first.items()
-            if date_formats.TIME.fullmatch(cell) and (g := by_name(n)) and g.quantity == "time"
-        ),
-        "",
-    )
+    times = [n for n, cell in first.items() if date_formats.TIME.fullmatch(cell)]
+    beside = [n for n in times if (day and (n, day) in pairwise(frame.columns)) or (day, n) in pairwise(frame.columns)]
+    time = next((n for n in times if (g := by_name(n)) and g.quantity == "time"), next(iter(beside), ""))
     if not day or not time:
         return frame
-    days, times = ([str(cell or "").strip(" \"'") for cell in frame[n].to_list()] for n in (day, time))
-    return frame.with_columns(pl.Series(time, date_formats.in_iso(days, times))).drop(day)
+    days, hours = ([str(cell or "").strip(" \"'") for cell in frame[n].to_list()] for n in (day, time))
+    return frame.with_columns(pl.Series(time, date_formats.in_iso(days, hours))).drop(day)
 
 
 def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Array, str]:
@@ -180,7 +230,7 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
     for mark, decimal in ((".", ","), (",", ".")):  # 1.000,5 and 1,000.5
         if text.str.contains(rf"^[-+]?\d{{1,3}}(\{mark}\d{{3}})+\{decimal}\d*$").any():
             text = text.str.replace_all(mark, "", literal=True)
-    plain_text = text.str.replace(",", ".", literal=True) if separator in ";\t" else text
+    plain_text = text.str.replace(",", ".", literal=True) if separator != "," else text
     plain_text = plain_text.str.replace(_DOUBLE, "${1}e${2}") if re.search(_DOUBLE, first) else plain_text
     return plain_text.cast(pl.Float64, strict=False).to_numpy().astype(float), ""
 
@@ -205,40 +255,32 @@ def _in_first_unit(cell: str | None) -> float:
 
 
 def _layout(head: Sequence[str]) -> TableLayout | None:
-    """Return where the table in the first lines of a file begins, and its separator.
-
-    Most lines of one width in which most cells are numbers are the table; its names stand in the line above, or above a
-    line of units. What stands higher, cells of a form included, is no part of it.
-    """
-    best: tuple[int, int, int, str] = (0, 0, 0, ",")
-    cells = {mark: [_cells(line, mark) for line in head] for mark in (";", "\t", ",", " ")}
-    for mark, rows in cells.items():
-        begins: dict[int, list[int]] = {}  # lines of numbers by their width
-        for i, row in enumerate(rows):
-            if len(row) >= MIN_COLUMNS and _holds_numbers(row):
-                begins.setdefault(len(row), []).append(i)
+    """Return how the table in the first lines of a file is written; None where they hold none."""
+    best: tuple[float, int, str, int] = (0.0, 0, ",", 0)
+    for mark in _MARKS:
+        begins: dict[int, list[tuple[int, float]]] = {}  # lines of numbers by their width, and their share of numbers
+        for i, line in enumerate(head):
+            row = [] if COMMENT.match(line) else _cells(line, mark)
+            if len(row) >= MIN_COLUMNS and (share := _share_of_numbers(row)) > 0.5:
+                begins.setdefault(len(row), []).append((i, share))
         for width, lines in begins.items():
-            if mark != " " or 0.9 * len(lines) > best[0]:  # a blank also separates what tabs do
-                best = max(best, (len(lines), width, lines[0], mark), key=lambda b: (b[0], b[3] != " ", b[1]))
-    length, width, first, mark = best
-    if not length:
-        return None
-    above = [(i, row) for i, row in enumerate(cells[mark][:first]) if row]
-    if not above or head[above[-1][0]].startswith(("#", "!", "//")):
-        return TableLayout(first, mark, False)
-    names, row = above[-1]
-    remarked = len(row) > width and mark != " " and any(map(by_name, row[:width]))  # a last column is often left empty
-    if len(row) != width and not remarked:
-        return TableLayout(first, mark, False)
-    if len(above) > 1 and len(above[-2][1]) == width and _holds_units(row) and any(map(_holds_letters, above[-2][1])):
-        names, row = above[-2]
-    return TableLayout(names, mark, True) if any(map(_holds_letters, row)) else TableLayout(first, mark, False)
+            score, first = sum(share for _, share in lines), lines[0][0]
+            score *= 0.9 if mark == " " else 1.0  # a blank also separates what others do, and dates from times
+            if mark == "  " and not _names(head[:first], mark, width, _cells(head[first], mark)):
+                continue  # a blank within a cell is a separator where no names say otherwise
+            best = max(best, (score, width, mark, first), key=lambda b: b[:2])
+    score, width, mark, first = best
+    return (
+        TableLayout(mark, first, width, _names(head[:first], mark, width, _cells(head[first], mark))) if score else None
+    )
 
 
 def _cells(line: str, mark: str) -> list[str]:
-    """Return the cells of a line, empty of a comment or a line without any; a separator within quotes is none."""
-    if not line.strip() or line.startswith("#"):
+    """Return the cells of a line, empty of one without any; a separator within quotes is none."""
+    if not line.strip():
         return []
+    if mark == "  ":
+        return re.split(r"\s{2,}|\t\s*", line.strip())
     if mark == " ":
         return line.split()
     if line.count('"') >= 2 and not _seconds_marked(line, mark):
@@ -246,16 +288,96 @@ def _cells(line: str, mark: str) -> list[str]:
     return line.split(mark)
 
 
+def _names(above: Sequence[str], mark: str, width: int, row: Sequence[str]) -> tuple[str, ...]:
+    """Return what the lines above the first row call its columns; none where no line has a word for each.
+
+    The line with the most words that are known is taken, of equals the last. Units in a line below the names, and
+    groups of columns in a line above them, belong to the names.
+    """
+    filled = 1 + max((i for i, cell in enumerate(row) if cell.strip()), default=0)
+    best: tuple[int, int, tuple[str, ...]] = (-1, -1, ())
+    for i, line in enumerate(above):
+        for cells in _headings(line, mark, width, filled):
+            known = sum(map(_known, cells)) + width * (cells[0].lower() in _HEADING)
+            if (known, i) >= best[:2] and not (best[0] >= 0 and _holds_units(cells)):
+                best = known, i, cells
+                break
+    known, at, names = best
+    if at < 0:
+        return ()
+    upper, lower = (_padded(above[i], mark, width) if 0 <= i < len(above) else () for i in (at - 1, at + 1))
+    repeated = len(set(names)) < 0.7 * len(names)
+    if repeated and upper and any(map(_holds_letters, upper)):
+        groups = list(upper)
+        for k in range(1, width):
+            groups[k] = groups[k] or groups[k - 1]
+        return tuple(f"{group} {name}".strip() for group, name in zip(groups, names, strict=True))
+    if lower and not COMMENT.match(above[at + 1]) and _holds_units(lower):
+        units = [cell.strip(" []()\"'") for cell in lower]
+        return tuple(f"{n} [{u}]" if u not in ("", "-") else n for n, u in zip(names, units, strict=True))
+    return names
+
+
+def _headings(line: str, mark: str, width: int, filled: int) -> Iterator[tuple[str, ...]]:
+    """Yield the ways to read a line as names of `width` columns, of which `filled` hold something in the first row."""
+    most, comment = width + 1, COMMENT.match(line)
+    text = line[comment.end() :] if comment else line
+    if not comment:
+        ways = [_cells(re.sub(r"(?<=[\])])(?=[A-Za-z])", mark, text), mark), _cells(text, mark)]
+        if mark == " ":
+            ways.append(re.sub(r"\s+([\[(])", r"\1", text.strip()).split())
+    else:
+        ways = [_cells(text.strip(), mark), *comment_words(line)]
+    for way in ways:
+        cells = [cell.strip().strip("\"'").strip() for cell in way]
+        while cells and not cells[-1]:
+            cells.pop()
+        if comment:
+            cells = [f"{cells[k - 1]} sigma" if w in _BESIDE and k else w for k, w in enumerate(cells)]
+            if len(cells) > width and 2 * sum(map(_known, cells[-width:])) >= width:
+                cells = cells[-width:]  # remarks may stand before the names
+        elif width < len(cells) <= most + 1 and mark != " " and any(map(by_name, cells[:width])):
+            cells, width = cells[:most], len(cells[:most])
+        worded = sum(map(_holds_letters, cells))
+        if (
+            filled <= len(cells) <= width
+            and worded
+            and 2 * worded >= sum(map(bool, cells)) > 0
+            and _share_of_numbers(cells) < 0.5
+        ):
+            yield tuple(cells + [""] * (width - len(cells)))
+
+
+def _padded(line: str, mark: str, width: int) -> tuple[str, ...]:
+    """Return the cells of a line that has no more than `width`, filled up with empty ones; none for a longer line."""
+    cells = [cell.strip().strip("\"'").strip() for cell in _cells(line, mark)]
+    while cells and not cells[-1]:
+        cells.pop()
+    return tuple(cells + [""] * (width - len(cells))) if 1 < len(cells) <= width else ()
+
+
+def _known(word: str) -> bool:
+    """Return whether a word names a column of a log, or has a unit in brackets."""
+    return by_name(word) is not None or bool(re.search(r"[\[(]", word) and unit_written(plain(word)))
+
+
+def _numeric(cell: str) -> bool:
+    """Return whether a cell is a number, an angle or a date."""
+    if _NUMBER.fullmatch(cell) or SEXAGESIMAL.fullmatch(cell):
+        return True
+    return cell[:1].isdigit() and (is_date(cell) or date_formats.is_day(cell) or date_formats.is_stamp(cell))
+
+
+def _share_of_numbers(row: Sequence[str]) -> float:
+    """Return which share of the cells that are filled are numbers, angles or dates; 0 where fewer than two are."""
+    cells = [text for cell in row if (text := cell.strip(" \"'"))]
+    known = sum(map(_numeric, cells))
+    return known / len(cells) if known >= MIN_COLUMNS else 0.0
+
+
 def _seconds_marked(line: str, mark: str) -> bool:
     """Return whether quotation marks stand for seconds of arc: behind a digit, and none before."""
     return any(re.fullmatch(r'[^"]*\d\s*"\s*', cell) for cell in line.split(mark))
-
-
-def _holds_numbers(row: Sequence[str]) -> bool:
-    """Return whether more than half of the cells that are filled are numbers, angles or dates, and two or more are."""
-    filled = [text for cell in row if (text := cell.strip(" \"'"))]
-    known = sum(bool(_NUMBER.fullmatch(text) or SEXAGESIMAL.fullmatch(text) or is_date(text)) for text in filled)
-    return known >= MIN_COLUMNS - 1 and 2 * known > len(filled)
 
 
 def _holds_letters(cell: str) -> bool:
@@ -265,28 +387,5 @@ def _holds_letters(cell: str) -> bool:
 def _holds_units(row: Sequence[str]) -> bool:
     """Return whether a line below the names holds units: most of its cells do, or nothing."""
     below = [cell.strip(" []()\"'") for cell in row]
-    known = sum(bool(unit_written(plain(cell))) for cell in below)
-    return known > 0 and sum(bool(unit_written(plain(c))) or not _holds_letters(c) for c in below) > len(below) / 2
-
-
-def _names_above(above: Sequence[str], columns: int) -> list[str]:
-    """Return the words of the comment above the numbers that names most of them, many logs have one; the last of
-    equals.
-
-    Words before the names ("22 GHz pointing, source AZ(deg) ...") do not count where the others are known.
-    """
-    best: tuple[int, list[str]] = (-1, [])
-    for line in above:
-        if not line.startswith(("#", "%", "!", "//")):
-            continue
-        for words in comment_words(line):
-            tail = [f"{words[k - 1]} sigma" if w in _BESIDE and k else w for k, w in enumerate(words)][-columns:]
-            if len(tail) < columns or len(set(tail)) < columns:
-                continue
-            known = sum(
-                bool(by_name(word)) or bool(re.search(r"[\[(]", word) and unit_written(plain(word))) for word in tail
-            )
-            if (len(words) == columns or 2 * known >= columns) and known >= best[0]:
-                best = known, tail
-                break
-    return best[1]
+    known = sum(map(is_unit, below))
+    return known > 0 and sum(is_unit(c) or not _holds_letters(c) for c in below) > len(below) / 2

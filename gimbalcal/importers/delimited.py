@@ -68,7 +68,13 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
 
 
 def frame_of(
-    path: Path, separator: str, skip: int, named: bool, quoted: bool = True, lines: Sequence[str] | None = None
+    path: Path,
+    separator: str,
+    skip: int,
+    named: bool,
+    quoted: bool = True,
+    lines: Sequence[str] | None = None,
+    comment: str = "#",
 ) -> pl.DataFrame:
     """Return every cell as text, the blanks around names removed; not `quoted`: quotation marks are ordinary letters.
 
@@ -90,7 +96,7 @@ def frame_of(
             source,
             separator=separator,
             skip_lines=skip,
-            comment_prefix="#",
+            comment_prefix=comment or None,
             infer_schema=False,
             has_header=named,
             glob=False,

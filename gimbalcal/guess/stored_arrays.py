@@ -1,0 +1,224 @@
+"""Logs that are no text: arrays in MATLAB, HDF5, NumPy, Parquet and JSON files, and records of doubles.
+
+What a file is follows from its first bytes, not from its name. A matrix is one column for each of its components.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import zipfile
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimbalcal.errors import InputError
+from gimbalcal.guess.column_names import plain, quantity_of_log
+from gimbalcal.guess.text_table import MIN_COLUMNS, Table, table_of_columns, values_of
+from gimbalcal.importers.delimited import encoding_of
+from gimbalcal.importers.hdf5 import dataset, dataset_names
+from gimbalcal.importers.registry import DAMAGED
+from gimbalcal.importers.sandboxed_reader import matlab_variables
+from gimbalcal.number import Array, holds_real_numbers
+from gimbalcal.recording.dates import Dates
+from gimbalcal.recording.memory_limit import refuse_bomb
+from gimbalcal.recording.record import FORCE
+
+START = 4096  # bytes that show what a file is
+MIN_ROWS = 3
+MAX_RECORD = 32  # numbers of a binary record
+RATE_NAMES = frozenset(("sampling_rate", "sample_rate", "samplingrate", "fs", "freq", "frequency", "rate"))
+INSTEAD = {
+    b"PK\x03\x04": "a spreadsheet or an archive; save its table as CSV, or unpack it",
+    b"\xd0\xcf\x11\xe0": "a spreadsheet of Excel; save its table as CSV",
+    b"\x1f\x8b": "compressed by gzip; unpack it",
+    b"BZh": "compressed by bzip2; unpack it",
+    b"\xfd7zXZ": "compressed by xz; unpack it",
+    b"%PDF": "a PDF document; give the log from which it was made",
+    b"#ROSBAG": "a bag of ROS; write the topic of the unit as CSV (rostopic echo -p)",
+    b"ULog": "a log of PX4; write it as CSV (ulog2csv)",
+    b"\xa3\x95": "a log of ArduPilot; write it as text (mavlogdump.py --format csv)",
+    b"SQLite": "a database of SQLite; write its table as CSV",
+}
+
+
+def arrays_table(path: Path) -> Table | None:
+    """Return the columns of a file that is no text; None for a text.
+
+    Raises InputError for one that holds no table, or in a form that only another program reads, with what to do.
+    """
+    with path.open("rb") as file:
+        start = file.read(START)
+    read = _reader(path, start)
+    if read is not None:
+        return frame_table(_columns(path, read(path)), str(path))
+    instead = next((words for magic, words in INSTEAD.items() if start.startswith(magic)), "")
+    if instead:
+        raise InputError(f"{path} is {instead}")
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" not in start:
+        return None
+    if (records := _records(path)) is not None:
+        return frame_table(records, str(path))
+    raise InputError(
+        f"{path} is a binary file of no known kind; save the log as text, one row in a line with names above"
+    )
+
+
+def frame_table(frame: Any, called: str = "the frame") -> Table:
+    """Return the columns of a frame or a mapping as those of a text table; an index of dates is a clock."""
+    import polars as pl
+
+    dates = Dates()
+    names = list(frame.keys() if isinstance(frame, Mapping) else frame.columns)
+    columns = {str(n): np.asarray(frame[n]) for n in names}
+    index = np.asarray(getattr(frame, "index", ()) if not isinstance(frame, Mapping) else ())
+    if np.issubdtype(index.dtype, np.datetime64):
+        columns = {"time (index)": index, **columns}
+
+    def values(name: str, x: Array) -> tuple[Array, str]:
+        if x.ndim == 1 and holds_real_numbers(x):
+            return x.astype(float), "number"
+        text = pl.Series(name, x.astype(str)) if x.ndim == 1 else pl.Series(name, [], dtype=pl.String)
+        return values_of(name, text, ",", dates)
+
+    rates = [n for n, x in columns.items() if x.ndim == 0 and plain(n.rpartition(".")[2]) in RATE_NAMES]
+    above = tuple(f"sample rate {float(columns[n]):g}" for n in rates)
+    table = table_of_columns((name, *values(name, x)) for name, x in columns.items() if x.ndim)
+    if len(table.columns) < MIN_COLUMNS:
+        raise InputError(f"{called} holds {len(table.columns)} columns of numbers, and a triad and its clock take more")
+    named = not all(name.isdigit() for name in table.columns)
+    return Table(table.columns, table.sexagesimal, above, table.others, table.dates, dates.day, named)
+
+
+def _reader(path: Path, start: bytes) -> Callable[[Path], Mapping[str, Any]] | None:
+    """Return the function that reads a file beginning so; None where there is none."""
+    if b"\x89HDF\r\n\x1a\n" in (start[:8], start[512:520]):  # MATLAB puts 512 bytes of its own before it
+        return lambda p: {name: dataset(p, name) for name in dataset_names(p)}
+    if start.startswith(b"MATLAB 5.0 MAT-file"):
+        return matlab_variables
+    if start.startswith(b"\x93NUMPY") or (start.startswith(b"PK\x03\x04") and _holds_arrays(path)):
+        return _numpy
+    if start.startswith(b"PAR1"):
+        return _parquet
+    return _json if start.lstrip()[:1] in (b"{", b"[") and not _json_lines(start) else None
+
+
+def _holds_arrays(path: Path) -> bool:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return any(name.endswith(".npy") for name in archive.namelist())
+    except (zipfile.BadZipFile, *DAMAGED):
+        return False
+
+
+def _json_lines(start: bytes) -> bool:
+    """Return whether the first line is an object by itself, as in a log of one object to a line."""
+    try:
+        return isinstance(json.loads(start.splitlines()[0]), dict) and b"\n" in start.strip()
+    except (ValueError, RecursionError):
+        return False
+
+
+def _numpy(path: Path) -> Mapping[str, Any]:
+    try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as packed:
+                refuse_bomb(path, sum(each.file_size for each in packed.infolist()))
+        loaded = np.load(path)
+        if isinstance(loaded, np.ndarray):
+            names = loaded.dtype.names
+            return {n: loaded[n] for n in names} if names else {path.stem: loaded}
+        return {name: loaded[name] for name in loaded.files}
+    except (zipfile.BadZipFile, *DAMAGED):
+        raise InputError(f"{path} is damaged, or holds Python objects; save its arrays again") from None
+
+
+def _parquet(path: Path) -> Mapping[str, Any]:
+    import polars as pl
+
+    try:
+        frame = pl.read_parquet(path.absolute(), glob=False)
+    except (pl.exceptions.PolarsError, OSError) as error:
+        raise InputError(f"{path} cannot be read as Parquet: {str(error).splitlines()[0]}") from None
+    return {name: frame[name].to_numpy() for name in frame.columns}
+
+
+def _json(path: Path) -> Mapping[str, Any]:
+    """Return the columns of an object of lists, or of a list of objects, the longest that the file holds."""
+    try:
+        pending, best = [json.loads(path.read_text(encoding=encoding_of(path)))], dict[str, Any]()
+    except (ValueError, RecursionError):
+        raise InputError(f"{path} begins like JSON and is none; correct it, or save the log as CSV") from None
+    size = 0
+    while pending:
+        each = pending.pop()
+        if isinstance(each, list) and len(each) > size and all(isinstance(row, dict) for row in each):
+            rows = [_leaves("", row) for row in each]
+            best, size = {n: np.array([row.get(n, np.nan) for row in rows]) for n in rows[0]}, len(each)
+        elif isinstance(each, dict):
+            lists = {n: x for n, x in each.items() if isinstance(x, list) and x and not isinstance(x[0], dict)}
+            longest = max(map(len, lists.values()), default=0)
+            if longest > size:
+                with contextlib.suppress(ValueError):
+                    best, size = {n: np.array(x) for n, x in lists.items()}, longest
+            pending += each.values()
+    return best
+
+
+def _leaves(name: str, value: Any) -> dict[str, Any]:
+    """Return numbers and words of an object of JSON by their path, acc_x or acc_0."""
+    if not isinstance(value, dict | list):
+        return {name: np.nan if value is None else value}
+    inner = value.items() if isinstance(value, dict) else enumerate(value)
+    return {n: v for key, each in inner for n, v in _leaves(f"{name}_{key}".strip("_"), each).items()}
+
+
+def _columns(path: Path, variables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return vectors and components of matrices of the length that most have, by name, and scalars.
+
+    Three components are x, y, z, four of them w, x, y, z; a matrix that alone makes the table has columns by number.
+    """
+    arrays = {name: np.squeeze(np.asarray(x)) for name, x in variables.items() if x is not None}
+    tall = {
+        name: x.T if x.ndim == 2 and x.shape[0] < x.shape[1] else x for name, x in arrays.items() if x.ndim in (1, 2)
+    }
+    lengths = Counter({len(x): 0 for x in tall.values()})
+    for x in tall.values():
+        lengths[len(x)] += 1 if x.ndim == 1 else x.shape[1]
+    rows = max((n for n in lengths if n >= MIN_ROWS), key=lambda n: (lengths[n] >= MIN_COLUMNS, n), default=0)
+    if not rows:
+        listed = ", ".join(f"{name} {np.shape(x)}" for name, x in list(arrays.items())[:8]) or "nothing"
+        raise InputError(f"{path} holds no array with a row for each reading; it has {listed}")
+    out: dict[str, Any] = {name: x for name, x in arrays.items() if x.ndim == 0 and x.dtype.kind in "iuf"}
+    kept = {name: x for name, x in tall.items() if len(x) == rows}
+    for name, x in kept.items():
+        letters = {3: "xyz", 4: "wxyz"}.get(x.shape[1], "") if x.ndim == 2 else ""
+        if x.ndim == 1:
+            out[name] = x
+        elif not letters and len(kept) == 1:
+            out |= {str(i): column for i, column in enumerate(x.T, start=1)}
+        else:
+            hint = quantity_of_log(name)
+            word = f"{name} {'acc' if hint == FORCE else 'gyro'}" if hint and len(letters) == 3 else name
+            out |= {f"{word}_{letters[i] if letters else i + 1}": column for i, column in enumerate(x.T)}
+    return out
+
+
+def _records(path: Path) -> dict[str, Array] | None:
+    """Return the columns of a file of records of doubles, little-endian, one of which grows evenly; else None."""
+    size = path.stat().st_size
+    values = np.fromfile(path, "<f8") if size % 8 == 0 else np.zeros(0)
+    if not len(values) or not np.all(np.isfinite(values)) or np.any(np.abs(values) > 1e15):
+        return None
+    for width in range(MIN_COLUMNS, MAX_RECORD + 1):
+        rows = values.reshape(-1, width) if len(values) % width == 0 else values[:0].reshape(0, width)
+        if len(rows) < MIN_ROWS:
+            continue
+        for x in rows[:100_000].T:
+            step = np.diff(x)
+            if np.all(step > 0) and np.quantile(step, 0.9) < 2 * np.median(step):
+                return {str(i): column for i, column in enumerate(rows.T, start=1)}
+    return None
