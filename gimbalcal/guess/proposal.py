@@ -25,8 +25,8 @@ from gimbalcal.guess.merged_logs import are_parts, concatenated, on_one_clock, s
 from gimbalcal.guess.novatel import rawimu
 from gimbalcal.guess.pointing_run import angles_in, pointing_proposal
 from gimbalcal.guess.space_stable import static_run
-from gimbalcal.guess.stored_arrays import arrays_table
-from gimbalcal.guess.text_table import Table, tables_of
+from gimbalcal.guess.stored_arrays import arrays_table, is_text
+from gimbalcal.guess.text_table import Table, head_of, tables_of
 from gimbalcal.guess.turned_by_table import (
     TurnedLog,
     gravity_is_constant,
@@ -36,6 +36,7 @@ from gimbalcal.guess.turned_by_table import (
 )
 from gimbalcal.guess.unit_candidates import unit_candidates
 from gimbalcal.importers.mmt import import_mmt
+from gimbalcal.importers.phd2 import import_phd2, is_guide_log
 from gimbalcal.importers.tpoint import import_tpoint
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
@@ -127,14 +128,15 @@ def propose(
     if absent := [path for path in logs if not path.is_file()]:
         raise InputError(f"{absent[0]} does not exist or is not a file; give the log of a unit")
     title = title or logs[0].stem
-    if len(logs) == 1 and (known := _self_describing(logs[0], title)):
+    place = StatedPlace(latitude, height, longitude)
+    if len(logs) == 1 and (known := _self_describing(logs[0], title, place)):
         return known
     dates = Dates()
     tables: dict[Path, Table] = {}
     for path in logs:
         whole = arrays_table(path) or rawimu(path)
         tables |= {path: whole} if whole else tables_of(path, dates)
-    return of_tables(tables, title, rate, StatedPlace(latitude, height, longitude))
+    return of_tables(tables, title, rate, place)
 
 
 def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: StatedPlace) -> Proposal:
@@ -194,16 +196,29 @@ def _pointing(path: Path, table: Table, title: str, place: StatedPlace) -> Propo
     return Proposal(run.recording, guesses, run.left_out, {**run.notes, **assumed})
 
 
-def _self_describing(path: Path, title: str) -> Proposal | None:
-    """Return the recording in a file of a kind that describes itself."""
-    for kind, read in SELF_DESCRIBING.items() if path.stat().st_size < MAX_BYTES else ():
+def _self_describing(path: Path, title: str, place: StatedPlace) -> Proposal | None:
+    """Return the recording in a file of a kind that describes itself; None for others.
+
+    Raises InputError for a guide log that lacks something, or where the latitude is not stated.
+    """
+    if path.stat().st_size > MAX_BYTES or not is_text(path):
+        return None
+    if is_guide_log(head_of(path)):
+        if place.latitude is None:
+            raise InputError(f"{path} is a guide log of PHD2, which does not say where the mount stood: --latitude DEG")
+        return _described("a guide log of PHD2", import_phd2([path], {"latitude": str(place.latitude)}), title)
+    for kind, read in SELF_DESCRIBING.items():
         try:
-            run = read([path], {})
+            return _described(kind, read([path], {}), title)
         except (InputError, UnicodeDecodeError, OSError):
             continue
-        guesses = {f"{q} {a}": Guess(q, a, "deg", f"the form of the file, {kind}") for q, a in run.channels}
-        return Proposal(replace(run, title=title), guesses, (), {"kind": f"the file is {kind}"})
     return None
+
+
+def _described(kind: str, run: Recording, title: str) -> Proposal:
+    guesses = {"time": Guess("time", "", "s", f"the form of the file, {kind}")}
+    guesses |= {f"{q} {a}": Guess(q, a, "deg", f"the form of the file, {kind}") for q, a in run.channels}
+    return Proposal(replace(run, title=title), guesses, (), {"kind": f"the file is {kind}"})
 
 
 def _turned(table: TurnedLog, context: _Context) -> Proposal:

@@ -58,13 +58,20 @@ def arrays_table(path: Path) -> Table | None:
     instead = next((words for magic, words in INSTEAD.items() if start.startswith(magic)), "")
     if instead:
         raise InputError(f"{path} is {instead}")
-    if start.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" not in start:
+    if is_text(path):
         return None
     if (records := _records(path)) is not None:
         return frame_table(records, str(path))
     raise InputError(
         f"{path} is a binary file of no known kind; save the log as text, one row in a line with names above"
     )
+
+
+def is_text(path: Path) -> bool:
+    """Return whether a file is text, of an encoding without zero bytes or of UTF-16."""
+    with path.open("rb") as file:
+        start = file.read(START)
+    return start.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" not in start
 
 
 def frame_table(frame: Any, called: str = "the frame") -> Table:

@@ -13,6 +13,7 @@ where the lock position is moved (dither). Format: the PHD2 guide log, as its pr
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,13 +41,20 @@ MIN_FRAMES = 10  # frames
 class _Stretch:
     """Header lines of a guiding session and the frames (columns by name) of a stretch with one lock position.
 
-    lines: where in the file each frame stands; gaps: those before which the numbers of frames leave some out.
+    lines: where in the file each frame stands; gaps: those before which the numbers of frames leave some out; lost:
+    those that had lost their star, and are no frames of the stretch.
     """
 
     header: str
     frames: list[dict[str, str]]
     lines: list[int]
     gaps: list[int]
+    lost: list[int]
+
+
+def is_guide_log(head: Sequence[str]) -> bool:
+    """Return whether the first lines of a file are those of a guide log."""
+    return any(line.startswith((_BEGINS, "PHD2 version", _HEADING)) for line in head)
 
 
 @importer("phd2", "latitude", "stretch")
@@ -60,7 +68,7 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     number = _chosen(path, options, stretches)
     session = stretches[number - 1]
     scale = float(to_si(_header_value(path, session.header, "Pixel scale", "in arc-sec/px"), "arcsec"))
-    pointed = next((line for line in session.header.splitlines() if line.startswith("RA = ")), "")
+    pointed = next((line for line in session.header.splitlines() if line.startswith(("RA = ", "Dec = "))), "")
     declination = float(np.radians(_header_value(path, pointed, "Dec", "where the mount pointed")))
     hour = _hour_angle(path, pointed, latitude)
     if scale <= 0 or abs(declination) >= np.pi / 2 or abs(hour) > 2 * np.pi:
@@ -82,6 +90,8 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     remark = (
         f"{path}: stretch {number} of {len(stretches)}, {amount(len(time), 'frame')} without a dither, guiding undone"
     )
+    if session.lost:
+        remark += f"; {amount(len(session.lost), 'frame')} had lost the star and are left out"
     missing = [
         f"{path}, line {n}: frames before it are missing, so that their pulses are not undone" for n in session.gaps[:3]
     ]
@@ -127,21 +137,23 @@ def _stretches(path: Path) -> list[_Stretch]:
             header, names = [], []
         elif text.startswith(_HEADING):
             names = [name.strip() for name in text.split(",")]
-            out.append(_Stretch("\n".join(header), [], [], []))
+            out.append(_Stretch("\n".join(header), [], [], [], []))
             before = 0
         elif text.startswith(_MOVED) and names:
-            out.append(_Stretch(out[-1].header, [], [], []))
+            out.append(_Stretch(out[-1].header, [], [], [], []))
         elif text.startswith("Guiding Ends"):
             names = []
         elif not names:
             header.append(text)
         elif text[:1].isdigit() or '"Mount"' in text:
-            frame = dict(zip(names, (cell.strip().strip('"') for cell in text.split(",")), strict=False))
+            frame = dict(zip(names, (cell.strip() for cell in next(csv.reader([text], skipinitialspace=True))), strict=False))
             if not frame[names[0]].isdigit() or frame.get("mount") not in _KINDS:
                 raise InputError(f"{path}, line {number} is no frame as PHD2 writes them; correct or remove it")
             if before and int(frame[names[0]]) != before + 1:
                 out[-1].gaps.append(number)
             before = int(frame[names[0]])
+            if frame["mount"] == "DROP":
+                out[-1].lost.append(number)
             if frame["mount"] == "Mount":
                 out[-1].frames.append(frame)
                 out[-1].lines.append(number)

@@ -161,7 +161,7 @@ def _joined(words: Array) -> Array:
 
 
 def _read(path: Path) -> _File:
-    site, air, upright, titled, rows = None, 0.0, False, False, []
+    site, air, upright, rows = None, 0.0, False, []
     for line, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         words = text.replace(",", " ").split()
         if words and words[0] == "END":
@@ -173,9 +173,8 @@ def _read(path: Path) -> _File:
             continue
         numbers = _leading(words)
         if site is None:
-            alone = titled and len(words) == len(numbers) == _SEXAGESIMAL  # the latitude, without a date
-            if len(numbers) < _SITE and not alone:
-                titled = True  # a caption, though it may begin with a number
+            alone = len(words) == len(numbers) == _SEXAGESIMAL and _is_latitude(numbers)  # without a date
+            if len(numbers) < _SITE and not alone:  # a caption, though it may begin with a number
                 continue
             site, air = _site(path, line, [*numbers, *_ANY_DAY] if alone else numbers), _air(numbers)
             continue
@@ -226,11 +225,17 @@ def _air(numbers: Sequence[str]) -> float:
     return float(numbers[7]) / 1010 * 283 / (273 + float(numbers[6])) if len(numbers) > 7 else 0.0
 
 
+def _is_latitude(numbers: Sequence[str]) -> bool:
+    """Return whether numbers begin with degrees, minutes and seconds of a latitude."""
+    d, m, s = (float(word) for word in numbers[:3])
+    return abs(d) <= 90 and d.is_integer() and 0 <= m < _SIXTY and 0 <= s < _SIXTY
+
+
 def _site(path: Path, line: int, numbers: Sequence[str]) -> Site:
     """Return latitude, date, and where they were written temperature, pressure and height."""
-    d, m, s, year, month, day = (float(word) for word in numbers[:6])
+    year, month, day = (float(word) for word in numbers[3:6])
     dated = 1800 <= year <= 2200 and 1 <= month <= 12 and 1 <= day < 32
-    if not (dated and abs(d) <= 90 and 0 <= m < 60 and 0 <= s < 60) or len(numbers) >= _BY_STARS:
+    if not (dated and _is_latitude(numbers)) or len(numbers) >= _BY_STARS:
         raise InputError(
             f"{path}, line {line}: the first line of numbers states the site, its latitude in degrees, minutes and "
             f"seconds and then year, month and day; got {' '.join(numbers[:6])}"
