@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.guess.column_names import is_counter, states_other_unit
 from gimbalcal.guess.log import Log
 from gimbalcal.number import Array
 
@@ -33,22 +34,61 @@ WRAP_PERIODS = {
     604800e3: "the end of a week of GPS",
     1e6: "10^6",
 }
-MIN_RATE_HZ, MAX_RATE_HZ = 1.0, 10_000.0  # that inertial sensors are logged at
-MAX_RATE_OF_LONG_UNITS_HZ = 1e3  # nobody logs faster in minutes, hours or days
+MIN_RATE_HZ, MAX_RATE_HZ, USUAL_RATE_HZ = 0.05, 10_000.0, 100.0  # that inertial sensors are logged at
+COSTS = {"s": 0.0, "ms": 2.0, TICKS: 5.0, "us": 2.0, "ns": 2.0, "min": 6.0, "h": 9.0, "d": 9.0}  # nats
+MIN_ROWS = 3
+MAX_DISTANCE = 2.0  # of the step between stamps, of evenly spaced rows from their stamps
 MAX_SENSORS = 8  # that write into one log in turn
 MAX_JITTER = 0.02  # of a step; stamps that scatter by more are times of arrival if another clock is more regular
 
 
-def unit_of_time(time: Array) -> tuple[str, str]:
-    """Return the unit of a clock (n,) by its step, and why: inertial sensors are logged at 1 Hz to 10 kHz."""
+def costs_of_unit(time: Array) -> dict[str, tuple[float, str]]:
+    r"""Return how unlikely each unit of a clock (n,) is by its step, in nats, and why.
+
+    Inertial sensors are logged at some 100 Hz, a decade more or less, :math:`\\frac{1}{2} \\log_{10}^2 (f / 100)`, and
+    seldom in minutes or hours. Raises InputError for a clock that stands still.
+    """
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if step <= 0:
         raise InputError("the clock stands still: say what the time is by a column that grows")
-    for unit, size in UNITS.items():
-        rate = 1 / (step * size)
-        if unit != TICKS and MIN_RATE_HZ <= rate <= (MAX_RATE_HZ if size <= 1 else MAX_RATE_OF_LONG_UNITS_HZ):
-            return unit, f"steps of {step:.4g}, which in {unit} are {rate:.4g} Hz"
-    return "s", f"steps of {step:.4g}, at which nothing is usually logged"
+    rates = {unit: 1 / (step * size) for unit, size in UNITS.items()}
+    return {
+        unit: (
+            COSTS[unit] + 0.5 * float(np.log10(rate / USUAL_RATE_HZ)) ** 2,
+            f"steps of {step:.4g}, which in {unit} are {rate:.4g} Hz",
+        )
+        for unit, rate in rates.items()
+        if MIN_RATE_HZ <= rate <= MAX_RATE_HZ
+    } or {"s": (0.0, f"steps of {step:.4g}, at which nothing is usually logged")}
+
+
+def unit_of_time(time: Array) -> tuple[str, str]:
+    """Return the likeliest unit of a clock (n,) by its step, and why."""
+    costs = costs_of_unit(time)
+    unit = min(costs, key=lambda u: costs[u][0])
+    return unit, costs[unit][1]
+
+
+def spread(t: Array) -> tuple[Array, str]:
+    """Return a clock (n,) whose stamps stand at several rows, with these spread evenly, and a note; else as it is.
+
+    Where most rows repeat a stamp, as those of a clock of whole seconds do, the rows are taken to be evenly spaced over
+    the whole log; a packet of rows with one stamp is spread up to the next stamp.
+    """
+    step = np.diff(t)
+    equal = int(np.count_nonzero(step == 0))
+    if not equal or np.any(step < 0) or len(t) < MIN_ROWS or t[-1] == t[0]:
+        return t, ""
+    first = np.flatnonzero(np.concatenate([[True], step > 0]))
+    rows, each = np.arange(len(t), dtype=float), len(t) / len(first)
+    if each >= 1.5:
+        slope, offset = np.polyfit(first, t[first], 1) if len(first) > 2 else (0.0, 0.0)
+        even = offset + slope * rows
+        if slope > 0 and np.max(np.abs(even[first] - t[first])) < MAX_DISTANCE * float(np.median(np.diff(t[first]))):
+            return even, f"stamps stand at {each:.3g} rows each, which are taken to be evenly spaced"
+    last = t[first[-1]] + float(np.median(np.diff(t[first])))
+    spread_out = np.interp(rows, [*first, len(t)], [*t[first], last])
+    return spread_out, f"{equal} rows repeat the stamp of the row before and are spread up to the next stamp"
 
 
 def unwrapped(t: Array) -> tuple[Array, str]:
@@ -126,7 +166,7 @@ def best_clock(log: Log) -> str:
 def regular_column(log: Log) -> str:
     """Return an unknown column that grows in regular steps and is no count of the rows; empty if there is none."""
     for name, x in log.unknown.items():
-        if len(x) < 3 or not np.all(np.isfinite(x)):
+        if len(x) < MIN_ROWS or not np.all(np.isfinite(x)) or is_counter(name) or states_other_unit(name):
             continue
         step = np.diff(x)
         count = bool(np.all(step == step[0])) and step[0] == np.round(step[0]) and x[0] in (0.0, 1.0)

@@ -15,14 +15,16 @@ from gimbalcal.guess.column_names import (
     by_name,
     by_turn,
     counted_from_one,
+    is_anonymous,
     plain,
     quantity_of_log,
     unit_written,
 )
-from gimbalcal.guess.column_values import by_order, by_similar_names, is_unit_of, unit_of_force, unit_of_rate
+from gimbalcal.guess.column_values import by_order, by_similar_names, is_unit_of, unit_of_force
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import without_duplicates
 from gimbalcal.guess.text_table import Table
+from gimbalcal.guess.unit_candidates import rate_costs
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import ROW_STEP_S
 from gimbalcal.recording.record import FORCE, RATE
@@ -52,7 +54,7 @@ def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str]) -> Guess
     log, joined = _by_names(path, table)
     log, note = clocks.single_sensor(log)
     notes |= {"sensor": note} if note else {}
-    log = without_duplicates(_by_values(_in_seconds(log, table), elsewhere))
+    log = without_duplicates(_by_values(_in_seconds(log, table), elsewhere, quantity_of_log(path.stem)))
     log, note = _timed_rows(log)
     notes |= {"time": note} if note else {}
     dwell_rows = _rows_are_dwells(log)
@@ -72,7 +74,7 @@ def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str]) -> Guess
     if dwell_rows:
         used |= {name for name in log.columns if (g := by_name(name)) and g.quantity == "sigma"}
     left_out = tuple(name for name in (*table.columns, *table.others) if name not in used)
-    return GuessedLog(_with_units(log), left_out, notes)
+    return GuessedLog(with_units(log), left_out, notes)
 
 
 def _by_names(path: Path, table: Table) -> tuple[Log, tuple[str, ...]]:
@@ -113,7 +115,7 @@ def _in_seconds(log: Log, table: Table) -> Log:
     return log
 
 
-def _by_values(log: Log, elsewhere: Set[str]) -> Log:
+def _by_values(log: Log, elsewhere: Set[str], hint: str) -> Log:
     """Return the log with triads and a clock among the columns that no name identified."""
     if not log.has(RATE):
         log = log.including(body_rates({name: plain(name) for name in log.unknown}))
@@ -122,8 +124,8 @@ def _by_values(log: Log, elsewhere: Set[str]) -> Log:
         log = log.including({n: g for n, g in similar.items() if g.quantity not in elsewhere})
     if not log.has(FORCE, RATE) and not elsewhere & {FORCE, RATE}:
         labelled = {n: log.guesses[n] for n in log.guesses if n in log.names("time", "temperature")}
-        others = {name: x for name, x in log.columns.items() if name not in labelled}
-        log = replace(log, guesses={**by_order(others), **labelled} if others else labelled)
+        others = {name: x for name, x in log.columns.items() if name not in labelled and is_anonymous(name)}
+        log = log.including({**by_order(others, hint), **labelled} if others else labelled)
     if not log.has("time") and (clock := clocks.regular_column(log)):
         why = "the column that grows evenly from row to row"
         log = log.preceded_by(clock, Guess("time", "", unit_written(plain(clock)), why))
@@ -183,21 +185,18 @@ def _with_row_clock(path: Path, log: Log, rate: float, dwell_rows: bool) -> Log:
     return log.preceded_by("time", Guess("time", "", "s", why), rows / rate if rate > 0 else ROW_STEP_S * rows)
 
 
-def _with_units(log: Log) -> Log:
-    """Return the log with the units that no name states, from the numbers."""
-    for quantity, unit_of in ((FORCE, unit_of_force), (RATE, unit_of_rate)):
-        names = log.names(quantity)
-        if names and not all(is_unit_of(quantity, log.guesses[n].unit) for n in names):
-            full = np.isfinite(np.stack(log.values(quantity))).all(axis=0)
-            unit, why = unit_of([log.columns[n][full] for n in names])
-            known = quantity == FORCE or unit == "count"  # by gravity, or by the turns in any case
-            log = log.including(
-                {
-                    n: replace(g, unit=unit, why=f"{g.why}; {why}", open=not known)
-                    for n, g in log.guesses.items()
-                    if n in names
-                }
-            )
+def with_units(log: Log) -> Log:
+    """Return the log with the units that no name states, from the numbers; those of clock and gyroscopes stay open."""
+    names = log.names(FORCE)
+    if names and not all(is_unit_of(FORCE, log.guesses[n].unit) for n in names):
+        full = np.isfinite(np.stack(log.values(FORCE))).all(axis=0)
+        unit, why = unit_of_force([log.columns[n][full] for n in names])
+        log = log.including({n: replace(log.guesses[n], unit=unit, why=f"{log.guesses[n].why}; {why}") for n in names})
+    rates = log.names(RATE)
+    if rates and not all(is_unit_of(RATE, log.guesses[n].unit) for n in rates):
+        costs = rate_costs(log)
+        unit = min(costs, key=lambda u: costs[u][0])
+        log = log.including({n: replace(log.guesses[n], unit=unit, open=True) for n in rates})
     force = next((log.guesses[n].unit for n in log.names(FORCE)), "m/s^2")
     for name in log.names("sigma"):
         g = log.guesses[name]
@@ -206,5 +205,6 @@ def _with_units(log: Log) -> Log:
     g = log.guesses[log.clock]
     if not is_unit_of("time", g.unit):
         unit, why = clocks.unit_of_time(log.columns[log.clock])
-        log = log.including({log.clock: replace(g, unit=unit, why=f"{g.why}; {why}", open=True)})
+        log = clocks.in_unit(log, unit)
+        log = log.including({log.clock: replace(log.guesses[log.clock], why=f"{g.why}; {why}", open=True)})
     return log

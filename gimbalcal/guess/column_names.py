@@ -30,7 +30,7 @@ _FORCE_WORDS = (
 )
 _RATE_WORDS = (
     "angular_velocity|angular_rate|ang_vel|angvel|ang_rate|gyro_rotation|rotation_rate|rot_rate|gyroscope|gyro|gyr|omega"
-    "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|rate|om|w|g"
+    "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|rate|om|rot|w|g"
 )
 _QUALIFIERS = (
     "smooth|adc|raw|filtered|filt|unfilt|lpf|data|out|output|mean|avg|average|mittel|sensor|val|value|meas|imu"
@@ -49,6 +49,11 @@ _OWN_ESTIMATE = re.compile(
 _BARE = re.compile(r"^(?:(?:axis|achse|values?|measurement|data)_)?([xyz]|(?<=_)[012])(?:_(?:axis|achse))?(_|$)")
 _BODY = {"p": "x", "q": "y", "r": "z"}  # roll, pitch and yaw rate of a vehicle
 _TEMPERATURE = re.compile(r"(temperature|temperatur|temp|tmp)(_|$)|(t_(deg_)?[cfk]|t_(degc|celsius|degf))$")
+_COUNTER = re.compile(
+    r"(^|_)(packet|sample|frame|index|idx|counter|seq|sequence|row|line|loop|iteration|loop_iteration|record|zaehler)"
+    r"(_(number|no|nr|num|counter|count|index|id))?$"
+)
+_ANONYMOUS = re.compile(r"(col|column|field|var|variable|ch|channel|data|value|val|unnamed|spalte|v|c|x)?_*\d+|[a-z]|")
 _POSITION = re.compile(
     r"^(position|pos|posture|station|rest|segment|lage|stellung|nr|no|number|nummer|orientation_no|pt|point|punkt|pose"
     r"|attitude_no|face|setup)(_(no|nr|number|id))?$"
@@ -81,7 +86,8 @@ _TURNS_BY = re.compile(r"(^|_)(rate|speed|velocity|vel|omega|drehrate|drehzahl|g
 _COMMANDS = re.compile(r"(^|_)(cmd|command|commanded|setpoint|set|soll|sollwert|target|demand|ref|nominal)(_|$)")
 _OTHER_WORDS = (
     "cov covariance orientation quat quaternion mag magnetometer magnetic std sd sigma stdev var variance bias drift "
-    "user status quality euler attitude setpoint command cmd saturation clip clipping"
+    "user status quality euler attitude setpoint command cmd saturation clip clipping lon lat long longitude latitude "
+    "easting northing gps gnss matrix dcm baro pressure magn vicon"
 )
 NOT_A_TRIAD = frozenset(_OTHER_WORDS.split())  # words of columns that are no reading of a triad
 _UNITS = by_spelling(
@@ -158,6 +164,26 @@ def unit_written(words: str) -> str:
     """Return the unit that the last words of a plain name spell, or the empty string."""
     parts = words.split("_")
     return next((u for k in range(len(parts)) if (u := _UNITS.get("_".join(parts[k:])))), "")
+
+
+def is_counter(name: str) -> bool:
+    """Return whether a name is that of a count of rows, packets or frames, which is no clock."""
+    return _COUNTER.search(plain(name)) is not None
+
+
+def states_other_unit(name: str) -> bool:
+    """Return whether a name states a unit in brackets that is not one of time: "yaw [deg]" grows, and is no clock."""
+    unit = unit_written(plain(name)) if re.search(r"[\[(]", name) else ""
+    return unit not in ("", "s", "ms", "us", "ns", "min", "h", "d")
+
+
+def is_anonymous(name: str) -> bool:
+    """Return whether a name says nothing: a number, a letter, "col 3", "field2".
+
+    >>> [is_anonymous(n) for n in ("7", "col 3", "longitude", "v0", "M11")]
+    [True, True, False, True, False]
+    """
+    return _ANONYMOUS.fullmatch(plain(name)) is not None
 
 
 def is_unit(cell: str) -> bool:

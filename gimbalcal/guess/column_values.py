@@ -16,15 +16,23 @@ from gimbalcal.guess.log import Guess
 from gimbalcal.number import Array
 from gimbalcal.quantities import check
 from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.units import to_si
 
 MAX_RATE = 35.0  # rad/s, 2000 deg/s: the range of the fastest gyroscopes in such units
+USUAL_NOISE_DEG_S, MAX_BIAS_DEG_S = 0.05, 3.0  # of gyroscopes, from row to row and at rest
+LSB_DEG_S = (1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 16, 0.07, 0.035, 0.0175, 0.00875, 1 / 14.375, 0.05, 0.02)
+ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are printed, whatever they are
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 GRAVITY = {"m/s^2": G0, "g": 1.0, "ft/s^2": G0 / 0.3048, "mg": 1e3, "Gal": 100 * G0, "ug": 1e6, "mGal": 1e5 * G0}
 
 
-def by_order(columns: Mapping[str, Array]) -> dict[str, Guess]:
-    """Return guesses for a table without names: a first column that grows is the time, then forces, then rates."""
+def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
+    """Return guesses for columns without names: a first column that grows is the time, then forces, then rates.
+
+    Forces are three columns whose length is gravity in some unit, or large enough for counts. hint: the quantity that
+    the log is called after.
+    """
     out = {}
     growing = [name for name, x in columns.items() if len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]]
     names = [name for name, x in columns.items() if name not in growing and np.nanmin(x) < np.nanmax(x)]
@@ -36,11 +44,17 @@ def by_order(columns: Mapping[str, Array]) -> dict[str, Guess]:
         return [columns[name] for name in triple]
 
     triples = [names[k : k + 3] for k in range(0, len(names) - 2, 3)]
-    forces = [t for t in triples if _of_constant_length(values(t))]
+    if hint == RATE and len(triples) == 1:
+        return out | _triads(triples, RATE, lambda _: "", "three columns in a log that is called after the gyroscope")
+    forces = [t for t in triples if _may_be_force(values(t))]
     if not forces:  # other columns precede them
         windows = [names[k : k + 3] for k in range(len(names) - 2)]
-        forces = [t for t in windows if _of_constant_length(values(t)) and changes_direction(values(t))]
+        forces = [t for t in windows if _may_be_force(values(t))]
+        forces = [t for t in forces if changes_direction(values(t)) or not _unlike_gravity(values(t))[0]]
     forces.sort(key=lambda t: _unlike_gravity(values(t)))
+    if forces:
+        at = names.index(forces[0][0])
+        triples = [names[k : k + 3] for k in (*range(at + 3, len(names) - 2, 3), *range(at - 3, -1, -3))]
     rates = [t for t in triples if t not in forces[:1]]
     rates.sort(key=lambda t: not all(map(_returns_to_a_level, values(t))))  # a magnetometer does not
     out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
@@ -109,6 +123,13 @@ def _of_constant_length(triple: Sequence[Array]) -> bool:
     return middle > 0 and float(np.quantile(np.abs(length / middle - 1), 0.5)) < MAX_GRAVITY_ERROR / 3
 
 
+def _may_be_force(triple: Sequence[Array]) -> bool:
+    """Return whether three columns are a vector of one length that gravity may have, in a unit or in counts."""
+    return _of_constant_length(triple) and (
+        not _unlike_gravity(triple)[0] or float(np.median(_length(triple))) > MIN_COUNT
+    )
+
+
 def _unlike_gravity(triple: Sequence[Array]) -> tuple[bool, float]:
     """Return whether a vector's length is gravity in no common unit, and its spread: a bias of rates is short."""
     length = _length(triple)
@@ -123,19 +144,50 @@ def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
     for unit, size in GRAVITY.items():
         if abs(length / size - 1) < MAX_GRAVITY_ERROR:
             return unit, f"at rest the three together are {length:.4g}, and gravity is {size:.4g} {unit}"
-    if _are_counts(triad) and length > MIN_COUNT:
-        return "count", f"whole numbers, {length:.4g} together: counts, whose scale the calibration finds"
+    if length > MIN_COUNT:
+        kind = "whole numbers" if _are_counts(triad) else "numbers"
+        return "count", f"{kind}, {length:.4g} together: counts, whose scale the calibration finds"
     return "m/s^2", f"nothing shows it: together they are {length:.4g}, which gravity is in no common unit"
 
 
-def unit_of_rate(triad: Sequence[Array]) -> tuple[str, str]:
-    """Return the unit of gyroscopes x, y, z (n,) by how fast a hand turns, and why: to be tried on the turns."""
+def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[float, str]]:
+    r"""Return how unlikely each unit of gyroscopes x, y, z (n,) is by their numbers alone, in nats, and what shows it.
+
+    Gyroscopes of no kind turn faster than `MAX_RATE`; their noise from row to row is some 0.05 deg/s, less or more by
+    e^2, :math:`\frac{1}{2} (\ln(\sigma / 0.05) / 2)^2`, their bias a few deg/s. The step in which they are quantised is
+    one of a chip's in one unit only. counted: the accelerometers of the log are counts.
+    """
     fastest = max(float(np.abs(x - np.median(x)).max(initial=0.0)) for x in triad)
-    if _are_counts(triad) and fastest > MIN_COUNT:
-        return "count", f"whole numbers up to {fastest:.4g}: counts, whose scale the turns show"
-    if fastest > MAX_RATE:
-        return "deg/s", f"up to {fastest:.4g}, more than any hand turns in rad/s"
-    return "rad/s", f"up to {fastest:.4g}"
+    scatter = max(float(np.median(np.abs(np.diff(x)))) / 0.954 if len(x) > 1 else 0.0 for x in triad)
+    bias = max(abs(float(np.median(x))) for x in triad)
+    whole, step = _are_counts(triad), max(map(quantum, triad))
+    out = {}
+    for unit, prior in (("rad/s", 0.0), ("deg/s", 0.0), ("deg/h", 4.0)):
+        size = float(to_si(1.0, unit))
+        sigma = np.degrees(max(scatter, step / 3) * size)
+        cost = prior + (0.5 * (np.log(sigma / USUAL_NOISE_DEG_S) / 2) ** 2 if sigma > 0 else 0.0)
+        why = [f"{sigma:.2g} deg/s from row to row"] if sigma > 0 else []
+        cost += 0.5 * max(0.0, np.log(np.degrees(bias * size) / MAX_BIAS_DEG_S)) ** 2 if bias > 0 else 0.0
+        if fastest * size > MAX_RATE:
+            cost, why = cost + 20.0, [f"up to {fastest:.4g}, more than any hand turns"]
+        if any(abs(np.degrees(step * size) / lsb - 1) < 1e-3 for lsb in LSB_DEG_S) and step not in ROUND:
+            cost, why = cost - 5.0, [f"in steps of {np.degrees(step * size):.4g} deg/s, as chips are quantised"]
+        if whole and (counted or scatter > 3.0):
+            cost += 6.0
+        out[unit] = float(cost), ", ".join(why) or f"up to {fastest:.4g}"
+    range_in_counts = f"whole numbers up to {fastest + bias:.4g}: counts, whose scale the turns show"
+    counts = 0.0 if whole and (counted or fastest > MIN_COUNT) else 5.0 if counted or whole else 12.0
+    return {**out, "count": (counts if fastest > 0 else 12.0, range_in_counts)}
+
+
+def quantum(x: Array) -> float:
+    """Return the step of which a column (n,) holds multiples; 0 where it has none."""
+    levels = np.unique(x[:20_000])
+    if len(levels) < 3 or len(levels) > 0.5 * min(len(x), 20_000):
+        return 0.0
+    step = float(np.diff(levels).min())
+    step = float(np.median(np.diff(levels)[np.diff(levels) < 1.5 * step]))
+    return step if step > 0 and np.mean(np.abs(levels / step - np.round(levels / step)) < 0.1) > 0.9 else 0.0
 
 
 def _are_counts(triad: Sequence[Array]) -> bool:

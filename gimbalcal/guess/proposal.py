@@ -6,19 +6,21 @@ them in another, that one is proposed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.input_errors import MIN_AGREEMENT, Correction, trials
+from gimbalcal.checks.input_errors import AXES, MIN_AGREEMENT, Correction, scaled
+from gimbalcal.checks.measured_turns import turns_of
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError, amount
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon
 from gimbalcal.guess.column_guess import guessed
 from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
+from gimbalcal.guess.column_values import changes_direction
 from gimbalcal.guess.gimbal_chain import chain_among, encoder_angles, gimbal_chain
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import are_parts, concatenated, on_one_clock, slowest_first
@@ -42,10 +44,13 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.frames import Rig
-from gimbalcal.recording.record import ANGLE, FORCE
+from gimbalcal.recording.record import ANGLE, FORCE, RATE
 
 SELF_DESCRIBING = {"TPOINT's observations": import_tpoint, "a pointing run of the MMT": import_mmt}
 MAX_BYTES = 20_000_000  # of such a file: a hundred thousand stars
+MIN_MARGIN, MAX_EXCESS = 2.0, 8.0  # nats, up to which two choices of units are hardly distinguished; or one is refused
+MAX_PHYSICAL_COST = 30.0  # nats, of turns none of which fits gravity
+FACTORS = np.geomspace(1 / 3, 3, 89)  # of all rates, in steps of 2.5 %
 NOISE_FROM_ROWS = "taken from the rows, where nothing is stated"
 
 
@@ -232,41 +237,84 @@ def _turned(table: TurnedLog, context: _Context) -> Proposal:
 
 
 def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Proposal:
-    """Return the recording of a unit at rest in several attitudes, in the first units in which its turns fit gravity.
+    """Return the recording of a unit at rest in several attitudes, in the units that numbers and turns make likeliest.
 
-    Where they do so in no unit it is the first plausible recording, unless one in likelier units was refused.
+    Raises InputError where the likeliest units are refused and no others are nearly as likely.
     """
-    refused: list[InputError] = []
-
-    def plausible() -> Iterator[tuple[Proposal, bool]]:
-        for candidate in unit_candidates(log, above):
-            try:
-                yield _in_units(candidate, context), bool(refused)
-            except InputError as problem:
-                refused.append(problem)
-
-    def unexplained(each: tuple[Proposal, bool]) -> float:
-        """Return the share of turns that do not fit gravity; no single dwell shows the unit of a clock."""
-        recording = each[0].recording
-        if log.has_open_unit("time") and len(dwells(recording)) < 2:
-            return np.inf
-        explained = turns_explained(recording)
-        return 0.0 if explained is None else 1 - explained[0] / explained[1]
-
-    for best in trials(plausible(), unexplained, 1 - MIN_AGREEMENT, tolerance=np.inf):
-        proposal, likelier_refused = best.candidate
-        if best.misfit <= 1 - MIN_AGREEMENT:
-            return proposal
-        if likelier_refused:
+    refused: list[tuple[float, InputError]] = []
+    best: tuple[float, Proposal, Log] | None = None
+    runner_up = np.inf, ""
+    for candidate in unit_candidates(log, above):
+        if best and candidate.cost > best[0] + MIN_MARGIN:
             break
-        if (explained := turns_explained(proposal.recording)) is None:
-            return proposal
+        try:
+            proposal = _in_units(candidate.log, context)
+        except InputError as problem:
+            refused.append((candidate.cost, problem))
+            continue
+        cost = candidate.cost + _physical_cost(proposal.recording, log.has_open_unit("time"))
+        if best is None or cost < best[0]:
+            runner_up = (best[0], _units_in_words(best[2])) if best else runner_up
+            best = cost, proposal, candidate.log
+        elif cost < runner_up[0]:
+            runner_up = cost, _units_in_words(candidate.log)
+    if best is None or (refused and best[0] > refused[0][0] + MAX_EXCESS):
+        likeliest = refused[0][1]
+        if "the clock jumps back" in str(likeliest) or "the clock stands still" in str(likeliest):
+            raise InputError(f"{likeliest}; or --rate HZ counts the rows, where none are missing") from None
+        raise likeliest
+    cost, proposal, _ = best
+    notes = dict(proposal.notes)
+    if runner_up[0] < cost + MIN_MARGIN:
+        notes["unit"] = f"the numbers hardly distinguish it from {runner_up[1]}; --unit states what it is"
+    explained = turns_explained(proposal.recording)
+    if explained and explained[0] < MIN_AGREEMENT * explained[1]:
         well, turns = explained
-        unfit = f"{turns - well} of {turns} turns between rests fit gravity in no unit: are they gyroscopes?"
-        return replace(proposal, notes={**proposal.notes, "gyroscopes": unfit})
-    if "the clock jumps back" in str(refused[0]) or "the clock stands still" in str(refused[0]):
-        raise InputError(f"{refused[0]}; or --rate HZ counts the rows, where none are missing") from None
-    raise refused[0]
+        notes["gyroscopes"] = common_factor(proposal.recording) or (
+            f"{turns - well} of {turns} turns between rests fit gravity in no unit: are they gyroscopes?"
+        )
+    elif explained and log.has_open_unit(RATE):
+        fitting = {
+            n: replace(g, why=f"{g.why}; the turns between rests fit gravity in {g.unit}")
+            for n, g in proposal.guesses.items()
+            if g.quantity == RATE and g.unit != "count"
+        }
+        proposal = replace(proposal, guesses={**proposal.guesses, **fitting})
+    return replace(proposal, notes=notes)
+
+
+def _physical_cost(recording: Recording, clock_is_open: bool) -> float:
+    """Return how unlikely a choice of units is by the turns between rests, in nats."""
+    explained = turns_explained(recording)
+    if explained is not None:
+        share = explained[0] / explained[1]
+        most = 1.0 if recording.counted(FORCE) else MAX_PHYSICAL_COST  # counts show the direction of gravity poorly
+        return 0.0 if share >= MIN_AGREEMENT else most * (1 - share)
+    if clock_is_open and len(dwells(recording)) < 2 and recording.has(FORCE):  # a single rest shows no unit of a clock
+        return 4.0 if changes_direction([recording.channels[FORCE, axis] for axis in "xyz"]) else 0.0
+    return 0.0
+
+
+def _units_in_words(log: Log) -> str:
+    units = {g.quantity: g.unit for g in log.guesses.values() if g.quantity in ("time", RATE)}
+    return " and ".join(f"{quantity.replace('_', ' ')} in {unit}" for quantity, unit in units.items())
+
+
+def common_factor(recording: Recording) -> str:
+    """Return a sentence on the factor of all rates at which the turns fit gravity; empty where there is none."""
+    turns = turns_of(recording)
+    if turns is None:
+        return ""
+    agreeing = np.array([turns.agreeing(scaled(RATE, AXES, k, "")) for k in FACTORS])
+    fits = np.flatnonzero(agreeing >= MIN_AGREEMENT * len(turns.reading))
+    if not len(fits):
+        return ""
+    factor = float(np.exp(np.log(FACTORS[fits]).mean()))
+    return (
+        f"{max(agreeing)} of {len(turns.reading)} turns between rests fit gravity at {factor:.3g} times their rate, so "
+        f"the gyroscopes read {1 / factor:.2f} of what turned, all alike, as where the range is another than the "
+        "one that was read; the calibration finds it as a scale error"
+    )
 
 
 def _in_units(log: Log, context: _Context) -> Proposal:

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gimbalcal.guess import clocks
-from gimbalcal.guess.column_values import MAX_GRAVITY_ERROR
+from gimbalcal.guess.column_values import MAX_GRAVITY_ERROR, costs_of_rate
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si, to_si
 
-RATE_UNITS = ("rad/s", "deg/s", "deg/h")  # tried where the guessed one cannot be
-MIN_RATE_HZ, MAX_RATE_HZ = 0.02, 20_000.0  # of rows, within which other units of time are tried
+RATE_UNITS = ("rad/s", "deg/s", "deg/h")  # of gyroscopes that no name states
+SCALE_STATED = 3.0  # nats, by which counts are likelier whose scale the log states
+MAX_COST = 15.0  # nats, beyond which a unit is not tried
 _NUMBER = r"(?P<n>\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)"
 _COUNT = r"(?:lsb|counts?|cts|digits?|adu|pulses?|imp(?:ulses?|\.)?|hz)"
 _UNIT = r"\(?(?P<u>[mu]?g|m/s\^?2|m/s²|[mu]?gal|m?dps|m?deg/s(?:ec)?|m?°/s|rad/s)\)?"
@@ -42,37 +43,60 @@ _UNIT_OF_SPELLING = {
 }
 
 
-def unit_candidates(log: Log, above: Sequence[str]) -> Iterator[Log]:
-    """Yield the log in its likeliest units, then in other units of rate and time where nobody named them.
+@dataclass(frozen=True, eq=False)
+class UnitCandidate:
+    """A log in one choice of the units that no name states, and how unlikely that is by its numbers alone, in nats."""
+
+    log: Log
+    cost: float
+
+
+def unit_candidates(log: Log, above: Sequence[str]) -> list[UnitCandidate]:
+    """Return the log in every unit of clock and gyroscopes that nobody stated, the likeliest first.
 
     above: the lines above the tables, which may state the scale of counts.
     """
-    step = float(np.median(np.diff(log.columns[log.clock]))) * float(to_si(1.0, log.guesses[log.clock].unit))
-    first = in_physical_units(log, above, step)
-    units = [unit for unit in RATE_UNITS if first.has_open_unit(RATE)]
-    yield first
-    if first.guesses != log.guesses:
-        yield log
-    yield from (_with_rates_in(first, unit) for unit in units)
+    out = []
+    for clock, t_cost in _with_clocks(log):
+        step = float(np.median(np.diff(clock.seconds)))
+        for each, cost in _with_rates(clock):
+            scaled = in_physical_units(each, above, step)
+            out.append(UnitCandidate(scaled, t_cost + cost - (SCALE_STATED if scaled.guesses != each.guesses else 0.0)))
+            out += [UnitCandidate(each, t_cost + cost)] if scaled.guesses != each.guesses else []
+    return sorted(out, key=lambda c: c.cost)
+
+
+def _with_clocks(log: Log) -> Iterator[tuple[Log, float]]:
+    """Yield the log with its clock in each unit that it may count in, and the cost of it."""
     if not log.has_open_unit("time"):
+        yield log, 0.0
         return
-    time_unit = first.guesses[first.clock].unit
-    for unit, size in clocks.UNITS.items():
-        rate = float(to_si(1.0, time_unit)) / (step * size)
-        if unit == time_unit or not MIN_RATE_HZ <= rate <= MAX_RATE_HZ:
-            continue
-        other = clocks.in_unit(first, unit)
-        yield other
-        yield from (_with_rates_in(other, unit) for unit in units)
+    for unit, (cost, _) in clocks.costs_of_unit(log.columns[log.clock]).items():
+        yield clocks.in_unit(log, unit), cost
+
+
+def _with_rates(log: Log) -> Iterator[tuple[Log, float]]:
+    """Yield the log with its gyroscopes in each unit that they may be in, and the cost of it."""
+    names = log.names(RATE)
+    if not log.has_open_unit(RATE):
+        yield log, 0.0
+        return
+    for unit, (cost, why) in rate_costs(log).items():
+        if cost < MAX_COST:
+            yield log.including(rates_in(log, unit, f"{log.guesses[names[0]].why.partition(';')[0]}; {why}")), cost
+
+
+def rate_costs(log: Log) -> dict[str, tuple[float, str]]:
+    """Return how unlikely each unit of the gyroscopes of a log is by their numbers, and what shows it."""
+    values = log.values(RATE)
+    full = np.isfinite(np.stack(values)).all(axis=0)
+    counted = any(log.guesses[n].unit == "count" for n in log.names(FORCE))
+    return costs_of_rate([x[full] for x in values], counted)
 
 
 def rates_in(log: Log, unit: str, why: str) -> dict[str, Guess]:
     """Return the guesses of the rates with another unit."""
     return {name: replace(log.guesses[name], unit=unit, why=why, open=False) for name in log.names(RATE)}
-
-
-def _with_rates_in(log: Log, unit: str) -> Log:
-    return log.including(rates_in(log, unit, f"the turns between rests fit gravity in {unit}"))
 
 
 def scales(above: Sequence[str]) -> dict[str, list[tuple[float, str]]]:

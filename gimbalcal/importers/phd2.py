@@ -146,7 +146,9 @@ def _stretches(path: Path) -> list[_Stretch]:
         elif not names:
             header.append(text)
         elif text[:1].isdigit() or '"Mount"' in text:
-            frame = dict(zip(names, (cell.strip() for cell in next(csv.reader([text], skipinitialspace=True))), strict=False))
+            frame = dict(
+                zip(names, (cell.strip() for cell in next(csv.reader([text], skipinitialspace=True))), strict=False)
+            )
             if not frame[names[0]].isdigit() or frame.get("mount") not in _KINDS:
                 raise InputError(f"{path}, line {number} is no frame as PHD2 writes them; correct or remove it")
             if before and int(frame[names[0]]) != before + 1:

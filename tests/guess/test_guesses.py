@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.guess.clocks import in_unit, jitter, unit_of_time
-from gimbalcal.guess.column_values import unit_of_rate
+from gimbalcal.guess.column_values import costs_of_rate
 from gimbalcal.guess.gimbal_chain import unit_of_angle
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import on_one_clock, without_duplicates
@@ -41,8 +41,20 @@ def test_another_unit_of_a_clock_is_said_with_its_rate() -> None:
 
 def test_a_gyroscope_turns_as_fast_as_it_leaves_its_level() -> None:
     rate = 2.0 * np.sin(np.arange(100.0))
-    assert unit_of_rate([rate + 60.5, rate - 60.5, rate])[0] == "rad/s"
-    assert unit_of_rate([60 * rate, rate, rate])[0] == "deg/s"
+    level, fast = costs_of_rate([rate + 60.5, rate - 60.5, rate], False), costs_of_rate([60 * rate, rate, rate], False)
+    assert "hand" not in level["rad/s"][1]
+    assert "hand" in fast["rad/s"][1]
+    assert fast["deg/s"][0] < fast["rad/s"][0] - 15
+
+
+def test_a_bias_that_no_gyroscope_has_and_the_step_of_a_chip_show_the_unit() -> None:
+    rng = np.random.default_rng(2)
+    chip = [np.round(rng.normal(b, 0.2, 5000) * 16.4) / 16.4 for b in (0.1, -2.0, 0.4)]
+    for factor, unit in ((1.0, "deg/s"), (np.pi / 180, "rad/s")):
+        costs = costs_of_rate([factor * x for x in chip], False)
+        assert min(costs, key=lambda u: costs[u][0]) == unit
+    counts = costs_of_rate([np.round(131 * x) for x in chip], True)
+    assert min(counts, key=lambda u: counts[u][0]) == "count"
 
 
 def test_sigmas_of_three_axes_are_one_of_all() -> None:
