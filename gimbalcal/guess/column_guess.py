@@ -22,7 +22,7 @@ from gimbalcal.guess.column_names import (
 )
 from gimbalcal.guess.column_values import by_order, by_similar_names, is_unit_of, unit_of_force
 from gimbalcal.guess.log import Guess, Log
-from gimbalcal.guess.merged_logs import without_duplicates
+from gimbalcal.guess.merged_logs import DWELL_ROWS, without_duplicates
 from gimbalcal.guess.text_table import Table
 from gimbalcal.guess.unit_candidates import rate_costs
 from gimbalcal.number import Array
@@ -37,9 +37,13 @@ MAX_DWELLS = 2000  # rows of such a table
 
 @dataclass(frozen=True, eq=False)
 class GuessedLog:
-    """A log with guesses, the columns that are left out, and notes by the line of recording.toml they belong to."""
+    """A log with guesses, the columns that are left out, and notes by the line of recording.toml they belong to.
+
+    bare: the log without the units that no name states.
+    """
 
     log: Log
+    bare: Log
     left_out: tuple[str, ...]
     notes: Mapping[str, str]
 
@@ -74,7 +78,7 @@ def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str]) -> Guess
     if dwell_rows:
         used |= {name for name in log.columns if (g := by_name(name)) and g.quantity == "sigma"}
     left_out = tuple(name for name in (*table.columns, *table.others) if name not in used)
-    return GuessedLog(with_units(log), left_out, notes)
+    return GuessedLog(with_units(log), log, left_out, notes)
 
 
 def _by_names(path: Path, table: Table) -> tuple[Log, tuple[str, ...]]:
@@ -163,8 +167,9 @@ def _table_of_dwells(log: Log) -> Log:
     log = log.including({n: g for n in log.unknown if (g := by_turn(n))})
     if numbered:
         return log
-    why = "the rows: the force turns from each to the next"
-    return log.preceded_by("position", Guess("position", "", "", why), np.arange(1.0, len(log.values(FORCE)[0]) + 1))
+    return log.preceded_by(
+        "position", Guess("position", "", "", DWELL_ROWS), np.arange(1.0, len(log.values(FORCE)[0]) + 1)
+    )
 
 
 def _with_row_clock(path: Path, log: Log, rate: float, dwell_rows: bool) -> Log:

@@ -15,7 +15,6 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.guess.clocks import best_clock, jitter
 from gimbalcal.guess.log import Guess, Log
-from gimbalcal.guess.text_table import Table
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
@@ -23,7 +22,7 @@ from gimbalcal.units import from_si
 SINC_LOBES = 8  # of the interpolating kernel, on either side
 MIN_RATE_RATIO = 1.5  # of two logs, from which rows of the faster one are averaged
 MAX_JITTER = 0.1  # of a step, up to which rows are evenly spaced
-ROW_CLOCK = "time [s]"  # the clock of rows that are counted by a rate
+DWELL_ROWS = "the rows: the force turns from each to the next"  # why they are numbered as positions
 
 
 def without_duplicates(log: Log) -> Log:
@@ -113,23 +112,21 @@ def are_parts(logs: Sequence[Log]) -> bool:
     return len(contents) > 1 and all(each == contents[0] for each in contents)
 
 
-def concatenated(logs: Mapping[Path, Table], clock: str, rate: float = 0.0) -> tuple[Table, str]:
-    """Return parts of a run as one log, and a sentence on their order; `clock` is the name of their column of time.
+def concatenated(logs: Mapping[Path, Log]) -> tuple[Log, str]:
+    """Return parts of a run as one log, and a sentence on their order.
 
-    Where clocks go on from part to part these stand in its order. Where each begins anew, or rows are counted by
-    `rate` [Hz], parts stand in the order given, with as long a pause between two as the one before it lasted: nobody
-    logged how the unit turned meanwhile, and drifts with time mean nothing. Raises InputError where clocks overlap
-    and none begins near zero: then these are two units at once.
+    Where clocks go on from part to part these stand in its order. Where each begins anew, as where rows are counted,
+    parts stand in the order given, with as long a pause between two as the one before it lasted: nobody logged how the
+    unit turned meanwhile, and drifts with time mean nothing. Raises InputError where clocks overlap and none begins
+    near zero: then these are two units at once.
     """
-    many, tables = f"{len(logs)} logs of the same columns are parts of one run", dict(logs)
-    if rate > 0:
-        clock = ROW_CLOCK
-        tables = {p: _timed(t, clock, np.arange(len(next(iter(t.columns.values())))) / rate) for p, t in logs.items()}
-    spans = {p: (float(np.nanmin(t.columns[clock])), float(np.nanmax(t.columns[clock]))) for p, t in tables.items()}
-    order = sorted(tables, key=lambda path: spans[path])
+    many, first = f"{len(logs)} logs of the same columns are parts of one run", next(iter(logs.values()))
+    clock = first.clock
+    spans = {p: (float(np.nanmin(l.columns[clock])), float(np.nanmax(l.columns[clock]))) for p, l in logs.items()}
+    order = sorted(logs, key=lambda path: spans[path])
     neighbours = list(pairwise(order))
     if all(spans[b][0] > spans[a][1] for a, b in neighbours):
-        return _stacked([tables[path] for path in order]), f"{many}, in the order of their clock"
+        return _stacked([logs[path] for path in order]), f"{many}, in the order of their clock"
     for a, b in neighbours:
         if spans[b][0] <= spans[a][1] and spans[a][0] > spans[a][1] - spans[a][0]:
             raise InputError(
@@ -137,20 +134,17 @@ def concatenated(logs: Mapping[Path, Table], clock: str, rate: float = 0.0) -> t
                 "recording, or --rate HZ where they are parts of one run whose clocks mean nothing"
             )
     end, parts = 0.0, []
-    for path, table in tables.items():
-        first, last = spans[path]
-        parts.append(_timed(table, clock, table.columns[clock] - first + end))
-        end += 2 * (last - first)
+    for path, log in logs.items():
+        begin, last = spans[path]
+        parts.append(log.including({}, {clock: log.columns[clock] - begin + end}))
+        end += 2 * (last - begin)
     return _stacked(parts), (
         f"{many}, in the order given; each has its own clock, so the pauses between them are made up and "
         "rates of drift mean nothing"
     )
 
 
-def _timed(table: Table, clock: str, time: Array) -> Table:
-    return replace(table, columns={clock: time, **{n: x for n, x in table.columns.items() if n != clock}})
-
-
-def _stacked(tables: Sequence[Table]) -> Table:
-    names = list(tables[0].columns)
-    return replace(tables[0], columns={n: np.concatenate([t.columns[n] for t in tables]) for n in names})
+def _stacked(logs: Sequence[Log]) -> Log:
+    columns = {n: np.concatenate([log.columns[n] for log in logs]) for n in logs[0].columns}
+    counted = [n for n in logs[0].names("position") if logs[0].guesses[n].why == DWELL_ROWS]
+    return replace(logs[0], columns=columns | {n: np.arange(1.0, len(columns[n]) + 1) for n in counted})

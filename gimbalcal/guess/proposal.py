@@ -18,7 +18,7 @@ from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError, amount
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon
-from gimbalcal.guess.column_guess import guessed
+from gimbalcal.guess.column_guess import guessed, with_units
 from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
 from gimbalcal.guess.column_values import changes_direction
 from gimbalcal.guess.gimbal_chain import chain_among, encoder_angles, gimbal_chain
@@ -50,6 +50,7 @@ SELF_DESCRIBING = {"TPOINT's observations": import_tpoint, "a pointing run of th
 MAX_BYTES = 20_000_000  # of such a file: a hundred thousand stars
 MIN_MARGIN, MAX_EXCESS = 2.0, 8.0  # nats, up to which two choices of units are hardly distinguished; or one is refused
 MAX_PHYSICAL_COST = 30.0  # nats, of turns none of which fits gravity
+FACTOR_COST = 5.0  # nats, of turns that fit gravity at some factor of all rates
 FACTORS = np.geomspace(1 / 3, 3, 89)  # of all rates, in steps of 2.5 %
 NOISE_FROM_ROWS = "taken from the rows, where nothing is stated"
 
@@ -159,8 +160,8 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     skipped = sum(table.skipped for table in tables.values())
     notes = {"lines": f"{amount(skipped, 'line')} of other kinds, or empty, are skipped"} if skipped else {}
     if are_parts([each.log for each in read.values()]):
-        whole, notes["samples"] = concatenated(tables, read[first].log.clock, rate)
-        read = {first: guessed(first, whole, 0.0, elsewhere)}
+        whole, notes["samples"] = concatenated({path: each.bare for path, each in read.items()})
+        read = {first: replace(read[first], log=with_units(whole))}
         title = f"{title} and {len(tables) - 1} more" if title == first.stem else title
     (_, log), *others = slowest_first([(path, each.log) for path, each in read.items()])
     for path, other in others:
@@ -289,6 +290,7 @@ def _physical_cost(recording: Recording, clock_is_open: bool) -> float:
     if explained is not None:
         share = explained[0] / explained[1]
         most = 1.0 if recording.counted(FORCE) else MAX_PHYSICAL_COST  # counts show the direction of gravity poorly
+        most = FACTOR_COST if share < MIN_AGREEMENT and common_factor(recording) else most
         return 0.0 if share >= MIN_AGREEMENT else most * (1 - share)
     if clock_is_open and len(dwells(recording)) < 2 and recording.has(FORCE):  # a single rest shows no unit of a clock
         return 4.0 if changes_direction([recording.channels[FORCE, axis] for axis in "xyz"]) else 0.0

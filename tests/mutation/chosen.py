@@ -132,7 +132,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "guess/test_guesses.py": (
         ("guess.clocks", "jitter", "(high - low) / 2 / middle", "(high - low) / 2"),
-        ("guess.clocks", "unit_of_time", "1 / (step * size)", "step / size"),
+        ("guess.clocks", "costs_of_unit", "1 / (step * size)", "step / size"),
         ("guess.merged_logs", "on_one_clock", "from_si(other.seconds, first.guesses[first.clock].unit)",
          "other.columns[other.clock]"),
         ("guess.pointing_run", "_offset", "np.radians(x / 240)", "np.radians(x / 3600)"),
