@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from importlib.resources import files
 
 from gimbalcal.report.chart import Chart
-from gimbalcal.report.draw import WIDTH, svg
+from gimbalcal.report.svg import WIDTH, svg
 
 COLOURS = ("ink", "soft", "line", "c0", "c1", "c2", "c3", "c4", "c5", "grey", "pale")
 GAP = 16.0  # px between charts

@@ -44,7 +44,7 @@ from derivations.wu2018.symbols import (
 )
 
 EQUATIONS = (21, 22, 23, 24, 25, 34, 35, 36, 37, 38, 29, 31, 30, 33, 32)  # in the order of `combined.NAMES`
-SEPARATION = "estimate.static_run.combined.matrix"
+SEPARATION = "estimate.static_run.combined_coefficients.matrix"
 PHASES = 2 * np.pi * np.arange(24) / 24  # rad; exact for harmonics up to 11
 
 
@@ -212,7 +212,7 @@ def _derived_matrix() -> Any:
     """
     import sympy as sp
 
-    from gimbalcal.estimate.static_run.combined import NAMES
+    from gimbalcal.estimate.static_run.combined_coefficients import NAMES
 
     unknowns = (*RESIDUALS, *separation.K_NL, dS_t, dh, *kappa[:2])
     # A residual counts estimate minus truth, a zero truth minus readout, and that of the platform gimbal in the sense
@@ -228,7 +228,7 @@ def _derived_matrix() -> Any:
 def _separation_difference() -> Any:
     """Return (15, 19) the package's separation less the derived one, biases and K_nl scaled by g."""
     from gimbalcal.effects import CATALOGUE, parameters
-    from gimbalcal.estimate.static_run import combined
+    from gimbalcal.estimate.static_run import combined_coefficients as combined
 
     ids = ("scale_factor", "bias", "misalignment", "scale_nonlinearity")
     axes = ("platform", "middle", "outer")

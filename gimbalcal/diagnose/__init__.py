@@ -1,9 +1,9 @@
 """Say where a model and a recording differ, which physics was left out, and how sure that is.
 
 `entry.diagnose` checks the recordings, and `of_recording` says which views they have and diagnoses them in order.
-Nothing behind these two knows a recording:
+Nothing behind these two reads the rows of a recording but `verdict.separation`, which plans from them:
 
-    known_noise      the noise is stated: forces at known attitude, of one recording or of several of one unit
+    known_noise      the scale of the noise is known: forces at known attitude, of one or several recordings of a unit
     view_diagnosis   the scale of the noise is not known: stars, units turned by hand, gyroscopes, tilting tables
     joint_diagnosis  joins the diagnoses of the views into one
 

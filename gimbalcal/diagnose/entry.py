@@ -17,7 +17,7 @@ from gimbalcal.diagnose.of_recording import (
     DiagnosisRequest,
     diagnose_jointly,
     diagnose_recording,
-    has_unstated_noise,
+    lacks_known_attitude,
     unfit,
 )
 from gimbalcal.diagnose.result import Shape
@@ -28,7 +28,7 @@ from gimbalcal.effects.loading import outside
 from gimbalcal.entries import plain
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined
-from gimbalcal.estimate.caveats import input_errors, reservations
+from gimbalcal.estimate.caveats import caveats, input_errors
 from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
@@ -121,10 +121,10 @@ def _diagnosed(request: DiagnosisRequest) -> Diagnosis:
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
         found = _by_kind(request)
-        return found if request.calibration else with_reservation(found, request.recordings, request.baseline)
+        return found if request.calibration else with_caveats(found, request.recordings, request.baseline)
 
 
-def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str]) -> Diagnosis:
+def with_caveats(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str]) -> Diagnosis:
     """Return the diagnosis; where it is adequate and a calibration is not, with an `outcome` that says why.
 
     Where nothing explains a unit turned in its place, an input error that a calibration names is stated.
@@ -134,7 +134,7 @@ def with_reservation(d: Diagnosis, recordings: Sequence[Recording], baseline: Se
         return replace(d, in_words=f"{d.in_words} {slips[0][:1].upper()}{slips[0][1:]}.") if slips else d
     if d.verdict != "adequate":
         return d
-    said = list(dict.fromkeys(words for r in recordings for words in reservations(r, baseline)))
+    said = list(dict.fromkeys(words for r in recordings for words in caveats(r, baseline)))
     if not said:
         return d
     outcome = joined(said)
@@ -147,7 +147,7 @@ def _by_kind(request: DiagnosisRequest) -> Diagnosis:
         return _nights(request)
     if len(request.recordings) == 1:
         return diagnose_recording(request)
-    by_hand = all(has_unstated_noise(r) and r.kind.in_positions for r in request.recordings)
+    by_hand = all(lacks_known_attitude(r) and r.kind.in_positions for r in request.recordings)
     return _sessions(request) if by_hand else diagnose_jointly(request)
 
 

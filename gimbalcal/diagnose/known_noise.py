@@ -18,7 +18,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, in_print, plotted_against
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.evidence.stated_noise import settle
+from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.diagnose.laws.law_claims import Lawful, beyond_walk, lawful, misheld
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import (
@@ -30,7 +30,7 @@ from gimbalcal.diagnose.result import (
     StatedNoiseFit,
 )
 from gimbalcal.diagnose.search.combine import combine
-from gimbalcal.diagnose.search.fitted_causes import fit_causes
+from gimbalcal.diagnose.search.fitted_causes import columns_of_causes, fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.relinearise import about_causes, about_settings
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering
@@ -42,7 +42,7 @@ from gimbalcal.diagnose.verdict.pooled_sizes import RecordingCauses, causes_by_r
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, calibrated_without, found_of
 from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limits
-from gimbalcal.diagnose.verdict.verify import physical_columns, residual_rows, stated_noise_shifts, verify
+from gimbalcal.diagnose.verdict.verify import residual_rows, stated_noise_shifts, verify
 from gimbalcal.diagnose.view_diagnosis import Contradiction, ViewDiagnosis
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
@@ -129,10 +129,10 @@ def searched(view: View, known: Calibration | None, tell: Tell) -> Search:
     """Compare every cause of the catalogue with what the baseline of a view leaves."""
     tell(f"fitting the model: {', '.join(spaced(i) for i in view.baseline)} (another: --baseline)")
     start = carried(known, view.baseline)
-    o = settle(fit_baseline(view, start))
+    o = scale_to_scatter(fit_baseline(view, start))
     nominal = o.view.kind.stabilised and _misfit(o) > MAX_CHI2_TO_LINEARISE
     if nominal:
-        o = settle(fit_baseline(view, start, steps=0))
+        o = scale_to_scatter(fit_baseline(view, start, steps=0))
     o = about_settings(o)
     tell("comparing every cause of the catalogue, alone and in pairs")
     s = search(o, library(o), noises(o))
@@ -223,7 +223,7 @@ def _answer_of(c: Ranking, d: Decision, k: int, part: RecordingCauses, rng: np.r
     seen = f
     if not d.hypothesis and (shapes := c.within(d.shapes, k)):
         seen = fit_causes(s, shapes[:1])  # the noise as it is once the shape is allowed for
-    physical, node = physical_columns(s, f), seen.projection.node
+    physical, node = columns_of_causes(s, f), seen.projection.node
     before = scan(s.fit, s.rows, node, rng)
     after = scan(s.fit, s.rows, node, rng, s.library.X[:, list(f.index)]) if f.index else before
     fitted = verify(s, f if f.index else seen, physical, before.p_value, after.p_value)

@@ -2,9 +2,10 @@ r"""The views of one recording, in the order in which one needs what another has
 
     recording ──> views ──> a diagnosis of each ──> one diagnosis
 
-Forces at known attitude have a stated noise. Telescopes and units turned by hand have none: accelerometers are
-compared with the norm of gravity, gyroscopes at rest and between rests. Where gimbals determine the attitude, they
-also determine how the Earth's rate lies in the unit, up to the heading psi of the base, which the dwells determine:
+At a known attitude the scatter of the samples gives the scale of the noise. Of telescopes and units turned by hand it
+is fitted: accelerometers are compared with the norm of gravity, gyroscopes at rest and between rests. Where gimbals
+determine the attitude, they also determine how the Earth's rate lies in the unit, up to the heading psi of the base,
+which the dwells determine:
 
 .. math:: \omega_{ie}^p = \Omega \, C_b^p \, (\cos L \cos\psi, \; -\cos L \sin\psi, \; -\sin L)^T
 """
@@ -82,8 +83,11 @@ class DiagnosisRequest:
         return replace(self, recordings=(recording,))
 
 
-def has_unstated_noise(recording: Recording) -> bool:
-    """Return whether no noise is stated: stars, a unit without gimbals, forces and rates while it turns."""
+def lacks_known_attitude(recording: Recording) -> bool:
+    """Return whether no sensor is read at a known attitude: stars, units without gimbals, and while a unit turns.
+
+    The scale of the noise is then fitted, whatever `[noise]` states.
+    """
     return recording.kind.sighting or (not recording.kind.stabilised and not recording.platform.axes)
 
 
@@ -98,7 +102,7 @@ def diagnose_recording(request: DiagnosisRequest) -> Diagnosis:
     recording, notes = request.recording, list[str]()
     if recording.kind.stabilised:
         parts = [_known(request, request.baseline)]
-    elif not has_unstated_noise(recording):
+    elif not lacks_known_attitude(recording):
         parts, notes = of_gimballed_unit(_with_rests(request), recording.kind.rotating and not recording.instant)
     elif recording.kind.view or recording.kind.rotating:
         parts, notes = of_single_view(request)
@@ -142,7 +146,7 @@ def check_one_unit(request: DiagnosisRequest) -> None:
     """Raise InputError where recordings are not of one unit at known attitude, or where one is given twice."""
     recordings, first = request.recordings, request.recording
     for r in recordings:
-        if has_unstated_noise(r):
+        if lacks_known_attitude(r):
             raise InputError(
                 f"{r.title!r} is a {r.kind} recording of {r.platform.name!r}: `diagnose` combines multi-position and "
                 "static-run recordings with gimbals; give this one alone"

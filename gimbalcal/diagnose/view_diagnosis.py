@@ -1,4 +1,4 @@
-"""The diagnosis of one view whose noise is not stated: verdict, findings, and how well the model then fits.
+"""The diagnosis of one view whose scale of noise is fitted: verdict, findings, and how well the model then fits.
 
 A sensor that may walk alone competes with the causes that are found: where its walk is nearly as likely, the view is
 searched once more with that walk among its noises.

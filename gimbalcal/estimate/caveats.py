@@ -23,7 +23,7 @@ from gimbalcal.views.core import by_triad
 from gimbalcal.views.segments import turned_in_place
 
 
-def reservations(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
+def caveats(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
     """Sentences of what speaks against the calibrated model of one recording."""
     usual = not baseline or set(baseline) == set(BASELINE.get(recording.kind, ()))
     out = []

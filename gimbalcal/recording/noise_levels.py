@@ -9,16 +9,16 @@ import numpy as np
 from gimbalcal.earth import HOUR
 from gimbalcal.effects.process import Flicker, GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise
 from gimbalcal.inference.noise_processes import Noise, one_sigma
+from gimbalcal.inference.white_noise import white_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import COLOURED, SENSORS, Key, Recording
-from gimbalcal.recording.scatter import white_sigma
 
 TAU = HOUR
 COARSE = 3.0  # octaves between the time constants of a flicker: its spectrum is right within 7 %, with few states
 
 
-def stated(recording: Recording) -> Mapping[str, Noise]:
+def header_noise(recording: Recording) -> Mapping[str, Noise]:
     """Return processes by quantity, SI, that the header states.
 
     White noise of one raw sample; of gimbals that are set and left, the setting repeatability of a visit.
@@ -31,7 +31,7 @@ def stated(recording: Recording) -> Mapping[str, Noise]:
     return {SENSORS[sensor]: (process(sensor, sigma),) for sensor, sigma in sigmas.items()}
 
 
-def coloured(recording: Recording, shortest: float, longest: float) -> Mapping[str, Noise]:
+def header_coloured_noise(recording: Recording, shortest: float, longest: float) -> Mapping[str, Noise]:
     """Return processes by quantity, SI, stated in addition to white noise; flicker between two periods [s].
 
     A Gauss-Markov process whose time constant is not stated has `TAU`.
@@ -56,7 +56,7 @@ def sample_sigma(recording: Recording, channels: Sequence[Key], value: Array) ->
 
     value (n, C): the rows of the channels, or what a model leaves of them; angles must not jump by a turn.
     """
-    processes = stated(recording)
+    processes = header_noise(recording)
     known = [one_sigma(processes[q]) if q in processes else None for q, _ in channels]
     shown = np.zeros(len(channels))
     if None in known:

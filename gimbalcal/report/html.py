@@ -16,7 +16,7 @@ from markupsafe import Markup, escape
 
 import gimbalcal
 from gimbalcal.report.chart import Chart
-from gimbalcal.report.draw import svg
+from gimbalcal.report.svg import svg
 
 Context = dict[str, Any]  # values that a template places, by name
 

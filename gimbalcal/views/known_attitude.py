@@ -26,7 +26,7 @@ from gimbalcal.number import Array
 from gimbalcal.readings import SENSOR_OF, Readings, readings
 from gimbalcal.recording import Recording, block_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
-from gimbalcal.recording.noise_levels import sample_sigma, stated
+from gimbalcal.recording.noise_levels import header_noise, sample_sigma
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import to_si
 from gimbalcal.views.core import Fit, Measurement, View
@@ -56,7 +56,7 @@ def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), k
         sigma=row_sigma(read, known),
         scale_known=True,
         block=_blocks(recording),
-        setting=one_sigma(stated(recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),))),
+        setting=one_sigma(header_noise(recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),))),
     )
     return view_of_readings(read, noise, baseline)
 
@@ -208,7 +208,7 @@ def refuse_unknown_attitude(recording: Recording) -> None:
 
 def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
     """One sigma (C,) of a row. Raises InputError where neither the header nor three rows in a position tell it."""
-    told, visit = stated(read.recording), read.stimulus.visit
+    told, visit = header_noise(read.recording), read.stimulus.visit
     silent = [q for q, _ in read.channels if q not in told]
     if silent and not np.any(visit[2:] == visit[:-2]):
         raise InputError(

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from gimbalcal.effects.sensor_grades import Grade, grade_of_noise
 from gimbalcal.errors import InputError, amount
+from gimbalcal.inference.white_noise import white_sigma
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import SENSORS, Dwell, Recording, dwells
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.recording.scatter import white_sigma
 from gimbalcal.rotation import mean_rates
 
 AVERAGED_QUANTITIES = (FORCE, RATE, "temperature", "covariate")

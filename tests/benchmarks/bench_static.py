@@ -29,7 +29,7 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values
-from gimbalcal.estimate.static_run.combined import FITTED, MEANS, NAMES, matrix, operators
+from gimbalcal.estimate.static_run.combined_coefficients import FITTED, MEANS, NAMES, matrix, operators
 from gimbalcal.estimate.static_run.force_filter import (
     accumulate,
     estimate,

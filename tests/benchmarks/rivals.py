@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from gimbalcal.diagnose.evidence import projection as evidence
 from gimbalcal.diagnose.evidence.projection import Projection
-from gimbalcal.diagnose.evidence.stated_noise import nodes, nominal, settle
+from gimbalcal.diagnose.evidence.stated_noise import nodes, nominal, scale_to_scatter
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search import ranking as search
 from gimbalcal.diagnose.search import refine
@@ -49,7 +49,7 @@ class Problem:
 
 def problems(recording: Recording) -> tuple[Problem, Problem]:
     """The same library twice: whitened and profiled, and as residuals of a finished calibration."""
-    o = settle(fit_baseline(view_at_known_attitude(recording)))
+    o = scale_to_scatter(fit_baseline(view_at_known_attitude(recording)))
     found = library(o)
     names: dict[int, str] = {}
     for c in found.candidates:
@@ -268,7 +268,7 @@ def speed(rows: Sequence[dict[str, Any]], say: Callable[[str], None]) -> None:
 
     _plain = evidence.any_size
     with threadpool_limits(limits=1):
-        o = settle(fit_baseline(view_at_known_attitude(recording)))
+        o = scale_to_scatter(fit_baseline(view_at_known_attitude(recording)))
         found, grid = library(o), nodes(o)
         evidence.any_size = refine.any_size = counting  # type: ignore[attr-defined]
         begin = perf_counter()

@@ -117,7 +117,7 @@ def test_a_repair_does_not_repair_another_slip(wu2018_verdicts, group, item):
 
 def test_a_wrong_sign_in_the_package_is_seen(monkeypatch):
     from derivations.wu2018 import package_static
-    from gimbalcal.estimate.static_run import combined
+    from gimbalcal.estimate.static_run import combined_coefficients as combined
 
     right = combined.matrix
 

@@ -14,7 +14,7 @@ import pytest
 from scipy.fft import idct
 
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.stated_noise import nodes, settle
+from gimbalcal.diagnose.evidence.stated_noise import nodes, scale_to_scatter
 from gimbalcal.diagnose.library import assemble
 from gimbalcal.diagnose.library.assemble import available, columns_at, library
 from gimbalcal.diagnose.library.candidates import Candidate, Library
@@ -38,14 +38,14 @@ __all__ = ["columns_at"]  # the rest is written here
 def observed(seed: int = 1, error: Error | None = None, size: float = 0.0, **options: Any) -> Fit:
     """Residual rows of 18 positions with 12 readings each; `size` in ug, where the error is one of an output."""
     options.setdefault("dwell", 12)
-    return settle(
+    return scale_to_scatter(
         fit_baseline(view_at_known_attitude(record(np.random.default_rng(seed), error, size * UG, **options)))
     )
 
 
 def at_rest(seed: int = 1, error: static_plant.Error | None = None, size: float = 0.0) -> Fit:
     """Residual rows of a static run of 48 h."""
-    return settle(
+    return scale_to_scatter(
         fit_baseline(view_at_known_attitude(static_plant.record(np.random.default_rng(seed), error, size * UG)))
     )
 

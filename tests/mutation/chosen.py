@@ -54,8 +54,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.increments", "Increments._interval", "prepend=self.last", "prepend=time[0]"),
     ),
     "recording/test_noise_levels.py": (
-        ("recording.scatter", "differences", "comb(order, j) ** 2 / weight", "comb(order, j) / weight"),
-        ("recording.noise_levels", "coloured", 'recording.noise.get(f"{key}_tau", TAU)', "TAU"),
+        ("inference.white_noise", "differences", "comb(order, j) ** 2 / weight", "comb(order, j) / weight"),
+        ("recording.noise_levels", "header_coloured_noise", 'recording.noise.get(f"{key}_tau", TAU)', "TAU"),
     ),
     "recording/test_row_sigma.py": (
         ("recording.row_sigma", "by_sigma", "before * (typical / sigma) ** 2", "before * (typical / sigma)"),

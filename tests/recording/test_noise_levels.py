@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects.process import Flicker, GaussMarkov, RandomWalk, SettingError, WhiteNoise
-from gimbalcal.recording.noise_levels import coloured, sample_sigma, stated
-from gimbalcal.recording.scatter import differences, white_sigma
+from gimbalcal.inference.white_noise import differences, white_sigma
+from gimbalcal.recording.noise_levels import header_coloured_noise, header_noise, sample_sigma
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import load
 from gimbalcal.simulate.simulation import noises
@@ -17,7 +17,7 @@ AXES = [("specific_force", a) for a in "xyz"]
 
 
 def test_a_header_is_processes_by_quantity():
-    told = stated(record(np.random.default_rng(1)))
+    told = header_noise(record(np.random.default_rng(1)))
     assert told == {"specific_force": (WhiteNoise(20 * UG),), "gimbal_angle": (SettingError(ARCSEC),)}
 
 
@@ -26,7 +26,7 @@ def test_the_header_of_a_simulation_states_the_processes_that_made_it():
         scenario = load(name)
         recording, _ = simulate(scenario)
         made = noises(scenario)
-        for quantity, (process,) in stated(recording).items():
+        for quantity, (process,) in header_noise(recording).items():
             assert process in made[quantity]
             assert not isinstance(process, RandomWalk | GaussMarkov)
 
@@ -34,7 +34,7 @@ def test_the_header_of_a_simulation_states_the_processes_that_made_it():
 def test_coloured_noise_has_the_times_that_are_stated_and_an_hour_where_none_is():
     told = {"accelerometer": 1e-4, "gyroscope_gauss_markov": 2e-7, "gyroscope_gauss_markov_tau": 600.0,
             "accelerometer_gauss_markov": 3e-5, "gyroscope_random_walk": 4e-9, "gyroscope_flicker": 5e-8}  # fmt: skip
-    made = coloured(replace(record(np.random.default_rng(1)), noise=told), 10.0, 1e4)
+    made = header_coloured_noise(replace(record(np.random.default_rng(1)), noise=told), 10.0, 1e4)
     assert made["specific_force"] == (GaussMarkov(3e-5, 3600.0),)
     assert made["angular_rate"] == (GaussMarkov(2e-7, 600.0), RandomWalk(4e-9), Flicker(5e-8, 10.0, 1e4, octaves=3.0))
 

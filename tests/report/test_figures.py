@@ -18,8 +18,8 @@ from gimbalcal.report.chart import (
     tick_words,
     ticks,
 )
-from gimbalcal.report.draw import svg
 from gimbalcal.report.figures import correlation
+from gimbalcal.report.svg import svg
 from gimbalcal.words.rounding import sensible_time
 
 RNG = np.random.default_rng(7)

@@ -19,7 +19,7 @@ WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
 WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
 
 
-def memories(n: int, C: int, seen: Array | None = None) -> tuple[Node, ...]:
+def noises_of_unknown_scale(n: int, C: int, seen: Array | None = None) -> tuple[Node, ...]:
     """Noises of unit variance in n rows of C channels that nobody states: each row remembers the one before.
 
     Where sensors wander that are `seen` (n, C, m) in rows of white noise, either part may be the larger one.

@@ -22,9 +22,9 @@ from gimbalcal.effects import Stage
 from gimbalcal.effects.process import RandomWalk, SettingError, WhiteNoise
 from gimbalcal.inference.noise_processes import Noise, one_sigma, spectrum
 from gimbalcal.inference.robust import huber
+from gimbalcal.inference.white_noise import differences
 from gimbalcal.inference.whitening import Whitening, whitenings
 from gimbalcal.number import Array
-from gimbalcal.recording.scatter import differences
 from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import over, read_gimbals
 
@@ -41,9 +41,10 @@ HEAVY = 0.6  # excess kurtosis above which rows are weighted
 NEIGHBOURS = 15  # rows of a static run in which a level is followed: a quarter of an hour of minute means
 
 
-def settle(o: Fit) -> Fit:
+def scale_to_scatter(o: Fit) -> Fit:
     """Rescale each channel to the scatter that the rows show, and weight the rows where their tails are heavy.
 
+    With enough rows this replaces the white noise of the header; where too few follow each other that one stays.
     What was measured stays as it is: y and its derivatives change by the unit of a channel alone.
     """
     fast = _fast(o)

@@ -174,3 +174,18 @@ def calibration_fit(s: Search, f: FittedCauses) -> tuple[Array, Array, Array]:
     after = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0][:q]
     C = np.linalg.pinv(A.T @ A, rcond=1e-12, hermitian=True)
     return before, after, np.sqrt(np.diag(C)[:q])
+
+
+def columns_of_causes(s: Search, f: FittedCauses) -> Array:
+    """Return the columns (n, C, p) of the fitted causes before reduction, per prior sigma."""
+    o = s.fit
+    out = [np.zeros((*o.residual.shape, 0))]
+    for m, v in zip(f.members, f.variants, strict=True):
+        c = s.library.candidates[m]
+        column = c.variants[v].column
+        if column is not None:
+            out.append(column[:, :, None])
+        elif not c.rival:
+            effect = absent_effect(c.effect, o.view.stimulus, c.source, **dict(c.variants[v].constants))
+            out.append(o.rows.columns(effect, c.parameters) * np.array([p.sigma for p in c.parameters]))
+    return np.concatenate(out, axis=-1)

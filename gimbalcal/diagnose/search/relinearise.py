@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.stated_noise import curved, settle
+from gimbalcal.diagnose.evidence.stated_noise import curved, scale_to_scatter
 from gimbalcal.diagnose.search.fitted_causes import calibration_fit, fit_causes, fitted_effects
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.search.stepwise import SearchResult, stepwise
@@ -83,7 +83,9 @@ def about_causes(s: Search) -> Fit:
     for effect, c in fitted_effects(s, f):
         (none,) = with_values((effect,), c.parameters, np.zeros(len(c.parameters)), names)
         found.append((none, c.parameters, values((effect,), c.parameters)))
-    return given_back(settle(linearised_at(s.fit, shift, found)), found)  # the scatter shows when they are gone
+    return given_back(
+        scale_to_scatter(linearised_at(s.fit, shift, found)), found
+    )  # the scatter shows when they are gone
 
 
 def about_first_cause(c: SearchResult, tell: Tell) -> SearchResult:

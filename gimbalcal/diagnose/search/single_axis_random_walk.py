@@ -75,10 +75,10 @@ def weights(s: Search, nodes: Sequence[Node]) -> Array:
 
 
 def wandering_in(c: SearchResult) -> tuple[View, float, float]:
-    """A view with the lone walks among its noises that come within a factor 20 of what a course found, if any do.
+    """Return the view with likely random walks of single sensors among its noises, and two ln odds of such a walk.
 
-    Of a course that found nothing, those that are 20 times likelier than all other noises. Beside it ln of the odds of
-    a walk alone to nothing, and of a walk to all that was found instead.
+    A walk is likely if its evidence is within a factor of 20 of that of the causes that were found or, where none was,
+    20 times that of all other noises. The odds are those of a walk to no walk, and to all causes that were found.
     """
     v = c.start.view
     if not v.sensors_may_walk:

@@ -22,7 +22,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.inference.algebra import basis, eigh
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
-from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.views.core import Fit
 from gimbalcal.views.slews import lateness
 
 FOLDS = 12  # stretches of a static run
@@ -104,21 +104,6 @@ def held_out(A: Array, y: Array, group: Array) -> Array:
 def _residual(A: Array, y: Array) -> tuple[Array, int]:
     Q = basis(A)
     return y - Q @ (Q.T @ y), Q.shape[1]
-
-
-def physical_columns(s: Search, f: FittedCauses) -> Array:
-    """Columns (n, C, p) of what was found, before reduction, per prior sigma."""
-    o = s.fit
-    out = [np.zeros((*o.residual.shape, 0))]
-    for m, v in zip(f.members, f.variants, strict=True):
-        c = s.library.candidates[m]
-        bent = c.variants[v].column
-        if bent is not None:
-            out.append(bent[:, :, None])
-        elif not c.rival:
-            effect = absent_effect(c.effect, o.view.stimulus, c.source, **dict(c.variants[v].constants))
-            out.append(o.rows.columns(effect, c.parameters) * np.array([p.sigma for p in c.parameters]))
-    return np.concatenate(out, axis=-1)
 
 
 def residual_rows(o: Fit, added: Array) -> tuple[Array, Array]:

@@ -21,7 +21,7 @@ from gimbalcal.inference.information import Solution, prior
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.noise_levels import sample_sigma, stated
+from gimbalcal.recording.noise_levels import header_noise, sample_sigma
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.local import VisitRows
 from gimbalcal.views.positions import Noise, Problem, by_visit, view_of_positions, whiten
@@ -42,9 +42,9 @@ class PositionFit:
     steps: int  # 0 where it did not converge
 
 
-def stated_noise(recording: Recording) -> Noise:
+def noise_of_positions(recording: Recording) -> Noise:
     """Noise as header and samples tell it; what neither tells is marked "residual" and a first guess."""
-    told = stated(recording)
+    told = header_noise(recording)
     if FORCE in told:
         force, source = one_sigma(told[FORCE]), HEADER
     else:

@@ -14,7 +14,7 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
 from gimbalcal.effects.effect import happens_once
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.position_fit import PositionFit, stated_noise
+from gimbalcal.estimate.accelerometers.position_fit import PositionFit, noise_of_positions
 from gimbalcal.estimate.accelerometers.position_outliers import Fault, fit_without_outliers
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
 from gimbalcal.estimate.fit import cost_of_sizes
@@ -69,4 +69,4 @@ def trusted_positions(
     wanted = (*position_parameters(recording.platform, grade=recording.grade), *free)
     every = problem(recording, wanted, tuple(effects), averaged=not more)
     start = starting_values(every, effects)
-    return Positions(recording, *fit_without_outliers(every, stated_noise(recording), start))
+    return Positions(recording, *fit_without_outliers(every, noise_of_positions(recording), start))

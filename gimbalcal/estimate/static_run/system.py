@@ -22,12 +22,12 @@ from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_word
 from gimbalcal.estimate.accelerometers.position_fit import HEADER, SAMPLES
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
 from gimbalcal.estimate.fit import fit
-from gimbalcal.estimate.static_run.combined import Combined, combined
+from gimbalcal.estimate.static_run.combined_coefficients import Combined, combined
 from gimbalcal.inference.information import Solution
 from gimbalcal.number import Array
 from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording
-from gimbalcal.recording.noise_levels import sample_sigma, stated
+from gimbalcal.recording.noise_levels import header_noise, sample_sigma
 from gimbalcal.views.core import View
 from gimbalcal.views.known_attitude import view_of_readings
 from gimbalcal.views.noise import NoiseModel
@@ -56,7 +56,7 @@ def static_readings(recording: Recording) -> Readings:
 
 def noise_from(run: Readings) -> str:
     """Return whether the header tells the noise of every channel, or the samples had to."""
-    return HEADER if set(dict(run.channels)) <= set(stated(run.recording)) else SAMPLES
+    return HEADER if set(dict(run.channels)) <= set(header_noise(run.recording)) else SAMPLES
 
 
 def _sigmas(run: Readings) -> Array:

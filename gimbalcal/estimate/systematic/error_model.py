@@ -24,7 +24,7 @@ from gimbalcal.estimate.systematic.sensor_inversion import sensitivity
 from gimbalcal.navigate.error_growth import NAV, transitions
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
-from gimbalcal.recording.noise_levels import coloured
+from gimbalcal.recording.noise_levels import header_coloured_noise
 from gimbalcal.rotation import cross_matrix, exponential, rotation_vector
 from gimbalcal.views.segments import CHANNELS, Segments
 
@@ -188,7 +188,7 @@ def bias_processes(segments: Segments) -> BiasProcesses:
     """Return the chains of all six channels; none where the header states white noise alone."""
     h = np.diff(segments.time)
     moved = np.zeros(len(h), dtype=bool)
-    stated = coloured(segments.rows, SHORTEST_PERIOD_S, float(h.sum()))
+    stated = header_coloured_noise(segments.rows, SHORTEST_PERIOD_S, float(h.sum()))
     parts = [(i, process) for i, (quantity, _) in enumerate(CHANNELS) for process in stated.get(quantity, ())]
     channel = np.concatenate([np.zeros(0, dtype=int), *(np.full(len(p.output()), i) for i, p in parts)])
     H = np.concatenate([np.zeros(0), *(p.output() for _, p in parts)])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.channel_scales import SPREAD, contrasts, likeliest_scales, log_odds
-from gimbalcal.diagnose.evidence.correlated_noise import memories
+from gimbalcal.diagnose.evidence.correlated_noise import noises_of_unknown_scale
 from gimbalcal.diagnose.evidence.projection import Projection, gather, project, projected, stack
 from gimbalcal.diagnose.evidence.scale import _DENSITY, Channels, Free
 from gimbalcal.diagnose.library.candidates import Candidate, Layout, Variant, layout_of
@@ -44,7 +44,9 @@ def weighed(
     Q = np.linalg.qr(J / d)[0]
     channels = Channels(scales, tuple(a / b for a, b in zip(sample, scales, strict=False)))
     scale = Free(len(r) - Q.shape[1], float(np.sqrt(np.mean(np.square(sample or 0.0)))), channels=channels)
-    return projected(memories(n, C)[:1], stack(Q, X / d, r[:, None] / d, len(r), scale), layout=layout(X))
+    return projected(
+        noises_of_unknown_scale(n, C)[:1], stack(Q, X / d, r[:, None] / d, len(r), scale), layout=layout(X)
+    )
 
 
 def ln_bayes(p: tuple[Projection, ...], X: Array) -> float:
@@ -114,7 +116,7 @@ def test_a_cause_in_a_quiet_channel_shows_beside_a_noisy_one() -> None:
         r, J, X = example((1, 5), 0.9, seed)
         found.append(ln_bayes(weighed(r, J, X, 2), X))
         Q = np.linalg.qr(J)[0]
-        single = project(memories(n, 2)[0], stack(Q, X, r[:, None], len(r), Free(len(r) - 5)))
+        single = project(noises_of_unknown_scale(n, 2)[0], stack(Q, X, r[:, None], len(r), Free(len(r) - 5)))
         one.append(float(gather((single,), layout(X))[0, 0]))
     assert np.median(found) > 5
     assert np.median(one) < 0.5
@@ -128,7 +130,7 @@ def test_where_channels_scatter_alike_one_scale_is_likelier() -> None:
         p = weighed(r, J, X, 2)
         odds.append(ln_odds_of_scales(p))
         Q = np.linalg.qr(J)[0]
-        single = project(memories(n, 2)[0], stack(Q, X, r[:, None], len(r), Free(len(r) - 5)))
+        single = project(noises_of_unknown_scale(n, 2)[0], stack(Q, X, r[:, None], len(r), Free(len(r) - 5)))
         assert ln_bayes(p, X) == pytest.approx(float(gather((single,), layout(X))[0, 0]), abs=1.0)
     assert np.median(odds) < -1.5
 
@@ -169,7 +171,7 @@ def test_a_channel_without_noise_has_no_scale() -> None:
 def test_claims_on_clean_channels_are_rare(sigma: tuple[float, ...], memory: float) -> None:
     """20 to one in at most one of twenty, over the scales and the memory of the channels."""
     rng, C = np.random.default_rng(6), len(sigma)
-    nodes = memories(n, C, of_channels(n, C))
+    nodes = noises_of_unknown_scale(n, C, of_channels(n, C))
     root = np.linalg.cholesky(memory ** np.abs(np.subtract.outer(np.arange(n), np.arange(n))))
     ln = []
     for _ in range(20):

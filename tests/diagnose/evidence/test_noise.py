@@ -8,7 +8,7 @@ from scipy.fft import dct
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK
-from gimbalcal.diagnose.evidence.stated_noise import coloured, nodes, settle, single_walks_of_stated_noise
+from gimbalcal.diagnose.evidence.stated_noise import coloured, nodes, scale_to_scatter, single_walks_of_stated_noise
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import covariance
 from gimbalcal.inference.noise_processes import chain
@@ -34,7 +34,7 @@ def with_creep(size, seed=3):
 
 def test_rows_stay_as_measured_where_tails_are_heavy():
     o = fit_baseline(view_at_known_attitude(with_creep(150.0)))
-    settled = settle(o)
+    settled = scale_to_scatter(o)
     assert settled.view.noise.kurtosis > 0.6
     np.testing.assert_allclose(settled.residual * settled.sigma, o.residual * o.sigma, rtol=1e-12)
     assert settled.view.noise.weights is not None
@@ -43,7 +43,8 @@ def test_rows_stay_as_measured_where_tails_are_heavy():
 
 def test_an_effect_inside_dwells_costs_no_row_its_weight():
     without, with_it = (
-        settle(fit_baseline(view_at_known_attitude(with_creep(size)))).view.noise.weights for size in (0.0, 150.0)
+        scale_to_scatter(fit_baseline(view_at_known_attitude(with_creep(size)))).view.noise.weights
+        for size in (0.0, 150.0)
     )
     # the effect falls by 7 sigma of a row over the first minute, which a median of each block does not follow
     moved = np.abs(with_it - without)
@@ -57,8 +58,8 @@ def test_outliers_lose_their_weight_and_their_pull():
     hit = channels["specific_force", "x"].copy()
     hit[100::180] += 2000 * UG
     channels["specific_force", "x"] = hit
-    o = settle(fit_baseline(view_at_known_attitude(clean)))
-    spoiled = settle(fit_baseline(view_at_known_attitude(replace(clean, channels=channels))))
+    o = scale_to_scatter(fit_baseline(view_at_known_attitude(clean)))
+    spoiled = scale_to_scatter(fit_baseline(view_at_known_attitude(replace(clean, channels=channels))))
     assert spoiled.view.noise.weights[100::180, 0].max() < 0.05
     # twelve of 2160 rows, each worth 100 sigma of a row, in plain means 22 sigma of a block of 20
     moved = (spoiled.reduced(spoiled.residual[:, :, None]) - o.reduced(o.residual[:, :, None]))[::3, 0]
@@ -69,7 +70,9 @@ def test_outliers_lose_their_weight_and_their_pull():
 def test_weighted_rows_have_unit_variance(tails):
     chi2, dof = 0.0, 0
     for seed in range(4):
-        o = settle(fit_baseline(view_at_known_attitude(record(np.random.default_rng(seed), tails=tails, loose=0.0))))
+        o = scale_to_scatter(
+            fit_baseline(view_at_known_attitude(record(np.random.default_rng(seed), tails=tails, loose=0.0)))
+        )
         y, Z = o.reduced(o.residual[:, :, None])[:, 0], o.reduced(o.Z)
         left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-10)[0]
         chi2, dof = chi2 + left @ left, dof + len(y) - 17
@@ -91,7 +94,7 @@ def test_an_oscillation_keeps_its_size_in_heavy_tails(hours):
         tails = 2 * UG * rng.standard_t(3.0, (len(r.t), 3))
         return tails + np.outer(20 * UG * np.sin(2 * np.pi * r.t / (3600 * hours)), [0.0, 0.0, 1.0])
 
-    o = settle(fit_baseline(view_at_known_attitude(at_rest(rng, error, 1.0))))
+    o = scale_to_scatter(fit_baseline(view_at_known_attitude(at_rest(rng, error, 1.0))))
     assert o.view.noise.weights is not None
     angle = 2 * np.pi * o.view.stimulus.time / (3600 * hours)
     X = np.zeros((*o.residual.shape, 2))
@@ -108,7 +111,7 @@ def test_a_channel_that_always_reads_the_same_breaks_nothing(tails):
     rng = np.random.default_rng(6)
     r = at_rest(rng, (lambda r: 2 * UG * rng.standard_t(tails, (len(r.t), 3))) if tails else None, 1.0)
     stuck = {**r.channels, ("gimbal_angle", "outer"): np.zeros(len(r.time))}
-    o = settle(fit_baseline(view_at_known_attitude(replace(r, channels=stuck))))
+    o = scale_to_scatter(fit_baseline(view_at_known_attitude(replace(r, channels=stuck))))
     assert (o.view.noise.weights is not None) == bool(tails)
     assert np.all(np.isfinite(o.residual))
     assert np.all(o.sigma > 0)

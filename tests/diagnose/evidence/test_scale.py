@@ -12,7 +12,7 @@ from gimbalcal.diagnose.evidence.correlated_noise import (
     MEMORY_PRIOR,
     SINGLE_WALKS,
     first_order,
-    memories,
+    noises_of_unknown_scale,
     single_walks,
 )
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK_PRIOR_AT_REST, Node
@@ -36,7 +36,7 @@ def example(size: float = 0.7) -> tuple[Array, Array, Array]:
 def projections(r: Array, J: Array, X: Array, sample: float = 0.0) -> tuple[Projection, ...]:
     Q = np.linalg.qr(J)[0]
     rows = stack(Q, X, r[:, None], len(r), Free(len(r) - Q.shape[1], sample))
-    return tuple(project(node, rows) for node in memories(len(r) // C, C))
+    return tuple(project(node, rows) for node in noises_of_unknown_scale(len(r) // C, C))
 
 
 def stationary(rho: float) -> Array:
@@ -73,7 +73,7 @@ def test_a_memory_weighs_what_its_dense_density_says() -> None:
     r, _, X = example()
     rows = stack(np.zeros((len(r), 0)), X, r[:, None], len(r), Free(len(r)))
     found = np.array([np.log(node.prior) + project(node, rows).log_likelihood()[0]
-                      for node in memories(n, C)])  # fmt: skip
+                      for node in noises_of_unknown_scale(n, C)])  # fmt: skip
     made = [
         np.log(q) + logsumexp(np.array([multivariate_normal(cov=s**2 * stationary(rho)).logpdf(r)
                                         for s in np.geomspace(0.5, 40, 200)]))
@@ -132,7 +132,7 @@ def test_claims_on_clean_misfits_are_rare() -> None:
         rows = stack(
             np.full((40, 1), 40**-0.5), rng.standard_normal((40, 1)), rng.standard_normal((40, 1)), 40, Free(39)
         )
-        made = [project(node, rows) for node in memories(40, 1)]
+        made = [project(node, rows) for node in noises_of_unknown_scale(40, 1)]
         null = np.array([np.log(p.node.prior) + p.log_likelihood()[0] for p in made])
         each = np.array([float(any_size(p, np.array([0]))) for p in made])
         ln.append(float(logsumexp(null + each) - logsumexp(null)))
@@ -155,7 +155,7 @@ def seen_by_turning() -> tuple[Array, tuple[Node, ...]]:
     """How three sensors that wander show in the norm of 14 attitudes, and the noises of it."""
     H = np.random.default_rng(3).standard_normal((14, 1, 3))
     H /= np.linalg.norm(H, axis=2, keepdims=True)
-    return H, memories(14, 1, H)
+    return H, noises_of_unknown_scale(14, 1, H)
 
 
 def test_sensors_that_wander_show_in_a_norm_as_each_attitude_turns_them() -> None:
@@ -207,7 +207,7 @@ def test_a_noise_half_white_and_half_with_a_memory_is_no_drift() -> None:
         r = (V @ rng.standard_normal((m, 3))).ravel()
         Q = np.kron(np.ones((m, 1)), np.eye(3)) / np.sqrt(m)
         rows = stack(Q, 10 * drift.reshape(-1, 1), r[:, None], 3 * m, Free(3 * m - 3))
-        for i, nodes in enumerate((memories(m, 3), memories(m, 3, seen))):
+        for i, nodes in enumerate((noises_of_unknown_scale(m, 3), noises_of_unknown_scale(m, 3, seen))):
             p = [project(node, rows) for node in nodes]
             null = np.array([np.log(q.node.prior) + q.log_likelihood()[0] for q in p])
             each = np.array([float(any_size(q, np.array([0]))) for q in p])

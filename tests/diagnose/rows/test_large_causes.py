@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.stated_noise import settle
+from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -37,7 +37,7 @@ def fitted(o: Fit, effect: str) -> tuple[float, Array, Array]:
 
 def test_the_rows_about_a_large_cause_are_explained_by_it() -> None:
     run: Recording = simulate(SCENARIO, 4)[0]
-    dragged = settle(fit_baseline(view_at_known_attitude(run)))
+    dragged = scale_to_scatter(fit_baseline(view_at_known_attitude(run)))
     assert fitted(dragged, "gyro_drift")[0] > 5  # about constants that the cause has dragged away
 
     o, wanted = (
@@ -47,7 +47,7 @@ def test_the_rows_about_a_large_cause_are_explained_by_it() -> None:
     first, shift, size = fitted(o, "gyro_drift")
     assert first > 1.2  # products of 1500 sigmas
     found = [(absent_effect("gyro_drift", o.view.stimulus), wanted, size)]
-    about = given_back(settle(linearised_at(o, shift, found)), found)
+    about = given_back(scale_to_scatter(linearised_at(o, shift, found)), found)
     chi2, _, size = fitted(about, "gyro_drift")
     assert abs(chi2 - 1) < 0.1
     np.testing.assert_allclose(np.rad2deg(size) * 3600, [0.002, 0, 0], atol=5e-6)

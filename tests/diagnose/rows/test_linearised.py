@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.stated_noise import settle
+from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.effects import parameters
 from gimbalcal.effects.thermal import ScaleTemperature
 from gimbalcal.simulate import simulate
@@ -35,7 +35,7 @@ def misfit(o: Fit) -> float:
 def test_bias_less_scale_is_no_copy_of_a_scale_factor_in_temperature() -> None:
     # z lies along the Earth's axis and feels the same force all day: bias and scale factor differ by the cause alone,
     # which was "adequate" at 4700 sigma
-    o = settle(fit_baseline(view_at_known_attitude(simulate(DAY, 1)[0]), steps=0))
+    o = scale_to_scatter(fit_baseline(view_at_known_attitude(simulate(DAY, 1)[0]), steps=0))
     wanted = [p for p in parameters(ScaleTemperature) if p.axis == "z"]
     effect = absent_effect("scale_temperature", o.view.stimulus)
     size = np.array([150 * UG / np.sin(np.radians(40.0)) / 9.80])  # what looks like 150 ug/degC of bias

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.stated_noise import nodes, nominal, settle
+from gimbalcal.diagnose.evidence.stated_noise import nodes, nominal, scale_to_scatter
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.forward import predict
 from gimbalcal.number import STEP
@@ -42,12 +42,12 @@ def test_columns_are_the_derivatives_of_the_forward_model(o, effect):
 
 
 def test_noise_of_a_clean_recording_is_what_the_header_says(o):
-    settled = settle(o)
+    settled = scale_to_scatter(o)
     np.testing.assert_allclose(settled.sigma, 20 * UG, rtol=0.06)  # 3 sigma of 720 independent second differences
 
 
 def test_heavy_tails_are_clipped_and_stay_white():
-    settled = settle(fit_baseline(view_at_known_attitude(record(np.random.default_rng(1), tails=3.0))))
+    settled = scale_to_scatter(fit_baseline(view_at_known_attitude(record(np.random.default_rng(1), tails=3.0))))
     assert settled.view.noise.kurtosis > 1
     # Student's t with 3 degrees of freedom: the clipped mean is worth 1.5 to 2 times as many samples as the plain one
     assert np.all(settled.sigma < 0.9 * 20 * UG)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.evidence.stated_noise import curved, nominal, settle
+from gimbalcal.diagnose.evidence.stated_noise import curved, nominal, scale_to_scatter
 from gimbalcal.diagnose.search.relinearise import about_settings
 from gimbalcal.estimate.grade import graded
 from gimbalcal.number import Array
@@ -21,7 +21,7 @@ DEGREE = 3600.0
 def observed(setting: float) -> Fit:
     """A clean unit in 18 positions of a table that sets its angles to so many arcsec."""
     r = on_gimbals(3, "tactical", setting=setting)
-    return settle(fit_baseline(view_at_known_attitude(graded([r], "").of([r])[0])))
+    return scale_to_scatter(fit_baseline(view_at_known_attitude(graded([r], "").of([r])[0])))
 
 
 def misfit(o: Fit) -> float:

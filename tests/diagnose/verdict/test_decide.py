@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE
-from gimbalcal.diagnose.evidence.stated_noise import nodes, settle
+from gimbalcal.diagnose.evidence.stated_noise import nodes, scale_to_scatter
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search.ranking import search
 from gimbalcal.diagnose.verdict.decide import decide, strained
@@ -14,7 +14,7 @@ from tests.diagnose.law_plants import Law, at_size, laws, unforeseen
 
 def searched(law, seed, sigmas):
     recording, _ = at_size(seed, law, sigmas)
-    o = settle(fit_baseline(view_at_known_attitude(recording)))
+    o = scale_to_scatter(fit_baseline(view_at_known_attitude(recording)))
     return search(o, library(o), nodes(o))
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Provenance, from_dict
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.evidence.stated_noise import settle
+from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.search.fitted_causes import JointCovariance, fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search
@@ -38,7 +38,7 @@ CAUSES = [  # kind of the cause, its label, a size in ug or arcsec that stands f
 
 
 def observed_of(r: Recording, label: str) -> Search:
-    return searched(settle(fit_baseline(view_at_known_attitude(r))), label, count=3)
+    return searched(scale_to_scatter(fit_baseline(view_at_known_attitude(r))), label, count=3)
 
 
 def calibration_with(c: Ranking, members: list[int]) -> Calibration:
@@ -112,7 +112,7 @@ def test_recordings_of_one_unit_add_up_and_those_of_two_are_told_apart() -> None
     run = static_plant.record(np.random.default_rng(1))
 
     def together(*recordings: Recording) -> Calibration:
-        fits = [settle(fit_baseline(view_at_known_attitude(r))) for r in recordings]
+        fits = [scale_to_scatter(fit_baseline(view_at_known_attitude(r))) for r in recordings]
         c = combine([searched(o, *([label] if r is not run else ["bias_drift:x"]), count=1)
                      for o, r in zip(fits, recordings, strict=True)])  # fmt: skip
         return calibration_with(c, [next(i for i, x in enumerate(c.library.candidates) if x.label == label)])
@@ -128,7 +128,7 @@ def test_an_effect_that_was_found_twice_with_other_constants_is_fitted_with_one(
     warm = known(1)["warm-up"][0]
     r = record(np.random.default_rng(4), lambda b: {"output": np.outer(warm(b)["output"][:, 1], [0.0, 1.0, 0.8])},
                3000 * UG, dwell=12)  # fmt: skip
-    s = searched(settle(fit_baseline(view_at_known_attitude(r))), "warm_up:y", "warm_up:z", count=3)
+    s = searched(scale_to_scatter(fit_baseline(view_at_known_attitude(r))), "warm_up:y", "warm_up:z", count=3)
     f = fit_causes(s, [0, 1])
     causes = tuple(s.library.candidates[m] for m in f.members)
     scale = np.array([p.sigma for c in causes for p in c.parameters])

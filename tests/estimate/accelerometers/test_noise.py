@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.estimate.accelerometers.position_fit import HEADER, RESIDUAL, SAMPLES, fit_with_noise, stated_noise
+from gimbalcal.estimate.accelerometers.position_fit import HEADER, RESIDUAL, SAMPLES, fit_with_noise, noise_of_positions
 from gimbalcal.views.positions import problem
 from tests.estimate.device import ARCSEC, SAMPLE, STATED, draw, measured
 
 
 def test_header_comes_first() -> None:
     rng = np.random.default_rng(0)
-    noise = stated_noise(measured(draw(rng), rng))
+    noise = noise_of_positions(measured(draw(rng), rng))
     assert (noise.accelerometer, noise.setting) == (STATED["accelerometer"], STATED["gimbal_angle"])
     assert (noise.accelerometer_from, noise.setting_from) == (HEADER, HEADER)
 
@@ -24,7 +24,7 @@ def test_scatter_inside_dwells_comes_second() -> None:
     noisy = {
         k: v + (SAMPLE * rng.normal(size=900) if k[0] == "specific_force" else 0) for k, v in wide.channels.items()
     }
-    noise = stated_noise(replace(wide, channels=noisy, noise={}, weight=np.ones(900)))
+    noise = noise_of_positions(replace(wide, channels=noisy, noise={}, weight=np.ones(900)))
     assert noise.accelerometer_from == SAMPLES
     # 18 * 49 * 3 = 2646 degrees of freedom: 1.4 %, four sigma
     assert noise.accelerometer == pytest.approx(SAMPLE, rel=0.055)
@@ -37,7 +37,7 @@ def test_setting_error_comes_from_the_residual(setting: float) -> None:
         rng = np.random.default_rng(seed)
         recording = measured(draw(rng), rng, setting * ARCSEC)
         stated = {"accelerometer": SAMPLE}
-        fit = fit_with_noise(problem(recording), stated_noise(replace(recording, noise=stated)))
+        fit = fit_with_noise(problem(recording), noise_of_positions(replace(recording, noise=stated)))
         assert fit.noise.setting_from == RESIDUAL
         ratios.append(fit.noise.setting / ARCSEC / setting)
     # 36 angles and 4 runs, less 11 coefficients each: about 7 % at 1 arcsec; below that the samples' noise blurs it
@@ -49,7 +49,7 @@ def test_both_noises_are_told_apart_by_the_norm() -> None:
     for seed in range(4):
         rng = np.random.default_rng(seed)
         recording = replace(measured(draw(rng), rng, 10 * ARCSEC), noise={}, scatter={})
-        fit = fit_with_noise(problem(recording), stated_noise(recording))
+        fit = fit_with_noise(problem(recording), noise_of_positions(recording))
         found.append((fit.noise.accelerometer / SAMPLE, fit.noise.setting / ARCSEC / 10))
     # the norm has 6 degrees of freedom a run, 24 together: 14 %; the angles have more
     np.testing.assert_allclose(np.sqrt(np.mean(np.square(found), axis=0)), 1, atol=0.4)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.estimate.accelerometers.position_fit import stated_noise
+from gimbalcal.estimate.accelerometers.position_fit import noise_of_positions
 from gimbalcal.estimate.accelerometers.position_outliers import acceptable, fit_without_outliers, probability
 from gimbalcal.recording import Recording
 from gimbalcal.views.positions import model, problem
@@ -21,7 +21,7 @@ def clean() -> Recording:
 
 
 def faults_of(recording: Recording) -> list[tuple[int, ...]]:
-    return [f.positions for f in fit_without_outliers(problem(recording), stated_noise(recording))[2]]
+    return [f.positions for f in fit_without_outliers(problem(recording), noise_of_positions(recording))[2]]
 
 
 def without_noise(recording: Recording) -> Recording:
@@ -51,7 +51,7 @@ def test_two_pairs_are_found(clean: Recording) -> None:
 @pytest.mark.parametrize("angle", [20 * ARCSEC, 1e-3, 0.1, np.pi / 4 + 0.01])
 def test_a_mis_set_position_is_named_with_its_angle(clean: Recording, angle: float) -> None:
     recording = misread(clean, 6, "inner", angle)
-    _, fit, (fault,) = fit_without_outliers(problem(recording), stated_noise(recording))
+    _, fit, (fault,) = fit_without_outliers(problem(recording), noise_of_positions(recording))
     assert fault.positions == (7,)
     golden_text(fault.in_words)
     said, unit = fault.in_words.split("its force is ")[1].split()[:2]
@@ -89,9 +89,9 @@ def test_two_positions_far_off_are_two_faults(clean: Recording) -> None:
 
 def test_what_is_left_is_the_calibration_without_that_position(clean: Recording) -> None:
     spoiled = misread(clean, 6, "inner", 1e-3)
-    rest, fit, _ = fit_without_outliers(problem(spoiled), stated_noise(spoiled))
+    rest, fit, _ = fit_without_outliers(problem(spoiled), noise_of_positions(spoiled))
     fair = clean.select(np.arange(18) != 6)
-    _, expected, _ = fit_without_outliers(problem(fair), stated_noise(fair))
+    _, expected, _ = fit_without_outliers(problem(fair), noise_of_positions(fair))
     assert rest.positions.tolist() == fair.position.tolist()
     np.testing.assert_allclose(fit.solution.x, expected.solution.x, atol=1e-6 * expected.solution.sigma.min())
 
@@ -109,7 +109,7 @@ def test_missing_physics_is_no_fault_of_a_position(clean: Recording, effect: str
     bent = {**clean.channels, **{("specific_force", a): clean.channels["specific_force", a] + more[:, i]
                                  for i, a in enumerate("xyz")}}  # fmt: skip
     recording = replace(clean, channels=bent)
-    _, fit, faults = fit_without_outliers(problem(recording), stated_noise(recording))
+    _, fit, faults = fit_without_outliers(problem(recording), noise_of_positions(recording))
     assert faults == ()
     assert not acceptable(fit.solution.chi2, fit.solution.dof)
 
@@ -127,7 +127,7 @@ def test_a_repeated_position_is_named_with_its_visit(clean: Recording) -> None:
     )
     assert faults_of(both) == []
     recording = misread(both, 25, "middle", 60 * ARCSEC)
-    _, _, (fault,) = fit_without_outliers(problem(recording), stated_noise(recording))
+    _, _, (fault,) = fit_without_outliers(problem(recording), noise_of_positions(recording))
     assert fault.visits == (25,)
     golden_text(fault.in_words)
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, values
-from gimbalcal.estimate.static_run.combined import MEANS, NAMES, matrix
+from gimbalcal.estimate.static_run.combined_coefficients import MEANS, NAMES, matrix
 from gimbalcal.estimate.static_run.force_filter import ForceState, observation_matrix, projection
 from gimbalcal.estimate.static_run.system import static, static_parameters, static_readings
 from gimbalcal.inference.information import solve

@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.position_fit import HEADER, SAMPLES
-from gimbalcal.estimate.static_run.combined import NAMES, matrix
+from gimbalcal.estimate.static_run.combined_coefficients import NAMES, matrix
 from gimbalcal.estimate.static_run.force_filter import observation_matrix, projection
 from gimbalcal.estimate.static_run.system import noise_from, rms_by_channel, static, static_parameters, static_readings
 from gimbalcal.forward import accelerometers

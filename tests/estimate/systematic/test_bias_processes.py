@@ -12,7 +12,7 @@ from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.systematic.error_model import bias_processes
 from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.recording import read, write
-from gimbalcal.recording.noise_levels import coloured
+from gimbalcal.recording.noise_levels import header_coloured_noise
 from gimbalcal.simulate import simulate
 from gimbalcal.views.segments import segment
 from tests.estimate.systematic.table import MOVES, NOISE, turning_unit
@@ -94,7 +94,9 @@ def test_a_simulation_states_what_it_simulates_and_a_file_keeps_it(tmp_path) -> 
     write(r, tmp_path / "r")
     again = read(tmp_path / "r")
     assert again.noise["gyroscope_random_walk"] == pytest.approx(r.noise["gyroscope_random_walk"])
-    assert coloured(again, 1.0, 100.0) == {"angular_rate": (RandomWalk(again.noise["gyroscope_random_walk"]),)}
+    assert header_coloured_noise(again, 1.0, 100.0) == {
+        "angular_rate": (RandomWalk(again.noise["gyroscope_random_walk"]),)
+    }
     text = (tmp_path / "r" / "recording.toml").read_text()
     (tmp_path / "r" / "recording.toml").write_text(
         text.replace("rad/s/sqrt(s)", "deg/h").replace("deg/h/sqrt(h)", "deg/h")

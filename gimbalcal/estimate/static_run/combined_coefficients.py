@@ -104,7 +104,7 @@ def _force_operator(run: Readings) -> Operator:
 
 
 def _attitude_operator(run: Readings, i: int, name: str, y: Array, drift: int, noise: str) -> Operator:
-    """Fourier fit of one channel with the noise colour that its own departures show."""
+    """Return the map from an attitude error to its combined coefficients, Eqs. (29)-(38), in its coloured noise."""
     time, weight = run.stimulus.time, run.recording.weight
     h = fourier(time, run.phase, y, FITTED, weight, drift, noise)
     A, q = design_matrix(time, run.phase, FITTED, drift), len(labels(ORDERS))

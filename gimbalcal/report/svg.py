@@ -184,7 +184,7 @@ def _mark(m: object, px: To, py: To, frame: tuple[float, ...]) -> Iterable[str]:
         yield from _bars(m, px, py)
     elif isinstance(m, Band):
         x, low, high_ = px(m.x), py(m.low), py(m.high)
-        there = _path(x, low) + _path(x[::-1], high_[::-1]).replace("M", "L", 1) + "Z"
+        there = _svg_path(x, low) + _svg_path(x[::-1], high_[::-1]).replace("M", "L", 1) + "Z"
         yield f'<path class="band {m.colour}" d="{there}"/>'
     elif isinstance(m, Line):
         x, y = px(m.x), py(m.y)
@@ -192,7 +192,7 @@ def _mark(m: object, px: To, py: To, frame: tuple[float, ...]) -> Iterable[str]:
             edge = np.concatenate([[x[0]], (x[1:] + x[:-1]) / 2, [x[-1]]])
             x, y = np.repeat(edge, 2)[1:-1], np.repeat(y, 2)
         name = f' data-name="{escape(m.label, quote=True)}"' if m.label else ""
-        yield f'<path class="{_classes("line", m.colour, m.dash)}"{name} d="{_path(x, y)}"/>'
+        yield f'<path class="{_classes("line", m.colour, m.dash)}"{name} d="{_svg_path(x, y)}"/>'
     elif isinstance(m, Points):
         yield from _points(m, px, py, frame)
 
@@ -243,7 +243,7 @@ def _shape(shape: str, x: float, y: float, r: float, colour: str, name: str) -> 
     return f"{start}{inside}{kind}>" if inside else f"{start}/>"
 
 
-def _path(x: Array, y: Array) -> str:
+def _svg_path(x: Array, y: Array) -> str:
     """Return a path through points, interrupted where one is not finite."""
     out, pen = [], "M"
     for a, b in zip(x, y, strict=True):

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, values, with_values
 from gimbalcal.estimate.fit import information_of
-from gimbalcal.estimate.static_run.combined import (
+from gimbalcal.estimate.static_run.combined_coefficients import (
     MEANS,
     NAMES,
     Combined,
