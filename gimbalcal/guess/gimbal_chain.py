@@ -80,19 +80,21 @@ def chain_among(
         return None
     at_rest: dict[str, tuple[Array, str]] = {}
     for name, x in columns.items():
-        scatter = np.array([np.std(x[s]) for s in dwells])
-        mean = np.array([np.mean(x[s]) for s in dwells])
-        span = float(np.ptp(mean))
-        if not np.all(np.isfinite(mean)) or not span > 0 or np.median(scatter) > 1e-3 * span:
+        low, median, high = np.array([np.quantile(x[s], [0.25, 0.5, 0.75]) for s in dwells]).T
+        scatter = high - low  # of the inner rows: a second log may be late at both ends
+        span = float(np.ptp(median))
+        if not np.all(np.isfinite(median)) or not span > 0 or np.median(scatter) > 1e-3 * span:
             continue
         unit = unit_of_angle(x, name)
-        at_rest[name] = np.asarray(to_si(mean, unit)), unit
+        at_rest[name] = np.asarray(to_si(median, unit)), unit
     letters = {plain(re.sub(r"[\[(/].*", "", n)): n for n in columns}
     if set(AXIS_OF_LETTER) <= set(letters):  # one that is never turned belongs to them too
         named = {axis: letters[letter] for letter, axis in AXIS_OF_LETTER.items()}
         unit = unit_of_angle(np.concatenate([columns[n] for n in named.values()]), next(iter(named.values())))
-        mean_angles = {a: to_si(np.array([np.mean(columns[n][s]) for s in dwells]), unit) for a, n in named.items()}
-        chain = gimbal_chain(mean_angles, force)
+        angles_at_rest = {
+            a: to_si(np.array([np.median(columns[n][s]) for s in dwells]), unit) for a, n in named.items()
+        }
+        chain = gimbal_chain(angles_at_rest, force)
         if chain.platform == KNOWN["space-stable"]:
             return chain, {n: (axis, unit) for axis, n in named.items()}
     names = list(at_rest)[:MAX_COLUMNS]

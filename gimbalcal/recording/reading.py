@@ -174,6 +174,9 @@ def _rows(
     remark = (
         f"{header.samples}: there is no position column; {amount(int(position.max()), 'dwell')} found where the "
         "sensors are quiet, numbered in order of time"
+        if position.any()
+        else f"{header.samples}: the unit is never at rest: its quietest stretches scatter more the longer they are, "
+        "as a motion does and no noise of sensors"
     )
     numbered = StreamChecks(replace(header, columns=columns), whole, dropouts)
     numbered.sensors, numbered.angles = [], []  # they have passed

@@ -34,8 +34,9 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("history.unit_store", "_digest", 'k != "created"', 'k != "recordings"'),
     ),
     "recording/test_dwells.py": (
-        ("recording.detection", "detect", "round(SHORTEST / step))", "round(SHORTEST * step))"),
-        ("recording.detection", "detect", "quiet = _eroded(still, m)", "quiet = still"),
+        ("recording.detection", "detect", "kept = stops - starts >= m", "kept = stops - starts >= 2"),
+        ("recording.detection", "_window", "LONGER * m | 1", "m"),
+        ("recording.detection", "_unmoved", "> noise", "> 100 * noise"),
         ("recording.detection", "_threshold", "max(THRESHOLD,", "min(THRESHOLD,"),
         ("recording.detection", "_turned", "np.sqrt(variance)", "variance"),
         ("recording.detection", "_turned", "x - np.median(x[rest])", "x"),

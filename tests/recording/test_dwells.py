@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +15,11 @@ from hypothesis import strategies as st
 
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
-from gimbalcal.recording import Dwell, Recording, Site, dwell_means, dwells
+from gimbalcal.recording import Dwell, Recording, Site, dwell_means, dwells, read
 from gimbalcal.recording.detection import detect
 from gimbalcal.recording.dwell import block_means, rests_are_means, usual_step, whole_means
-from tests.golden import refused
+from tests.golden import golden_text, refused
+from tests.recording.folders import HEADER, folder, text
 from tests.xsens import accelerometers
 
 
@@ -132,8 +136,8 @@ def test_every_rest_is_found_and_nothing_of_a_move(seed: int, rate: float) -> No
         rows = np.flatnonzero(position == k)
         assert start <= rows[0]
         assert rows[-1] < stop
-        # A window is lost at each end, and a little more where the window's variance strays.
-        assert len(rows) / rate > (stop - start) / rate - 2 * 1.0 - 0.5
+        # Half a window is lost at each end, and a little more where the window's variance strays.
+        assert len(rows) / rate > (stop - start) / rate - 2 * 0.5 - 0.5
 
 
 @pytest.mark.parametrize("raw", [False, True])
@@ -197,15 +201,73 @@ def quiet_for(seconds: Sequence[float], rate: float = 50.0, seed: int = 9) -> tu
     return np.arange(len(size)) / rate, size * rng.standard_normal(len(size))
 
 
-def test_a_rest_loses_a_second_at_both_ends_and_lasts_one_after_that() -> None:
-    time, x = quiet_for([20.0, 2.5, 4.0])
+def test_a_rest_loses_half_a_window_at_both_ends_and_lasts_one_after_that() -> None:
+    time, x = quiet_for([20.0, 1.5, 4.0])
     position = detect(time, {"x": x})
-    begin = np.array([3.0, 3.0 + 20.0 + 3.0 + 2.5 + 3.0])
+    begin = np.array([3.0, 3.0 + 20.0 + 3.0 + 1.5 + 3.0])
     assert position.max() == 2  # half a second is left of the one between
     for k, lasts in ((1, 20.0), (2, 4.0)):
         rest = time[position == k]
-        assert rest[0] - begin[k - 1] == pytest.approx(1.0, abs=0.05)
-        assert rest[-1] - begin[k - 1] == pytest.approx(lasts - 1.0, abs=0.05)
+        assert rest[0] - begin[k - 1] == pytest.approx(0.5, abs=0.05)
+        assert rest[-1] - begin[k - 1] == pytest.approx(lasts - 0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(("rate", "lasts"), [(155.0, 0.9), (60.0, 1.5), (100.0, 2.5), (500.0, 0.8)])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_window_follows_short_rests(seed: int, rate: float, lasts: float) -> None:
+    """All of 30 dwells of 0.8 to 2.5 s are found, with moves of half a second between them."""
+    rng = np.random.default_rng(seed)
+    way, rest = round(0.5 * rate), round(lasts * rate)
+    poses = rng.standard_normal((31, 3))
+    poses /= np.linalg.norm(poses, axis=1, keepdims=True)
+    s = (1 - np.cos(np.pi * np.linspace(0, 1, way)))[:, None] / 2
+    parts = [np.concatenate([(1 - s) * a + s * b, np.repeat(b[None], rest, axis=0)]) for a, b in pairwise(poses)]
+    force = np.concatenate(parts) + 3e-3 * rng.standard_normal((30 * (way + rest), 3))
+    position = detect(np.arange(len(force)) / rate, dict(zip("xyz", force.T, strict=True)))
+    assert position.max() == 30
+    assert (position > 0).mean() > 0.5 * rest / (way + rest)
+    worst = max(float(np.ptp(np.concatenate(parts)[position == k], axis=0).max()) for k in range(1, 31))
+    assert worst < 3 * 3e-3  # nothing of a move
+
+
+@pytest.mark.parametrize("kind", ["turned", "driven", "shaken"])
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_rests_in_a_unit_that_moves_all_the_time(seed: int, kind: str) -> None:
+    """Turned by hand without a stop, on a rough road, in the air: the quietest second is a motion."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(24000) / 200.0
+    slow = np.stack([sum(np.sin(2 * np.pi * f * time + rng.uniform(0, 6)) for f in rng.uniform(0.05, 0.5, 4))
+                     for _ in range(3)], axis=1)  # fmt: skip
+    walk = np.cumsum(rng.standard_normal((len(time), 3)), axis=0) * 3e-3
+    walk -= np.cumsum(np.concatenate([np.zeros((100, 3)), walk]), axis=0)[:-100] / np.arange(1, len(time) + 1)[:, None]
+    size = np.exp(0.5 * slow[:, :1])
+    motion = {"turned": 0.3 * slow, "driven": walk, "shaken": 0.1 * slow + size * walk}[kind]
+    force = np.array([0, 0, 1.0]) + motion + 3e-3 * rng.standard_normal(motion.shape)
+    assert detect(time, dict(zip("xyz", force.T, strict=True))).max() == 0
+
+
+def test_a_knock_does_not_end_a_stay_and_a_turn_does() -> None:
+    rng = np.random.default_rng(3)
+    time = np.arange(6000) / 100.0
+    force = np.array([0.0, 0.0, 1.0]) + 1e-3 * rng.standard_normal((6000, 3))
+    force[2000:2050] += 0.2 * np.sin(2 * np.pi * 20.0 * time[2000:2050, None])  # on the table
+    force[4000:4400, 0] += np.sin(np.pi * np.linspace(0, 1, 400))  # away and back
+    position = detect(time, dict(zip("xyz", force.T, strict=True)))
+    assert position.max() == 2
+    assert (position[:1900] == 1).all()
+    assert (position[2150:3900] == 1).all()
+    assert (position[4500:] == 2).all()
+    rate = 1e-3 * rng.standard_normal((6000, 3))
+    rate[2000:2050, 2] += np.radians(90.0) / 0.5  # about the vertical
+    position = detect(time, dict(zip("xyz", force.T, strict=True)), dict(zip("xyz", rate.T, strict=True)))
+    assert position.max() == 3
+
+
+def test_coarse_readings_rest() -> None:
+    """Readings that mostly repeat have no variance in most windows: the floor is that of their quantisation."""
+    rng = np.random.default_rng(4)
+    x = np.round(0.3 + 0.25 * rng.standard_normal(40_000))
+    assert detect(np.arange(40_000) / 5.0, {"x": x, "y": np.round(x + 0.1 * rng.standard_normal(40_000))}).min() == 1
 
 
 def test_noise_of_few_samples_in_a_second_scatters_and_is_a_rest() -> None:
@@ -260,3 +322,15 @@ def test_the_count_does_not_hang_on_the_threshold(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("gimbalcal.recording.detection.THRESHOLD", threshold)
     time, counts = accelerometers()
     assert detect(time, dict(zip("xyz", counts.T, strict=True))).max() == 38
+
+
+def test_a_file_of_a_unit_that_never_rests_says_so(tmp_path: Path) -> None:
+    rng, time = np.random.default_rng(0), np.arange(4000) / 100.0
+    angle = 2 * np.pi * 0.3 * time
+    force = np.stack([np.sin(angle), np.zeros(4000), -np.cos(angle)], axis=1)
+    rows = np.column_stack([time, force + 0.002 * rng.standard_normal((4000, 3)), 293 + 0.01 * time])
+    header = re.sub(r"(position|middle) *= .*\n", "", HEADER)
+    r = read(folder(tmp_path, header, text(rows, ["time_s", "accel_x", "accel_y", "accel_z", "temp"])))
+    assert r.position is not None
+    assert not r.position.any()
+    golden_text(next(remark for remark in r.remarks if "never at rest" in remark))
