@@ -6,14 +6,17 @@ file does not show.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, shortened
 
 Json = dict[str, Any]  # the content of a JSON file, or of an object in it
 E = TypeVar("E")
+MAX_BYTES = 100_000_000  # of a file; a hundred parameters with their covariance are a quarter of a megabyte
 MAX_SHOWN = 40  # characters of a value in a message
 
 
@@ -62,8 +65,44 @@ def entry_from(cls: type[E], content: object, where: str) -> E:
         return TypeAdapter(cls).validate_python(content)
     except ValidationError as problem:
         first = problem.errors()[0]
-        place = " / ".join(map(str, (where, *first["loc"])))
-        text = repr(first["input"])
-        shown = text if len(text) < MAX_SHOWN else f"{text[:30]}..."
-        missing = first["type"] == "missing"
-        raise InputError(f"{place} is missing" if missing else f"{place} cannot be {shown}: {first['msg']}") from None
+        steps = (step + 1 if isinstance(step, int) else step for step in first["loc"])
+        place = " / ".join(map(str, filter(None, (where, *steps)))) or "the content"
+        if first["type"] == "missing":
+            raise InputError(f"{place} is missing") from None
+        raise InputError(f"{place} cannot be {shortened(repr(first['input']), MAX_SHOWN)}: {expected(first)}") from None
+
+
+def expected(problem: Mapping[str, Any]) -> str:
+    """Return in words what is expected where a validation error of pydantic lies."""
+    kind, message = problem["type"].rpartition("_")[0], problem["msg"].removeprefix("Value error, ")
+    return f"it must be {WANTED[kind]}" if kind in WANTED else message.replace("Input should be", "it must be", 1)
+
+
+WANTED = {
+    "tuple": "a list", "list": "a list", "string": "a text", "dict": "a table of keys", "mapping": "a table of keys",
+    "dataclass": "a table of keys", "model": "a table of keys", "int": "a whole number", "float": "a number",
+    "bool": "true or false", "finite": "a finite number", "int_from": "a whole number",
+}  # fmt: skip
+
+
+def read_json(path: Path, wanted: str) -> Any:
+    """Return the content of a JSON file. Raises InputError, which names the place where it is none.
+
+    wanted: the file to give instead, in words.
+    """
+    if not path.is_file():
+        raise InputError(f"there is no {path}; give {wanted}")
+    if path.stat().st_size > MAX_BYTES:
+        raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, more than any result; give {wanted}")
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        json.dumps(content, ensure_ascii=False).encode()
+    except UnicodeDecodeError as problem:
+        raise InputError(f"{path} is not text in UTF-8 (byte {problem.start}); give {wanted}") from None
+    except UnicodeEncodeError:
+        raise InputError(f"{path} holds half of a character (a lone surrogate); give {wanted}") from None
+    except json.JSONDecodeError as problem:
+        raise InputError(f"{path}, line {problem.lineno}, column {problem.colno}: no JSON; give {wanted}") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{path} holds a number of too many digits, or too many brackets; give {wanted}") from None
+    return content

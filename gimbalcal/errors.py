@@ -29,3 +29,8 @@ def alternatives(items: Sequence[str]) -> str:
     'a, b or c'
     """
     return " or ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """Return `text`, less its middle where it is long: a message shows what was written, not all of it."""
+    return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 4 :]}"

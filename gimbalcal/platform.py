@@ -41,6 +41,8 @@ class Axis:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
+        if not self.name or not isinstance(self.name, str):
+            raise ValueError(f"the name of an axis must be a word, got {self.name!r}")
         if self.direction not in ("x", "y", "z") or self.sign not in (1, -1):
             raise ValueError(
                 f"axis `{self.name}` must have direction x, y or z and sign 1 or -1, "

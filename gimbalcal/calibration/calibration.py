@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from gimbalcal.calibration.provenance import Provenance
 from gimbalcal.calibration.readout import Readout, from_content
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import stated_law
-from gimbalcal.entries import Json, entry_from, plain
+from gimbalcal.entries import Entry, Json, entry_from, plain, read_json
 from gimbalcal.errors import InputError
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     import polars as pl
     from matplotlib.figure import Figure
 
-MAX_BYTES = 100_000_000  # of a file; a hundred parameters with their covariance are a quarter of a megabyte
 FORMAT = 2  # of calibration.json: true = SF x reading for both triads
 
 
@@ -63,6 +61,54 @@ class StageResult:
     def sigma_of(self, label: str) -> float:
         """Return one sigma of a parameter, SI; nan for a parameter that this stage does not estimate."""
         return float(self.sigmas[self.labels.index(label)]) if label in self.labels else float("nan")
+
+
+@dataclass(frozen=True)
+class StageRow(Entry):
+    """A stage in calibration.json; a number that is not finite is null."""
+
+    name: str
+    values: dict[str, float | None]
+    sigmas: dict[str, float | None]
+    rms: float | None
+    in_words: str
+
+
+@dataclass(frozen=True)
+class ParameterRow(Entry):
+    """A parameter in calibration.json; `refuse_unsound` checks its numbers."""
+
+    name: str
+    axis: str
+    value: Any
+    sigma: Any
+    unit: str
+    effect: str | None = None
+    covariate: str = ""
+
+
+@dataclass(frozen=True)
+class ResidualRow(Entry):
+    """The residual in calibration.json; `refuse_misfit` checks its numbers."""
+
+    chi2: Any
+    dof: Any
+    rms: dict[str, Any]
+    navigation: Json | None = None
+
+
+@dataclass(frozen=True)
+class CalibrationFile(Entry):
+    """Keys of calibration.json and their types; provenance and readout are read by their own modules."""
+
+    method: str
+    outcome: str
+    parameters: tuple[ParameterRow, ...]
+    covariance: Any
+    unobservable: tuple[Unobservable, ...]
+    residual: ResidualRow
+    provenance: dict[str, Any]
+    stages: tuple[StageRow, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -242,13 +288,15 @@ def _rounded(value: float, sigma: float) -> str:
     return f"{rounded[0]:>14s} +- {rounded[1]:<10s}"
 
 
-def from_dict(content: Json, gimbals: Sequence[str] = ()) -> Calibration:
+def from_dict(content: object, gimbals: Sequence[str] = ()) -> Calibration:
     """Return the calibration in the content of calibration.json. Raises InputError, see `content_checks`.
 
     gimbals: names of the platform's axes for a file that does not state them.
     """
-    if content.get("format") != FORMAT:
-        raise InputError(f"calibration has format {content.get('format')!r}, this version reads format {FORMAT}")
+    version = content.get("format") if isinstance(content, dict) else None
+    if not isinstance(content, dict) or version != FORMAT:
+        raise InputError(f"calibration has format {version!r}, this version reads format {FORMAT}")
+    entry_from(CalibrationFile, content, "")
     readout = from_content(content)
     rows = content["parameters"]
     gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r["name"], r["axis"]) for r in rows])
@@ -265,11 +313,7 @@ def from_dict(content: Json, gimbals: Sequence[str] = ()) -> Calibration:
     residual = content["residual"]
     refuse_misfit(residual)
     x = np.array([to_si(r["value"], r["unit"]) for r in rows], dtype=float)
-    stages = tuple(
-        StageResult(s["name"], tuple(s["values"]), np.array(list(s["values"].values())),
-                    np.array(list(s["sigmas"].values())), s["rms"], s["in_words"])
-        for s in content.get("stages", [])
-    )  # fmt: skip
+    stages = tuple(_stage(s) for s in content.get("stages", []))
     covariates = {r["effect"]: r["covariate"] for r in rows if r.get("covariate")}
     effects = with_values((), chosen, x, gimbals)
     return Calibration(
@@ -284,6 +328,13 @@ def from_dict(content: Json, gimbals: Sequence[str] = ()) -> Calibration:
         stages=stages,
         readout=readout,
     )
+
+
+def _stage(s: Json) -> StageResult:
+    if s["values"].keys() != s["sigmas"].keys():
+        raise InputError(f"stages / {s['name']}: there must be a sigma for each of its values, by the same names")
+    estimates, sigmas = (np.array([*s[key].values()], dtype=float) for key in ("values", "sigmas"))
+    return StageResult(s["name"], tuple(s["values"]), estimates, sigmas, s["rms"], s["in_words"])
 
 
 def _with_covariate(e: Effect, covariate: str) -> Effect:
@@ -302,15 +353,8 @@ def gimbals_of(named: Sequence[tuple[str, str]]) -> tuple[str, ...]:
 
 def read(path: Path) -> Calibration:
     """Return the calibration in a calibration.json. Raises InputError, which names the file, if it cannot be read."""
-    if not path.is_file():
-        raise InputError(f"there is no {path}; give a calibration.json that `gimbalcal calibrate` wrote")
-    if path.stat().st_size > MAX_BYTES:
-        raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, more than any calibration.json")
+    content = read_json(path, "a calibration.json that `gimbalcal calibrate` wrote")
     try:
-        return from_dict(json.loads(path.read_text(encoding="utf-8")))
+        return from_dict(content)
     except InputError as problem:
         raise InputError(f"{path}: {problem}") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as problem:
-        raise InputError(
-            f"{path} is not a calibration.json written by `gimbalcal calibrate` ({type(problem).__name__}: {problem})"
-        ) from None

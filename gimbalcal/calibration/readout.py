@@ -12,10 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from gimbalcal.entries import Json
+from gimbalcal.entries import Entry, Json, entry_from
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.quantities import QUANTITIES
@@ -68,19 +69,38 @@ class Readout:
 
 def from_content(content: Json) -> Readout:
     """Return the readout in the content of calibration.json; SI and no gimbals where the file states none."""
-    stated = content.get("readout")
-    if stated is None:
+    if content.get("readout") is None:
         return Readout()
-    if stated["angles"] != DRAWING:
-        raise InputError(f"readout / angles must be {DRAWING!r}, got {stated['angles']!r}; calibrate again")
-    accelerometers, gyroscopes = (_counts(stated[key]) for key in ("accelerometers", "gyroscopes"))
-    return Readout(accelerometers, gyroscopes, tuple(stated["gimbals"]))
+    stated = entry_from(ReadoutRow, content["readout"], "readout")
+    if stated.angles != DRAWING:
+        raise InputError(f"readout / angles must be {DRAWING!r}, got {stated.angles!r}; calibrate again")
+    return Readout(_counts(stated.accelerometers), _counts(stated.gyroscopes), stated.gimbals)
 
 
-def _counts(stated: Json | None) -> Counts | None:
-    if not stated:
+@dataclass(frozen=True)
+class CountsRow(Entry):
+    """Scale [SI per count] and offset of a triad in calibration.json, by axis or one for all."""
+
+    scale: float | tuple[float, float, float]
+    offset: float | tuple[float, float, float] = 0.0
+
+
+@dataclass(frozen=True)
+class ReadoutRow(Entry):
+    """The readout in calibration.json."""
+
+    accelerometers: CountsRow | None
+    gyroscopes: CountsRow | None
+    gimbals: tuple[str, ...]
+    angles: Any
+
+
+def _counts(stated: CountsRow | None) -> Counts | None:
+    if stated is None:
         return None
-    scale, offset = (np.broadcast_to(stated.get(key, 0.0), 3) for key in ("scale", "offset"))
+    scale, offset = (np.broadcast_to(x, 3) for x in (stated.scale, stated.offset))
+    if not (np.isfinite([scale, offset]).all() and scale.all()):
+        raise InputError("readout: the scale of counts must be finite and not zero, and the offset finite")
     return Counts(tuple(map(float, scale)), tuple(map(float, offset)))
 
 

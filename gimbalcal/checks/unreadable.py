@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gimbalcal.errors import InputError, alternatives, amount
-from gimbalcal.recording.document import shortened
+from gimbalcal.errors import InputError, alternatives, amount, shortened
 from gimbalcal.recording.lines import first_line, heading, is_number, lines
 
 if TYPE_CHECKING:

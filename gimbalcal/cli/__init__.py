@@ -8,8 +8,14 @@ Heavy packages are imported inside the commands, so that `gimbalcal --help` answ
 from __future__ import annotations
 
 import gc
+import io
+import os
 import sys
 import traceback
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import click
 
@@ -20,9 +26,9 @@ from gimbalcal.cli.catalogue import catalogue
 from gimbalcal.cli.conversion import apply, export, import_, new
 from gimbalcal.cli.demonstration import demo
 from gimbalcal.cli.options import EFFECTS, example
-from gimbalcal.cli.plain_characters import print_plain_characters
+from gimbalcal.cli.plain_characters import print_plain_characters, say
 from gimbalcal.cli.planning import budget, campaign, design, observe, simulate
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, shortened
 
 GC_THRESHOLD = 50_000  # objects between collections, which at the default take a tenth of a short command
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
@@ -31,9 +37,14 @@ CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 def main() -> None:
     """Run the command line; every refusal is one sentence on stderr and exit status 2."""
     gc.set_threshold(GC_THRESHOLD)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
     print_plain_characters((sys.stdout, sys.stderr))
     try:
-        gimbalcal(standalone_mode=False)
+        with _own_messages_only():
+            _refuse_undecodable([str(Path.cwd()), *sys.argv[1:]])
+            gimbalcal(standalone_mode=False)
     except InputError as problem:
         _stop(f"gimbalcal: {problem}", 2)
     except click.exceptions.NoArgsIsHelpError as problem:
@@ -61,8 +72,44 @@ def main() -> None:
         _stop("gimbalcal: this is a defect of the program, not of your data; please report it with the lines above", 3)
 
 
+@contextmanager
+def _own_messages_only() -> Iterator[None]:
+    """Keep from the user what libraries warn of, and what compiled code writes to stderr by itself.
+
+    Every refusal is one sentence, so that the panic of an engine or an overflow before it says nothing more. Python's
+    own option -W shows warnings again.
+    """
+    shown, stream = warnings.showwarning, sys.stderr
+    kept = os.dup(2)
+    if not sys.warnoptions:
+        warnings.showwarning = lambda *_, **__: None
+    stream.flush()
+    if isinstance(stream, io.TextIOWrapper) and stream is sys.__stderr__:
+        sys.stderr = open(kept, "w", encoding=stream.encoding, errors=stream.errors, buffering=1, closefd=False)  # noqa: SIM115
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    os.close(nowhere)
+    try:
+        yield
+    finally:
+        sys.stderr.flush()
+        os.dup2(kept, 2)
+        os.close(kept)
+        sys.stderr, warnings.showwarning = stream, shown
+
+
+def _refuse_undecodable(words: list[str]) -> None:
+    """Raise InputError for an argument, or a working folder, whose bytes are no UTF-8: no result file can name it."""
+    for word in words:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            name = shortened(os.fsencode(word).decode(errors="backslashreplace"))
+            raise InputError(f"'{name}' is not UTF-8; rename the file or folder, or type it again") from None
+
+
 def _stop(sentence: str, status: int) -> None:
-    print(sentence, file=sys.stderr)
+    say(sentence, sys.stderr)
     sys.exit(status)
 
 

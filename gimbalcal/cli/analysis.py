@@ -9,15 +9,26 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import DAMPING, DRAWS, GRADE, RECORDINGS, SEED, F, Number, example, names_option
+from gimbalcal.cli.options import DAMPING, DRAWS, GRADE, RECORDINGS, SEED, F, FilePath, Number, example, names_option
 from gimbalcal.cli.output_folders import Output, output_options, sensor_folders
 from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.method_table import METHODS, NAMED_BY_USERS
 
+
+def _store(context: click.Context, _option: click.Parameter, store: Path | None) -> Path | None:
+    """Return --store. Raises InputError before anything is computed where a result could not be kept in it."""
+    if store is not None and context.info_name != "compare":
+        from gimbalcal.history import refuse_unusable
+
+        refuse_unusable(store)
+    return store
+
+
 STORE = click.option(
-    "--store", type=click.Path(path_type=Path), default=None, help="Keep the result in this file too: a unit's history."
-)
+    "--store", type=FilePath(), callback=_store, default=None,
+    help="Keep the result in this file too: a unit's history.",
+)  # fmt: skip
 UNIT = click.option("--unit", default="", help="Which unit it is, in a --store of several.")
 
 
@@ -100,7 +111,7 @@ def calibrate(
 
 @click.command(epilog=example("gimbalcal diagnose data/space_stable_concealed --out diagnosis"))
 @RECORDINGS
-@click.option("--calibration", "known", type=click.Path(path_type=Path), help="A calibration.json to start from.")
+@click.option("--calibration", "known", type=FilePath(), help="A calibration.json to start from.")
 @names_option("--baseline", "Effects the model holds; what is left out can be found.")
 @GRADE
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the simulated threshold.")
@@ -151,7 +162,7 @@ def diagnose(
 
 
 @click.command(epilog=example("gimbalcal noise data/space_stable_static --out noise"))
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", type=FilePath())
 @output_options("noise.json and report.html", "RECORDING-noise, here")
 def noise(recording: Path, output: Output) -> None:
     """White noise, bias instability and random walk of every sensor of RECORDING, from its rests."""
@@ -175,9 +186,9 @@ def noise(recording: Path, output: Output) -> None:
         "gimbalcal navigate data/space_stable_static --calibration results/calibration.json --out navigation"
     )
 )
-@click.argument("recording", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("recording", nargs=-1, required=True, type=FilePath())
 @click.option(
-    "--calibration", "known", multiple=True, type=click.Path(path_type=Path), metavar="FILE [FILE ...]",
+    "--calibration", "known", multiple=True, type=FilePath(), metavar="FILE [FILE ...]",
     help="calibration.json, as many as are to be compared, in order.",
 )  # fmt: skip
 @DAMPING
@@ -236,7 +247,7 @@ def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Pa
         'gimbalcal compare --store unit7.sqlite --allow "bias:x=50 ug"',
     )
 )
-@click.argument("calibrations", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("calibrations", nargs=-1, type=FilePath())
 @stored
 @click.option(
     "--allow", multiple=True, metavar="NAME='VALUE UNIT'", help="How far a parameter may move until the next."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from gimbalcal.cli.options import example
+from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError
 
 
@@ -24,25 +25,25 @@ def catalogue(effect: str | None) -> None:
     if effect is None:
         _list(sorted(CATALOGUE))
     elif effect in CATALOGUE:
-        print(_card(inspect.getdoc(CATALOGUE[effect]) or ""))
-        print()
+        say(_card(inspect.getdoc(CATALOGUE[effect]) or ""))
+        say("")
         for f in dataclasses.fields(CATALOGUE[effect]):
             m = f.metadata
             if "sigma" in m:
                 axes = ", ".join(a for a in m["axes"] if a)
-                print(f"  {m['name'] or f.name} [{unit_in_print(m['unit'])}] {axes}: usually {m['sigma']:g}")
+                say(f"  {m['name'] or f.name} [{unit_in_print(m['unit'])}] {axes}: usually {m['sigma']:g}")
         for p in {p.name: p for p in parameters(CATALOGUE[effect])}.values():
             sizes = {name: from_si(grade.usual(p).sigma, p.unit) for name, grade in GRADES.items()}
             if len(set(sizes.values())) > 1:
-                print(f"  {p.name} by grade: {', '.join(f'{size:.4g} ({name})' for name, size in sizes.items())}")
+                say(f"  {p.name} by grade: {', '.join(f'{size:.4g} ({name})' for name, size in sizes.items())}")
         for f in constants(CATALOGUE[effect]):
             m = f.metadata
             unit = f" [{unit_in_print(m['unit'])}]" if m["unit"] != "1" else ""
             start, low, high = (
                 f"{from_si(x, m['unit']):.4g}" for x in (getattr(CATALOGUE[effect], f.name), m["low"], m["high"])
             )
-            print(f"  {f.name}{unit}: usually {start}, from {low} to {high}; {m['grid'].value.partition(':')[0]}")
-        print(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
+            say(f"  {f.name}{unit}: usually {start}, from {low} to {high}; {m['grid'].value.partition(':')[0]}")
+        say(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
     else:
         _list(matching_effects(effect))
 
@@ -71,7 +72,7 @@ def _list(names: list[str]) -> None:
 
     wide = max(map(len, names))
     for name in names:
-        print(f"{name:{wide}s}  {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0]}")
+        say(f"{name:{wide}s}  {(inspect.getdoc(CATALOGUE[name]) or '').splitlines()[0]}")
 
 
 def matching_effects(words: str) -> list[str]:

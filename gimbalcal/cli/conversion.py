@@ -8,14 +8,15 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import LATITUDE, POSITIVE, Number, example
+from gimbalcal.cli.options import LATITUDE, POSITIVE, FilePath, Number, example
 from gimbalcal.cli.output_folders import Output, output_options
+from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError, amount
 
 SAMPLES = "samples.csv"
 
 CALIBRATION = click.option(
-    "--calibration", "known", required=True, type=click.Path(path_type=Path),
+    "--calibration", "known", required=True, type=FilePath(),
     help="calibration.json, or another program's: Kalibr .yaml, PSINS .mat, TPOINT .mod, .csv.",
 )  # fmt: skip
 
@@ -23,7 +24,7 @@ CALIBRATION = click.option(
 @click.command(
     epilog=example("gimbalcal apply data/space_stable_18 --calibration results/calibration.json --out corrected")
 )
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", type=FilePath())
 @CALIBRATION
 @click.option("--inverse", is_flag=True, help="Physics to readings: what the calibrated unit would have read.")
 @output_options("the new recording", "RECORDING-corrected, or -corrupted with --inverse, here")
@@ -96,7 +97,7 @@ class ImportCommand(click.Command):
     ),
 )
 @click.argument("kind")
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("files", nargs=-1, required=True, type=FilePath())
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="What the importer of this kind asks for.")
 @output_options("the recording", "the name of the first of FILES without its ending, here")
 def import_(
@@ -122,9 +123,9 @@ def import_(
         write(recording, new, SAMPLES)
     summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}
     if output.as_json:
-        print(json.dumps(summary))
+        say(json.dumps(summary))
     elif not output.quiet:
-        print(f"wrote a {recording.kind} recording of {amount(len(recording.time), 'row')} into {folder}")
+        say(f"wrote a {recording.kind} recording of {amount(len(recording.time), 'row')} into {folder}")
 
 
 def _pair(setting: str) -> tuple[str, str]:
@@ -141,7 +142,7 @@ def _pair(setting: str) -> tuple[str, str]:
         "gimbalcal new stars.csv --latitude 48.1",
     )
 )
-@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("logs", nargs=-1, required=True, type=FilePath())
 @click.option(
     "--rate", type=POSITIVE, default=None, help="Rows in a second: they are counted, and no column is the clock."
 )

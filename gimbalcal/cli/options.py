@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import sys
 import threading
@@ -13,12 +14,33 @@ from typing import Any, TypeVar
 
 import click
 
+from gimbalcal.cli.plain_characters import say
+from gimbalcal.errors import InputError, shortened
+
 F = TypeVar("F", bound=Callable[..., Any])
 OWN_EFFECTS = "gimbalcal.effects"  # under which a run's context has the files of --effects
 PROGRESS_INTERVAL_S = 10.0  # without a message, after which long work reports that it continues
 SEED = click.IntRange(min=0)
 RUNS = click.IntRange(1, 10_000_000)  # of a campaign, tries of a search: of more a list takes longer than anybody waits
 DRAWS = click.IntRange(1, 10_000)  # behind a sigma, which these tell to 0.7 % already
+
+
+class FilePath(click.Path):
+    """A path: a link that leads to itself, which the system cannot follow, is none."""
+
+    def __init__(self, path_type: type[Any] = Path) -> None:
+        super().__init__(path_type=path_type)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path. Raises InputError for a link in a circle, and for a name that is too long."""
+        path = super().convert(value, param, ctx)
+        try:
+            Path(str(path)).stat()
+        except OSError as problem:
+            if problem.errno in (errno.ELOOP, errno.ENAMETOOLONG):
+                reason = "links that lead to themselves" if problem.errno == errno.ELOOP else "a name that is too long"
+                raise InputError(f"{shortened(str(path))} goes through {reason}; give the file itself") from None
+        return path
 
 
 class Number(click.FloatRange):
@@ -58,7 +80,7 @@ def progress(quiet: bool) -> Callable[[str], None]:
         again = sentence == doing[0]  # the same work once more is no news
         doing[:] = [sentence, time.monotonic()]
         if not (quiet or again):
-            print(f"  {_as_printed(sentence)}", file=sys.stderr, flush=True)
+            say(f"  {_as_printed(sentence)}", sys.stderr)
 
     context = click.get_current_context(silent=True)
     if not quiet and context is not None and context.meta.setdefault("gimbalcal.progress", doing) is doing:
@@ -74,7 +96,7 @@ def _as_printed(sentence: str) -> str:
 
     if sentence.startswith(("wrote ", "reading ")):
         return sentence  # names of files
-    parts = re.split(r"""(`[^`]*`|"[^"]*"|\[[^\]]*\]|\{[^}]*\}|\b\w+ = \S+)""", sentence)
+    parts = re.split(r"""(`[^`]*`|"[^"]*"|\[[^][]*\]|\{[^{}]*\}|\b\w+ = \S+)""", sentence)
     return "".join(part if i % 2 else typeset(part) for i, part in enumerate(parts))
 
 
@@ -87,7 +109,7 @@ def _go_on(doing: list[Any], done: threading.Event, every: float = PROGRESS_INTE
         if now - max(since, reported) >= every:
             reported = now
             work = _as_printed(sentence.partition(" (")[0])
-            print(f"  ... {work}: {now - since:.0f} s so far", file=sys.stderr, flush=True)
+            say(f"  ... {work}: {now - since:.0f} s so far", sys.stderr)
 
 
 def _load_effects(context: click.Context, _option: click.Parameter, files: tuple[Path, ...]) -> None:
@@ -101,10 +123,10 @@ def _load_effects(context: click.Context, _option: click.Parameter, files: tuple
 
 
 EFFECTS = click.Option(
-    ["--effects"], multiple=True, type=click.Path(path_type=Path), metavar="FILE.py", expose_value=False,
+    ["--effects"], multiple=True, type=FilePath(), metavar="FILE.py", expose_value=False,
     callback=_load_effects, help="Effects of your own, in addition to those of the catalogue (docs/api.md).",
 )  # fmt: skip
-RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=FilePath())
 GRADE = click.option(
     "--grade",
     default="",

@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gimbalcal import atomic
-from gimbalcal.cli.options import OWN_EFFECTS, progress
+from gimbalcal.cli.options import OWN_EFFECTS, FilePath, progress
+from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError
 
 if TYPE_CHECKING:
@@ -98,7 +99,7 @@ class Output:
     def table(self, text: str) -> None:
         """Print a table above the answer, unless the answer is JSON or wanted alone."""
         if not (self.as_json or self.quiet):
-            print(text, end="\n\n")
+            say(text, end="\n\n")
 
     def wrote(self, folder: Path, first: str) -> None:
         """Report the files that were written."""
@@ -108,10 +109,10 @@ class Output:
         """Print the answer on stdout: the sentence and the path of its page, or the result as JSON."""
         lines = [sentence, *([] if folder is None else [f"report: {folder.page}"])]
         if self.as_json:
-            print(atomic.as_json(result))
+            say(atomic.as_json(result))
             self.tell("\n  ".join(lines))
         else:
-            print("\n".join(lines))
+            say("\n".join(lines))
 
     def deliver(
         self, folder: OutputFolder | None, file: str, content: Any, page: Callable[[], str], sentence: str
@@ -142,7 +143,7 @@ def output_options(
         options = [
             click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON."),
             click.option("--quiet", is_flag=True, help="No progress on stderr."),
-            click.option("--out", type=click.Path(path_type=Path), callback=_writable, default=None, help=described),
+            click.option("--out", type=FilePath(), callback=_writable, default=None, help=described),
         ]
         if replaces:
             differ = "Replace files in --out that differ from what is written."

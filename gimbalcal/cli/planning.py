@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gimbalcal.cli.options import DAMPING, LATITUDE, NOISE, POSITIVE, RUNS, SEED, Number, example, names_option
+from gimbalcal.cli.options import (
+    DAMPING,
+    LATITUDE,
+    NOISE,
+    POSITIVE,
+    RUNS,
+    SEED,
+    FilePath,
+    Number,
+    example,
+    names_option,
+)
 from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.errors import InputError, amount
 
@@ -42,7 +53,7 @@ FORCE_SIGMA = click.option(
         "gimbalcal observe wei2022-30 --states 30 --latitude 34.2 --out turns",
     )
 )
-@click.argument("schedule")
+@click.argument("schedule", type=FilePath(str))
 @click.option("--angle-sigma", default=1.0, type=NOISE, show_default=True, help="Setting error of a position, arcsec.")
 @FORCE_SIGMA
 @click.option(
@@ -181,7 +192,7 @@ def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
         "gimbalcal budget wei2022-30 wei2022-static --states 30 --hours 24 --out budget",
     )
 )
-@click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("scenarios", nargs=-1, required=True, type=FilePath())
 @click.option(
     "--hours", multiple=True, type=Number(min=0.5, max=240), default=(6.0, 24.0, 72.0), show_default=True,
     help="Hours within which the position error is given; as often as needed.",
@@ -210,7 +221,7 @@ def budget(
 
 
 @click.command(epilog=example("gimbalcal simulate wu2018-18 --seed 7 --out my-rig"))
-@click.argument("scenario", type=click.Path(path_type=Path))
+@click.argument("scenario", type=FilePath())
 @click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
 @output_options("the recording and its truth.json", "the name of SCENARIO, here")
 def simulate(scenario: Path, seed: int | None, output: Output) -> None:
@@ -224,7 +235,7 @@ def simulate(scenario: Path, seed: int | None, output: Output) -> None:
 
 
 @click.command(epilog=example("gimbalcal campaign wu2018-18 -n 100 --out campaign"))
-@click.argument("scenario", type=click.Path(path_type=Path))
+@click.argument("scenario", type=FilePath())
 @click.option("-n", "--runs", type=RUNS, default=200, show_default=True, help="How many runs.")
 @click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
 @click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")

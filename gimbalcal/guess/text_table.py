@@ -7,7 +7,6 @@ among the rows are skipped and counted.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -25,7 +24,7 @@ from gimbalcal.guess.message_log import tables_in
 from gimbalcal.importers.delimited import encoding_of, frame_of
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
-from gimbalcal.recording.lines import comment_words
+from gimbalcal.recording.lines import cells_of, comment_words
 
 if TYPE_CHECKING:
     import polars as pl
@@ -93,7 +92,7 @@ def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
 
 def head_of(path: Path) -> list[str]:
     """Return the first lines of a text file."""
-    with path.open(encoding=encoding_of(path)) as file:
+    with path.open(encoding=encoding_of(path), errors="replace") as file:
         return [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
 
 
@@ -146,7 +145,7 @@ def _rows(
             return _called(frame_of(path, mark, first, False, quoted, lines, comment), layout.names), 0
     except InputError:  # a row with more cells than the first
         pass
-    every = path.read_text(encoding=encoding_of(path)).splitlines() if lines is None else lines
+    every = path.read_text(encoding=encoding_of(path), errors="replace").splitlines() if lines is None else lines
     below = [line for line in every[first:] if line.strip() and not COMMENT.match(line)]
     cells = [_cells(line, mark) for line in below]
     most = max(layout.width, len(layout.names))  # a last column of remarks is often left empty
@@ -284,7 +283,7 @@ def _cells(line: str, mark: str) -> list[str]:
     if mark == " ":
         return line.split()
     if line.count('"') >= 2 and not _seconds_marked(line, mark):
-        return next(csv.reader([line], delimiter=mark, skipinitialspace=True))
+        return cells_of(line, mark, skipinitialspace=True)
     return line.split(mark)
 
 

@@ -1,7 +1,16 @@
 """History of a unit: calibrations and diagnoses in one file, and changes of parameters between them."""
 
 from gimbalcal.history.compare import UnitComparison, compare
-from gimbalcal.history.unit_store import DatedCalibration, StoredResult, date_in, dated_file, keep, kept, of_store
+from gimbalcal.history.unit_store import (
+    DatedCalibration,
+    StoredResult,
+    date_in,
+    dated_file,
+    keep,
+    kept,
+    of_store,
+    refuse_unusable,
+)
 
 __all__ = [
     "DatedCalibration",
@@ -13,4 +22,5 @@ __all__ = [
     "keep",
     "kept",
     "of_store",
+    "refuse_unusable",
 ]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import sqlite3
 import time
 from collections.abc import Iterator
@@ -23,7 +24,8 @@ from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.recording.header import NAME as HEADER
 
-FORMAT = 1  # of the tables, as SQLite's user_version
+FORMAT = 2  # of the tables, as SQLite's user_version
+READ = (1, FORMAT)  # 1: an entry's digest is that of its content, without unit and date
 MARK = 0x67696D62  # "gimb", SQLite's application_id: another program's database is not written into
 WAIT_S = 60.0  # of a writer for another
 CALIBRATION = "calibration"
@@ -74,20 +76,26 @@ def keep(path: Path, entry: StoredResult) -> bool:
     method = str(content.get("method", entry.kind))
     answer = str(content.get("outcome") or content.get("verdict", ""))
     recordings = [r.get("sha256", "") for r in content.get("provenance", {}).get("recordings", ())]
+    of_content = _digest(content)
     row = (entry.unit, entry.date, entry.kind, method, answer, json.dumps(recordings), json.dumps(content),
-           _digest(content))  # fmt: skip
+           f"{of_content} {_seal(entry, of_content)}")  # fmt: skip
     with _open(path, make=True) as base:
         base.execute("begin immediate")
+        base.execute(f"pragma user_version = {FORMAT}")
         columns = "(unit, date, kind, method, answer, recordings, content, digest)"
-        cursor = base.execute(f"insert or ignore into entries {columns} values (?, ?, ?, ?, ?, ?, ?, ?)", row)  # noqa: S608
-        if cursor.rowcount and entry.is_calibration:
+        same = "select 1 from entries where unit = ? and kind = ? and substr(digest, 1, 64) = ?"
+        cursor = base.execute(
+            f"insert into entries {columns} select ?, ?, ?, ?, ?, ?, ?, ? where not exists ({same})",
+            (*row, entry.unit, entry.kind, of_content),
+        )
+        if cursor.rowcount > 0 and entry.is_calibration:
             base.executemany(
                 "insert into parameters values (?, ?, ?, ?, ?, ?, ?)",
                 [(cursor.lastrowid, p.get("effect", p["name"]), p["name"], p["axis"], p["value"], p["sigma"], p["unit"])
                  for p in content["parameters"]],
             )  # fmt: skip
         base.execute("commit")
-    return bool(cursor.rowcount)
+    return cursor.rowcount > 0
 
 
 def kept(path: Path, unit: str = "") -> tuple[StoredResult, ...]:
@@ -98,19 +106,23 @@ def kept(path: Path, unit: str = "") -> tuple[StoredResult, ...]:
     with _open(path, make=False) as base:
         rows = base.execute("select unit, date, kind, content, digest from entries order by date, id").fetchall()
     entries = []
-    for *named, text, digest in rows:
+    for unit_, date, kind_, text, digest in rows:
         try:
             content = json.loads(text)
-            sound = all(isinstance(word, str) for word in named) and _digest(content) == digest
+            entry = StoredResult(unit_, date, kind_, content)
+            of_content = _digest(content)
+            sound = all(isinstance(word, str) for word in (unit_, date, kind_)) and digest in (
+                of_content,
+                f"{of_content} {_seal(entry, of_content)}",
+            )
         except (ValueError, TypeError, AttributeError, RecursionError):
             sound = False
         if not sound:
             raise InputError(
-                f"{path} holds an entry of {named[1]!r:.40} that is not what was kept: changed by another program, or "
+                f"{path} holds an entry of {date!r:.40} that is not what was kept: changed by another program, or "
                 "damaged; take the file from a copy, or compare the calibration.json files themselves"
             )
-        unit_, date, kind_ = named
-        entries.append(StoredResult(unit_, date, kind_, content))
+        entries.append(entry)
     return tuple(e for e in entries if unit in ("", e.unit))
 
 
@@ -121,20 +133,42 @@ def _digest(content: Json) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def _seal(entry: StoredResult, of_content: str) -> str:
+    """Return the SHA-256 of an entry with its unit, date and kind, which stand outside its content."""
+    return hashlib.sha256(json.dumps([entry.unit, entry.date, entry.kind, of_content]).encode()).hexdigest()
+
+
+def refuse_unusable(path: Path) -> None:
+    """Raise InputError where an entry could not be added to the store `path`, which stays as it is, or absent."""
+    if path.exists():
+        with _open(path, make=False) as base:
+            base.execute("begin immediate")
+            base.execute("rollback")
+        return
+    folder = next(p for p in path.absolute().parents if p.exists() or p.is_symlink())
+    if not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
+        why = "does not permit it" if folder.is_dir() else "is not a folder"
+        raise InputError(f"--store {path} cannot be made, {folder} {why}; give another file")
+
+
 @contextmanager
 def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
-    if path.is_dir() or not (path.is_file() or make):
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path} is a folder or a device, which cannot be a store; give another --store")
+    if not path.exists() and not make:
         raise InputError(f"there is no store {path}; `--store {path}` of calibrate and diagnose makes one")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    base = sqlite3.connect(path.absolute(), timeout=WAIT_S, isolation_level=None)
+    if make:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    base = None
     try:
+        base = sqlite3.connect(_address(path), timeout=WAIT_S, isolation_level=None, uri=True)
         base.execute("begin")  # one look at all of it: another process may be making the tables just now
         mark, version = (base.execute(f"pragma {name}").fetchone()[0] for name in ("application_id", "user_version"))
         empty = mark == 0 and version == 0 and not base.execute("select * from sqlite_master").fetchone()
         base.execute("commit")
         if empty and make:
             _make(base)
-        elif mark != MARK or version != FORMAT:
+        elif mark != MARK or version not in READ:
             what = f"of format {version}, and this version reads {FORMAT}" if mark == MARK else "another program's"
             raise InputError(f"{path} is a database {what}; give another --store")
         yield base
@@ -142,7 +176,14 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
         reason = " ".join(str(problem).split())
         raise InputError(f"{path} cannot be used as a store ({reason}); give another --store") from None
     finally:
-        base.close()
+        if base is not None:
+            base.close()
+
+
+def _address(path: Path) -> str:
+    """Return the URI of a store; where nothing can be written and no writer left a log, one that needs no lock."""
+    fixed = not os.access(path.parent, os.W_OK) and path.is_file() and not path.with_name(f"{path.name}-wal").exists()
+    return path.absolute().as_uri() + ("?mode=ro&immutable=1" if fixed else "")
 
 
 def _make(base: sqlite3.Connection) -> None:

@@ -85,12 +85,12 @@ def frame_of(
     source: Path | bytes = path.absolute()  # as it stands: `~` and `*` are letters like others
     encoding = "" if lines is not None else encoding_of(path)
     if separator == " ":  # columns are often lined up by more than one blank
-        lines = lines if lines is not None else path.read_text(encoding=encoding).splitlines()
+        lines = lines if lines is not None else path.read_text(encoding=encoding, errors="replace").splitlines()
         source, skip = "\n".join(" ".join(line.split()) for line in lines[skip:] if line.split()).encode(), 0
     elif lines is not None:
         source = "\n".join(lines).encode()
     elif encoding != "utf-8-sig":
-        source = path.read_text(encoding=encoding).encode()
+        source = path.read_text(encoding=encoding, errors="replace").encode()
     try:
         frame = pl.read_csv(
             source,
@@ -140,7 +140,10 @@ def _numbers(path: Path, name: str, text: pl.Series, named: bool) -> Array:
 
 
 def encoding_of(path: Path) -> str:
-    """Return the encoding of a text file: UTF-8, UTF-16 where a mark says so, else that of western Windows."""
+    """Return the encoding of a text file: UTF-8, UTF-16 where a mark says so, else that of western Windows.
+
+    A file may be cut off inside a character: read it with `errors="replace"`.
+    """
     with path.open("rb") as file:
         if file.read(2) in (b"\xff\xfe", b"\xfe\xff"):
             return "utf-16"
@@ -157,7 +160,7 @@ def encoding_of(path: Path) -> str:
 
 
 def _first_line(path: Path, skip: int) -> str:
-    with path.open(encoding=encoding_of(path)) as file:
+    with path.open(encoding=encoding_of(path), errors="replace") as file:
         lines = (line for i, line in enumerate(file) if i >= skip and line.strip() and not line.startswith("#"))
         return next(lines, "").strip("\r\n")
 

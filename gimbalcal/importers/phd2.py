@@ -13,7 +13,6 @@ where the lock position is moved (dither). Format: the PHD2 guide log, as its pr
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,11 +21,12 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, amount, shortened
 from gimbalcal.importers.pointing_files import about_other_pole, pointing_run
 from gimbalcal.importers.registry import importer
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
+from gimbalcal.recording.lines import cells_of
 from gimbalcal.recording.record import Recording, Site
 from gimbalcal.units import to_si
 
@@ -122,8 +122,9 @@ def _chosen(path: Path, options: Mapping[str, str], stretches: Sequence[_Stretch
     if "stretch" not in options:
         return 1 + int(np.argmax([len(s.frames) for s in stretches]))
     text = options["stretch"]
-    if not text.isdigit() or not 1 <= int(text) <= len(stretches):
-        raise InputError(f"{path} has {amount(len(stretches), 'stretch', 'stretches')}; give one of them, got {text!r}")
+    if not re.fullmatch(r"\d{1,9}", text) or not 1 <= int(text) <= len(stretches):
+        number = amount(len(stretches), "stretch", "stretches")
+        raise InputError(f"{path} has {number}; give one of them, got {shortened(text)!r}")
     return int(text)
 
 
@@ -146,10 +147,8 @@ def _stretches(path: Path) -> list[_Stretch]:
         elif not names:
             header.append(text)
         elif text[:1].isdigit() or '"Mount"' in text:
-            frame = dict(
-                zip(names, (cell.strip() for cell in next(csv.reader([text], skipinitialspace=True))), strict=False)
-            )
-            if not frame[names[0]].isdigit() or frame.get("mount") not in _KINDS:
+            frame = dict(zip(names, (cell.strip() for cell in cells_of(text, skipinitialspace=True)), strict=False))
+            if not re.fullmatch(r"\d{1,9}", frame[names[0]]) or frame.get("mount") not in _KINDS:
                 raise InputError(f"{path}, line {number} is no frame as PHD2 writes them; correct or remove it")
             if before and int(frame[names[0]]) != before + 1:
                 out[-1].gaps.append(number)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from gimbalcal.errors import InputError, alternatives
+from gimbalcal.errors import InputError, alternatives, shortened
 from gimbalcal.quantities import check
 from gimbalcal.units import to_si
 
@@ -98,6 +98,19 @@ class Document:
             raise InputError(f"{self.where('', name)}: {name} must be a table, write [{name}]")
         return value
 
+    def text(self, key: str, default: str) -> str:
+        """Return the text `key` above all tables."""
+        value = self.content.get(key, default)
+        if not isinstance(value, str):
+            raise InputError(f'{self.where("", key)}: {key} must be a text, as in {key} = "...", got {value!r:.60}')
+        return value
+
+    def tables(self, name: str, entries: object) -> list[dict[str, Any]]:
+        """Return the entries of an array of tables."""
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise InputError(f"{self.where(name)}: {name} must be tables, each under its own [[{name}]]")
+        return entries
+
     def only(self, table: str, known_keys: tuple[str, ...], content: Mapping[str, Any]) -> None:
         """Refuse a key that nobody reads: it is most likely a slip of the pen."""
         for key in content:
@@ -128,8 +141,3 @@ class Document:
         except InputError as error:
             raise InputError(f"{where}, {name}: {error}") from None
         return unit
-
-
-def shortened(text: str, most: int = 60) -> str:
-    """Return `text`, less its middle where it is long: a message shows what was written, not all of it."""
-    return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 4 :]}"

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
-from gimbalcal.errors import InputError, alternatives
+from gimbalcal.errors import InputError, alternatives, shortened
 from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
 from gimbalcal.recording.columns import RATE_OF, Column, columns_of
 from gimbalcal.recording.dates import recorded_on
-from gimbalcal.recording.document import Document, shortened
+from gimbalcal.recording.document import Document
 from gimbalcal.recording.kinds import KINDS, Kind, kind_of
 from gimbalcal.recording.lines import has_names
 from gimbalcal.recording.record import COLOURED, SENSORS, Site
@@ -77,7 +77,7 @@ def foreign_header(path: Path, samples: Path, skip: int = 0, clock_needed: bool 
             f"{path} does not exist; it must say what the columns of {samples} hold, as recording.toml does"
         )
     document = Document(path)
-    title = str(document.content.get("title", samples.stem))
+    title = document.text("title", samples.stem)
     return replace(_header(document, samples, clock_needed), skip=skip, title=title)
 
 
@@ -105,7 +105,7 @@ def _header(document: Document, samples: Path, clock_needed: bool = True, platfo
     return Header(
         path=path,
         kind=kind,
-        title=str(content.get("title", path.resolve().parent.name)),
+        title=document.text("title", path.resolve().parent.name),
         samples=samples,
         date=recorded_on(content.get("date", ""), document.where("", "date")),
         site=site,
@@ -193,17 +193,15 @@ def platform_of(document: Document, kind: str) -> Platform:
 
 def _axes(document: Document, entries: object) -> tuple[Axis, ...]:
     where = document.where("platform.axes")
-    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise InputError(f"{where}: spell each axis out under its own [[platform.axes]]")
     axes = []
-    for entry in entries:
+    for entry in document.tables("platform.axes", entries):
         document.only("platform.axes", ("name", "direction", "sign", "offset"), entry)
         offset = document.number("platform.axes", "offset", entry["offset"], "angle") if "offset" in entry else 0.0
         try:
             axes.append(Axis(entry["name"], entry["direction"], entry.get("sign", 1), offset))
         except KeyError as error:
             raise InputError(
-                f"{where}: an axis of the platform has no {error}; each needs name and direction"
+                f"{where}: an axis of the platform has no {error.args[0]}; each needs name and direction"
             ) from None
         except ValueError as error:
             raise InputError(f"{where}: {error}") from None

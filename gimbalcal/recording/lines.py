@@ -76,14 +76,15 @@ def lines(path: Path, skip: int = 0) -> Iterator[tuple[int, list[str]]]:
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         for line, text in enumerate(file, start=1):
             if line > skip and not text.startswith("#"):
-                yield line, _cells(text)
+                yield line, cells_of(text)
 
 
-def _cells(text: str) -> list[str]:
+def cells_of(line: str, mark: str = ",", skipinitialspace: bool = False) -> list[str]:
+    """Return the cells of a line of CSV, or what is between its separators if a cell is too long for the reader."""
     try:
-        return next(csv.reader([text]), [])
-    except csv.Error:  # a line without an end, of some binary file
-        return [text]
+        return next(csv.reader([line], delimiter=mark, skipinitialspace=skipinitialspace), [])
+    except csv.Error:
+        return line.split(mark)
 
 
 def place(path: Path, start: int, stop: int | None = None, skip: int = 0, named: bool = True) -> str:

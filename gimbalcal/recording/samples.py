@@ -15,11 +15,10 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from gimbalcal.checks.unreadable import check_bytes, check_names, check_types, explained
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, amount, shortened
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
-from gimbalcal.recording.document import shortened
 from gimbalcal.recording.lines import EMPTY, has_names, heading, lines, place
 from gimbalcal.recording.memory_limit import refuse_bomb
 from gimbalcal.units import from_si

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.errors import InputError, alternatives, amount
+from gimbalcal.errors import InputError, alternatives, amount, shortened
 from gimbalcal.platform import KNOWN, Platform
-from gimbalcal.recording.document import LARGEST, Document, shortened
+from gimbalcal.recording.document import LARGEST, Document
 from gimbalcal.recording.header import platform_of
 from gimbalcal.recording.writing import platform_toml, toml_text
 from gimbalcal.schedule.commands import BODY, DIRECTIONS, TABLE, Hold, Move, RotationSchedule, Schedule
@@ -56,12 +56,13 @@ def read_schedule(name: str | Path) -> Schedule:
     table = document.table("schedule")
     document.only("schedule", ("dwell", "slew_rate", "holds"), table)
     holds = table.get("holds")
-    if not isinstance(holds, list) or not holds:
+    if not holds:
         raise InputError(f"{document.where('schedule')}: a schedule needs [[schedule.holds]], one for each position")
+    holds = document.tables("schedule.holds", holds)
     duration = _number(document, table, "dwell", "time", 600.0)
     read_holds = tuple(_hold(document, platform, i, hold, duration) for i, hold in enumerate(holds, start=1))
     rate = _number(document, table, "slew_rate", "angular_rate", float(np.deg2rad(6.0)))
-    return Schedule(str(document.content.get("title", path.stem)), platform, read_holds, rate)
+    return Schedule(document.text("title", path.stem), platform, read_holds, rate)
 
 
 def _document(path: Path) -> Document:
@@ -108,12 +109,13 @@ def read_rotation(name: str | Path) -> RotationSchedule:
     document.only("", ("format", "kind", "title", "start", "rate", "ramp", "stop", "outer", "inner", "moves"), content)
     if content.get("kind") != "rotation":
         raise InputError(f'{name}: a schedule of turns says kind = "rotation"')
-    if not isinstance(content.get("moves"), list) or not content["moves"]:
+    if not content.get("moves"):
         raise InputError(f"{name}: a schedule of turns needs [[moves]], one for each turn")
     rate = _above_zero(document, "", "rate", content, "angular_rate", float(np.deg2rad(10.0)))
-    moves = tuple(_move(document, i, entry) for i, entry in enumerate(content["moves"], start=1))
+    entries = document.tables("moves", content["moves"])
+    moves = tuple(_move(document, i, entry) for i, entry in enumerate(entries, start=1))
     inner, outer = content.get("inner", "z"), content.get("outer", "")
-    if inner not in BODY or (outer and outer not in DIRECTIONS):
+    if inner not in BODY or (outer and outer not in [*DIRECTIONS]):
         raise InputError(
             f"{document.where('', 'outer' if inner in BODY else 'inner')}: inner is x, y or z of the unit, and outer "
             f"one of {alternatives(list(DIRECTIONS))}"
@@ -122,7 +124,7 @@ def read_rotation(name: str | Path) -> RotationSchedule:
     stop = _above_zero(document, "", "stop", content, "time", 100.0)
     if ramp < 0:
         raise InputError(f"{document.where('', 'ramp')}: the ramp takes time, got {ramp:g} s; write 0 s for none")
-    title = str(content.get("title", Path(name).stem))
+    title = document.text("title", Path(name).stem)
     start = _start(document, content.get("start", {}))
     try:
         return RotationSchedule(title, start, moves, rate, ramp, stop, outer, inner)
@@ -135,7 +137,7 @@ def _start(document: Document, entry: Any) -> tuple[str, str, str]:
     if not isinstance(entry, dict) or set(entry) != set(BODY):
         raise InputError(f'{where}: say where the axes point, start = {{ x = "east", y = "north", z = "up" }}')
     for axis in BODY:
-        if entry[axis] not in DIRECTIONS:
+        if entry[axis] not in [*DIRECTIONS]:
             raise InputError(f"{where}: {axis} points to {entry[axis]!r}; write {alternatives(list(DIRECTIONS))}")
     return (str(entry["x"]), str(entry["y"]), str(entry["z"]))
 

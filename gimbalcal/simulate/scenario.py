@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
+from gimbalcal.entries import expected
 from gimbalcal.errors import InputError
 from gimbalcal.quantities import check
 from gimbalcal.recording.document import LARGEST, Document
@@ -291,6 +292,6 @@ def check_content(content: dict[str, Any], where: str = "scenario") -> Scenario:
     except ValidationError as problems:
         first = problems.errors()[0]
         field = ".".join(str(part) for part in first["loc"]) or "scenario"
-        message = first["msg"].removeprefix("Value error, ")
+        message = expected(first)
         got = "" if first["type"] == "value_error" or "input" not in first else f", got {first['input']!r}"
         raise InputError(f"{where}: {field}: {message}{got if len(got) < 80 else ''}") from None

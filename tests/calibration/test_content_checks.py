@@ -84,6 +84,6 @@ def test_a_damaged_calibration_is_refused(tmp_path: Path, change: Callable[[Cont
 def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
     deep = tmp_path / "deep.json"
     deep.write_text("[" * 100_000)
-    for path, words in ((Path("/dev/zero"), "there is no /dev/zero"), (deep, "is not a calibration.json")):
+    for path, words in ((Path("/dev/zero"), "there is no /dev/zero"), (deep, "too many brackets")):
         with pytest.raises(InputError, match=words):
             read(path)

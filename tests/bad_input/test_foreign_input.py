@@ -1,0 +1,222 @@
+"""Paths, stores, headers and results that come from elsewhere: one sentence and exit status 2, and nothing written."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimbalcal.cli.options import _as_printed
+from gimbalcal.entries import read_json
+from gimbalcal.errors import InputError
+from gimbalcal.history import StoredResult, keep, kept
+from gimbalcal.history.unit_store import WAIT_S
+from tests.history.calibrations import calibration
+
+DATA = Path(__file__).resolve().parents[2] / "data"
+DEVICE = DATA / "space_stable_18"
+SCHEDULE = '[platform]\nname = "space-stable"\n[schedule]\n'
+TURNS = 'kind = "rotation"\nmoves = [{ axis = "z", angle = { value = 90, unit = "deg" } }]\n'
+Command = Callable[..., int]
+
+
+def refused(command: Command, capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """The one sentence with which a command is refused; nothing new is in its folder."""
+    before = {*Path().rglob("*")}
+    assert command(*arguments) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("  ")]
+    assert len(lines) == 1, lines
+    assert {*Path().rglob("*")} == before
+    assert "Error" not in lines[0]
+    return lines[0]
+
+
+@pytest.mark.parametrize("arguments", [
+    ("calibrate", "loop"), ("diagnose", "loop"), ("new", "loop"), ("noise", "loop"), ("import", "tpoint", "loop"),
+    ("simulate", "loop"), ("observe", "loop"), ("navigate", "loop"), ("budget", "loop"), ("campaign", "loop"),
+    ("compare", "--store", "loop"), ("calibrate", DEVICE, "--store", "loop"), ("calibrate", DEVICE, "--out", "loop/x"),
+    ("export", "csv", "--calibration", "loop"),
+])  # fmt: skip
+def test_links_in_a_circle(command: Command, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]) -> None:
+    Path("loop").symlink_to("loop")
+    assert "links that lead to themselves" in refused(command, capsys, *arguments)
+
+
+@pytest.mark.parametrize("arguments", [
+    ("calibrate", "dev\udcff"), ("new", "log.csv", "--title", "a\udcff"), ("calibrate", DEVICE, "--out", "o\udcff"),
+    ("calibrate", DEVICE, "--store", "s.db", "--unit", "a\udcff"),
+])  # fmt: skip
+def test_words_that_are_not_utf8(
+    command: Command, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
+) -> None:
+    assert r"\xff' is not UTF-8" in refused(command, capsys, *arguments)
+
+
+@pytest.mark.parametrize("store", ["folder", "text.csv", "text.csv/x.db", "fifo", "/dev/null", "/dev/full"])
+@pytest.mark.parametrize("name", ["calibrate", "diagnose"])
+def test_a_store_is_opened_before_anything_is_written(
+    command: Command, capsys: pytest.CaptureFixture[str], name: str, store: str
+) -> None:
+    Path("folder").mkdir()
+    Path("text.csv").write_text("a,b\n1,2\n" * 100)
+    os.mkfifo("fifo")
+    assert "store" in refused(command, capsys, name, DEVICE, "--store", store)
+
+
+def entry(unit: str = "u") -> StoredResult:
+    content = calibration(np.full(6, 100.0), 0).to_dict()
+    return StoredResult(unit, content["provenance"]["created"], "calibration", content)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="it takes root to become another user")
+def test_a_store_that_cannot_be_written_is_compared() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "unit.sqlite"
+        keep(path, entry())
+        path.chmod(0o444)
+        Path(name).chmod(0o555)
+        os.setresuid(65534, 65534, 0)
+        try:
+            assert [e.unit for e in kept(path)] == ["u"]
+            with pytest.raises(InputError, match="cannot be used as a store"):
+                keep(path, entry("v"))
+        finally:
+            os.setresuid(0, 0, 0)
+        assert sorted(p.name for p in Path(name).iterdir()) == ["unit.sqlite"]
+
+
+@pytest.mark.parametrize("column", ["unit", "date", "kind"])
+def test_a_store_notices_what_stands_outside_the_content(tmp_path: Path, column: str) -> None:
+    import sqlite3
+
+    path = tmp_path / "unit.sqlite"
+    assert keep(path, entry())
+    assert not keep(path, entry())
+    with sqlite3.connect(path, timeout=WAIT_S) as base:
+        base.execute(f"update entries set {column} = '2020-01-01'")
+    with pytest.raises(InputError, match="is not what was kept"):
+        kept(path)
+
+
+@pytest.mark.parametrize(("text", "sentence"), [
+    ("holds = [3]", "must be tables"), ('holds = ["a"]', "must be tables"), ("holds = [[1, 2]]", "must be tables"),
+    ('holds = "abc"', "must be tables"), ("holds = 3", "must be tables"), ("holds = [{ platform = [1] }]", "angle"),
+])  # fmt: skip
+def test_holds(command: Command, capsys: pytest.CaptureFixture[str], text: str, sentence: str) -> None:
+    Path("schedule.toml").write_text(SCHEDULE + text)
+    assert sentence in refused(command, capsys, "observe", "schedule.toml")
+
+
+@pytest.mark.parametrize("line", [
+    'outer = ["x"]', "outer = { a = 1 }", 'inner = ["x"]', 'start = { x = ["a"], y = "north", z = "up" }',
+    'title = ["a"]', "moves = [3]", "moves = [[1]]",
+])  # fmt: skip
+def test_turns(command: Command, capsys: pytest.CaptureFixture[str], line: str) -> None:
+    rest = TURNS if not line.startswith("moves") else 'kind = "rotation"\n'
+    Path("turns.toml").write_text(f"{line}\n{rest}")
+    refused(command, capsys, "observe", "turns.toml")
+
+
+@pytest.mark.parametrize("name", ['["a"]', "{ a = 1 }", "3", '""'])
+def test_names_of_axes(command: Command, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    Path("schedule.toml").write_text(
+        f'[platform]\naxes = [{{ name = {name}, direction = "z" }}]\n[schedule]\nholds = [{{}}]\n'
+    )
+    assert "the name of an axis must be a word" in refused(command, capsys, "observe", "schedule.toml")
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> str:
+    from gimbalcal.methods import calibrate
+
+    made, _ = calibrate([DEVICE])
+    return json.dumps(made.to_dict())
+
+
+def _shorter(content: dict) -> None:  # type: ignore[type-arg]
+    content["stages"][0]["sigmas"].popitem()
+
+
+@pytest.mark.parametrize(("change", "sentence"), [
+    (_shorter, "there must be a sigma for each of its values"),
+    (lambda c: c.pop("unobservable"), "unobservable is missing"),
+    (lambda c: c["parameters"][0].pop("sigma"), "parameters / 1 / sigma is missing"),
+    (lambda c: c["parameters"][0].update(effect=[]), "parameters / 1 / effect cannot be []: it must be a text"),
+    (lambda c: c.update(residual=3), "residual cannot be 3: it must be a table of keys"),
+    (lambda c: c.update(readout=[]), "readout cannot be []: it must be a table of keys"),
+    (lambda c: c.update(outcome=None), "outcome cannot be None: it must be a text"),
+    (lambda c: c.update(outcome="\ud800"), "half of a character"),
+])  # fmt: skip
+def test_results_of_another_shape(
+    command: Command, capsys: pytest.CaptureFixture[str], result: str, change: Callable[[object], object], sentence: str
+) -> None:
+    content = json.loads(result)
+    change(content)
+    Path("calibration.json").write_text(json.dumps(content))
+    assert sentence in refused(command, capsys, "export", "json", "--calibration", "calibration.json", "--out", "made")
+
+
+@pytest.mark.parametrize(("content", "sentence"), [
+    (b"[1, 2", "line 1, column 6: no JSON"), (b"\xc3", "not text in UTF-8"), (b"9" * 5000, "too many digits"),
+    (b"[" * 100_000, "too many brackets"),
+])  # fmt: skip
+def test_json_that_is_none(tmp_path: Path, content: bytes, sentence: str) -> None:
+    path = tmp_path / "x.json"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=sentence):
+        read_json(path, "another")
+
+
+@pytest.mark.parametrize(
+    "spoil", [lambda b: b[: len(b) // 2] + b"\xc3", lambda b: b.replace(b"1.0", b'"' + b"x" * 140_000 + b'"', 1)]
+)
+def test_logs_cut_inside_a_character_and_cells_without_end(
+    command: Command, capsys: pytest.CaptureFixture[str], spoil: Callable[[bytes], bytes]
+) -> None:
+    rows = "".join(f"{i},{i % 7}.0,1.0,9.8\n" for i in range(50))
+    Path("log.csv").write_bytes(spoil(f"t [s],ax [µg],ay,az\n{rows}".encode()))
+    assert command("new", "log.csv") in (0, 2)
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["x" * 3_000_000, "[" * 200_000, "{" * 200_000, '"' * 200_001, "a = " * 200_000])
+def test_printing_is_linear_in_the_length(text: str) -> None:
+    began = time.process_time()
+    _as_printed(text)
+    assert time.process_time() - began < 2.0
+
+
+def test_escape_sequences_are_shown_not_obeyed(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+    for word in ("\x1b[31mred", "\x9b31mred", "\u202egnp.exe"):
+        command("calibrate", f"no-{word}")
+        err = capsys.readouterr().err
+        assert word not in err
+        assert "\\x" in err or "\\u" in err
+
+
+def test_warnings_and_panics_stay_inside() -> None:
+    code = (
+        "import os, warnings, click, gimbalcal.cli as cli\n"
+        "def noisy(**_):\n"
+        "    warnings.warn('overflow', RuntimeWarning)\n"
+        "    os.write(2, b'thread panicked')\n"
+        "    raise cli.InputError('one sentence')\n"
+        "cli.gimbalcal.commands['noise'].callback = noisy\n"
+        "cli.main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "noise", "x"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr, done.stdout) == (2, "gimbalcal: one sentence\n", "")
+
+
+def test_closed_streams() -> None:
+    program = f"{sys.executable} -m gimbalcal calibrate nowhere 2>&-"
+    done = subprocess.run(["sh", "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
