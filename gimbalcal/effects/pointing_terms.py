@@ -19,7 +19,7 @@ from gimbalcal.effects.effect import (
 )
 from gimbalcal.number import Array
 
-MIN_SINE_OF_ELEVATION = 0.0175  # a degree, where the refraction of a plane-parallel atmosphere is far too large
+MIN_SINE_OF_ELEVATION = 1 / 57  # a degree, below which the refraction of a plane-parallel atmosphere is far too large
 
 
 @effect
@@ -75,10 +75,11 @@ class TubeFlexure(Effect):
 class Refraction(Effect):
     r"""Refraction left over, or flexure of like form: the sky stands higher than was computed, by cot(elevation).
 
-    .. math:: \vartheta = \frac{R \, g}{f_x} \, x_p \times d, \qquad d = -\frac{f}{g}, \qquad
+    .. math:: \vartheta = \frac{R}{\max(1 / 57, \; f_x / g)} \, x_p \times d, \qquad d = -\frac{f}{g}, \qquad
               E_{seen} - E_{true} = R \cot E
 
-    The formula ends a degree above the horizon; what is lower is refracted as there.
+    It is the refraction of a plane-parallel atmosphere, which ends a degree above the horizon: what is lower is
+    refracted as there.
 
     Source: Wallace, TPOINT manual (TX); Explanatory Supplement (plane-parallel atmosphere, R about 60 arcsec in
     full). Magnitude: 0.5 to 10 arcsec left over. Seen by: elevations below 30 deg. Confounded with: tube_flexure at

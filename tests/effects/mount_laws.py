@@ -184,8 +184,8 @@ POINTING: dict[str, tuple[str, Law]] = {
     ),
     "tube_flexure": ("Wallace, TPOINT: TF", lambda s, p: p.k * _towards_down(s)),
     "refraction": (
-        "Wallace, TPOINT: TX; R cot E, the lever of `_towards_down` being cos E",
-        lambda s, p: p.R * _towards_down(s) * col(s.gravity / s.force[:, 0]),
+        "Wallace, TPOINT: TX; R cot E above a degree, the lever of `_towards_down` being cos E",
+        lambda s, p: p.R * _towards_down(s) * col(1 / np.maximum(s.force[:, 0] / s.gravity, 1 / 57)),
     ),
 }  # fmt: skip
 MOUNT_LAWS = {**GIMBAL, **GROUND, **DRIFT, **MOTION, **POINTING}
