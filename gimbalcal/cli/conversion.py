@@ -204,5 +204,6 @@ def new(
               "left_out": list(proposal.left_out), "notes": dict(proposal.notes)}  # fmt: skip
     after = "calibrate" if stars or turned or intervals > 1 or r.kind.stabilised else "noise"
     how = " --method rate-table" if turned and r.has("specific_force") else ""
+    how = " --method attitude" if r.has("attitude") else how
     words = f"wrote {folder}, {description}; {correct}, then: gimbalcal {after} {folder}{how}"
     output.show(result, words)

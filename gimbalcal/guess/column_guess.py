@@ -61,10 +61,14 @@ def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str]) -> Guess
     log = without_duplicates(_by_values(_in_seconds(log, table), elsewhere, quantity_of_log(path.stem)))
     log, note = _timed_rows(log)
     notes |= {"time": note} if note else {}
+    if log.has("time"):
+        time, note = clocks.spread(log.columns[log.clock])
+        log = log.including({}, {log.clock: time})
+        notes |= {"clock": note} if note else {}
     dwell_rows = _rows_are_dwells(log)
     if dwell_rows:
         log = _table_of_dwells(log)
-    log = _with_row_clock(path, log, rate, dwell_rows)
+    log = _with_row_clock(path, log, rate, dwell_rows, table.rate)
     if not dwell_rows:  # the standard deviation of single samples follows from the rows
         log = log.without("sigma", "weight")
     elif log.has("sigma"):
@@ -172,21 +176,23 @@ def _table_of_dwells(log: Log) -> Log:
     )
 
 
-def _with_row_clock(path: Path, log: Log, rate: float, dwell_rows: bool) -> Log:
-    """Return the log with a clock that counts the rows, at a rate [Hz], or if they are dwells without another clock."""
-    timed = log.has("time")
+def _with_row_clock(path: Path, log: Log, rate: float, dwell_rows: bool, stated: tuple[float, str] | None) -> Log:
+    """Return the log with a clock that counts the rows, at a rate [Hz], or if they are dwells without another clock.
+
+    stated: the rate that a line of the log states, and that line.
+    """
+    why = f"--rate {rate:g}"
     if rate > 0:
         log = log.without("time")
-    elif timed:
+    elif log.has("time"):
         return log
-    elif not dwell_rows:
+    elif dwell_rows:
+        why = f"its rows, counted {ROW_STEP_S:g} s apart since no column is a clock: rates of drift mean nothing"
+    elif stated:
+        rate, why = stated[0], f"its rows, {stated[0]:g} in a second as the log says ({stated[1]!r})"
+    else:
         raise InputError(f"{path}: no column is a clock by its name ({', '.join(log.columns)}); give --rate HZ")
     rows = np.arange(len(next(iter(log.columns.values()))))
-    why = (
-        f"--rate {rate:g}"
-        if rate > 0
-        else f"its rows, counted {ROW_STEP_S:g} s apart since no column is a clock: rates of drift mean nothing"
-    )
     return log.preceded_by("time", Guess("time", "", "s", why), rows / rate if rate > 0 else ROW_STEP_S * rows)
 
 

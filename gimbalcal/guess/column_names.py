@@ -26,11 +26,11 @@ _TIME = re.compile(
 )
 _FORCE_WORDS = (
     "linear_acceleration|lin_acc|linacc|accelerometer_acceleration|accelerometer|acceleration|accelero|accel|accl|acc"
-    "|beschleunigung|beschl|specific_force|spezifische_kraft|force|kraft|fs|f|a"
+    "|beschleunigung|beschl|specific_force|spezifische_kraft|force|kraft|fs|fb|f|a"
 )
 _RATE_WORDS = (
     "angular_velocity|angular_rate|ang_vel|angvel|ang_rate|gyro_rotation|rotation_rate|rot_rate|gyroscope|gyro|gyr|omega"
-    "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|rate|om|rot|w|g"
+    "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|rate|om|rot|wb|w|g"
 )
 _QUALIFIERS = (
     "smooth|adc|raw|filtered|filt|unfilt|lpf|data|out|output|mean|avg|average|mittel|sensor|val|value|meas|imu"
@@ -48,7 +48,7 @@ _OWN_ESTIMATE = re.compile(
 )
 _BARE = re.compile(r"^(?:(?:axis|achse|values?|measurement|data)_)?([xyz]|(?<=_)[012])(?:_(?:axis|achse))?(_|$)")
 _BODY = {"p": "x", "q": "y", "r": "z"}  # roll, pitch and yaw rate of a vehicle
-_TEMPERATURE = re.compile(r"(temperature|temperatur|temp|tmp)(_|$)|(t_(deg_)?[cfk]|t_(degc|celsius|degf))$")
+_TEMPERATURE = re.compile(r"(^|_)(temperature|temperatur|temp|tmp)(_|$)|^(t_(deg_)?[cfk]|t_(degc|celsius|degf))$")
 _COUNTER = re.compile(
     r"(^|_)(packet|sample|frame|index|idx|counter|seq|sequence|row|line|loop|iteration|loop_iteration|record|zaehler)"
     r"(_(number|no|nr|num|counter|count|index|id))?$"
@@ -205,7 +205,7 @@ def by_name(name: str, hint: str = "") -> Guess | None:
             return Guess("sigma", "", unit_written(_rest(of, whole)), why)
     if (timed := _time(words)) is not None:
         return Guess("time", "", timed, why)
-    if _TEMPERATURE.match(words):
+    if _TEMPERATURE.search(words) and not NOT_A_TRIAD.intersection(words.split("_")):
         return Guess("temperature", "", unit_written(words) or "degC", why)
     if _POSITION.match(words):
         return Guess("position", "", "", why)

@@ -20,6 +20,7 @@ from gimbalcal.units import to_si
 
 MAX_RATE = 35.0  # rad/s, 2000 deg/s: the range of the fastest gyroscopes in such units
 USUAL_NOISE_DEG_S, MAX_BIAS_DEG_S = 0.05, 3.0  # of gyroscopes, from row to row and at rest
+MAX_BIAS_COST = 3.0  # nats: a larger one may be a steady turn
 LSB_DEG_S = (1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 16, 0.07, 0.035, 0.0175, 0.00875, 1 / 14.375, 0.05, 0.02)
 ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are printed, whatever they are
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
@@ -167,7 +168,8 @@ def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[floa
         sigma = np.degrees(max(scatter, step / 3) * size)
         cost = prior + (0.5 * (np.log(sigma / USUAL_NOISE_DEG_S) / 2) ** 2 if sigma > 0 else 0.0)
         why = [f"{sigma:.2g} deg/s from row to row"] if sigma > 0 else []
-        cost += 0.5 * max(0.0, np.log(np.degrees(bias * size) / MAX_BIAS_DEG_S)) ** 2 if bias > 0 else 0.0
+        excess = np.log(np.degrees(bias * size) / MAX_BIAS_DEG_S) if bias > 0 else 0.0
+        cost += min(0.5 * max(0.0, excess) ** 2, MAX_BIAS_COST)
         if fastest * size > MAX_RATE:
             cost, why = cost + 20.0, [f"up to {fastest:.4g}, more than any hand turns"]
         if any(abs(np.degrees(step * size) / lsb - 1) < 1e-3 for lsb in LSB_DEG_S) and step not in ROUND:
@@ -186,8 +188,12 @@ def quantum(x: Array) -> float:
     if len(levels) < 3 or len(levels) > 0.5 * min(len(x), 20_000):
         return 0.0
     step = float(np.diff(levels).min())
-    step = float(np.median(np.diff(levels)[np.diff(levels) < 1.5 * step]))
-    return step if step > 0 and np.mean(np.abs(levels / step - np.round(levels / step)) < 0.1) > 0.9 else 0.0
+    near = np.diff(levels)
+    step, offset, k = float(np.median(near[near < 1.5 * step])), levels - levels[0], 2
+    while step > 0 and k < len(levels):  # numbers are rounded, so the step follows from ever longer distances
+        step, k = float(offset[k] / max(np.round(offset[k] / step), 1.0)), 2 * k
+    at = offset / step if step > 0 else offset + 0.5
+    return step if np.mean(np.abs(at - np.round(at)) < 0.1) > 0.9 else 0.0
 
 
 def _are_counts(triad: Sequence[Array]) -> bool:

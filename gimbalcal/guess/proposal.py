@@ -17,10 +17,11 @@ from gimbalcal.checks.measured_turns import turns_of
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError, amount
+from gimbalcal.guess.attitude import complete, motion_cost, used, with_reference
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon
 from gimbalcal.guess.column_guess import guessed, with_units
 from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
-from gimbalcal.guess.column_values import changes_direction
+from gimbalcal.guess.column_values import MAX_BIAS_DEG_S, changes_direction
 from gimbalcal.guess.gimbal_chain import chain_among, encoder_angles, gimbal_chain
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import are_parts, concatenated, on_one_clock, slowest_first
@@ -50,9 +51,14 @@ SELF_DESCRIBING = {"TPOINT's observations": import_tpoint, "a pointing run of th
 MAX_BYTES = 20_000_000  # of such a file: a hundred thousand stars
 MIN_MARGIN, MAX_EXCESS = 2.0, 8.0  # nats, up to which two choices of units are hardly distinguished; or one is refused
 MAX_PHYSICAL_COST = 30.0  # nats, of turns none of which fits gravity
+BLOCK_S, MAX_CHANGE_RAD_S = 0.5, np.radians(0.5)  # means of gyroscopes at rest change by less from one to the next
 FACTOR_COST = 5.0  # nats, of turns that fit gravity at some factor of all rates
 FACTORS = np.geomspace(1 / 3, 3, 89)  # of all rates, in steps of 2.5 %
 NOISE_FROM_ROWS = "taken from the rows, where nothing is stated"
+
+
+class _MovingUnitError(InputError):
+    """The unit moves even where its accelerometers are quiet; no other unit of its gyroscopes would change that."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +112,10 @@ class _Context:
             site=self.site,
             called=self.title,
         )
+
+    def noting(self, what: str, note: str) -> _Context:
+        """Return the context with another note, if it says anything."""
+        return replace(self, notes={**self.notes, what: note}) if note else self
 
     def proposal(self, recording: Recording, log: Log, notes: Mapping[str, str]) -> Proposal:
         """Return the proposal of a recording that needs no choice of units, if it is plausible."""
@@ -171,6 +181,11 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     missing = [a for a in "xyz" if a not in {log.guesses[n].axis for n in log.names(FORCE)}]
     if (len(missing) == 3 or gravity_is_constant(log)) and (table := turned_by_table(log)):
         return _turned(table, context)
+    above = [line for table in tables.values() for line in table.above]
+    rates = {log.guesses[n].axis for n in log.names(RATE)}
+    if len(missing) == 3 and rates == set("xyz") and not log.has("gimbal_angle"):
+        gyroscopes = context.noting("sensors", f"gyroscopes alone{missing_table(log, 'samples' in notes)}")
+        return _multi_position(log, gyroscopes, above)
     if missing:
         raise InputError(
             f"{first}: no column is an accelerometer along {' and '.join(missing)} by its name "
@@ -181,7 +196,11 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     if still := static_run(log, place.latitude):
         recording = context.recording(still[0], "space-stable", kind="static-run")
         return context.proposal(recording, still[0], {"kind": still[1], **context.notes})
-    above = [line for table in tables.values() for line in table.above]
+    if complete(log):
+        beside, note = with_reference(log)
+        if beside is not None:
+            return _beside_reference(beside, context.noting("rows", note), above)
+        context = context.noting("attitude", note)
     return _multi_position(log, context, above)
 
 
@@ -237,6 +256,15 @@ def _turned(table: TurnedLog, context: _Context) -> Proposal:
     return context.proposal(recording, table.log, {**context.notes, "kind": kind, "platform": table.why})
 
 
+def _beside_reference(log: Log, context: _Context, above: Sequence[str]) -> Proposal:
+    """Return the recording of a unit that moved beside a reference of its attitude."""
+    log = used(log)
+    best = min(unit_candidates(log, above), key=lambda c: c.cost + motion_cost(c.log))
+    recording = context.recording(best.log, kind="rotation")
+    kind = "rotation, for a reference of the attitude stands beside the sensors: --method attitude"
+    return context.proposal(recording, best.log, {**context.notes, "kind": kind})
+
+
 def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Proposal:
     """Return the recording of a unit at rest in several attitudes, in the units that numbers and turns make likeliest.
 
@@ -248,19 +276,21 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     for candidate in unit_candidates(log, above):
         if best and candidate.cost > best[0] + MIN_MARGIN:
             break
+        cost = candidate.cost + (motion_cost(candidate.log) if log.has_open_unit(RATE) else 0.0)
         try:
             proposal = _in_units(candidate.log, context)
         except InputError as problem:
-            refused.append((candidate.cost, problem))
+            moving = isinstance(problem, _MovingUnitError)
+            refused.append((cost + (MIN_MARGIN - MAX_EXCESS if moving else 0.0), problem))
             continue
-        cost = candidate.cost + _physical_cost(proposal.recording, log.has_open_unit("time"))
+        cost += _physical_cost(proposal.recording, log.has_open_unit("time"))
         if best is None or cost < best[0]:
             runner_up = (best[0], _units_in_words(best[2])) if best else runner_up
             best = cost, proposal, candidate.log
         elif cost < runner_up[0]:
             runner_up = cost, _units_in_words(candidate.log)
-    if best is None or (refused and best[0] > refused[0][0] + MAX_EXCESS):
-        likeliest = refused[0][1]
+    least, likeliest = min(refused, key=lambda each: each[0], default=(np.inf, InputError("")))
+    if best is None or best[0] > least + MAX_EXCESS:
         if "the clock jumps back" in str(likeliest) or "the clock stands still" in str(likeliest):
             raise InputError(f"{likeliest}; or --rate HZ counts the rows, where none are missing") from None
         raise likeliest
@@ -342,18 +372,35 @@ def _in_units(log: Log, context: _Context) -> Proposal:
         reversed_columns += log.names(FORCE) if chain.reversed(FORCE) else []
     used = replace(log, guesses={name: g for name, g in log.guesses.items() if name not in outside})
     recording = context.recording(used, platform or "bench", reversed_columns)
+    explained = turns_explained(recording)
+    unfit = explained is not None and explained[0] < MIN_AGREEMENT * explained[1]  # then these are no gyroscopes
+    removed = 0
+    if log.has(FORCE) and not log.has("position") and not unfit:
+        recording, removed = without_moving_rests(recording)
     rests = len(dwells(recording))
+    if removed:
+        quiet = amount(removed, "quiet stretch", "quiet stretches")
+        notes["rests"] = f"{quiet} in which the gyroscopes turn are no rests"
     if not rests:
-        raise InputError(
-            f"{context.title}: the unit is never at rest for a second; hold it still for some seconds in each of six "
-            'or more attitudes, or write a header with kind = "rotation" and use `gimbalcal import csv`'
+        turn = "; where the accelerometers are quiet the gyroscopes show turns" if removed else ""
+        raise (_MovingUnitError if removed else InputError)(
+            f"{context.title}: the unit is never at rest for a second{turn}; hold it still for some seconds in each of "
+            'six or more attitudes, or write a header with kind = "rotation" and use `gimbalcal import csv`'
         )
-    if platform is None:
+    if platform is None and log.has(FORCE):
         notes["signs"] = (
             "an axis that points up is taken to read +g, as accelerometers do; where a log holds gravity itself, write "
             "sign = -1 at all three: no rest shows it"
         )
-    if rests < 2:
+    if not log.has(FORCE):
+        turning = float(np.degrees(np.linalg.norm(np.median(recording.triad(RATE), axis=0))))
+        notes["kind"] = "gyroscopes without accelerometers are enough for `gimbalcal noise`" + (
+            f"; they read {turning:.4g} deg/s throughout, a turn: a column with the angle or the rate of the table "
+            "that turned them would calibrate them"
+            if turning > MAX_BIAS_DEG_S and not recording.counted(RATE)
+            else "; they are taken as at rest"
+        )
+    elif rests < 2:
         notes["kind"] = (
             "1 rest is found: enough for `gimbalcal noise`; a calibration takes six or more in different attitudes"
         )
@@ -363,6 +410,29 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     recording = replace(recording, remarks=(*recording.remarks, *refuse_implausible(recording)))
     left_out = (*(n for n in context.left_out if n not in gimbals), *outside)
     return Proposal(recording, used.guesses, left_out, notes)
+
+
+def without_moving_rests(recording: Recording) -> tuple[Recording, int]:
+    """Return the recording without the rests in which its gyroscopes turn, and their number.
+
+    At rest the means of half a second are alike; a vehicle that drives smoothly, or a hand that turns slowly, is quiet
+    to accelerometers alone.
+    """
+    if not recording.has(RATE) or recording.counted(RATE) or recording.position is None or len(recording.time) < 2:
+        return recording, 0
+    rate, visits = recording.triad(RATE), dwells(recording)
+    block = max(1, round(BLOCK_S / float(np.median(np.diff(recording.time)))))
+    kept = []
+    for d in visits:
+        w = rate[d.rows]
+        means = np.array([part.mean(axis=0) for part in np.array_split(w, max(1, len(w) // block))])
+        noise = np.median(np.abs(np.diff(w, axis=0)), axis=0).max() / np.sqrt(block) if len(w) > 1 else 0.0
+        kept.append(bool(means.std(axis=0).max() - 2 * noise < MAX_CHANGE_RAD_S))
+    position = np.zeros_like(recording.position)
+    for number, (d, still) in enumerate(zip(visits, kept, strict=True)):
+        position[d.rows] = 1 + sum(kept[:number]) if still else 0
+    removed = len(kept) - sum(kept)
+    return (replace(recording, position=position) if removed else recording), removed
 
 
 def _noise_note(single_rows: bool, gimbals: bool) -> str:
@@ -384,7 +454,7 @@ def _angle_candidates(log: Log) -> dict[str, Array]:
 def _rig(log: Log, context: _Context) -> tuple[Correction | None, dict[str, Guess], tuple[str, ...]]:
     """Return the rig, gimbals that are found by their content, and columns called gimbals that no platform has."""
     named = log.names("gimbal_angle")
-    unknown, chain = _angle_candidates(log), None
+    unknown, chain = _angle_candidates(log) if log.has(FORCE) else {}, None
     if named:
         axes = [log.guesses[n].axis for n in named]
         platform = {"axes": [{"name": axis, "direction": "zxy"[k % 3]} for k, axis in enumerate(axes)]}

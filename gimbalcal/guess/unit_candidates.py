@@ -83,7 +83,8 @@ def _with_rates(log: Log) -> Iterator[tuple[Log, float]]:
         return
     for unit, (cost, why) in rate_costs(log).items():
         if cost < MAX_COST:
-            yield log.including(rates_in(log, unit, f"{log.guesses[names[0]].why.partition(';')[0]}; {why}")), cost
+            own = {n: f"{log.guesses[n].why.partition(';')[0]}; {why}" for n in names}
+            yield log.including({n: replace(log.guesses[n], unit=unit, why=own[n], open=False) for n in names}), cost
 
 
 def rate_costs(log: Log) -> dict[str, tuple[float, str]]:

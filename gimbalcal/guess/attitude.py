@@ -1,0 +1,111 @@
+"""Quaternions in a log: of a reference (optical tracking), which a recording takes, or of the unit itself.
+
+A unit's own estimate is left out: a calibration against it would prove itself. Its name decides which of them it is.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from gimbalcal.guess.column_names import plain
+from gimbalcal.guess.log import Guess, Log
+from gimbalcal.number import Array
+from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.units import to_si
+
+COMPONENTS = ("qw", "qx", "qy", "qz")
+MAX_NORM_ERROR = 0.02
+MIN_WHOLE = 0.5  # share of the rows that hold a quaternion
+MAX_UNIT_COST = 30.0  # nats
+SMOOTHED_S = 0.3  # s, over which the direction of the force is averaged
+MIN_TURN_RAD = 3.0  # rad in all, of a log that shows by its motion how far its gyroscopes turned
+_COMPONENT = re.compile(r"(?P<stem>.*?)_?(?P<which>[wxyz0-3])")
+_REFERENCE = re.compile(
+    r"(^|_)(vicon|opt|optical|optitrack|qualisys|mocap|motion_capture|ref|reference|truth|true|ground_truth|gt|camera|laser"
+    r"|tracker)(_|$)"
+)
+
+
+def quaternions(log: Log) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield the stem and the columns w, x, y, z of four columns whose norm is 1."""
+    stems: dict[str, dict[str, str]] = {}
+    for name in log.unknown:
+        if match := _COMPONENT.fullmatch(plain(re.sub(r"[\[(].*", "", name))):
+            stems.setdefault(match["stem"], {})[match["which"]] = name
+    for stem, own in stems.items():
+        letters = next((order for order in ("wxyz", "0123") if set(order) <= set(own)), "")
+        names = tuple(own[letter] for letter in letters)
+        if names and _is_unit(np.stack([log.columns[n] for n in names])):
+            yield stem, names
+
+
+def with_reference(log: Log) -> tuple[Log | None, str]:
+    """Return the log with a reference attitude, at the rows that hold one; else None, and a note on an estimate."""
+    note = ""
+    for stem, names in quaternions(log):
+        if not _REFERENCE.search(stem):
+            note = (
+                f"{names[0].strip()}, ... is an attitude that the unit computes, by its name, and is left out; call it "
+                "ref_qw, ref_qx, ref_qy, ref_qz where an independent instrument measured it"
+            )
+            continue
+        why = f"four columns of norm 1, of a reference by the name {stem!r}"
+        guesses = {n: Guess("attitude", q, "1", why) for n, q in zip(names, COMPONENTS, strict=True)}
+        whole = log.without("position").including(guesses)
+        rows = np.isfinite(np.stack([whole.columns[n] for n in whole.guesses])).all(axis=0)
+        return whole.rows(rows), "" if rows.all() else f"{int((~rows).sum())} rows lack a value and are left out"
+    return None, note
+
+
+def motion_cost(log: Log) -> float:
+    r"""Return how unlikely the unit of the gyroscopes is by what else shows how the unit turned, in nats.
+
+    A quaternion, be it the unit's own, turned from row to row by what the gyroscopes felt, within a third; the
+    direction of the smoothed force within a factor of 4, for it shows accelerations too and no turn about itself. The
+    cost is :math:`(\ln r / s)^2 / 2` for the ratio r of the two.
+    """
+    names = log.names(RATE)
+    if len(names) != 3 or log.guesses[names[0]].unit == "count":
+        return 0.0
+    w = np.stack([np.asarray(to_si(log.columns[n], log.guesses[n].unit)) for n in names])
+    dt = np.diff(log.seconds)
+    felt = np.linalg.norm(w[:, 1:] - np.nanmedian(w, axis=1, keepdims=True), axis=0) * dt
+    known = [[log.columns[n] for n in columns] for _, columns in quaternions(log)]
+    if attitude := log.values("attitude") or (known[0] if known else []):
+        q = np.stack(attitude)
+        turned, spread = 2 * np.arccos(np.minimum(np.abs(np.sum(q[:, 1:] * q[:, :-1], axis=0)), 1.0)), 1 / 3
+    elif len(log.values(FORCE)) == 3:
+        size = max(1, int(SMOOTHED_S / float(np.median(dt))))
+        f = np.stack([np.convolve(x, np.ones(size) / size, "same") for x in log.values(FORCE)])[:, size:-size:size]
+        f = f / np.maximum(np.linalg.norm(f, axis=0), 1e-300)
+        turned, spread = np.arccos(np.clip(np.sum(f[:, 1:] * f[:, :-1], axis=0), -1, 1)), 1.4
+        edges = np.arange(size, len(felt) + 2 - size, size)
+        felt = np.add.reduceat(felt, edges[:-1])[: len(turned)] if len(edges) > len(turned) > 1 else felt[:0]
+        turned = turned[: len(felt)]
+    else:
+        return 0.0
+    moving = np.isfinite(turned) & np.isfinite(felt)
+    moving &= turned > np.nanmedian(turned) if moving.any() else moving
+    if not turned[moving].sum() > MIN_TURN_RAD or not felt[moving].sum() > 0:
+        return 0.0
+    return float(min(0.5 * (np.log(felt[moving].sum() / turned[moving].sum()) / spread) ** 2, MAX_UNIT_COST))
+
+
+def _is_unit(q: Array) -> bool:
+    whole = np.isfinite(q).all(axis=0)
+    norm = np.linalg.norm(q[:, whole], axis=0)
+    return bool(whole.mean() > MIN_WHOLE and np.mean(np.abs(norm - 1) < MAX_NORM_ERROR) > 0.9)
+
+
+def complete(log: Log) -> bool:
+    """Return whether a log holds all accelerometers and gyroscopes."""
+    return all({log.guesses[n].axis for n in log.names(quantity)} == set("xyz") for quantity in (FORCE, RATE))
+
+
+def used(log: Log) -> Log:
+    """Return the log with the guesses that a recording beside a reference takes."""
+    return replace(log, guesses={n: log.guesses[n] for n in log.names("time", FORCE, RATE, "temperature", "attitude")})
