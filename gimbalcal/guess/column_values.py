@@ -52,7 +52,8 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
         windows = [names[k : k + 3] for k in range(len(names) - 2)]
         forces = [t for t in windows if _may_be_force(values(t))]
         forces = [t for t in forces if changes_direction(values(t)) or not _unlike_gravity(values(t))[0]]
-    forces.sort(key=lambda t: _unlike_gravity(values(t)))
+        forces.sort(key=lambda t: _unevenness(values(t)))  # windows that overlap differ in which columns are alike
+    forces.sort(key=lambda t: (_unlike_gravity(values(t))[0], round(_unlike_gravity(values(t))[1], 2)))
     if forces:
         at = names.index(forces[0][0])
         triples = [names[k : k + 3] for k in (*range(at + 3, len(names) - 2, 3), *range(at - 3, -1, -3))]
@@ -122,6 +123,12 @@ def _of_constant_length(triple: Sequence[Array]) -> bool:
     length = _length(triple)
     middle = float(np.median(length))
     return middle > 0 and float(np.quantile(np.abs(length / middle - 1), 0.5)) < MAX_GRAVITY_ERROR / 3
+
+
+def _unevenness(triple: Sequence[Array]) -> float:
+    """Return by how much the scatter from row to row differs between three columns, in nats."""
+    scatter = [float(np.median(np.abs(np.diff(x)))) for x in triple]
+    return float(np.ptp(np.log(np.maximum(scatter, 1e-12))))
 
 
 def _may_be_force(triple: Sequence[Array]) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording.columns import ROW_STEP_S
-from gimbalcal.recording.record import Recording
+from gimbalcal.recording.record import Recording, Site
 from gimbalcal.recording.site import with_normal_gravity
 from gimbalcal.units import to_si
 
@@ -53,6 +54,8 @@ _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky"
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
 _COSINE = re.compile(r"\W*cos[\s_(]*(?:el|elev|elevation|dec|alt)\b\)?", re.IGNORECASE)
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
+MIN_JUMP_DEG, MIN_AROUND_DEG, MIN_UP_DEG = 1.0, 90.0, 30.0  # of azimuths and elevations of stars without names
+MIN_CORRELATION, MAX_COLUMNS = 0.98, 6  # of a readout and a measurement of one axis; columns of such a table
 MAX_OFFSET_DEG = 1.0  # deg; offsets beyond are arcseconds
 ASSUMED_SENSE = "measured minus commanded, as most write it: nothing in the file says so"
 
@@ -88,6 +91,72 @@ def angles_in(table: Table) -> tuple[AngleColumn, ...]:
         if all(sum(s.axis == axis and s.role != "sigma" for s in own) >= 2 for axis in pair):
             return tuple(s for axis in pair for s in _one_offset([s for s in own if s.axis == axis]))
     return ()
+
+
+def with_unnamed_angles(table: Table) -> Table:
+    """Return a table without names with its azimuths, elevations and their offsets called so, if it holds any.
+
+    Azimuths go round, elevations stay below 90 deg, and both jump from star to star; the next two columns are their
+    offsets, or the next four, where every second one is what the one before is known to.
+    """
+    names = [] if table.named else list(table.columns)
+    for k in range(len(names) - 3):
+        azimuth, elevation, *rest = (table.columns[n] for n in names[k:])
+        jumps = all(np.median(np.abs(np.diff(x))) > MIN_JUMP_DEG for x in (azimuth, elevation))
+        around = np.nanmin(azimuth) >= 0 and MIN_AROUND_DEG < np.nanmax(azimuth) <= 360
+        if not (jumps and around and 0 <= np.nanmin(elevation) and MIN_UP_DEG < np.nanmax(elevation) <= 90):
+            continue
+        known = len(rest) >= 4 and all(
+            np.nanmin(sigma) >= 0 and np.nanmedian(sigma) < 0.2 * np.nanmedian(np.abs(x))
+            for x, sigma in (rest[:2], rest[2:4])
+        )
+        called = ["az [deg]", "el [deg]", *(("daz", "daz sigma", "del", "del sigma") if known else ("daz", "del"))]
+        new = dict(zip(names[k : k + len(called)], called, strict=True))
+        return replace(table, columns={new.get(n, n): x for n, x in table.columns.items()})
+    return table
+
+
+def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
+    """Return the readout of one axis beside a measurement of it, in two columns that go together; None without such."""
+    clock = next(
+        (n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time" and np.all(np.diff(x) > 0)),
+        "",
+    )
+    angles = {n: x for n, x in table.columns.items() if n != clock and np.all(np.isfinite(x)) and np.ptp(x) > 0}
+    pairs = [
+        (a, b) for a, b in combinations(angles, 2)
+        if len(table.columns) <= MAX_COLUMNS and abs(np.corrcoef(angles[a], angles[b])[0, 1]) > MIN_CORRELATION
+    ]  # fmt: skip
+    pairs = [p for p in pairs if not any(_is_count(angles[n]) and len(pairs) > 1 for n in p)]
+    if len(pairs) != 1:
+        return None
+    first, second = pairs[0]
+    roles = [{_ROLE.get(w) for w in plain(n).split("_")} for n in pairs[0]]
+    if "true" in roles[0] and "true" not in roles[1]:
+        first, second = second, first
+    units = [unit if (unit := unit_written(plain(n))) in ANGLES else "" for n in (first, second)]
+    usual = "deg" if np.ptp(angles[first]) > 2 * np.pi else "rad"
+    read, true = (np.asarray(to_si(angles[n], u or usual)) for n, u in zip((first, second), units, strict=True))
+    g = by_name(clock) if clock else None
+    time, remarks = (_seconds(clock, table), ()) if g else in_order(path, len(read))
+    axis = KNOWN["rate-table"].axes[0].name
+    run = pointing_run(path, KNOWN["rate-table"], Site(), time, {axis: read}, {axis: true})
+    why = {
+        ("gimbal_angle", axis): (first, "its place before the other, or its name: what was commanded or read"),
+        ("true_angle", axis): (second, "the other column that goes with it: what was measured"),
+        **({("time", ""): (clock, "its name")} if clock else {}),
+    }
+    notes = {
+        "kind": "one axis, read out and measured: two columns that go together",
+        "order": "exchange gimbal_angle and true_angle where the first column is the measurement",
+        "unit": f"angles are taken in {usual}, by how far they go" if not all(units) else "",
+    }
+    left_out = tuple(n for n in (*table.columns, *table.others) if n not in (first, second, clock))
+    return PointingRun(replace(run, title=title, remarks=remarks), why, {k: v for k, v in notes.items() if v}, left_out)
+
+
+def _is_count(x: Array) -> bool:
+    return bool(np.all(np.diff(x) == x[1] - x[0]))
 
 
 def _one_offset(columns: list[AngleColumn]) -> list[AngleColumn]:

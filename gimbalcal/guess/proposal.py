@@ -26,7 +26,13 @@ from gimbalcal.guess.gimbal_chain import chain_among, encoder_angles, gimbal_cha
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import are_parts, concatenated, on_one_clock, slowest_first
 from gimbalcal.guess.novatel import rawimu
-from gimbalcal.guess.pointing_run import angles_in, pointing_proposal
+from gimbalcal.guess.pointing_run import (
+    PointingRun,
+    angles_in,
+    one_axis_run,
+    pointing_proposal,
+    with_unnamed_angles,
+)
 from gimbalcal.guess.space_stable import static_run
 from gimbalcal.guess.stored_arrays import arrays_table, is_text
 from gimbalcal.guess.text_table import Table, head_of, tables_of
@@ -206,14 +212,20 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
 
 def _pointing(path: Path, table: Table, title: str, place: StatedPlace) -> Proposal | None:
     """Return the pointing run in a table; None where it holds no pair of axes of a mount."""
-    table, assumed = axis_angles(table, place.longitude)
+    table, assumed = axis_angles(with_unnamed_angles(table), place.longitude)
     angles = angles_in(table)
     if not angles:
-        return None
+        known = {g.quantity for name in table.columns if (g := by_name(name, quantity_of_log(path.stem)))}
+        axis = None if known & {FORCE, RATE} else one_axis_run(path, table, title)
+        return _of_run(axis, {}) if axis else None
     latitude = None if place.latitude is None else float(np.radians(place.latitude))
     run = pointing_proposal(path, table, angles, title, latitude, place.height)
     if "sidereal" in assumed:
         refuse_below_horizon(path, run.recording, assumed["sidereal"])
+    return _of_run(run, assumed)
+
+
+def _of_run(run: PointingRun, assumed: Mapping[str, str]) -> Proposal:
     guesses = {
         name: Guess(q, axis, run.recording.units.get((q, axis), "s"), why)
         for (q, axis), (name, why) in run.guesses.items()

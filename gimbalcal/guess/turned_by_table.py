@@ -30,6 +30,7 @@ ANGLE_UNITS, RATE_UNITS_OF_TABLE = ("deg", "rad", "rev"), ("deg/s", "rad/s", "re
 MAX_MISFIT_RATIO = 0.7  # of a model with fewer axes, from which one more is believed in
 EQUAL_MISFIT_RATIO = 1.05  # of the smallest misfit: as good, and the simpler model is taken
 MIN_TRAVEL = 0.05  # rad, of an axis
+MIN_RATE_CHANGE = np.radians(0.5)  # rad/s, within which a drift moves gyroscopes that nothing turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +70,15 @@ def turned_by_table(log: Log) -> TurnedLog | None:
     gyros = {log.guesses[n].axis: n for n in log.names(RATE)}
     if set(gyros) != set("xyz"):
         return None
+    stated_unit = log.guesses[gyros["x"]].unit
     columns, counts = encoder_angles(_axis_candidates(log))
     time = log.seconds
     readings = np.stack([log.columns[gyros[a]] for a in "xyz"], axis=-1)
     whole = np.isfinite(readings).all(axis=1) & np.all([np.isfinite(x) for x in columns.values()], axis=0)
-    if not columns or np.count_nonzero(whole) < len(time) / 2 or np.any(np.diff(time) <= 0):
+    changes = np.ptp(to_si(readings[whole], stated_unit), axis=0) if whole.any() else np.zeros(3)
+    still = stated_unit != "count" and bool(np.all(changes < MIN_RATE_CHANGE))
+    if still or not columns or np.count_nonzero(whole) < len(time) / 2 or np.any(np.diff(time) <= 0):
         return None
-    stated_unit = log.guesses[gyros["x"]].unit
     best: tuple[TableFit, str] | None = None
     for unit in dict.fromkeys((stated_unit, *(RATE_UNITS if log.has_open_unit(RATE) else ()))):
         scale = None if stated_unit == "count" else 1.0
