@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import json
 import os
 import re
@@ -17,6 +18,7 @@ from typing import Any
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 AT_FDCWD, RENAME_EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2(2)
+OWN_FOLDERS = re.compile(r"new|whole|\.new-[a-z0-9_]{8}")  # of a folder that is being written
 ENGINE_FULL = "os error"  # how an engine that is no Python's tells of the system
 
 
@@ -74,7 +76,9 @@ def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterato
     # on the same disk, so that moving is renaming; no folder is left behind by what fails
     parent = home.parent if home.is_dir() and _exchangeable(home) else home
     parent = next(p for p in (parent, *parent.parents) if p.is_dir())
-    private = Path(tempfile.mkdtemp(prefix=f".{home.name}-", dir=parent))
+    for each in {parent, home.parent, home}:
+        _remove_abandoned(each, home.name)
+    private, lock = _private(parent, home.name)
     try:
         new_folder = private / "new"
         new_folder.mkdir()  # as the mask lets others read it, which mkdtemp does not
@@ -94,6 +98,33 @@ def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterato
             new_folder.rename(path)
     finally:
         shutil.rmtree(private, ignore_errors=True)
+        os.close(lock)
+
+
+def _private(parent: Path, name: str) -> tuple[Path, int]:
+    """Return a new hidden folder of this process, and the file descriptor that keeps it locked."""
+    while True:
+        private = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=parent))
+        with suppress(FileNotFoundError):  # another process removed it before it was locked
+            lock = os.open(private, os.O_RDONLY)
+            with suppress(OSError):  # a disk without locks, where no folder is ever taken for abandoned
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            if private.is_dir():
+                return private, lock
+            os.close(lock)
+
+
+def _remove_abandoned(parent: Path, name: str) -> None:
+    """Remove the hidden folders of `_private` that killed processes left: nobody holds their locks any more."""
+    pattern = re.compile(rf"\.{re.escape(name)}-[a-z0-9_]{{8}}")
+    with suppress(OSError):
+        for path in [p for p in parent.iterdir() if pattern.fullmatch(p.name) and p.is_dir() and not p.is_symlink()]:
+            if all(OWN_FOLDERS.fullmatch(each.name) for each in path.iterdir()):
+                lock = os.open(path, os.O_RDONLY)
+                with suppress(OSError):
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(path, ignore_errors=True)
+                os.close(lock)
 
 
 def _move_into(new_folder: Path, path: Path, last: str, belonging: Sequence[str]) -> None:

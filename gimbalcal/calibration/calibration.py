@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     import polars as pl
     from matplotlib.figure import Figure
 
+IDENTITY_DIGITS = 16
 FORMAT = 2  # of calibration.json: true = SF x reading for both triads
 
 
@@ -181,6 +184,18 @@ class Calibration:
         )
 
     @property
+    def identity(self) -> str:
+        """Return the beginning of the SHA-256 of what it corrects by: parameters, their values, and the readout."""
+        rows = [(p.label, value) for p, value in zip(self.parameters, self.values.tolist(), strict=True)]
+        text = json.dumps([rows, self.readout.to_dict()], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:IDENTITY_DIGITS]
+
+    @property
+    def explained(self) -> bool:
+        """Return whether the model explains the data: nothing to be careful of, no pattern in what is left of stars."""
+        return not self.outcome and self.provenance.pattern is None
+
+    @property
     def null_directions(self) -> tuple[Unobservable, ...]:
         """Entries of `unobservable` among the estimated parameters; the others concern parameters that were fixed."""
         labels = {p.label for p in self.parameters}
@@ -234,12 +249,27 @@ class Calibration:
         by axis) are used where an effect needs them.
         """
         if isinstance(recording, Recording):
-            return correct(self, recording)
+            marked = (*recording.corrected, self.identity)
+            remarks = (*recording.remarks, *self._corrected_before(recording))
+            return replace(correct(self, recording), corrected=marked, remarks=remarks)
         return correct_arrays(self, recording, units)
 
     def corrupt(self, recording: Recording) -> Recording:
         """Return what this unit would have read, physics to readings: the exact inverse of `apply`."""
-        return corrupt(self, recording)
+        before = list(recording.corrected)
+        if self.identity in before:
+            before.reverse()
+            before.remove(self.identity)
+            before.reverse()
+        return replace(corrupt(self, recording), corrected=tuple(before))
+
+    def _corrected_before(self, recording: Recording) -> tuple[str, ...]:
+        """Return a remark where the recording has been corrected already."""
+        if not recording.corrected:
+            return ()
+        which = "this" if self.identity in recording.corrected else "another"
+        remark = f"{recording.title!r} has been corrected by {which} calibration already, and is now corrected again"
+        return (f"{remark}: give the recording as it was logged, or undo that with --inverse",)
 
     def to_dict(self) -> Json:
         """Return the content of calibration.json: values in printed units, covariance in SI."""

@@ -106,7 +106,7 @@ def calibrate(
     output.table("\n\n".join(f"{r[0].title}\n{parameters_table(c)}" for c, r in each))
     words = " ".join([*sentences, *(f"{check[0].upper()}{check[1:]}." for check in checks)])
     output.show(content, words, target)
-    sys.exit(1 if any(c.outcome for c, _ in each) else 0)
+    sys.exit(0 if all(c.explained for c, _ in each) else 1)
 
 
 @click.command(epilog=example("gimbalcal diagnose data/space_stable_concealed --out diagnosis"))

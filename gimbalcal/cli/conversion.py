@@ -45,6 +45,8 @@ def apply(
     samples = "samples.parquet" if (recording / "samples.parquet").is_file() else SAMPLES
     with output.staged(folder) as new:
         write(corrected, new, samples)
+    for remark in corrected.remarks[len(original.remarks) :]:
+        output.tell(f"note: {remark}")
     direction = "physics to readings" if inverse else "readings to physics"
     done = "as the calibrated unit would read it" if inverse else "corrected"
     result = {"rows": len(corrected.time), "folder": str(folder), "direction": direction,

@@ -14,9 +14,13 @@ from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 
+import numpy as np
+
 from gimbalcal.errors import InputError
 from gimbalcal.importers.registry import COMMON_OPTIONS, KINDS, Importer, importer
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.units import is_raw
 
 __all__ = ["KINDS", "Importer", "import_files", "importer"]
 
@@ -42,6 +46,7 @@ def import_files(kind: str, files: Sequence[str | Path], options: Mapping[str, s
     importer_of_kind.refuse(paths, options)
     own = {key: value for key, value in options.items() if key not in COMMON_OPTIONS}
     recording = importer_of_kind.read(paths, own)
+    _refuse_beyond_measure(paths[0], recording)
     if "title" in options:
         recording = replace(recording, title=options["title"])
     if average:
@@ -49,6 +54,21 @@ def import_files(kind: str, files: Sequence[str | Path], options: Mapping[str, s
         noise = {name: sigma for name, sigma in scatter.items() if sigma is not None}
         recording = replace(dwell_means(recording), noise={**noise, **recording.noise})
     return recording
+
+
+def _refuse_beyond_measure(path: Path, recording: Recording) -> None:
+    """Raise InputError where a channel reaches what no sensor reads: a cell is damaged, or in another unit."""
+    for (quantity, axis), x in recording.channels.items():
+        known = QUANTITIES.get(quantity)
+        unit = recording.units.get((quantity, axis), known.si if known else "1")
+        if known is None or is_raw(unit) or not len(x):
+            continue
+        most = float(np.nanmax(np.abs(x), initial=0.0))
+        if not most <= known.most:
+            raise InputError(
+                f"{path}: the {quantity} {axis} reaches {most:.3g} {known.si}, more than any sensor reads; correct the "
+                "cell or the unit"
+            )
 
 
 def _means_of_dwells(option: str) -> bool:

@@ -35,6 +35,7 @@ _NUMBER = r"\s*=\s*([-+]?\d+(?:\.\d+)?)(?=,?(?:\s|$))"  # 1,50 is no number
 _WESTWARD, _NORTHWARD = {"W": 1.0, "E": -1.0}, {"N": 1.0, "S": -1.0}
 _KINDS = ("Mount", "AO", "DROP")  # of frames: DROP has lost its star
 MIN_FRAMES = 10  # frames
+MAX_PULSE_MS = 60_000  # PHD2 sends a few seconds at most
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,8 @@ def _pulsed(path: Path, one: _Stretch, axis: str, rate: str, sense: Mapping[str,
     length, towards = _column(path, one, f"{axis}Duration", "0"), [f.get(f"{axis}Direction", "") for f in one.frames]
     for ms, where, frame, line in zip(length, towards, one.frames, one.lines, strict=True):
         duration = frame.get(f"{axis}Duration", "")
-        if ms < 0 or where not in ("", *sense) or bool(where) > bool(duration) or (ms and not where):
+        possible = 0 <= ms <= MAX_PULSE_MS and where in ("", *sense)
+        if not possible or bool(where) > bool(duration) or (ms and not where):
             raise InputError(
                 f"{path}, line {line}: a pulse of {duration or 'no'} ms to {where or 'no side'!r} in {axis}, where "
                 f"PHD2 writes a duration and {' or '.join(sense)}; correct or remove the frame"

@@ -26,6 +26,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from math import pi
 from pathlib import Path
 
@@ -41,6 +42,7 @@ from gimbalcal.recording.record import Recording, Site
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?$")
 _BY_STARS, _BY_ANGLES = 14, 4  # numbers of an observation: two stars and a sidereal time; two pairs of angles
+_MOUNTS = ("ALTAZ", "EQUAT")
 _SITE, _SEXAGESIMAL, _ANY_DAY = 6, 3, ("2000", "1", "1")  # latitude and date; latitude alone
 _AUXILIARY = 3  # readings that may follow a pair of angles
 _SIXTY = 60.0
@@ -167,7 +169,7 @@ def _read(path: Path) -> _File:
         if words and words[0] == "END":
             break
         if text.strip().startswith(":"):
-            upright = upright or text.strip(" :").upper().startswith("ALTAZ")
+            upright = _is_upright(path, line, text) or upright
             continue
         if not words or text.startswith("!"):
             continue
@@ -189,6 +191,16 @@ def _read(path: Path) -> _File:
     if len({len(row) for row in rows}) > 1:
         raise InputError(f"{path}: some stars have angles and some a catalogue place; give one kind of line")
     return _File(site, air, upright, np.array(rows))
+
+
+def _is_upright(path: Path, line: int, text: str) -> bool:
+    """Return whether an option says alt-azimuth. Raises InputError for one that is nearly a kind of mount."""
+    option = text.strip(" :").upper()
+    kind = next((word for word in _MOUNTS if option.startswith(word)), "")
+    similar = get_close_matches(option[:5], _MOUNTS, 1)
+    if similar and not kind:
+        raise InputError(f"{path}, line {line}: {text.strip()[:60]!r} is no option of TPOINT; write :{similar[0]}")
+    return kind == "ALTAZ"
 
 
 def _leading(words: Sequence[str]) -> list[str]:

@@ -20,6 +20,7 @@ from gimbalcal.recording.site import site_of
 from gimbalcal.units import is_raw
 
 NAME = "recording.toml"
+KEYS = ("format", "kind", "title", "date", "corrected", "samples", "site", "platform", "noise", "columns")
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Header:
     skip: int = 0  # lines of the samples file before its line of column names
     named: bool = True  # whether there is a line of column names
     date: str = ""  # when it was recorded, ISO 8601
+    corrected: tuple[str, ...] = ()  # the calibrations that corrected it
     instant: bool = False  # whether forces and rates are those of the row's time, not means over the interval before it
 
     def column(self, quantity: str) -> Column | None:
@@ -91,7 +93,7 @@ def header_of(content: Mapping[str, Any], name: Path, platform: Platform | None 
 
 def _header(document: Document, samples: Path, clock_needed: bool = True, platform: Platform | None = None) -> Header:
     content, path = document.content, document.path
-    document.only("", ("format", "kind", "title", "date", "samples", "site", "platform", "noise", "columns"), content)
+    document.only("", KEYS, content)
     if content.get("format") != 1:
         raise InputError(f"{document.where('', 'format')}: format must be 1, got {content.get('format')!r}")
     name = content.get("kind")
@@ -114,8 +116,17 @@ def _header(document: Document, samples: Path, clock_needed: bool = True, platfo
         noise_of=_noise_of(document, kind, columns),
         columns=columns,
         remarks=document.remarks + remarks,
+        corrected=_corrected(document),
         instant=_instant(document, columns),
     )
+
+
+def _corrected(document: Document) -> tuple[str, ...]:
+    """Return the calibrations that `corrected` names."""
+    names = document.content.get("corrected", [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"{document.where('', 'corrected')}: corrected must be a list of texts, as `apply` writes it")
+    return tuple(names)
 
 
 def _instant(document: Document, columns: tuple[Column, ...]) -> bool:

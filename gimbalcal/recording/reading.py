@@ -126,6 +126,7 @@ def assemble(
             remarks=header.remarks + remarks,
             sensor=sensor,
             instant=header.instant,
+            corrected=header.corrected,
             date=header.date,
         )
         for sensor, own in _by_sensor(measured).items()

@@ -92,9 +92,9 @@ class Recording:
     `sensor` is the name of the sensors where a recording holds several triads; the others are `other_sensors`,
     a recording each, in the same rows. `instant`: forces and rates are those of the row's time; else, where it matters,
     they are means over the interval that ends there. `grade` says how large the usual imperfections of such sensors
-    are. `date`
-    is when it was recorded, ISO 8601, empty where unknown; `epoch` [s since 1970] is where a clock of dates has its
-    zero. `restarts` are the times of rows at which a session begins an unknown time after the one before.
+    are. `date` is when it was recorded, ISO 8601, empty where unknown; `epoch` [s since 1970] is where a clock of dates
+    has its zero. `restarts` are the times of rows at which a session begins an unknown time after the one before.
+    `corrected` names the calibrations by which it was corrected, in order (`Calibration.identity`).
     """
 
     kind: Kind
@@ -117,6 +117,7 @@ class Recording:
     date: str = ""
     epoch: float | None = None
     restarts: tuple[float, ...] = ()
+    corrected: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", kind_of(self.kind, self.platform, self.channels))

@@ -88,6 +88,7 @@ def _header(recording: Recording, samples: str, names: dict[str, _Written]) -> l
     title = recording.title.removesuffix(f" ({recording.sensor})") if recording.other_sensors else recording.title
     lines = ["format = 1", f"kind = {toml_text(recording.kind)}", f"title = {toml_text(title)}"]
     lines += [f"date = {toml_text(recording.date)}"] if recording.date else []
+    lines += [f"corrected = [{', '.join(map(toml_text, recording.corrected))}]"] if recording.corrected else []
     lines += [*([] if recording.instant else [f"samples = {toml_text(samples)}"]), "", *_site(recording.site), ""]
     lines += [*platform_toml(recording.platform, recording.kind), "", "[noise]", *_noise(recording)]
     named = [r for r in recording.sensors if r.sensor and r.noise and recording.other_sensors]

@@ -251,6 +251,22 @@ class Scenario(_Section):
             raise ValueError("gyroscopes feel the Earth turn: give [site] latitude")
         return self
 
+    @model_validator(mode="after")
+    def _nothing_ignored(self) -> Scenario:
+        """Refuse what is stated of the schedule and would have no effect."""
+        s = self.schedule
+        if s.turns:
+            free = bool(s.swing or s.drive)
+            unused = {"settle", "record_slews", "start_angle", "holds"}
+            unused |= {"sweeps", "dwell", "slew_rate", "ramp"} if free else {"duration"}
+        elif self.recording_kind.stabilised:
+            unused = {"dwell", "slew_rate", "ramp", "settle", "record_slews", "sweeps", "start_sigma"}
+        else:
+            unused = {"duration", "start_angle", "start_sigma"}
+        if ignored := sorted(unused & s.model_fields_set):
+            raise ValueError(f"schedule.{ignored[0]} has no effect on such a schedule; take it out")
+        return self
+
     @property
     def recording_kind(self) -> Kind:
         """Return the kind of the recording that is simulated, with its properties."""

@@ -114,10 +114,11 @@ def schedule_of(motion: ScheduleSection) -> RotationSchedule:
     elif motion.file:
         schedule = read_rotation(motion.file)
     else:
-        moves = motion.sweeps * tuple(Move(m.axis, m.angle, m.rate, m.stop) for m in motion.moves)
+        moves = tuple(Move(m.axis, m.angle, m.rate, m.stop) for m in motion.moves)
         schedule = _starting(motion.start or {"x": "east", "y": "north", "z": "up"}, moves)
     return replace(
         schedule,
+        moves=motion.sweeps * schedule.moves,
         rate=schedule.rate if motion.slew_rate is None else motion.slew_rate,
         ramp=schedule.ramp if motion.ramp is None else motion.ramp,
         stop=schedule.stop if motion.dwell is None else motion.dwell,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -14,11 +15,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gimbalcal import atomic
 from gimbalcal.cli.options import _as_printed
 from gimbalcal.entries import read_json
 from gimbalcal.errors import InputError
 from gimbalcal.history import StoredResult, keep, kept
 from gimbalcal.history.unit_store import WAIT_S
+from gimbalcal.importers import import_files
+from gimbalcal.recording import read
+from gimbalcal.simulate.scenario import check_content
+from gimbalcal.simulate.turned import schedule_of
+from tests.fuzzing import seeds
 from tests.history.calibrations import calibration
 
 DATA = Path(__file__).resolve().parents[2] / "data"
@@ -220,3 +227,94 @@ def test_closed_streams() -> None:
     program = f"{sys.executable} -m gimbalcal calibrate nowhere 2>&-"
     done = subprocess.run(["sh", "-c", program], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
+
+
+KILLED = """
+import os, signal
+from pathlib import Path
+from gimbalcal import atomic
+with atomic.folder(Path("made")) as new:
+    (new / "a").write_text("b")
+    with atomic.folder(new) as inner:
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    own = Path(".made-12345678")  # of the same pattern, with a file that nobody here wrote
+    own.mkdir()
+    (own / "mine").touch()
+    environment = {**os.environ, "PYTHONPATH": str(DATA.parent)}
+    for _ in range(2):
+        subprocess.run([sys.executable, "-c", KILLED], check=False, env=environment)
+        assert len(list(tmp_path.iterdir())) > 1
+        with atomic.folder(Path("made")) as new:
+            (new / "c").write_text("d")
+            with atomic.folder(Path("made")) as other:  # at work: its folder is no litter
+                (other / "e").touch()
+        assert sorted(p.name for p in tmp_path.iterdir()) == [".made-12345678", "made"]
+        assert sorted(p.name for p in Path("made").iterdir()) == ["c", "e"]
+        shutil.rmtree("made")
+
+
+def test_a_second_correction_is_reported(command: Command, capsys: pytest.CaptureFixture[str], result: str) -> None:
+    Path("calibration.json").write_text(result)
+    known = ("--calibration", "calibration.json")
+    assert command("apply", DEVICE, *known, "--out", "once") == 0
+    assert "already" not in capsys.readouterr().err
+    assert command("apply", "once", *known, "--out", "twice") == 0
+    assert "corrected by this calibration already" in capsys.readouterr().err
+    assert len(read("twice").corrected) == 2
+    assert command("apply", "twice", *known, "--inverse", "--out", "back") == 0
+    assert read("back").corrected == read("once").corrected
+    assert not read(DEVICE).corrected
+
+
+def test_sweeps_of_a_named_schedule_of_turns(tmp_path: Path) -> None:
+    content = {"format": 1, "kind": "rotation", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
+               "platform": {"name": "bench"}, "schedule": {"name": "cai2016-18", "sweeps": 3}}  # fmt: skip
+    once = schedule_of(check_content({**content, "schedule": {"name": "cai2016-18"}}).schedule)
+    assert len(schedule_of(check_content(content).schedule).moves) == 3 * len(once.moves)
+    for name in ("settle", "duration"):
+        stated = {"name": "cai2016-18", name: {"value": 1.0, "unit": "s"}}
+        with pytest.raises(InputError, match=f"schedule.{name} has no effect"):
+            check_content({**content, "schedule": stated})
+
+
+STARS = "a caption\n:{}\n35 0 0 2024 1 1 10 900 1000\n" + "".join(
+    f"{10.5 * i:.5f} {20 + i:.5f} {10.5 * i:.5f} {20 + i:.5f}\n" for i in range(30)
+)
+
+
+@pytest.mark.parametrize("option", ["ALTZA", "ALTAX", "ALTA", "EQAUT"])
+def test_options_of_tpoint_that_are_nearly_one(tmp_path: Path, option: str) -> None:
+    path = tmp_path / "stars.dat"
+    path.write_text(STARS.format(option))
+    with pytest.raises(InputError, match=r"is no option of TPOINT; write :(ALTAZ|EQUAT)"):
+        import_files("tpoint", [path])
+    for sound, axis in (("ALTAZ", "azimuth"), ("NODA", "hour_angle"), ("EQUAT", "hour_angle")):
+        path.write_text(STARS.format(sound))
+        assert ("gimbal_angle", axis) in import_files("tpoint", [path]).channels
+
+
+@pytest.mark.parametrize("cell", ["1e308", "1e99", "-1e12"])
+def test_values_that_nothing_measures(tmp_path: Path, cell: str) -> None:
+    (tmp_path / "h.toml").write_text(
+        'format = 1\nkind = "multi-position"\n[platform]\nname = "bench"\n[columns]\n'
+        't = { quantity = "time", unit = "s" }\n'
+        + "".join(f'{a} = {{ quantity = "specific_force", axis = "{a}", unit = "m/s^2" }}\n' for a in "xyz")
+    )
+    rows = [[str(i), "0.1", "0.2", f"9.8{i % 10}"] for i in range(60)]
+    rows[30][2] = cell
+    (tmp_path / "r.csv").write_text("t,x,y,z\n" + "\n".join(map(",".join, rows)))
+    with pytest.raises(InputError, match=r"r.csv, line 32, column y: .* is (more|beyond)"):
+        import_files("csv", [tmp_path / "r.csv"], {"header": str(tmp_path / "h.toml")})
+
+
+def test_a_guide_pulse_of_fifty_days(tmp_path: Path) -> None:
+    text = seeds._guide()
+    path = tmp_path / "guide.txt"
+    path.write_text(text.replace(",0.1,0.1,20,W,", ",0.1,0.1,4320000000,W,", 1))
+    with pytest.raises(InputError, match="a pulse of 4320000000 ms"):
+        import_files("phd2", [path], {"latitude": "51"})
