@@ -8,12 +8,13 @@ compared, and the worst is told. A check that breaks differs too.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 Check = Callable[[], float]
 CHECKS: dict[tuple[str, str], list[tuple[str, Check]]] = {}  # (source, item) to the places that hold it, with checks
+TOLERANCES: dict[Check, float] = {}  # of checks whose place ends an iteration or integrates by steps
 ONCE: list[Any] = []  # what the package was asked once for several items
 TOLERANCE = 1e-12  # derivation and package are the same algebra in floats: a few hundred roundings of 1e-16
 
@@ -26,22 +27,27 @@ class Comparison:
     difference: float
     problem: str = ""
     places: int = 1
+    tolerance: float = TOLERANCE
 
     @property
     def same(self) -> bool:
         """Whether nothing but rounding differs; a difference that is not a number is one."""
-        return self.difference <= TOLERANCE
+        return self.difference <= self.tolerance
 
     def __str__(self) -> str:
         if self.same:
-            return f"Package: same within {TOLERANCE:.0e}."
+            return f"Package: same within {self.tolerance:.0e}."
         return f"PACKAGE DIFFERS in {self.where} {self.problem or f'by {self.difference:.2g}'}."
 
 
-def checks(source: str, *items: str, where: str) -> Callable[[Check], Check]:
-    """Decorator: the function tells how far `where` in the package is from the derivations of these items."""
+def checks(source: str, *items: str, where: str, tolerance: float = TOLERANCE) -> Callable[[Check], Check]:
+    """Decorator: the function tells how far `where` in the package is from the derivations of these items.
+
+    tolerance: what the steps of an integration or the end of an iteration leave, where that is more than rounding.
+    """
 
     def register(check: Check) -> Check:
+        TOLERANCES[check] = max(tolerance, TOLERANCES.get(check, 0.0))
         for item in items:
             CHECKS.setdefault((source, item), []).append((where, check))
         return check
@@ -67,12 +73,14 @@ def compare(source: str, item: str) -> Comparison | None:
     results = [_run(where, check) for where, check in CHECKS.get((source, item), ())]
     if not results:
         return None
-    worst = max(results, key=lambda c: (not c.same, c.difference))
-    return Comparison(worst.where, worst.difference, worst.problem, len(results))
+    worst = max(results, key=lambda c: (not c.same, c.difference / c.tolerance))
+    return replace(
+        worst, places=len(results), tolerance=max(c.tolerance for c in results) if worst.same else worst.tolerance
+    )
 
 
 def _run(where: str, check: Check) -> Comparison:
     try:
-        return Comparison(where, check())
+        return Comparison(where, check(), tolerance=TOLERANCES[check])
     except Exception as problem:  # noqa: BLE001  whatever breaks is a difference, not the end of the run
         return Comparison(where, float("inf"), f"({type(problem).__name__}: {problem})")

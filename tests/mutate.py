@@ -4,6 +4,7 @@
     python -m tests.mutate effects                zero, sign, size, axes, powers, and one changed term in every equation
     python -m tests.mutate readings ...           one module of the estimators, or several (--help lists them)
     python -m tests.mutate history ...            the mistakes of `tests/mutation/chosen.py` in a room, or in several
+    python -m tests.mutate derivations            sixty errors that the derivations ought to notice
     python -m tests.mutate --terms 9 ...          not one changed term in every statement but up to nine
     python -m tests.mutate --at-once 1 ...        one process of tests at a time, not as many as there are cores
 
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -28,13 +30,13 @@ from tests.mutation.equivalent import EQUIVALENT
 from tests.mutation.rewrite import Mutant
 from tests.mutation.running import Tests, verdicts
 
-EFFECTS = "effects"
+EFFECTS, DERIVATIONS = "effects", "derivations"
 
 
 def main() -> int:
     """Prints the survivors; returns the exit status."""
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    every = [EFFECTS, *TESTS, *ROOMS]
+    every = [EFFECTS, DERIVATIONS, *TESTS, *ROOMS]
     reader.add_argument("parts", nargs="*", metavar="part", help="; ".join(every))
     reader.add_argument("--terms", type=int, default=1, help="changed terms in every statement, one at a time")
     reader.add_argument("--at-once", type=int, default=os.cpu_count() or 1, help="processes of tests at a time")
@@ -50,6 +52,9 @@ def main() -> int:
         print(f"outdated in tests/mutation/chosen.py: {words}")
     count, alive = _effects(given.terms) if EFFECTS in parts else (0, 0)
     count, alive = count + len(wanted), alive + len(outdated) + _left(wanted, given.at_once)
+    if DERIVATIONS in parts:  # a process of its own, in which no loop is compiled
+        program = [sys.executable, "-m", "tests.mutation.of_derivations"]
+        alive += subprocess.run(program, env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, check=False).returncode != 0
     print(f"{count} mutants, {alive} survivors, {time.perf_counter() - began:.0f} s")
     return int(alive > 0)
 

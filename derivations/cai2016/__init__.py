@@ -11,6 +11,7 @@ from derivations.cai2016 import (
     experiments,
     package,
     package_filter,
+    package_passes,
     sensors,
     smoother,
     state_matrix,
@@ -21,7 +22,7 @@ from derivations.verdict import Verdict, decide_group
 
 GROUPS = (sensors, smoother, error_model, state_matrix)  # in the order of the paper
 TABLES = (table_1, experiments)
-COMPARED = (package, package_filter)  # register how far the package is from the derivations
+COMPARED = (package, package_filter, package_passes)  # register how far the package is from the derivations
 judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 

@@ -17,6 +17,7 @@ from derivations.wang2019 import (
     navigation,
     optimisation,
     package,
+    package_estimators,
     package_rows,
     table_4,
 )
@@ -24,7 +25,7 @@ from derivations.wang2019.symbols import SOURCE
 
 GROUPS = (models, navigation, accelerometer, gyroscope, optimisation, frames)  # in the order of the paper
 TABLES = (monte_carlo, table_4, experiments)
-COMPARED = (package, package_rows)  # register how far the package is from the derivations
+COMPARED = (package, package_rows, package_estimators)  # register how far the package is from the derivations
 judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 from functools import partial
 
 from derivations.verdict import Verdict, decide_group
-from derivations.wei2022 import bound, kalman, package, sensors, static_run, table_1, tables
+from derivations.wei2022 import bound, kalman, package, package_navigation, sensors, static_run, table_1, tables
 from derivations.wei2022.symbols import SOURCE
 
 GROUPS = (sensors, kalman)  # in the order of the paper
-COMPARED = (package,)  # registers how far the package is from the derivations
+COMPARED = (package, package_navigation)  # register how far the package is from the derivations
 judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 

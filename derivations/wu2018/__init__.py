@@ -12,6 +12,7 @@ from derivations.wu2018 import (
     fine_norm,
     frames,
     package,
+    package_estimators,
     package_rows,
     package_static,
     sensor,
@@ -24,7 +25,12 @@ from derivations.wu2018 import (
 from derivations.wu2018.symbols import SOURCE
 
 GROUPS = (frames, sensor, table1, fine_norm, static_force, attitude_error, separation)  # in the order of the paper
-COMPARED = (package, package_rows, package_static)  # register how far the package is from the derivations
+COMPARED = (
+    package,
+    package_rows,
+    package_static,
+    package_estimators,
+)  # register how far the package is from the derivations
 judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 
