@@ -47,7 +47,7 @@ def checks(source: str, *items: str, where: str, tolerance: float = TOLERANCE) -
     """
 
     def register(check: Check) -> Check:
-        TOLERANCES[check] = max(tolerance, TOLERANCES.get(check, 0.0))
+        TOLERANCES[check] = tolerance
         for item in items:
             CHECKS.setdefault((source, item), []).append((where, check))
         return check

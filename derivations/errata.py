@@ -21,7 +21,6 @@ PAPERS = {
     "002": "Cai 2016",
     "003": "Wei 2022",
 }  # `source` of errata.json, as a reader knows it
-FIELDS = tuple(f.name for f in fields(Verdict) if f.name != "package")  # of errata.json
 
 
 def table(verdicts: Sequence[Verdict], width: int | None = None) -> str:
@@ -33,10 +32,29 @@ def table(verdicts: Sequence[Verdict], width: int | None = None) -> str:
         if not i or v.source != verdicts[i - 1].source:
             lines.append(f"{PAPERS.get(v.source, v.source)} (source {v.source} in errata.json)")
         text = v.why if v.verdict != AGREES else v.why.split(". ")[0].rstrip(".") + "."  # a few words suffice
+        if v.assumes:
+            text += f" Assumes {v.assumes}."
         why = textwrap.wrap(text, width - indent) or [""]
-        lines.append(f"{v.item:{ITEM}}{v.verdict:{VERDICT}}{v.size:{SIZE}}{why[0]}")
+        lines.append(f"{_column(v.item, ITEM)}{v.verdict:{VERDICT}}{_column(v.size, SIZE)}{why[0]}")
         lines += [" " * indent + part for part in why[1:]]
     return "\n".join(lines)
+
+
+def _column(words: str, width: int) -> str:
+    """Return words with a space after them, however long they are."""
+    return f"{words:{width - 1}} "
+
+
+def page(v: Verdict) -> str:
+    """Return one item in full: print, derivation, verdict and why, what it assumes, and the package."""
+    package = "not compared" if v.package is None else str(v.package).removeprefix("Package: ")
+    rows = (("printed", v.printed), ("derived", v.derived), ("verdict", f"{v.verdict}, size {v.size}"),
+            ("why", v.why.split(" Package: ")[0]), ("assumes", v.assumes or "nothing beyond the paper"),
+            ("package", package))  # fmt: skip
+    wrapped = (
+        textwrap.fill(words, 100, initial_indent=f"  {name:9}", subsequent_indent=" " * 11) for name, words in rows
+    )
+    return "\n".join([f"{PAPERS.get(v.source, v.source)}, {v.item}", *wrapped])
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:
@@ -82,9 +100,11 @@ def _of_the_package(verdicts: Sequence[Verdict]) -> list[str]:
 def write(verdicts: Sequence[Verdict], folder: Path) -> Path:
     """Write `errata.json` into the folder, complete or not at all."""
     path = folder / "errata.json"
-    atomic.write(path, json.dumps([_entry(v) for v in verdicts], indent=1, ensure_ascii=False) + "\n")
+    atomic.write(path, json.dumps([entry(v) for v in verdicts], indent=1, ensure_ascii=False) + "\n")
     return path
 
 
-def _entry(v: Verdict) -> dict[str, str]:
-    return {name: getattr(v, name) for name in FIELDS}
+def entry(v: Verdict) -> dict[str, str]:
+    """Return the fields of an item of `errata.json`."""
+    package = "not compared" if v.package is None else "same" if v.package.same else "differs"
+    return {f.name: getattr(v, f.name) for f in fields(v)} | {"package": package}

@@ -19,7 +19,7 @@ from derivations import mechanisation as nav
 from derivations.turning import Path
 
 READ_OUT = 1.0  # s
-VELOCITY = 1e-5  # m/s, how still
+VELOCITY = 1e-5  # m/s, how still: of a filter on a pier
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,13 @@ def transition(latitude: float, dt: float) -> tuple[Any, Any]:
     return Phi, integral
 
 
-def sigmas(path: Path, latitude: float, columns: Callable[[Any, Any], Any], prior: Any, noise: Noise) -> Any:
+def sigmas(
+    path: Path, latitude: float, columns: Callable[[Any, Any], Any], prior: Any, noise: Noise, still: float = VELOCITY
+) -> Any:
     """Return (p,) one standard deviation of each constant after the path, in units of its prior sigma.
 
     columns: rate (n, 3) and force (n, 3) in b to (n, 6, p) derivatives of what gyroscopes and accelerometers read too
-    much. prior (p,) in their units.
+    much. prior (p,) in their units; still [m/s]: one sigma of the velocity that is known to be zero.
     """
     g = np.array([0, 0, float(nav.gravity(latitude, 0.0))])
     w_in = nav.earth_in_n(np.float64(latitude))
@@ -55,14 +57,14 @@ def sigmas(path: Path, latitude: float, columns: Callable[[Any, Any], Any], prio
     B[:, :3], B[:, 3:6] = -path.C @ read[:, :3], path.C @ read[:, 3:]
     Phi, integral = transition(latitude, path.dt)
     driven = integral @ B
-    return _filter(Phi, driven, path.dt, noise)
+    return _filter(Phi, driven, path.dt, noise, still)
 
 
-def _filter(Phi: Any, driven: Any, dt: float, noise: Noise) -> Any:
+def _filter(Phi: Any, driven: Any, dt: float, noise: Noise, still: float) -> Any:
     """Return the covariance recursion in blocks; constants have no dynamics."""
     p = driven.shape[-1]
     Q = np.diag([noise.rate**2 * dt] * 3 + [noise.force**2 * dt] * 3 + [0.0] * 3)
-    xx, xp, pp = np.diag([0.0175**2] * 3 + [VELOCITY**2] * 3 + [1e-16] * 2 + [1e-6]), np.zeros((9, p)), np.eye(p)
+    xx, xp, pp = np.diag([0.0175**2] * 3 + [still**2] * 3 + [1e-16] * 2 + [1e-6]), np.zeros((9, p)), np.eye(p)
     every = round(READ_OUT / dt)
     for k, G in enumerate(driven, start=1):
         side = Phi @ xp
@@ -73,7 +75,7 @@ def _filter(Phi: Any, driven: Any, dt: float, noise: Noise) -> Any:
         xp = side + spread
         if k % every == 0:
             velocity_rows = np.concatenate([xx[3:6], xp[3:6]], axis=1)
-            half = np.linalg.inv(np.linalg.cholesky(velocity_rows[:, 3:6] + VELOCITY**2 * np.eye(3))) @ velocity_rows
+            half = np.linalg.inv(np.linalg.cholesky(velocity_rows[:, 3:6] + still**2 * np.eye(3))) @ velocity_rows
             nav_, constant = half[:, :9], half[:, 9:]
             xx, xp, pp = xx - nav_.T @ nav_, xp - nav_.T @ constant, pp - constant.T @ constant
     return np.sqrt(np.diagonal(pp))

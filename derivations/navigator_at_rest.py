@@ -190,11 +190,11 @@ def alignment() -> float:
     from gimbalcal.navigate import strapdown_unit
     from gimbalcal.navigate.space_stable_navigator import Aids
 
-    C, readings = _ten_minutes_at_rest()
+    C, (dt, rates, forces, site) = _ten_minutes_at_rest()
     integrals, off = strapdown_unit._in_carried_axes, rotation((0.0, 0.6, 0.8), 2e-3)
     strapdown_unit._in_carried_axes = lambda *_: off @ C
     try:
-        found = strapdown_unit.aligned(*readings, Aids())
+        found = strapdown_unit.aligned(dt, rates, forces, site, Aids())
     finally:
         strapdown_unit._in_carried_axes = integrals
     return float(np.abs(found - C).max())
@@ -249,6 +249,7 @@ def sampled_sigma() -> float:
     from gimbalcal.calibration import Calibration, Residual
     from gimbalcal.effects import CATALOGUE, parameters, values, with_values
     from gimbalcal.navigate import uncertainty
+    from gimbalcal.navigate.space_stable_navigator import USUAL
     from gimbalcal.platform import BENCH
 
     wanted = parameters(CATALOGUE["bias"])
@@ -275,11 +276,11 @@ def sampled_sigma() -> float:
 
     made = Linear("any", with_values((), wanted, np.zeros(3)), wanted, P, (), Residual(1.0, 1, {}))
     generator = np.random.default_rng
-    np.random.default_rng = _Drawn  # type: ignore[assignment,misc]
+    np.random.default_rng = _Drawn  # type: ignore[assignment]
     try:
-        found = uncertainty._sampled(Thin(), made, uncertainty.USUAL, 6, 1, lambda _: None)  # type: ignore[arg-type]
+        found = uncertainty._sampled(Thin(), made, USUAL, 6, 1, lambda _: None)  # type: ignore[arg-type]
     finally:
-        np.random.default_rng = generator  # type: ignore[misc]
+        np.random.default_rng = generator
     return float(np.abs(found / np.sqrt(np.diag(J @ P @ J.T)) - 1).max())
 
 

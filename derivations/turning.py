@@ -41,7 +41,7 @@ def in_words(C: Any) -> tuple[str, str, str]:
     return x, y, z
 
 
-def rotation(axis: Sequence[float], angle: float) -> Any:
+def rotation(axis: Any, angle: float) -> Any:
     """Return the active rotation (3, 3), Rodrigues."""
     a = np.asarray(axis, float)
     K = np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])

@@ -61,7 +61,7 @@ class Printed:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What was found about one item; the first seven fields are those of `errata.json`."""
+    """What was found about one item; assumes: what the verdict hangs on and the paper does not state."""
 
     source: str
     item: str
@@ -71,6 +71,7 @@ class Verdict:
     size: str
     why: str
     package: Comparison | None = None
+    assumes: str = ""
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,9 @@ class Case:
     `small`: symbols that count as small. `at`: numbers for the size of the difference; `sweep`: further points, the
     largest counts. `unit`: "g", "ug" (of g), "arcsec" (of rad) or "". `symbols`, `factors`: what a slip could
     exchange or lose. `repairs`: slips that are not of that kind, in words, with what repairs a printed formula. `rank`:
-    rank of the derived equations and the number of unknowns they are solved for. `why` may quote {size}, {slip} and
+    rank of the derived equations and the number of unknowns they are solved for. `reading`: a convention that the paper
+    does not state or a simplification that it makes, in words, what it makes of the derived form, and the verdict where
+    that is what is printed. `why` may quote {size}, {slip} and
     what `facts` holds, or is a function of the printed formula.
     """
 
@@ -95,6 +98,8 @@ class Case:
     repairs: Sequence[tuple[str, Callable[[Expr], Expr]]] = ()
     rank: tuple[int, int] | None = None
     facts: Mapping[str, object] | None = None
+    reading: tuple[str, Callable[[Expr], Expr], str] | None = None
+    assumes: str = ""
 
 
 def is_zero(expr: Expr) -> bool:
@@ -196,9 +201,18 @@ def judge(printed: Printed, case: Case) -> tuple[str, str]:
     return _judge(printed.formula, printed, case)
 
 
+def _by_reading(formula: Expr, case: Case) -> bool:
+    """Return whether a formula follows by the convention or simplification of `reading`, and not without it."""
+    if case.reading is None or same(formula, case.derived):
+        return False
+    return same(formula, case.reading[1](case.derived))
+
+
 def _judge(formula: Expr, printed: Printed, case: Case) -> tuple[str, str]:
     if same(formula, case.derived):
         return AGREES, ""
+    if case.reading is not None and _by_reading(formula, case):
+        return case.reading[2], ""
     if _shape(formula) == _shape(case.derived):
         pairs = list(zip(entries(formula), entries(case.derived), strict=True))
         if case.small and all(order(p - d, case.small) > order(p, case.small) for p, d in pairs if not is_zero(p - d)):
@@ -262,7 +276,15 @@ def decide(source: str, printed: Printed, case: Case) -> Verdict:
     elif printed.garbled:
         why += f" The scan is garbled here: {printed.garbled}."
     derived = "a definition" if case.derived is None else sp.sstr(case.derived)
-    return with_package(Verdict(source, printed.item, verdict, printed.scan, derived, size, why))
+    assumes = case.reading[0] if case.reading is not None and _by_reading(printed.formula, case) else case.assumes
+    return with_package(Verdict(source, printed.item, verdict, printed.scan, derived, size, why, assumes=assumes))
+
+
+def by_size(difference: float, rounding: float, order: float = 0.0) -> str:
+    """Return the verdict on a number: agrees within its rounding, approximation within `order`, else wrong."""
+    if abs(difference) <= rounding:
+        return AGREES
+    return APPROXIMATION if abs(difference) <= order else WRONG
 
 
 def last_digit(text: str) -> float:

@@ -26,7 +26,8 @@ expressions too. Errors of the papers are corrected in the package.
 
 *Agrees*: as printed, definitions included. *Approximation*: correct to the stated order. *Misprint*: a slip that the
 paper itself does not carry on. *Wrong*: the printed result does not follow. *Not determined*: the equations do not
-determine it, the recordings that it needs are not printed, or the scan is not legible there.
+determine it, the recordings that it needs are not printed, or the scan is not legible there. An assumption is what the
+paper does not state and the verdict hangs on. `python -m derivations PAPER ITEM` shows one item in full.
 """
 Entry = dict[str, str]
 
@@ -52,6 +53,10 @@ def section(source: str, entries: Sequence[Entry]) -> str:
     if near:
         rows = [f"| {cell(e['item'])} | {cell(e['size'])} | {cell(e['why'])} |" for e in near]
         parts.append("\n".join(["**Approximations**", "", "| item | size | why |", "|---|---|---|", *rows]))
+    kept = [e for e in mine if e["verdict"] == "agrees" and e["assumes"]]
+    if kept:
+        lines = [f"* {text(e['item'])}: {text(e['assumes'])}." for e in kept]
+        parts.append("\n".join(["**Agrees under an assumption**", "", *lines]))
     reasons: dict[str, list[str]] = {}
     for e in mine:
         if e["verdict"] == "not-determined":
@@ -74,6 +79,8 @@ def fault(e: Entry) -> str:
         lines.append(f"* derived: `{derived}`")
     if e["size"] != "not quantified":
         lines.append(f"* size: {text(e['size'])}")
+    if e["assumes"]:
+        lines.append(f"* assumes: {text(e['assumes'])}")
     return "\n".join(lines)
 
 

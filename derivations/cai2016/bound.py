@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from derivations.cai2016 import table_1
-from derivations.information import Noise, of_density, sigmas
+from derivations.information import VELOCITY, Noise, of_density, sigmas
 from derivations.verdict import ARCSEC
 
 LATITUDE = radians(34.2)  # not printed: the authors' laboratory lies between 28 and 40 deg north
@@ -31,6 +31,7 @@ PRIOR = np.array([
     *(300e-6 if n[-2] == n[-1] else 180 * ARCSEC for n in NAMES[18:27]), *[200 * UG] * 3,
     *[300 * UG / G0**2] * 9, *[0.02] * 3,
 ])  # fmt: skip
+LOOSE = 1e-3  # m/s: how still a unit stands on a table that turns it; no noise of velocity is printed
 STATED = Noise(of_density(0.00005 * DEG_H, 100.0), of_density(UG, 100.0))
 
 
@@ -58,7 +59,7 @@ def columns(rate: Any, force: Any) -> Any:
 
 
 @cache
-def found(rate: float = STATED.rate, force: float = STATED.force) -> dict[str, float]:
-    """Return the sigma of each constant over its error before the filter."""
-    s = sigmas(table_1.motion(), LATITUDE, columns, PRIOR, Noise(rate, force))
+def found(rate: float = STATED.rate, force: float = STATED.force, still: float = VELOCITY) -> dict[str, float]:
+    """Return the sigma of each constant over its error before the filter; still [m/s]: noise of zero velocity."""
+    s = sigmas(table_1.motion(), LATITUDE, columns, PRIOR, Noise(rate, force), still)
     return dict(zip(NAMES, map(float, s), strict=True))

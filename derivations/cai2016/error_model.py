@@ -14,7 +14,19 @@ import sympy as sp
 
 from derivations import mechanisation as nav
 from derivations.cai2016.sensors import AT, column, e_f
-from derivations.cai2016.symbols import AXES, G_matrix, b_g, crossed, f, omega, size_effect, squared, triad
+from derivations.cai2016.symbols import (
+    ALPHA,
+    AXES,
+    G_matrix,
+    accelerometer_axes,
+    b_g,
+    crossed,
+    f,
+    omega,
+    size_effect,
+    squared,
+    triad,
+)
 from derivations.verdict import Case, Printed
 from derivations.wang2019.navigation import R_M, R_N, V, earth_rate, h, transport_rate
 from derivations.wang2019.navigation import e as step
@@ -26,8 +38,9 @@ db_g, db_a, dK_a2, dr = (triad(n) for n in ("db_g", "db_a", "dK_a2", "dr_"))
 dG = sp.Matrix(3, 3, sp.symbols([f"dG_{i}{j}" for i in AXES for j in AXES], real=True))
 dK_cross = sp.symbols("dK_axy dK_axz dK_ayx dK_ayz dK_azx dK_azy", real=True)
 ERRORS = (*[s for s in dK_G if s], *db_g, *dG, *dK_A, *db_a, *dK_a2, *dK_cross, *dr)
-da_scale, dalpha, scale, alpha = (sp.Matrix(3, 3, lambda i, j, n=n: sp.Symbol(f"{n}_{AXES[i]}{AXES[j]}", real=True))
-                                  for n in ("dKa", "dalpha", "Ka", "alpha"))  # fmt: skip
+da_scale = triad("dK_a")
+dALPHA = sp.symbols([f"d{a}" for a in ALPHA], real=True)
+d_xz, d_xy, d_yz, d_yx, d_zy, d_zx = dALPHA
 M_g = sp.Matrix(3, 3, sp.symbols("M_:3:3", real=True))  # T K less the identity: what has been found so far
 NOMINAL_GYRO = (*[s for s in dK_G if s], *db_g, *dG, *M_g, *b_g, *G_matrix, *e_f)
 
@@ -60,10 +73,11 @@ def force_error() -> Any:
 
 @cache
 def block_of_scale() -> Any:
-    """Return the first order of T K about the identity: scale factors on the diagonal, angles beside it."""
-    K = sp.eye(3) + step * sp.diag(*(da_scale[i, i] for i in range(3)))
-    T = sp.Matrix(3, 3, lambda i, j: 1 if i == j else step * dalpha[i, j])
-    return (T * K).diff(step).subs(step, 0)
+    """Return the first order of T K about the identity, T the inverse of the axes of (4) turned by small angles."""
+    turned = dict(zip(ALPHA, (step * a for a in dALPHA), strict=True))
+    axes = accelerometer_axes().subs(turned, simultaneous=True)
+    K = sp.eye(3) + step * sp.diag(*da_scale)
+    return (K.diff(step) - axes.diff(step)).subs(step, 0)  # of the inverse of a matrix near the identity
 
 
 def _navigation(gravity_sign: int) -> Any:
@@ -116,8 +130,10 @@ PRINTED = {
         ),
         Printed(
             "Eq. (20)",
-            "dK_A = dT_a^m dK_a = [[dK_ax, dalpha_xz, -dalpha_xy], ...]",
-            sp.Matrix(3, 3, lambda i, j: da_scale[i, i] if i == j else dalpha[i, j]),
+            "dK_A = dT_a^m dK_a = [[dK_ax, dalpha_xz, -dalpha_xy], [-dalpha_yz, dK_ay, dalpha_yx], [dalpha_zy, "
+            "-dalpha_zx, dK_az]]",
+            sp.Matrix([[da_scale[0], d_xz, -d_xy], [-d_yz, da_scale[1], d_yx], [d_zy, -d_zx, da_scale[2]]]),
+            garbled="a minus sign reads as an acute accent",
         ),
         Printed("Eq. (21)", "dK_G, dK_A, db_a, db_g, dG, dK_a2, dK_cross, dr do not change", sp.Integer(0)),
         Printed(
@@ -157,8 +173,8 @@ def cases() -> dict[str, Case]:
         ),
         "Eq. (20)": Case(
             block_of_scale(),
-            "First order of the product T K about the identity: d stands before the product, for dT dK would be second "
-            "order. dK_G likewise, with dgamma in the lower triangle only; F14 has it so.",
+            "First order of the product T K about the identity, signs included: d stands before the product, for dT dK "
+            "would be second order. dK_G likewise, with dgamma in the lower triangle only; F14 has it so.",
         ),
         "Eq. (21)": Case(None, "What is called a constant. A vector of three has 1 x 3 zeros in print."),
         "Eq. (22)": Case(

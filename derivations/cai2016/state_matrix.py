@@ -22,7 +22,7 @@ from derivations.cai2016 import error_model as model
 from derivations.cai2016.sensors import e_f
 from derivations.cai2016.symbols import G_matrix, b_g, crossed, f, omega, squared, triad
 from derivations.cross import cross
-from derivations.verdict import Case, Printed
+from derivations.verdict import AGREES, Case, Printed
 from derivations.wang2019.navigation import R_M, R_N, V, e, h
 from derivations.wang2019.symbols import L, omega_ie
 
@@ -210,6 +210,21 @@ def _bias_column(name: str) -> str:
     )
 
 
+def _reading(name: str) -> tuple[str, Any, str] | None:
+    """Return the sign with which some constants are counted in a block; where the paper contradicts it is (27)."""
+    states = {"F14": "db_g", "F25": "db_a", "F27": "dK_a2", "F28": "dK_cross"}.get(name)
+    if states is None:
+        return None
+    last = 3 if name in ("F14", "F25") else 0
+
+    def counted(derived: Any) -> Any:
+        n = derived.cols
+        signs = [-1 if not last or j >= n - last else 1 for j in range(n)]
+        return derived * sp.diag(*signs)
+
+    return f"that {states} counts true minus computed here, which is held against (27) and not again", counted, AGREES
+
+
 @cache
 def cases() -> dict[str, Case]:
     """Return the derived forms of the items."""
@@ -247,7 +262,7 @@ def cases() -> dict[str, Case]:
         out[f"Eq. (23), {name}"] = Case(
             derived[name], words[name], at=AT_SEA if name in BLOCKS else None, symbols=radii,
             factors=(sp.Integer(2),), facts=facts,
-            sweep=({}, {V_E: 10.0}) if sized else ({},),
+            sweep=({}, {V_E: 10.0}) if sized else ({},), reading=_reading(name),
         )  # fmt: skip
     order = ["Eq. (23)", *sorted(k for k in out if "," in k)]
     out = {k: out[k] for k in order}

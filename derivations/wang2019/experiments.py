@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from math import cos, degrees, pi, radians, sin, sqrt
 
-from derivations.verdict import AGREES, APPROXIMATION, NOT_DETERMINED, WRONG, Verdict
+from derivations.verdict import AGREES, NOT_DETERMINED, WRONG, Verdict, by_size
 from derivations.wang2019.dead_reckoning import LATITUDE, largest
 from derivations.wang2019.navigation import EARTH
 from derivations.wang2019.symbols import SOURCE
@@ -86,7 +86,7 @@ def judge_bends() -> Verdict:
     miles = largest((leak, 0.0, 0.0), (0.0, 0.0, 0.0), HOURS) / MILE
     slow = bend * miles / 0.18
     return Verdict(
-        SOURCE, "Tables 4 and 6, K_g2", WRONG,
+        SOURCE, "Tables 4 and 6, K_g2", by_size(miles - 0.18, 0.03, 0.18),
         "K_g2z -9.97e-18 deg/s/pulse^2; left out, the drive of 3.2 h is worse by 0.15 to 0.18 n mile",
         f"{miles:.2f} n mile by one right angle in {bend:g} s", f"a factor of {miles / 0.18:.2g} for each bend one way",
         f"A bend through a right angle in {bend:g} s turns the heading by {degrees(heading) * 60:.1f} arcmin where the "
@@ -124,7 +124,8 @@ def sentences() -> tuple[Verdict, ...]:
         "0" if inside else f"{abs(average - 11):.2g} %", "The mean of the three decreases of Table 6, rounded.",
     )  # fmt: skip
     lab = Verdict(
-        SOURCE, "Abstract, 17 %", APPROXIMATION, "up to 17 % in lab conditions", "17.89 % in Section 5.2.2", "0.9 %",
+        SOURCE, "Abstract, 17 %", by_size(17.89 - 17, 0.5, 1.0),
+        "up to 17 % in lab conditions", "17.89 % in Section 5.2.2", "0.9 %",
         "Cut off, not rounded; Figure 10, which it is read from, carries no numbers here. It is the largest of six "
         "runs, one each.",
     )  # fmt: skip

@@ -21,7 +21,7 @@ from typing import Any
 import sympy as sp
 
 from derivations.cross import cross
-from derivations.verdict import Case, Printed, truncate
+from derivations.verdict import APPROXIMATION, Case, Printed, truncate
 from derivations.wang2019.symbols import K2, K3, E, L, N, omega_ie, triangle
 
 
@@ -212,5 +212,10 @@ def cases() -> dict[str, Case]:
             small=(*ERRORS, omega_ie, *E),
             at={**NUMBERS, **dict.fromkeys(K2, 1e-9)},
             facts={"one": growth(1.0), "three": growth(3.2)},
+            reading=(
+                "that velocity and position are still free of errors, as in the first minutes",
+                lambda d: d.subs(dict.fromkeys((*dV, dL, *E), 0)),
+                APPROXIMATION,
+            ),
         ),
     }

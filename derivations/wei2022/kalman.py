@@ -17,6 +17,7 @@ from derivations.verdict import Case, Printed
 from derivations.wang2019.navigation import R_M, R_N, V, earth_rate, h, transport_rate
 from derivations.wang2019.symbols import L
 from derivations.wei2022.symbols import STATES
+from derivations.wei2022.tables import chance_of_variances
 
 V_ = sp.Matrix(V)
 phi, dV, f_n = sp.Matrix(nav.PHI), sp.Matrix(nav.DV), sp.Matrix(nav.F_N)
@@ -162,7 +163,12 @@ def cases() -> dict[str, Case]:
         "Eq. (20)": Case(best, "The gain that makes the trace of the covariance least."),
         "Eq. (21)": Case(unbiased(), "What is linear in prediction and datum and has no bias, whatever the gain."),
         "Eq. (22)": Case(after, "(1 - K H) P (1 - K H)^T + K R K^T with the gain of (20); with no other."),
-        "Eq. (23)": Case(None, "The scan shows neither fraction bar nor root; the text, larger as P_k falls, fits both "
-                         "P_0/P_k and its root. The package takes the root, a ratio of sigmas."),
+        "Eq. (23)": Case(
+            None,
+            "The scan shows neither fraction bar nor root. Tables 2 and 3 decide for the root, a ratio of sigmas: were "
+            "it a ratio of variances, residuals as small as Table 3's would have a probability of {chance:.0e}.",
+            facts={"chance": chance_of_variances()},
+            assumes="that the initial sigmas are not less than the errors that were there, the ideal values of Table 3",
+        ),
         "Eq. (24)": Case(None, "Thresholds by experience."),
     }  # fmt: skip

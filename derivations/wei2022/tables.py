@@ -12,6 +12,8 @@ from __future__ import annotations
 from decimal import Decimal
 from math import sqrt
 
+import sympy as sp
+
 from derivations.verdict import AGREES, MISPRINT, NOT_DETERMINED, WRONG, Verdict, with_package
 from derivations.wei2022.symbols import NAMES, SOURCE
 
@@ -109,6 +111,19 @@ def judge_estimate(row: int, scheme: int) -> Verdict:
         f"{TABLE_3[row][1 + scheme]} {unit(row)}", "nothing printed determines it", "not quantified",
         "One draw of noise; neither its size nor the turns' times are printed.",
     )  # fmt: skip
+
+
+def chance_of_variances() -> float:
+    """Return how likely residuals as small as Table 3's are if a degree of Table 2 were a ratio of variances.
+
+    Then a residual has the sigma sigma_0 / sqrt(degree), and sigma_0 is not less than the error that was there, the
+    ideal value: of chi^2 of 42 degrees of freedom, the sum of squares of residual over sigma is an upper bound.
+    """
+    squares = sum((float(row[3 + scheme]) / float(row[0])) ** 2 * float(degree)
+                  for row, degrees in zip(TABLE_3, TABLE_2, strict=True)
+                  for scheme, degree in enumerate(degrees))  # fmt: skip
+    half = sp.Rational(2 * len(TABLE_3), 2)
+    return float(sp.lowergamma(half, squares / 2) / sp.gamma(half))
 
 
 def judge_result(row: int) -> Verdict:

@@ -315,7 +315,7 @@ def _by_inner_zero() -> tuple[float, float]:
     seen = (Rz(-e * x[0]) * Ry(e * x[1] + L + sp.pi / 2) * Rz(-e * x[2])).subs(solved)
     rotation = (seen.T.diff(e).subs(e, 0) * tilt).applyfunc(sp.simplify)  # C_n^b of the level base, to first order
     # C_n^b = 1 - [error of the output x]; the attitude error is the level base less the output
-    return tuple(-float(v.subs(L, LATITUDE)) for v in (-rotation[2, 1], -rotation[0, 2]))
+    return float(rotation[2, 1].subs(L, LATITUDE)), float(rotation[0, 2].subs(L, LATITUDE))
 
 
 @checks(SOURCE, "Eq. (29)", "Eq. (34)", where=SEPARATION)

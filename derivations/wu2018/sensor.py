@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from derivations.verdict import Case, Printed
+from derivations.verdict import AGREES, Case, Printed
 from derivations.wu2018 import table1
 from derivations.wu2018.frames import platform_to_accelerometers
 from derivations.wu2018.symbols import BETA
@@ -140,10 +140,16 @@ def cases() -> dict[str, Case]:
         ),
         "Eq. (7)": Case(
             linear_output(held_up),
-            "At rest the sensor feels f^p = -g^p, by (1) and (6); with Table 1's g^p (+g at position 1) the printed "
-            "sign makes every output wrong by {size}, or all three scale factors negative. The 15 coefficients it "
-            "is solved for have rank {rank}: theta_10 and a common turn beta_xz = beta_yz are the same.",
+            "At rest the sensor feels f^p = -g^p, by (1) and (6). The sign is a convention: (7) agrees where outputs "
+            "count along gravity, as the sentence after it says, and (6) where they count along the force; "
+            "between both conventions every output differs by 2 g. The 15 coefficients it is solved for have rank "
+            "{rank}: theta_10 and a common turn beta_xz = beta_yz are the same.",
             facts={"rank": coarse_rank()},
+            reading=(
+                "that the outputs of (7) count along gravity, unlike those of (6)",
+                lambda d: d.subs({x: -x for x in g_p}, simultaneous=True),
+                AGREES,
+            ),
             at=NOMINAL,
             sweep=DOWN_UP,
             unit="g",

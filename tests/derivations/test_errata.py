@@ -59,13 +59,32 @@ def test_summary_lists_where_the_package_differs():
     assert lines[-1] == "  Wu 2018, Table 4, x1: PACKAGE DIFFERS in fine.norm_rows by 2."
 
 
-def test_file_has_the_seven_fields_and_replaces_the_old_one(tmp_path):
+def test_file_has_the_nine_fields_and_replaces_the_old_one(tmp_path):
     (tmp_path / "errata.json").write_text("old")
     path = errata.write(VERDICTS, tmp_path)
     assert [sorted(entry) for entry in json.loads(path.read_text())] == [
-        sorted(("source", "item", "verdict", "printed", "derived", "size", "why"))
+        sorted(("source", "item", "verdict", "printed", "derived", "size", "why", "package", "assumes"))
     ] * 2
     assert [p.name for p in tmp_path.iterdir()] == ["errata.json"]
+
+
+def test_file_says_how_the_package_compares_and_what_a_verdict_assumes(tmp_path):
+    same = replace(VERDICTS[0], package=Comparison("forward", 1e-16), assumes="a sphere")
+    apart = replace(VERDICTS[1], package=Comparison("fine.norm_rows", 2.0))
+    entries = json.loads(errata.write((*VERDICTS[:1], same, apart), tmp_path).read_text())
+    assert [e["package"] for e in entries] == ["not compared", "same", "differs"]
+    assert [e["assumes"] for e in entries] == ["", "a sphere", ""]
+    assert "Assumes a sphere." in errata.table((same,), width=200)
+
+
+def test_one_item_is_shown_in_full(monkeypatch, capsys):
+    monkeypatch.setattr(__main__.wu2018, "verdicts", lambda: VERDICTS)
+    assert __main__.main(["wu2018", "Table 4"]) == 0
+    shown = capsys.readouterr().out
+    assert "printed  1" in shown
+    assert "derived  2" in shown
+    assert "Eq. (1)" not in shown
+    assert __main__.main(["wu2018", "Eq. (99)"]) == 2
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):

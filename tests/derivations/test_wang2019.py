@@ -31,16 +31,18 @@ PAPER = wang2019
 KEY = {
     **{f"Eq. ({n})": AGREES for n in (1, 2, 3, 4, 6, 7, 9, 10, 11, 17, 19, 25, *range(26, 32), 34, 35, 36)},
     **{f"Eq. ({n})": AGREES for n in (38, 39, 40, 41, 42, 43)},
-    **{f"Eq. ({n})": APPROXIMATION for n in (5, 8, 12, 13, 14, 15, 20, 21, 22, 23, 24, 32, 33)},
-    **{f"Eq. ({n})": WRONG for n in (16, 44, 45)},
+    **{f"Eq. ({n})": APPROXIMATION for n in (5, 8, 12, 13, 14, 15, 16, 20, 21, 22, 23, 24, 32, 33)},
+    **{f"Eq. ({n})": WRONG for n in (44, 45)},
     "Eq. (18)": NOT_DETERMINED,
     "Eq. (37)": NOT_DETERMINED,
     "Eq. (30), K_g2": AGREES,
     "Section 4.1, own axis": AGREES,
     "Section 4.1, misalignment": AGREES,
-    "Table 3, eps_y": WRONG,
+    "Table 3, eps_y": APPROXIMATION,
     "Table 3, eps_x": AGREES,
-    "Table 3, K_g2z": AGREES,
+    "Table 3, K_g2z": NOT_DETERMINED,
+    "Table 4, K_g1x": NOT_DETERMINED,
+    "Table 4, E_azy": NOT_DETERMINED,
     "Table 2, K_a3x": AGREES,
     "Table 4, nabla_x": AGREES,
     "Table 4, K_a2x": NOT_DETERMINED,
@@ -75,9 +77,9 @@ def test_every_equation_and_table_entry_once(found):
 
 def test_the_package_computes_the_derived_forms(found):
     same = {v.item for v in found.values() if v.package}
-    # the problem in general, three lists of names, two rotations that are none; navigation: navigate.error_growth and
-    # navigate.strapdown are compared with the equations of Cai et al.
-    without = (1, 9, 10, 12, 13, 14, 15, 16, 37, 38, 39, 44, 45)
+    # two rotations that are none; navigation: navigate.error_growth and navigate.strapdown are compared with the
+    # equations of Cai et al.
+    without = (9, 10, 12, 13, 14, 15, 16, 44, 45)
     assert same == {f"Eq. ({n})" for n in range(1, 46) if n not in without} | {"Eq. (30), K_g2"}
     assert {item for source, item in comparison.CHECKS if source == "000"} == same
 
@@ -231,7 +233,8 @@ def test_a_planted_number_in_table_4_is_seen(monkeypatch):
         monkeypatch.setitem(table_4.ENTRIES, name, (right[0], two, right[2]))
         assert table_4.judge_step(name).verdict == WRONG, name
         monkeypatch.setitem(table_4.ENTRIES, name, right)
-        assert table_4.judge_step(name).verdict == AGREES, name
+        # what eps_x prints would round so only at the edge of both roundings
+        assert table_4.judge_step(name).verdict == (NOT_DETERMINED if name == "eps_x" else AGREES), name
 
 
 def test_a_planted_percentage_in_table_6_is_seen():
