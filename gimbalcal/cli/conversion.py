@@ -137,9 +137,17 @@ def _pair(setting: str) -> tuple[str, str]:
     return name, value
 
 
+def _stated_unit(setting: str) -> tuple[str, str]:
+    quantity, equals, unit = setting.partition("=")
+    if not equals:
+        raise InputError(f"--unit takes QUANTITY=UNIT, as in angular_rate=deg/s, got {setting!r}")
+    return quantity, unit
+
+
 @click.command(
     epilog=example(
         "gimbalcal new imu.csv --out imu",
+        "gimbalcal new imu.csv --unit angular_rate=deg/s --out imu",
         "gimbalcal new accelerometers.csv gyroscopes.csv --out unit",
         "gimbalcal new stars.csv --latitude 48.1",
     )
@@ -163,20 +171,31 @@ def _pair(setting: str) -> tuple[str, str]:
     metavar="DEG",
     help="Of the place, east is positive: right ascensions with UTC need it.",
 )
+@click.option(
+    "--unit",
+    "units",
+    multiple=True,
+    metavar="QUANTITY=UNIT",
+    help="Of time, specific_force or angular_rate, where no name states it and the numbers are not clear.",
+)
 @click.option("--title", default="", help="What the recording is called.  [default: the name of the first of LOGS]")
 @output_options("the recording and a page with its rests", "the name of the first of LOGS without its ending, here")
 def new(
     logs: tuple[Path, ...], rate: float | None, latitude: float | None, height: float | None, longitude: float | None,
-    title: str, output: Output,
+    units: tuple[str, ...], title: str, output: Output,
 ) -> None:  # fmt: skip
-    """Look at LOGS of a unit, a rig or a mount and propose a recording: columns, units, rests, platform."""
+    """Look at LOGS of a unit, a rig or a mount and propose a recording: columns, units, rests, platform.
+
+    LOGS are text tables of any layout, messages and JSON lines, MATLAB, HDF5, NumPy, Parquet and JSON files, records of
+    doubles, guide logs of PHD2, files of TPOINT and of the MMT. What a choice rests on is said.
+    """
     from gimbalcal.atomic import write as write_text
     from gimbalcal.guess.proposal import propose
     from gimbalcal.recording import dwells, write
     from gimbalcal.report.new_page import clocked, commented, proposal_page
 
     output.tell(f"reading {amount(len(logs), 'log')}")
-    proposal = propose(logs, title, rate or 0.0, latitude, height, longitude)
+    proposal = propose(logs, title, rate or 0.0, latitude, height, longitude, dict(map(_stated_unit, units)))
     r, folder = proposal.recording, output.out or Path(logs[0].stem)
     page = "stars.html" if r.kind.sighting else "rests.html"
     with output.staged(folder) as staged:
@@ -206,6 +225,6 @@ def new(
               "left_out": list(proposal.left_out), "notes": dict(proposal.notes)}  # fmt: skip
     after = "calibrate" if stars or turned or intervals > 1 or r.kind.stabilised else "noise"
     how = " --method rate-table" if turned and r.has("specific_force") else ""
-    how = " --method attitude" if r.has("attitude") else how
+    how = " --method attitude" if turned and r.axes("attitude") else how
     words = f"wrote {folder}, {description}; {correct}, then: gimbalcal {after} {folder}{how}"
     output.show(result, words)

@@ -73,6 +73,18 @@ def axis_angles(table: Table, longitude: float | None = None) -> tuple[Table, di
     return replace(table, columns=columns, sexagesimal=frozenset(angles)), notes
 
 
+def refuse_single_places(path: Path, table: Table) -> None:
+    """Raise InputError where right ascension and declination stand in a table once each: where one of two was."""
+    words = {name: set(_words(name)) - OFFSET for name in table.columns}
+    own = [[n for n, w in words.items() if w & kind] for kind in (ASCENSION, DECLINATION)]
+    if all(len(each) == 1 for each in own):
+        raise InputError(
+            f"{path}: right ascension and declination ({own[0][0].strip()}, {own[1][0].strip()}) stand there once, and "
+            "a run takes them twice, where the star was and where the mount took it to be: add the other as ra_true, "
+            "dec_true or ra_mount, dec_mount"
+        )
+
+
 def _with_fits_keywords(table: Table) -> Table:
     """Return the table with the keywords of FITS files in words: place of the mount, and of the solved plate."""
     spelt = {n: f"{n} {KEYWORDS[n.strip().upper()]}" for n in table.columns if n.strip().upper() in KEYWORDS}

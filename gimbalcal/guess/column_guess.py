@@ -48,11 +48,12 @@ class GuessedLog:
     notes: Mapping[str, str]
 
 
-def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str]) -> GuessedLog:
+def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str], units: Mapping[str, str]) -> GuessedLog:
     """Guess what the columns of a log hold.
 
     rate: of the rows [Hz], which then replaces a clock. elsewhere: quantities that columns of any of the logs are named
-    after. Raises InputError where no column is a clock and rows are not those of positions.
+    after. units: by quantity, as a user states them. Raises InputError where no column is a clock and rows are not
+    those of positions.
     """
     notes: dict[str, str] = {}
     log, joined = _by_names(path, table)
@@ -82,7 +83,7 @@ def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str]) -> Guess
     if dwell_rows:
         used |= {name for name in log.columns if (g := by_name(name)) and g.quantity == "sigma"}
     left_out = tuple(name for name in (*table.columns, *table.others) if name not in used)
-    return GuessedLog(with_units(log), log, left_out, notes)
+    return GuessedLog(with_units(log, units), log, left_out, notes)
 
 
 def _by_names(path: Path, table: Table) -> tuple[Log, tuple[str, ...]]:
@@ -196,8 +197,18 @@ def _with_row_clock(path: Path, log: Log, rate: float, dwell_rows: bool, stated:
     return log.preceded_by("time", Guess("time", "", "s", why), rows / rate if rate > 0 else ROW_STEP_S * rows)
 
 
-def with_units(log: Log) -> Log:
-    """Return the log with the units that no name states, from the numbers; those of clock and gyroscopes stay open."""
+def with_units(log: Log, stated: Mapping[str, str]) -> Log:
+    """Return the log with units by quantity as stated, and where no name states one from the numbers.
+
+    Those of clock and gyroscopes that follow from their numbers stay open.
+    """
+    log = log.including(
+        {
+            n: replace(g, unit=stated[g.quantity], why=f"{g.why}; --unit {g.quantity}={stated[g.quantity]}")
+            for n, g in log.guesses.items()
+            if g.quantity in stated
+        }
+    )
     names = log.names(FORCE)
     if names and not all(is_unit_of(FORCE, log.guesses[n].unit) for n in names):
         full = np.isfinite(np.stack(log.values(FORCE))).all(axis=0)

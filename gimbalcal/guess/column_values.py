@@ -53,11 +53,11 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
         forces = [t for t in windows if _may_be_force(values(t))]
         forces = [t for t in forces if changes_direction(values(t)) or not _unlike_gravity(values(t))[0]]
         forces.sort(key=lambda t: _unevenness(values(t)))  # windows that overlap differ in which columns are alike
-    forces.sort(key=lambda t: (_unlike_gravity(values(t))[0], round(_unlike_gravity(values(t))[1], 2)))
+    forces.sort(key=lambda t: _rank_as_force(values(t)))
     if forces:
         at = names.index(forces[0][0])
         triples = [names[k : k + 3] for k in (*range(at + 3, len(names) - 2, 3), *range(at - 3, -1, -3))]
-    rates = [t for t in triples if t not in forces[:1]]
+    rates = [t for t in triples if t not in forces[:1]] if forces else []
     rates.sort(key=lambda t: not all(map(_returns_to_a_level, values(t))))  # a magnetometer does not
     out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
     return out | _triads(rates[:1], RATE, lambda _: "", "three columns beside the forces")
@@ -119,10 +119,28 @@ def _length(triple: Sequence[Array]) -> Array:
 
 
 def _of_constant_length(triple: Sequence[Array]) -> bool:
-    """Return whether three columns are a vector of one length, as gravity is."""
+    r"""Return whether three columns are a vector of one length, as gravity is; counts about any centre.
+
+    The centre c of the sphere follows from :math:`|x|^2 = 2 c \cdot x + k` by least squares.
+    """
     length = _length(triple)
     middle = float(np.median(length))
-    return middle > 0 and float(np.quantile(np.abs(length / middle - 1), 0.5)) < MAX_GRAVITY_ERROR / 3
+    if middle > 0 and float(np.quantile(np.abs(length / middle - 1), 0.5)) < MAX_GRAVITY_ERROR / 3:
+        return True
+    if middle < MIN_COUNT or not changes_direction(triple):
+        return False
+    x = np.stack(triple, axis=-1)
+    solution = np.linalg.lstsq(np.column_stack([2 * x, np.ones(len(x))]), length**2, rcond=None)[0]
+    radius = np.linalg.norm(x - solution[:3], axis=1)
+    size = float(np.median(radius))
+    alike = float(np.quantile(np.abs(radius / size - 1), 0.5)) < MAX_GRAVITY_ERROR / 6
+    return alike and float(np.linalg.norm(solution[:3])) < size
+
+
+def _rank_as_force(triple: Sequence[Array]) -> tuple[bool, float]:
+    """Return what sorts forces: gravity in some unit and little spread first; counts stay in their order."""
+    unlike, spread = _unlike_gravity(triple)
+    return unlike, 0.0 if unlike else round(spread, 2)
 
 
 def _unevenness(triple: Sequence[Array]) -> float:

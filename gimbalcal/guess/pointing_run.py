@@ -16,7 +16,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.celestial import angle_stated, latitude_column, sidereal, sidereal_hours
-from gimbalcal.guess.column_names import ANGLES, by_name, by_spelling, plain, unit_written
+from gimbalcal.guess.column_names import ANGLES, by_name, by_spelling, is_anonymous, plain, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.guess.text_table import Table
 from gimbalcal.importers.pointing_files import elapsed, in_order, pointing_run
@@ -54,6 +54,9 @@ _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky"
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
 _COSINE = re.compile(r"\W*cos[\s_(]*(?:el|elev|elevation|dec|alt)\b\)?", re.IGNORECASE)
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
+_READOUT = frozenset(
+    ["angle", "pos", "position", "winkel", "theta", "phi", "counter", "resolver", "servo", "axis", "achse", "encoder"]
+)
 MIN_JUMP_DEG, MIN_AROUND_DEG, MIN_UP_DEG = 1.0, 90.0, 30.0  # of azimuths and elevations of stars without names
 MIN_CORRELATION, MAX_COLUMNS = 0.98, 6  # of a readout and a measurement of one axis; columns of such a table
 MAX_OFFSET_DEG = 1.0  # deg; offsets beyond are arcseconds
@@ -122,12 +125,16 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
         (n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time" and np.all(np.diff(x) > 0)),
         "",
     )
-    angles = {n: x for n, x in table.columns.items() if n != clock and np.all(np.isfinite(x)) and np.ptp(x) > 0}
+    angles = {
+        n: x for n, x in table.columns.items()
+        if n != clock and (is_anonymous(n) or _is_readout(n)) and np.all(np.isfinite(x)) and np.ptp(x) > 0
+    }  # fmt: skip
     pairs = [
         (a, b) for a, b in combinations(angles, 2)
         if len(table.columns) <= MAX_COLUMNS and abs(np.corrcoef(angles[a], angles[b])[0, 1]) > MIN_CORRELATION
     ]  # fmt: skip
-    pairs = [p for p in pairs if not any(_is_count(angles[n]) and len(pairs) > 1 for n in p)]
+    even = {n for n, x in angles.items() if len(angles) > 2 and _is_count(x)}
+    pairs = [p for p in pairs if not even.intersection(p)]
     if len(pairs) != 1:
         return None
     first, second = pairs[0]
@@ -153,6 +160,12 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     }
     left_out = tuple(n for n in (*table.columns, *table.others) if n not in (first, second, clock))
     return PointingRun(replace(run, title=title, remarks=remarks), why, {k: v for k, v in notes.items() if v}, left_out)
+
+
+def _is_readout(name: str) -> bool:
+    """Return whether a name is that of an angle, a command or a measurement."""
+    words = plain(name).split("_")
+    return unit_written(plain(name)) in ANGLES or bool(_READOUT.intersection(words)) or any(w in _ROLE for w in words)
 
 
 def _is_count(x: Array) -> bool:

@@ -16,9 +16,9 @@ from gimbalcal.checks.input_errors import AXES, MIN_AGREEMENT, Correction, scale
 from gimbalcal.checks.measured_turns import turns_of
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import refuse_implausible
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, alternatives, amount
 from gimbalcal.guess.attitude import complete, motion_cost, used, with_reference
-from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon
+from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon, refuse_single_places
 from gimbalcal.guess.column_guess import guessed, with_units
 from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
 from gimbalcal.guess.column_values import MAX_BIAS_DEG_S, changes_direction
@@ -48,6 +48,7 @@ from gimbalcal.importers.mmt import import_mmt
 from gimbalcal.importers.phd2 import import_phd2, is_guide_log
 from gimbalcal.importers.tpoint import import_tpoint
 from gimbalcal.number import Array
+from gimbalcal.quantities import check
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.frames import Rig
@@ -60,6 +61,7 @@ MAX_PHYSICAL_COST = 30.0  # nats, of turns none of which fits gravity
 BLOCK_S, MAX_CHANGE_RAD_S = 0.5, np.radians(0.5)  # means of gyroscopes at rest change by less from one to the next
 FACTOR_COST = 5.0  # nats, of turns that fit gravity at some factor of all rates
 FACTORS = np.geomspace(1 / 3, 3, 89)  # of all rates, in steps of 2.5 %
+GUESSED_UNITS = ("time", FORCE, RATE)
 NOISE_FROM_ROWS = "taken from the rows, where nothing is stated"
 
 
@@ -81,12 +83,13 @@ class Proposal:
 
 
 @dataclass(frozen=True)
-class StatedPlace:
-    """The place as a user states it: deg, east positive, and m; None where it is not stated."""
+class Stated:
+    """What a user states: the place, deg, east positive, and m, None where it is not stated; and units by quantity."""
 
     latitude: float | None = None
     height: float | None = None
     longitude: float | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def site(self) -> dict[str, tuple[float, str]]:
@@ -138,19 +141,20 @@ def propose(
     latitude: float | None = None,
     height: float | None = None,
     longitude: float | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Proposal:
     """Return the recording in one log, or several of one unit.
 
-    rate: of the rows [Hz], instead of a clock. latitude, longitude [deg] and height [m] of the place. Raises InputError
-    where neither accelerometers nor the axes of a mount are found, where logs do not overlap, or where nothing that is
-    guessed makes a recording, with what to write into a header by hand.
+    rate: of the rows [Hz], instead of a clock. latitude, longitude [deg] and height [m] of the place. units: by
+    quantity, not guessed. Raises InputError where neither accelerometers nor the axes of a mount are found, where
+    logs do not overlap, or where nothing that is guessed makes a recording, with what to write into a header by hand.
     """
     if folders := [path for path in logs if path.is_dir()]:
         raise InputError(f"{folders[0]} is a folder; give its logs, as {folders[0]}/*.csv")
     if absent := [path for path in logs if not path.is_file()]:
         raise InputError(f"{absent[0]} does not exist or is not a file; give the log of a unit")
     title = title or logs[0].stem
-    place = StatedPlace(latitude, height, longitude)
+    place = Stated(latitude, height, longitude, units or {})
     if len(logs) == 1 and (known := _self_describing(logs[0], title, place)):
         return known
     dates = Dates()
@@ -161,8 +165,12 @@ def propose(
     return of_tables(tables, title, rate, place)
 
 
-def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: StatedPlace) -> Proposal:
+def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stated) -> Proposal:
     """Return the proposal of tables by the path, or the name, of their logs, as `propose` does."""
+    for quantity, unit in place.units.items():
+        if quantity not in GUESSED_UNITS:
+            raise InputError(f"the unit of {quantity!r} is not guessed; {alternatives(GUESSED_UNITS)} may be stated")
+        check(unit, quantity)
     first = next(iter(tables))
     if len(tables) == 1 and (pointing := _pointing(first, tables[first], title, place)):
         return pointing
@@ -172,12 +180,12 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
         for name in table.columns
         if (g := by_name(name, quantity_of_log(path.stem)))
     }
-    read = {path: guessed(path, table, rate, elsewhere) for path, table in tables.items()}
+    read = {path: guessed(path, table, rate, elsewhere, place.units) for path, table in tables.items()}
     skipped = sum(table.skipped for table in tables.values())
     notes = {"lines": f"{amount(skipped, 'line')} of other kinds, or empty, are skipped"} if skipped else {}
     if are_parts([each.log for each in read.values()]):
         whole, notes["samples"] = concatenated({path: each.bare for path, each in read.items()})
-        read = {first: replace(read[first], log=with_units(whole))}
+        read = {first: replace(read[first], log=with_units(whole, place.units))}
         title = f"{title} and {len(tables) - 1} more" if title == first.stem else title
     (_, log), *others = slowest_first([(path, each.log) for path, each in read.items()])
     for path, other in others:
@@ -210,12 +218,14 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     return _multi_position(log, context, above)
 
 
-def _pointing(path: Path, table: Table, title: str, place: StatedPlace) -> Proposal | None:
+def _pointing(path: Path, table: Table, title: str, place: Stated) -> Proposal | None:
     """Return the pointing run in a table; None where it holds no pair of axes of a mount."""
     table, assumed = axis_angles(with_unnamed_angles(table), place.longitude)
     angles = angles_in(table)
     if not angles:
         known = {g.quantity for name in table.columns if (g := by_name(name, quantity_of_log(path.stem)))}
+        if not known & {FORCE, RATE}:
+            refuse_single_places(path, table)
         axis = None if known & {FORCE, RATE} else one_axis_run(path, table, title)
         return _of_run(axis, {}) if axis else None
     latitude = None if place.latitude is None else float(np.radians(place.latitude))
@@ -233,7 +243,7 @@ def _of_run(run: PointingRun, assumed: Mapping[str, str]) -> Proposal:
     return Proposal(run.recording, guesses, run.left_out, {**run.notes, **assumed})
 
 
-def _self_describing(path: Path, title: str, place: StatedPlace) -> Proposal | None:
+def _self_describing(path: Path, title: str, place: Stated) -> Proposal | None:
     """Return the recording in a file of a kind that describes itself; None for others.
 
     Raises InputError for a guide log that lacks something, or where the latitude is not stated.
@@ -284,7 +294,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     """
     refused: list[tuple[float, InputError]] = []
     best: tuple[float, Proposal, Log] | None = None
-    runner_up = np.inf, ""
+    runner_up = np.inf, "", log
     for candidate in unit_candidates(log, above):
         if best and candidate.cost > best[0] + MIN_MARGIN:
             break
@@ -297,10 +307,10 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
             continue
         cost += _physical_cost(proposal.recording, log.has_open_unit("time"))
         if best is None or cost < best[0]:
-            runner_up = (best[0], _units_in_words(best[2])) if best else runner_up
+            runner_up = (best[0], _units_in_words(best[2]), best[2]) if best else runner_up
             best = cost, proposal, candidate.log
         elif cost < runner_up[0]:
-            runner_up = cost, _units_in_words(candidate.log)
+            runner_up = cost, _units_in_words(candidate.log), candidate.log
     least, likeliest = min(refused, key=lambda each: each[0], default=(np.inf, InputError("")))
     if best is None or best[0] > least + MAX_EXCESS:
         if "the clock jumps back" in str(likeliest) or "the clock stands still" in str(likeliest):
@@ -309,7 +319,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     cost, proposal, _ = best
     notes = dict(proposal.notes)
     if runner_up[0] < cost + MIN_MARGIN:
-        notes["unit"] = f"the numbers hardly distinguish it from {runner_up[1]}; --unit states what it is"
+        notes["unit"] = f"the numbers hardly distinguish it from {runner_up[1]}: state it, {_as_options(runner_up[2])}"
     explained = turns_explained(proposal.recording)
     if explained and explained[0] < MIN_AGREEMENT * explained[1]:
         well, turns = explained
@@ -342,6 +352,11 @@ def _physical_cost(recording: Recording, clock_is_open: bool) -> float:
 def _units_in_words(log: Log) -> str:
     units = {g.quantity: g.unit for g in log.guesses.values() if g.quantity in ("time", RATE)}
     return " and ".join(f"{quantity.replace('_', ' ')} in {unit}" for quantity, unit in units.items())
+
+
+def _as_options(log: Log) -> str:
+    units = {g.quantity: g.unit for g in log.guesses.values() if g.quantity in ("time", RATE)}
+    return " ".join(f"--unit {quantity}={unit}" for quantity, unit in units.items())
 
 
 def common_factor(recording: Recording) -> str:

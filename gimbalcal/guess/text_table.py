@@ -257,14 +257,17 @@ def _layout(head: Sequence[str]) -> TableLayout | None:
     """Return how the table in the first lines of a file is written; None where they hold none."""
     best: tuple[float, int, str, int] = (0.0, 0, ",", 0)
     for mark in _MARKS:
-        begins: dict[int, list[tuple[int, float]]] = {}  # lines of numbers by their width, and their share of numbers
+        begins: dict[int, list[tuple[int, list[str]]]] = {}  # lines of numbers by their width
         for i, line in enumerate(head):
             row = [] if COMMENT.match(line) else _cells(line, mark)
-            if len(row) >= MIN_COLUMNS and (share := _share_of_numbers(row)) > 0.5:
-                begins.setdefault(len(row), []).append((i, share))
+            if len(row) >= MIN_COLUMNS and _share_of_numbers(row) > 0.5:
+                begins.setdefault(len(row), []).append((i, row))
         for width, lines in begins.items():
-            score, first = sum(share for _, share in lines), lines[0][0]
+            score = sum(_share_of_numbers(row) for _, row in lines)
             score *= 0.9 if mark == " " else 1.0  # a blank also separates what others do, and dates from times
+            words = [frozenset(_wordy_cells(row)) for _, row in lines]
+            usual = Counter(words).most_common(1)[0][0]  # a line of settings may hold a word and numbers, too
+            first = next(i for (i, _), own in zip(lines, words, strict=True) if own <= usual)
             if mark == "  " and not _names(head[:first], mark, width, _cells(head[first], mark)):
                 continue  # a blank within a cell is a separator where no names say otherwise
             best = max(best, (score, width, mark, first), key=lambda b: b[:2])
@@ -358,6 +361,13 @@ def _padded(line: str, mark: str, width: int) -> tuple[str, ...]:
 def _known(word: str) -> bool:
     """Return whether a word names a column of a log, or has a unit in brackets."""
     return by_name(word) is not None or bool(re.search(r"[\[(]", word) and unit_written(plain(word)))
+
+
+def _wordy_cells(row: Sequence[str]) -> Iterator[int]:
+    """Yield the places of the cells that hold something that is no number."""
+    for i, cell in enumerate(row):
+        if (text := cell.strip(" \"'")) and not _numeric(text):
+            yield i
 
 
 def _numeric(cell: str) -> bool:

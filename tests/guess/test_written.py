@@ -231,7 +231,8 @@ def test_lines_of_json(tmp_path: Path) -> None:
 def test_a_row_without_a_time_is_left_out_and_told(tmp_path: Path) -> None:
     t, f, w = turned()
     text = rows(tmp_path / "a.csv", "time,ax,ay,az,gx,gy,gz", t, *f.T, *w.T).read_text().splitlines()
-    text.insert(1, "scale:,1,1,1,1,1,1")
+    text.insert(1, "scale:,1,1,1,1,1,1")  # a line of settings above the rows, and one among them
+    text.insert(9, "scale:,1,1,1,1,1,1")
     (tmp_path / "a.csv").write_text("\n".join(text), encoding="utf-8")
     found = propose([tmp_path / "a.csv"])
     same(found, t, f, w)
