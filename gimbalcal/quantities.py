@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf
 from types import MappingProxyType
 
 from gimbalcal.errors import InputError, alternatives
@@ -17,7 +16,6 @@ class Quantity:
 
     si: str
     units: tuple[str, ...]
-    most: float = inf  # SI; no sensor reads more
 
 
 _FORCES = ("m/s^2", "g", "mg", "ug", "Gal", "mGal")
@@ -28,15 +26,15 @@ _ANGLES = ("rad", "mrad", "urad", "deg", "mdeg", "gon", "arcmin", "arcsec", "rev
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
     {
         "time": Quantity("s", ("s", "ms", "us", "ns", "min", "h", "d")),
-        "specific_force": Quantity("m/s^2", (*_FORCES, "pulse/s", "count", "count/s"), 1e7),
-        "angular_rate": Quantity("rad/s", (*_RATES, "pulse/s", "count", "count/s"), 1e5),
-        "velocity_increment": Quantity("m/s", (*_VELOCITIES, "pulse", "count"), 1e7),
-        "angle_increment": Quantity("rad", (*_ANGLES, "pulse", "count"), 1e5),
-        "velocity": Quantity("m/s", _VELOCITIES, 3e8),
+        "specific_force": Quantity("m/s^2", (*_FORCES, "pulse/s", "count", "count/s")),
+        "angular_rate": Quantity("rad/s", (*_RATES, "pulse/s", "count", "count/s")),
+        "velocity_increment": Quantity("m/s", (*_VELOCITIES, "pulse", "count")),
+        "angle_increment": Quantity("rad", (*_ANGLES, "pulse", "count")),
+        "velocity": Quantity("m/s", _VELOCITIES),
         "angle": Quantity("rad", _ANGLES),
-        "gimbal_angle": Quantity("rad", _ANGLES, 1e9),
-        "true_angle": Quantity("rad", _ANGLES, 1e9),
-        "attitude_error": Quantity("rad", _ANGLES, 1e9),
+        "gimbal_angle": Quantity("rad", _ANGLES),
+        "true_angle": Quantity("rad", _ANGLES),
+        "attitude_error": Quantity("rad", _ANGLES),
         "attitude": Quantity("rad", (*_ANGLES, "1")),
         "latitude": Quantity("rad", _ANGLES),
         "longitude": Quantity("rad", _ANGLES),

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.fuzzing import seeds
+from tests.fuzzing.documented import fuzz
 from tests.fuzzing.targets import TARGETS
 from tests.fuzzing.worker import run
 
@@ -48,3 +49,9 @@ FOUND = [("schedule", 2, 2930), ("csv", 2, 3752), ("scenario", 2, 3781), ("calib
 def test_what_was_wrong_once_is_right(folder: Path, name: str, seed: int, number: int) -> None:
     found = run(name, seed, number, folder)
     assert not found["wrong"], found
+
+
+def test_inputs_from_the_documents_are_answered_and_nothing_is_wrong_in_silence() -> None:
+    counts, finds = fuzz(range(40), 9, quick=True)
+    assert counts.total() == 40
+    assert not finds

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +16,12 @@ from numpy.typing import NDArray
 from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
-from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.columns import SPARSE, Column
 from gimbalcal.recording.document import LARGEST
 from gimbalcal.recording.header import Header
 from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.samples import Batch
-from gimbalcal.units import celsius, from_si, is_raw, to_si
+from gimbalcal.units import celsius, is_raw, to_si
 
 MAX_SAMPLES = 1e12  # behind a row, and one over it at least: relative to the others it is all, or nothing
 MIN_TEMPERATURE_DEGC, MAX_TEMPERATURE_DEGC = -273.15, 2000.0
@@ -48,21 +45,7 @@ def _not_a_temperature(x: Array, unit: str) -> NDArray[np.bool_]:
     return np.asarray((degrees < MIN_TEMPERATURE_DEGC) | (degrees > MAX_TEMPERATURE_DEGC))
 
 
-def _beyond(most: float, x: Array, unit: str) -> NDArray[np.bool_]:
-    """Return which values exceed `most` in SI; counts and pulses have no known size."""
-    return np.zeros(len(x), dtype=bool) if is_raw(unit) else np.asarray(np.abs(x) > float(from_si(most, unit)))
-
-
 VALUE_CHECKS = (
-    *(
-        ValueCheck(
-            (name,),
-            partial(_beyond, quantity.most),
-            lambda x, unit: f"{x:g} {unit} is more than any sensor reads; correct it or its unit, or leave out the row",
-        )
-        for name, quantity in QUANTITIES.items()
-        if isfinite(quantity.most)
-    ),
     ValueCheck(
         ("weight",),
         lambda x, _: ~((x > 1 / MAX_SAMPLES) & (x < MAX_SAMPLES)),

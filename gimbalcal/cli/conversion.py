@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import click
 
+from gimbalcal.atomic import as_json
 from gimbalcal.cli.options import LATITUDE, POSITIVE, FilePath, Number, example
 from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.cli.plain_characters import say
@@ -125,7 +125,7 @@ def import_(
         write(recording, new, SAMPLES)
     summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}
     if output.as_json:
-        say(json.dumps(summary))
+        say(as_json(summary))
     elif not output.quiet:
         say(f"wrote a {recording.kind} recording of {amount(len(recording.time), 'row')} into {folder}")
 

@@ -119,6 +119,8 @@ def _load_effects(context: click.Context, _option: click.Parameter, files: tuple
 
         context.meta[OWN_EFFECTS] = files
         for file in files:
+            if file.is_file() and file.suffix != ".py":
+                raise InputError(f"--effects {file}: give a Python file (.py) with classes under @effect")
             load_effects(file)
 
 

@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from gimbalcal.checks.column_checks import MAX_READING
 from gimbalcal.errors import InputError
 from gimbalcal.importers.registry import COMMON_OPTIONS, KINDS, Importer, importer
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording, dwell_means
-from gimbalcal.units import is_raw
 
 __all__ = ["KINDS", "Importer", "import_files", "importer"]
 
@@ -59,15 +59,11 @@ def import_files(kind: str, files: Sequence[str | Path], options: Mapping[str, s
 def _refuse_beyond_measure(path: Path, recording: Recording) -> None:
     """Raise InputError where a channel reaches what no sensor reads: a cell is damaged, or in another unit."""
     for (quantity, axis), x in recording.channels.items():
-        known = QUANTITIES.get(quantity)
-        unit = recording.units.get((quantity, axis), known.si if known else "1")
-        if known is None or is_raw(unit) or not len(x):
-            continue
         most = float(np.nanmax(np.abs(x), initial=0.0))
-        if not most <= known.most:
+        if most > MAX_READING.get(quantity, np.inf) and not recording.counted(quantity):
             raise InputError(
-                f"{path}: the {quantity} {axis} reaches {most:.3g} {known.si}, more than any sensor reads; correct the "
-                "cell or the unit"
+                f"{path}: the {quantity} {axis} reaches {most:.3g} {QUANTITIES[quantity].si}, more than any sensor "
+                "can read; correct the cell or the unit"
             )
 
 

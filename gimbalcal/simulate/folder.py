@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -38,7 +37,7 @@ def simulate_to(
             write(joined(blocks(run)), new, samples)
         else:
             _write_blocks(run, new, samples, tell)
-        (new / "truth.json").write_text(json.dumps(truth, indent=1), encoding="utf-8")
+        (new / "truth.json").write_text(atomic.as_json(truth, indent=1), encoding="utf-8")
     return truth
 
 

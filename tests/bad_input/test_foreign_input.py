@@ -308,7 +308,7 @@ def test_values_that_nothing_measures(tmp_path: Path, cell: str) -> None:
     rows = [[str(i), "0.1", "0.2", f"9.8{i % 10}"] for i in range(60)]
     rows[30][2] = cell
     (tmp_path / "r.csv").write_text("t,x,y,z\n" + "\n".join(map(",".join, rows)))
-    with pytest.raises(InputError, match=r"r.csv, line 32, column y: .* is (more|beyond)"):
+    with pytest.raises(InputError, match=r"r.csv, line 32, column y: .* is beyond"):
         import_files("csv", [tmp_path / "r.csv"], {"header": str(tmp_path / "h.toml")})
 
 

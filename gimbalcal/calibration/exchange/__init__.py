@@ -15,7 +15,6 @@ json     physics to reading     calibration.json itself
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal import calibration as own
-from gimbalcal.atomic import write
+from gimbalcal.atomic import as_json, write
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.content_checks import MAX_NUMBER
 from gimbalcal.calibration.exchange import kalibr, parameter_table, psins, tpoint_model
@@ -42,7 +41,7 @@ ENDINGS = {".yaml": "kalibr", ".yml": "kalibr", ".mat": "psins", ".csv": "csv", 
 def export(calibration: Calibration, kind: str, path: Path) -> tuple[str, ...]:
     """Write a calibration as `kind`, whole or not at all; returns what the format could not hold, in sentences."""
     lost = _lost(calibration, _known(kind))
-    own_format = json.dumps(calibration.to_dict(), indent=1).encode() if kind == "json" else None
+    own_format = as_json(calibration.to_dict(), indent=1).encode() if kind == "json" else None
     write(path, FORMATS[kind].content(calibration, lost) if own_format is None else own_format)
     return lost
 
