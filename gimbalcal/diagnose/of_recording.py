@@ -44,7 +44,7 @@ from gimbalcal.units import from_si
 from gimbalcal.views.core import View, by_triad, carried, known_effect
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import norm
-from gimbalcal.views.pointing import MAX_FILTERED_STARS
+from gimbalcal.views.pointing import MAX_FILTERED_STARS, means_of_tracking
 from gimbalcal.views.rest_rates import without_earth_rate
 from gimbalcal.views.segments import turned_in_place
 from gimbalcal.views.slews import view_of_slews
@@ -184,7 +184,7 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
         v = single_view(request)
         d = diagnose_view(v, request.tell)
         n = len(v)
-        sought = v.kind.sighting and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS
+        sought = v.kind.sighting and not v.noise.own_memories and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS
         off = strays(d.curves.after) if sought else []
         if not 0 < len(off) <= STRAYS * n:
             return [d], notes
@@ -200,6 +200,8 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
 def single_view(request: DiagnosisRequest) -> View:
     """Return the one view of a unit turned in its place, of a tilting table, or of a kind with one view."""
     recording, calibration, baseline = request.recording, request.calibration, request.baseline
+    if recording.kind.sighting:
+        recording = means_of_tracking(recording)
     if recording.kind.rotating:
         if not turned_in_place(recording):
             return tilting_table(recording, baseline)

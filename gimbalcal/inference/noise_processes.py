@@ -32,6 +32,11 @@ class Chain(NamedTuple):
     Phi: Array  # (n,), the first unused
     Q: Array  # (n,), the first that of the first row
 
+    @property
+    def rows(self) -> int:
+        """Number of rows n."""
+        return len(self.Q)
+
     def whiten(self, rows: Array) -> Array:
         """Whiten rows (n, ...) of this covariance."""
         Phi, Q = (a[1:].reshape(-1, *[1] * (rows.ndim - 1)) for a in self)
@@ -48,6 +53,27 @@ class Chain(NamedTuple):
         diagonal = 1 / self.Q
         diagonal[:-1] += self.Phi[1:] ** 2 / self.Q[1:]
         return diagonal, -self.Phi[1:] / self.Q[1:]
+
+
+class Cascade(NamedTuple):
+    """Two processes of one state, the first driven by the second: noise of second order, of two memories."""
+
+    driven: Chain
+    driving: Chain
+
+    @property
+    def rows(self) -> int:
+        """Number of rows n."""
+        return self.driven.rows
+
+    def whiten(self, rows: Array) -> Array:
+        """Whiten rows (n, ...) of this covariance."""
+        return self.driving.whiten(self.driven.whiten(rows))
+
+    @property
+    def log_determinant(self) -> float:
+        """ln |V|."""
+        return self.driven.log_determinant + self.driving.log_determinant
 
 
 def chain(process: Process, time: Array) -> Chain:

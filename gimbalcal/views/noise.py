@@ -27,8 +27,9 @@ class NoiseModel:
     shows in the rows, of unit length; single_walks are sensors that may walk alone; scales are the sigmas of the
     channels beyond these, the least being one, where channels scatter differently. `of_each_channel`: the diagnosis
     weighs one scale of all channels against one of each, and an estimate has an excess of each. It is set for the axes
-    of gyroscopes, of which one may scatter thirty times as much as another; the two channels of stars share most terms
-    of a mount, and there own scales name causes that one scale denies, some of them wrongly.
+    of gyroscopes, of which one may scatter thirty times as much as another, and of a mount that tracks, where one axis
+    has the errors of the drive; the two channels of stars all over the sky share most terms of a mount, and there own
+    scales name causes that one scale denies, some of them wrongly.
     """
 
     sigma: Array | None = None
@@ -38,6 +39,7 @@ class NoiseModel:
     scale_known: bool = False  # by the header, by samples inside dwells or by a fit
     block: Array = field(default_factory=lambda: np.zeros(0, dtype=int))
     of_each_channel: bool = False  # whether each channel has a scale of its own where none is known
+    own_memories: bool = False  # whether each channel has a memory of its own: of a course that rows follow closely
     scales: tuple[float, ...] = ()
     one_scale: bool = False  # of all channels, as one of them shows no noise
     weights: Array | None = None

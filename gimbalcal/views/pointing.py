@@ -15,11 +15,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.gimbal_mechanics import MIN_TURN_RAD
 from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Rows, linearise
+from gimbalcal.inference.algebra import basis
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -34,6 +36,10 @@ MAX_ROUGHNESS_RATIO = 0.5  # of the roughness of where the stars are
 MAX_TRAVEL_RAD = 3 * np.pi  # rad that a mount turns, from one stop to the other
 MIN_POLE_COSINE = 0.02  # of the inner angle, below which a mount points along its outer axis
 MAX_FILTERED_STARS = 1000  # a log of guiding has more: noises that are filtered row by row would take half of the time
+MAX_TEETH, FRAMES = 2000, 5  # of a worm wheel, and means of a log to a turn of such a worm
+SAME_RAD = 1e-10  # rad; misses of an axis that differ less are one number
+MAX_RATE_ERROR = 0.1  # of the Earth's rate, of a mount that follows the sky
+MAX_STRETCH_SHARE = 0.1  # of the rows, in as many stretches of a log; more are stars
 MIN_NIGHT_GAP_S = 6 * 3600.0  # s; a longer pause ends a night
 POINTING = Measurement(
     "pointing", "arcsec", "stars", channels="pointing", channel="pointing {axis}", acts_on=("gimbal_angle",),
@@ -43,40 +49,96 @@ POINTING = Measurement(
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """Return the view of a pointing run; every star is a visit of its own. Raises InputError as `read_axes` does."""
-    channels = moved_channels(recording)
-    s = on_stars(recording)
-    calm = calmer(recording)
+    s, calm, tracked = on_stars(recording), calmer(recording), tracks(recording)
+    channels = tuple(c for c in moved_channels(recording) if not (tracked and _set_to_zero(recording, c)))
+    own = [k for k, c in enumerate(reversed(moved_channels(recording))) if c in channels]  # axes that move in these
+    drift = basis(slow_drift(recording)) if tracked else np.zeros((len(recording.time), 0))
+
+    def clear(X: Array) -> Array:
+        return np.asarray(X - np.tensordot(drift, np.tensordot(drift.T, X, 1), 1))
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        return against_stars(recording, s, effects, channels)
+        return against_stars(recording, s, effects, channels).reduced(clear)
 
     def reference(effects: Sequence[Effect]) -> Rows:
-        found = rows(effects)
-        there = s.at(readout=s.readout + ~calm * _readout_misses(found))
-        return replace(against_stars(recording, there, effects, channels), residual=found.residual)
+        found = against_stars(recording, s, effects, channels)
+        there = s.at(readout=s.readout + ~calm * _readout_misses(found, own))
+        return replace(against_stars(recording, there, effects, channels), residual=found.residual).reduced(clear)
 
     n = len(recording.time)
+    fields = recording_fields(recording)
+    if len(channels) < len(moved_channels(recording)):
+        fields["read_gimbals"] = tuple(read_axes(recording)[k] for k in own)
     outer = s.axis_names[0].replace("_", " ")
     measurement = replace(POINTING, channel=f"{POINTING.channel} {outer}")
     sigma = np.repeat(1 / np.sqrt(recording.weight)[:, None], len(channels), axis=1)  # in units of one of weight 1
     return View(
-        measurement, channels=channels, **recording_fields(recording), stimulus=s, label=s.position,
+        measurement, channels=channels, **fields, stimulus=s, label=s.position,
         evaluate=rows, reference=reference, stages=STAGES, baseline=tuple(baseline) or BASELINE["pointing"],
         gauge=gauges({Stage.BASE}), groups=np.arange(n),
-        noise=NoiseModel(sigma, wander=of_channels(n, len(channels)) if n <= MAX_FILTERED_STARS else None),
+        noise=NoiseModel(
+            sigma, wander=of_channels(n, len(channels)) if n <= MAX_FILTERED_STARS else None,
+            of_each_channel=tracked, own_memories=tracked,
+        ),
     )  # fmt: skip
 
 
-def _readout_misses(rows: Rows) -> Array:
-    """Return the misses of the readouts (n, k) [rad] from the angles at which this mount is on its stars.
+def means_of_tracking(recording: Recording) -> Recording:
+    """Return the log of a mount that tracks as means over `FRAMES` to a turn of the fastest worm; others as they are.
+
+    Frames follow each other faster than any error of the mount varies. Their means hold less of the seeing, and what
+    remains has less memory from row to row.
+    """
+    if not tracks(recording):
+        return recording
+    width = 2 * np.pi / (MAX_TEETH * FRAMES * EARTH_RATE)
+    stretch = np.zeros(len(recording.time)) if recording.position is None else recording.position
+    at = np.stack([stretch, np.floor(recording.elapsed / width)])
+    _, first, bin_, count = np.unique(at, axis=1, return_index=True, return_inverse=True, return_counts=True)
+    if len(count) > len(recording.time) / 2:
+        return recording
+
+    def mean(x: Array) -> Array:
+        return np.bincount(bin_, x) / count
+
+    angles = {key for key in recording.channels if key[0] in ("gimbal_angle", "true_angle")}
+    means = {key: mean(np.unwrap(x) if key in angles else x) for key, x in recording.channels.items()}
+    averaged = recording.select(first)
+    return replace(averaged, time=mean(recording.time), channels=means, weight=np.ones(len(count)), other_sensors=())
+
+
+def slow_drift(recording: Recording) -> Array:
+    """Return the columns (n, p) of what drifts slowly while a mount tracks, for whatever reason: a cubic in time.
+
+    At a single place of the sky a tilt, flexure and refraction drift alike; the constant and the rate are terms of the
+    model. Stretches of different `position` have an offset each.
+    """
+    t = recording.elapsed / (recording.elapsed.max() or 1.0) * 2 - 1
+    curve = np.polynomial.legendre.legvander(t, 3)
+    line = basis(curve[:, :2])
+    curve = curve[:, 2:] - line @ (line.T @ curve[:, 2:])
+    if recording.position is None or len(np.unique(recording.position)) > MAX_STRETCH_SHARE * len(t):
+        return curve
+    return np.concatenate([curve, recording.position[:, None] == np.unique(recording.position)[1:]], axis=1)
+
+
+def _set_to_zero(recording: Recording, channel: Key) -> bool:
+    """Return whether the axis that moves the line of sight in a channel has the same misses in all rows: no reading."""
+    axis = read_axes(recording)[0 if channel == CHANNELS[1] else -1]
+    return bool(np.ptp(recording.channels["true_angle", axis] - recording.channels["gimbal_angle", axis]) < SAME_RAD)
+
+
+def _readout_misses(rows: Rows, own: Sequence[int]) -> Array:
+    """Return the misses of the readouts (n, k) [rad] of own axes from the angles at which the mount is on its stars.
 
     Near the pole of the outer axis no star determines the readouts: there they are zero.
     """
     S = rows.sensitivity[Stage.ENCODER]
-    square = S[:, :, : S.shape[1]]  # of the axes that are read, the innermost ones
+    square = S[:, :, list(own)]
     determined = np.abs(np.linalg.det(square)) > MIN_POLE_COSINE
     out = np.zeros((len(S), S.shape[2]))
-    out[determined, : S.shape[1]] = np.linalg.solve(square[determined], rows.residual[determined][..., None])[..., 0]
+    misses = np.linalg.solve(square[determined], rows.residual[determined][..., None])[..., 0]
+    out[np.ix_(determined, own)] = misses
     return out
 
 
@@ -93,6 +155,13 @@ def on_stars(recording: Recording) -> Stimulus:
     moved = np.stack([since_turning(a) for a in course.T], axis=-1)
     number = np.arange(1, n + 1) if recording.position is None else recording.position
     return s.at(visit=np.arange(n), position=number, since_move=0 * s.time, move_angle=moved)
+
+
+def tracks(recording: Recording) -> bool:
+    """Return whether a mount follows the sky about its polar axis: a calm readout turns as the Earth does."""
+    angle = np.unwrap(recording.angles()[:, calmer(recording)], axis=0)
+    rate = np.abs(angle[-1] - angle[0]) / max(float(np.ptp(recording.elapsed)), 1e-9)
+    return bool(np.any(np.abs(rate / EARTH_RATE - 1) < MAX_RATE_ERROR))
 
 
 def calmer(recording: Recording) -> NDArray[np.bool_]:

@@ -39,6 +39,7 @@ ACTIVE = 6.0  # nats behind the likeliest scales of a cause within which the nod
 PROMISING = 30.0  # nats behind the strongest cause within which the scales of a cause are followed
 NEGLIGIBLE = 8.0  # nats behind the likeliest scales of every such cause beyond which a node is dropped
 MAX_NODES = 150
+PRODUCTS = ("zz", "zx", "zy", "xx", "xy", "yy")
 
 
 def contrasts(C: int) -> Array:
@@ -178,7 +179,8 @@ class ChannelProducts:
         assert self.likeliest is not None
         centre, step = self.likeliest
         log_scales = centre + step * np.array(at) @ contrasts(len(centre))
-        share = math.log(1 - ALIKE) + len(at) * math.log(step) + log_prior_density(log_scales, self.channels)
+        own = 1.0 if self.node.channels else 1 - ALIKE
+        share = math.log(own) + len(at) * math.log(step) + log_prior_density(log_scales, self.channels)
         return self.node.of_scales(log_scales, share), log_scales
 
     def projected(self, log_scales: Array) -> tuple[Gram, Array, Array, float]:
@@ -189,6 +191,22 @@ class ChannelProducts:
         G = Gram(self.xx, K.T, w)
         b, misfit = np.tensordot(w, self.xy, 1) - K.T @ Ky, w @ self.yy - (Ky**2).sum(axis=0)
         return G, b, misfit, 2 * float(np.log(np.diag(L)).sum())
+
+
+def products_of_noises(nodes: Sequence[Node], rows: Array, q: int, P: int, channels: Channels) -> list[ChannelProducts]:
+    """Return the products of rows [Z | X | y] (n C, q + P + m) in several noises.
+
+    Of a noise of which each channel has its part they are those of the channel in that part, each formed once.
+    """
+    single = {id(part): part for node in nodes for part in node.channels or (node,)}
+    of = {key: ChannelProducts.of(part, rows, q, P, channels) for key, part in single.items()}
+
+    def picked(node: Node) -> ChannelProducts:
+        parts = [of[id(part)] for part in node.channels]
+        each = (np.stack([getattr(p, name)[c] for c, p in enumerate(parts)]) for name in PRODUCTS)
+        return ChannelProducts(node, channels, parts[0].n, *each)
+
+    return [picked(node) if node.channels else of[id(node)] for node in nodes]
 
 
 Place = tuple[int, tuple[int, ...] | None]
@@ -203,8 +221,9 @@ def places(every: Sequence[ChannelProducts], scored: Callable[[Sequence[Place]],
     C = len(every[0].channels.scale)
     steps = [d for d in itertools.product((-1, 0, 1), repeat=C - 1) if sum(map(abs, d)) == 1]
     origin = (0,) * (C - 1)
+    own = [e.node.channels and e.likeliest is not None for e in every]  # other memories, other scales
     asked: list[Place] = [(k, at) for k, e in enumerate(every) for at in (None, origin)
-                          if at is None or e.likeliest is not None]  # fmt: skip
+                          if (not own[k] if at is None else e.likeliest is not None)]  # fmt: skip
     found, ln = list[Place](), np.zeros((0, 0))
     while asked:
         new = scored(asked)

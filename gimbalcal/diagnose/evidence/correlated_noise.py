@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK, SINGLE_WALK_PRIOR_AT_REST, Node
 from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, WhiteNoise
-from gimbalcal.inference.noise_processes import chain
+from gimbalcal.inference.noise_processes import Cascade, Chain, chain
 from gimbalcal.inference.whitening import whitening, whitenings
 from gimbalcal.number import Array
 
@@ -17,6 +18,28 @@ MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
 WANDER = (0.8, 0.95, 0.99)  # memory of what sensors wander from row to row; the last is next to a walk
 WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
 WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
+MEMORIES = (
+    (0.0, 0.0), (0.5, 0.0), (0.7, 0.3), (0.7, 0.5), (0.85, -0.3), (0.85, 0.0), (0.85, 0.3), (0.85, 0.85),
+    (0.95, -0.3), (0.95, 0.0), (0.95, 0.3), (0.95, 0.7), (0.99, -0.3), (0.99, 0.0), (0.99, 0.4),
+)  # fmt: skip
+"""Poles of the noise of a channel that follows a course of its own; a negative one is that of white noise beside it."""
+
+
+def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
+    r"""Return noises in n rows of C channels, each channel with one of its own, of second order.
+
+    .. math:: (1 - \rho_1 B)(1 - \rho_2 B) r_k = e_k, \quad B r_k = r_{k-1}, \quad
+        E e_k^2 = (1 - \rho_1^2)(1 - \rho_2^2)
+
+    One of first order has no more than one memory: of a course that is smooth from row to row it expects far more at
+    low frequencies than there is.
+    """
+    every = []
+    for poles in MEMORIES:
+        root = Cascade(_pole(poles[0], n), _pole(poles[1], n))
+        name = (("memory", poles[0]), ("second memory", poles[1]))
+        every.append(Node(name, {}, 1 / len(MEMORIES), C * root.log_determinant, root))
+    return tuple(every if C == 1 else (Node.of_channels(parts) for parts in itertools.product(every, repeat=C)))
 
 
 def noises_of_unknown_scale(n: int, C: int, seen: Array | None = None) -> tuple[Node, ...]:
@@ -83,6 +106,13 @@ def single_walks(
             noise = {quantity: (walks[b],)}
             nodes[b] = Node(name, noise, prior, scaled.log_determinant, scaled, fresh, axis)
     return tuple(nodes[b] for b in range(len(asked)))
+
+
+def _pole(rho: float, n: int) -> Chain:
+    r"""Return the chain of n rows :math:`r_k = \rho r_{k-1} + e_k`, of unit variance, of a pole of either sign."""
+    new = np.full(n, 1 - rho**2)
+    new[:1] = 1.0
+    return Chain(np.full(n, rho), new)
 
 
 def first_order(rho: float) -> Process:

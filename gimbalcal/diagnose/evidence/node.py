@@ -9,7 +9,7 @@ from operator import iadd
 
 import numpy as np
 
-from gimbalcal.inference.noise_processes import Chain, Noise
+from gimbalcal.inference.noise_processes import Cascade, Chain, Noise
 from gimbalcal.inference.whitening import Whitening
 from gimbalcal.number import Array
 
@@ -26,10 +26,18 @@ class Node:
     noise: Mapping[str, Noise]  # by quantity, per sigma of a row; that of a gimbal setting in rad
     prior: float
     logdet: float
-    inverse_root: Array | Chain | Whitening  # (R,) of a diagonal; from row to row of each channel; of all together
+    inverse_root: Array | Chain | Cascade | Whitening  # (R,) of a diagonal; of rows of each channel; of all
     fresh: float = 1.0  # share of the variance of a row that the rows before do not hold
     single_walk: str = ""  # axis of the sensor that walks alone, where one does
+    channels: tuple[Node, ...] = ()  # noises, of which each channel has its own
     scales: tuple[float, ...] = ()  # of the channels against those of the rows, geometric mean one; () where one is all
+
+    @classmethod
+    def of_channels(cls, parts: tuple[Node, ...]) -> Node:
+        """Return the noise in which each of C channels has its part, a noise of all of them."""
+        name = tuple((f"{key} of channel {c}", x) for c, part in enumerate(parts, 1) for key, x in part.name)
+        prior, logdet = float(np.prod([p.prior for p in parts])), sum(p.logdet for p in parts) / len(parts)
+        return cls(name, {}, prior, logdet, parts[0].inverse_root, channels=parts)
 
     def of_scales(self, log_scales: Array, log_share: float) -> Node:
         """Return the noise with these ln scales (C,) of its channels, of mean zero, and this share of its prior."""
@@ -45,8 +53,13 @@ class Node:
         root = self.inverse_root
         if self.scales:
             rows = rows / np.resize(self.scales, len(rows))[:, None]
-        if isinstance(root, Chain):
-            return root.whiten(rows.reshape(len(root.Q), -1)).reshape(rows.shape)
+        if self.channels:
+            white = np.empty(rows.shape)
+            for c, part in enumerate(self.channels):
+                white[c :: len(self.channels)] = part.whiten(rows)[c :: len(self.channels)]
+            return white
+        if isinstance(root, Chain | Cascade):
+            return root.whiten(rows.reshape(root.rows, -1)).reshape(rows.shape)
         if isinstance(root, Whitening):
             white = root.whiten(rows[: root.rows])
             return white if root.rows == len(rows) else np.concatenate([white, rows[root.rows :]])

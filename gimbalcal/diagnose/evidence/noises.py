@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from gimbalcal.diagnose.evidence.correlated_noise import noises_of_unknown_scale, single_walks
+from gimbalcal.diagnose.evidence.correlated_noise import (
+    noises_of_channels,
+    noises_of_unknown_scale,
+    single_walks,
+)
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.stated_noise import nodes
 from gimbalcal.views.core import Fit, View
@@ -19,7 +23,8 @@ def noises(fit: Fit, memory: bool = True) -> tuple[Node, ...]:
 def _of_any_scale(v: View) -> tuple[Node, ...]:
     """Return the noises of a view that states none: the same for every model of it."""
     if "noises" not in v.cache:
-        own = noises_of_unknown_scale(len(v), len(v.channels), v.noise.wander)
+        n, C, apart = len(v), len(v.channels), v.noise.own_memories
+        own = noises_of_channels(n, C) if apart else noises_of_unknown_scale(n, C, v.noise.wander)
         if v.noise.single_walks and v.noise.wander is not None:
             weight, walks = v.of_scales().weight, v.noise.single_walks
             own += single_walks(v.noise.wander, weight, v.stimulus.time, v.channels[0][0], walks)

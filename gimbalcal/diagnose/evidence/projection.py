@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.channel_scales import ChannelProducts, Place, places
+from gimbalcal.diagnose.evidence.channel_scales import Place, places, products_of_noises
 from gimbalcal.diagnose.evidence.gram import Gram, size
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.scale import STATED, Channels, Free, Stated
@@ -138,7 +138,7 @@ def _of_channel_scales(
     nodes: Sequence[Node], rows: ReducedRows, channels: Channels, layout: Layout | None
 ) -> tuple[Projection, ...]:
     """Return the projections of noises at the scales of channels that hold the evidence of any promising candidate."""
-    every = [ChannelProducts.of(node, rows.low, rows.q, rows.P, channels) for node in nodes]
+    every = products_of_noises(nodes, rows.low, rows.q, rows.P, channels)
     made: dict[Place, Projection] = {}
 
     def scored(asked: Sequence[Place]) -> Array:

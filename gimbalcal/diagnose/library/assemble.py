@@ -12,6 +12,7 @@ from gimbalcal.diagnose.library.candidates import (
     Candidate,
     Constants,
     Library,
+    Variant,
     choices,
     eligible,
     of_effect,
@@ -20,7 +21,7 @@ from gimbalcal.diagnose.library.candidates import (
 from gimbalcal.diagnose.library.shapes import shapes_in_outputs, shapes_of
 from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.effect import Grid, constants
-from gimbalcal.effects.grids import kind, resolved
+from gimbalcal.effects.grids import Constant, kind, resolved
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
@@ -29,6 +30,7 @@ from gimbalcal.views.core import Fit, View, absent_effect
 PEAKS = 3  # of a scan over whole numbers
 STILL = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
 SHAKEN = 5.0  # times the relative misfit: laws of second and third degree, sums of a few
+NEAR = 24  # values of a scan on either side, a third of a line apart, of which the median is the noise at a line
 ABOUT = 9  # whole numbers about each of them
 SCALE_STEP = 0.5  # of ln of the scale of a channel, between those at which whole numbers are scanned
 MOST = 150  # choices of constants that are weighed beside each other; of more, those that explain most
@@ -109,6 +111,7 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
     def columns(made: Effect) -> Array:
         return search.of(made if there is None else there, wanted)
 
+    scan = every_number(v, cls)[1]
     out: list[Candidate] = []
     for source in sources(cls, v.stimulus):
         if there is None:
@@ -120,7 +123,7 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
         else:
             continue
         made = of_effect(cls, source, wanted, tried, v.stimulus, columns, blocks)
-        out += [replace(c, scanned=count) for c in made]
+        out += [replace(c, scanned=count, variants=weighed(c.variants, count, scan)) for c in made]
     return out
 
 
@@ -189,8 +192,7 @@ def _scanned(
 
     What was `tried` without them, and none, for an effect without a whole number or with few.
     """
-    whole = next((f for f in constants(cls) if kind(f) is Grid.WHOLE), None)
-    every = np.zeros(0) if whole is None else resolved(whole, v.stimulus)
+    whole, every = every_number(v, cls)
     if whole is None or len(every) <= len(tried):
         return tried, len(every)
     if cls.id not in v.cache:  # the same for all models of a course, but for their few per mille
@@ -200,8 +202,29 @@ def _scanned(
     weight, at = rough.weight, (cls.id, rough.noise.scales)
     if at not in v.cache:
         v.cache[at] = np.stack([spanned(X * weight[..., None]) for X in v.cache[cls.id]]).astype(np.float32)
-    best = every[peaks(powers(v.cache[at], misfit * weight), PEAKS)]
+    power, above = powers(v.cache[at], misfit * weight), list[int]()
+    if v.noise.own_memories:
+        level = np.array([np.median(power[max(i - NEAR, 0) : i + NEAR + 1]) for i in range(len(power))])
+        above = peaks(power / np.maximum(level, 1e-300), PEAKS)
+    best = every[sorted({*peaks(power, PEAKS), *above})]
     return [((whole.name, float(m)),) for m in between_scanned(best, float(every[1] - every[0]))], len(every)
+
+
+def every_number(v: View, cls: type[Effect]) -> tuple[Constant | None, Array]:
+    """Return the constant of an effect that is a whole number, and those numbers that a scan looks at."""
+    whole = next((f for f in constants(cls) if kind(f) is Grid.WHOLE), None)
+    return whole, np.zeros(0) if whole is None else resolved(whole, v.stimulus)
+
+
+def weighed(variants: Sequence[Variant], scanned: int, every: Array) -> tuple[Variant, ...]:
+    """Return variants of a scan with weights by which the logarithm of the number is uniform, as of any period.
+
+    The weights of all that were scanned add up to their count.
+    """
+    if scanned <= len(variants) or scanned != len(every):
+        return tuple(variants)
+    mean = float(np.mean(1 / every))
+    return tuple(replace(x, weight=1 / x.constants[-1][1] / mean) for x in variants)
 
 
 def spanned(X: Array) -> Array:

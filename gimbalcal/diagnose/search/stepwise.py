@@ -119,6 +119,8 @@ def selection(first: Fit, tell: Tell) -> tuple[list[SelectedCause], list[Selecte
             other = forward_select(first, begun, tell, keep_usual=True)
             if ln_odds(first, other, share) > ln_odds(first, selected, share) - SWAP:
                 selected, standard = other, [c for c in begun if c in other]
+    if first.view.noise.own_memories:
+        return selected, standard
     if first.view.noise.scales or with_causes(first, selected).view.noise.scales:
         tell("once more, as if all channels scattered alike")
         begun, usual = selection(start(first.view.of_one_scale()), tell)
@@ -140,7 +142,7 @@ def forward_select(
     selected = list(begun)
     model = with_causes(first, selected)
     for _ in range(MAX_ROUNDS):
-        best = likeliest(model, memory=bool(first.view.noise.single_walks))
+        best = likeliest(model, memory=bool(first.view.noise.single_walks) or first.view.noise.own_memories)
         if best.ln_total < CLAIM or not best.named:
             break
         tell(f"selected: {', '.join(c.in_words for c, _ in best.causes)}")
@@ -241,7 +243,10 @@ def swap(
             continue
         others = [c for c in out if c[0] != cause]
         best = likeliest(with_causes(first, others), memory, cause)
-        if best.lead > SWAP:
+        (same, other), *more = best.causes
+        if same.key == cause.key and same.scanned and not more:  # another of the peaks of a scan, beside these others
+            out = [*others, (cause, other)]
+        elif best.lead > SWAP:
             tell(f"{cause.in_words} is replaced by {', '.join(c.in_words for c, _ in best.causes)}")
             out = [*others, *best.causes]
     return out

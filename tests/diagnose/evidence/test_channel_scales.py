@@ -7,8 +7,16 @@ import itertools
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.channel_scales import SPREAD, contrasts, likeliest_scales, log_odds
-from gimbalcal.diagnose.evidence.correlated_noise import noises_of_unknown_scale
+from gimbalcal.diagnose.evidence.channel_scales import (
+    PRODUCTS,
+    SPREAD,
+    ChannelProducts,
+    contrasts,
+    likeliest_scales,
+    log_odds,
+    products_of_noises,
+)
+from gimbalcal.diagnose.evidence.correlated_noise import noises_of_channels, noises_of_unknown_scale
 from gimbalcal.diagnose.evidence.projection import Projection, gather, project, projected, stack
 from gimbalcal.diagnose.evidence.scale import _DENSITY, Channels, Free
 from gimbalcal.diagnose.library.candidates import Candidate, Layout, Variant, layout_of
@@ -182,3 +190,27 @@ def test_claims_on_clean_channels_are_rare(sigma: tuple[float, ...], memory: flo
         rows = stack(Q, X, r[:, None] / r.std(), len(r), Free(len(r) - C, channels=Channels((1.0,) * C)))
         ln.append(ln_bayes(projected(nodes, rows, layout=layout(X)), X))
     assert np.mean(np.array(ln) > np.log(20)) <= 0.05
+
+
+def test_the_noise_of_second_order_has_the_covariance_of_its_poles() -> None:
+    """Whitened by the recursion itself, r_k - (a + b) r_{k-1} + a b r_{k-2}, beyond the first two rows."""
+    r = np.random.default_rng(2).standard_normal((n, 1))
+    for node in noises_of_channels(n, 1):
+        a, b = (x for _, x in node.name)
+        new = (r[2:] - (a + b) * r[1:-1] + a * b * r[:-2]) / np.sqrt((1 - a**2) * (1 - b**2))
+        assert np.allclose(node.whiten(r)[2:], new)
+        root = node.whiten(np.eye(n))
+        assert -2 * np.linalg.slogdet(root)[1] == pytest.approx(node.logdet)
+
+
+def test_channels_with_noises_of_their_own_have_the_products_of_the_rows_that_these_whiten() -> None:
+    rows, channels = np.random.default_rng(3).standard_normal((2 * n, 6)), Channels((1.0, 2.0))
+    every = noises_of_channels(n, 2)
+    some = [every[k] for k in (0, 7, 100, len(every) - 1)]
+    for node, made in zip(some, products_of_noises(some, rows, 2, 3, channels), strict=True):
+        direct = ChannelProducts.of(node, rows, 2, 3, channels)
+        assert all(np.allclose(getattr(made, name), getattr(direct, name)) for name in PRODUCTS)
+        sign, ln = np.linalg.slogdet(node.whiten(np.eye(2 * n)))
+        assert sign > 0
+        assert -2 * ln == pytest.approx(node.logdet)
+    assert sum(node.prior for node in every) == pytest.approx(1.0)

@@ -8,10 +8,10 @@ import pytest
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.assemble import library
-from gimbalcal.diagnose.search.ranking import search
+from gimbalcal.diagnose.search.ranking import likeliest_variants, search
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.recording import Recording
-from gimbalcal.views.pointing import calmer, on_stars, pointing, since_turning, without_jumps
+from gimbalcal.views.pointing import calmer, means_of_tracking, on_stars, pointing, since_turning, without_jumps
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
 
 TURN = 2 * np.pi
@@ -61,14 +61,23 @@ def test_an_axis_that_creeps_goes_on_as_it_went_whatever_its_noise() -> None:
     assert way[-1] == pytest.approx(-0.05, rel=1e-2)
 
 
-def tracking() -> Recording:
-    """A mount that follows one star for an hour by its clock, with a worm; the noise is in where the star was seen."""
+def tracking(drift: float = 0.0, wander: float = 0.0) -> Recording:
+    """A mount that follows one star for an hour by its clock, with a worm; the noise is in where the star was seen.
+
+    drift: of both axes by the end, a square in time; wander: of the declination, a random walk, by the end [arcsec].
+    """
     rng = np.random.default_rng(4)
     t = np.sort(rng.uniform(0.0, 3660.0, 900))
     ideal = np.stack([np.full(900, 0.82), -0.78 + TURN * t / 86164.0], axis=1)
     r = run(EQUATORIAL, ideal, ())
     off = 8 * np.sin(144 * ideal[:, 1]) + 2 * rng.standard_normal(900)
-    seen = {("true_angle", "hour_angle"): r.channels["true_angle", "hour_angle"] + ARCSEC * off}
+    curve = drift * (t / t[-1]) ** 2
+    walk = wander * np.cumsum(rng.standard_normal(900)) / 30 + curve
+    seen = {
+        ("true_angle", axis): r.channels["true_angle", axis] + ARCSEC * x
+        for axis, x in {"hour_angle": off + curve, "declination": walk}.items()
+        if axis == "hour_angle" or walk.any()
+    }
     return Recording(**{**vars(r), "time": t, "channels": r.channels | seen})
 
 
@@ -86,3 +95,23 @@ def test_patterns_of_a_run_that_tracks_are_no_copies_of_its_misfit() -> None:
 
 def test_from_star_to_star_nothing_says_whose_angles_hold_the_noise() -> None:
     assert not calmer(run(ALT_AZ, sky(ALT_AZ), (), noise=20.0)).any()
+
+
+def test_a_worm_shows_beside_a_curved_drift_and_a_declination_that_walks() -> None:
+    """Each axis has a noise of its own; what curves in both, for whatever reason, is no term of the mount."""
+    r = means_of_tracking(tracking(drift=40.0, wander=60.0))
+    assert len(r.time) < 450
+    m = start(pointing(r, ("gimbal_zero", "gimbal_zero_drift")))
+    s = search(m, library(m), noises(m))
+    every, best = s.library.candidates, int(np.argmax(s.singles))
+    assert every[best].label == "periodic_worm_error:hour_angle"
+    (variant,) = likeliest_variants(s, (best,))
+    assert abs(every[best].variants[variant].constants[0][1] - 144) <= 1
+    terms = [s.singles[i] for i, c in enumerate(every) if c.effect in SLOW]
+    assert max(terms, default=0.0) < 0.1
+
+
+def test_an_axis_that_was_not_read_is_no_channel() -> None:
+    v = pointing(tracking(), ("gimbal_zero",))
+    assert [axis for _, axis in v.channels] == ["across"]
+    assert v.read_gimbals == ("hour_angle",)
