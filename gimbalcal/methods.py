@@ -15,6 +15,7 @@ from gimbalcal.calibration.content_checks import refuse_not_finite
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.estimate.cross_check import CrossCheck, cross_check
 from gimbalcal.estimate.grade import graded
 from gimbalcal.method_table import METHODS, Request
@@ -139,10 +140,12 @@ def _calibrated(method: str, request: Request) -> Calibration:
 def _left_out(options: Options) -> list[str]:
     """Return what was requested and is not part of the result, and why, from the options of its provenance."""
     both = [each.declined or {} for each in (options, options.gyro) if each]
-    declined = ", ".join(dict.fromkeys(term for terms in both for term in terms)).replace("_", " ")
+    every = {term: why for terms in both for term, why in terms.items()}
+    linear = [every.pop(term) for term in LINEAR if term in every]
+    declined = ", ".join(every).replace("_", " ")
     reasons = [f"these data do not show {declined}, so they are left out; the report gives reasons and bounds"]
     gyroscopes = [f"the gyroscopes are left out: {options.gyroscopes}"] if options.gyroscopes else []
-    return [*(reasons if declined else []), *gyroscopes]
+    return [*linear, *(reasons if declined else []), *gyroscopes]
 
 
 def provenance(

@@ -28,7 +28,7 @@ from gimbalcal.effects.loading import outside
 from gimbalcal.entries import plain
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined
-from gimbalcal.estimate.caveats import caveats, input_errors
+from gimbalcal.estimate.caveats import caveats, input_errors, untested
 from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
@@ -129,17 +129,24 @@ def with_caveats(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequen
 
     Where nothing explains a unit turned in its place, an input error that a calibration names is stated.
     """
+    few = untested(recordings, baseline)
+    if few and d.verdict != "adequate":
+        d = replace(d, in_words=f"{d.in_words} But {few}.")
     if d.verdict == "unexplained":
         slips = [slip for r in recordings for slip in input_errors(r)]
         return replace(d, in_words=f"{d.in_words} {slips[0][:1].upper()}{slips[0][1:]}.") if slips else d
     if d.verdict != "adequate":
         return d
     said = list(dict.fromkeys(words for r in recordings for words in caveats(r, baseline)))
+    if few:
+        words = f"{d.in_words} But {few}."
+        return replace(d, outcome=joined([few, *said]), in_words=words, provenance={**d.provenance, "untested": True})
     if not said:
         return d
-    outcome = joined(said)
-    words = "No catalogued cause is significant, but the residuals exceed the stated noise"
-    return replace(d, outcome=outcome, in_words=f"{words}. {outcome}.")
+    outcome, stated = joined(said), any(r.noise for r in recordings)
+    of = "stated noise" if stated else "noise of the samples"
+    words = f"No catalogued cause is significant, but the residuals exceed the {of}. {outcome}."
+    return replace(d, outcome=outcome, in_words=words, provenance={**d.provenance, "noise_stated": stated})
 
 
 def _by_kind(request: DiagnosisRequest) -> Diagnosis:

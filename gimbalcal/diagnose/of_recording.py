@@ -28,8 +28,7 @@ from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.caveats import misheld_positions
 from gimbalcal.estimate.extra_effects import unfit as not_shown
 from gimbalcal.estimate.gyroscopes.cleared_views import MIN_RESTS, MIN_TURNS, view_at_rest, view_of_turns
@@ -38,12 +37,13 @@ from gimbalcal.estimate.systematic.calibrate import navigation_view
 from gimbalcal.kinematics import ideal_force
 from gimbalcal.pipeline import Tell
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.dwell import in_blocks
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View, by_triad, carried, known_effect
 from gimbalcal.views.known_attitude import view_at_known_attitude
-from gimbalcal.views.norm import norm
+from gimbalcal.views.norm import attitudes, norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS, means_of_tracking
 from gimbalcal.views.rest_rates import without_earth_rate
 from gimbalcal.views.segments import turned_in_place
@@ -54,6 +54,7 @@ from gimbalcal.words import diagnosis_sentences
 
 ROUNDS = 2  # in which stars are omitted: those that the first hid show in the second
 STRAYS = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
+MIN_BLOCKS = 30  # dwells of one attitude, below which long ones are cut: a sweep is a curve
 NOTHING = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
 
 Parts = tuple[list[ViewDiagnosis], list[str]]
@@ -221,6 +222,8 @@ def of_triads(request: DiagnosisRequest) -> Parts:
     """
     recording, tell = request.recording, request.tell
     mine, gyro = by_triad(request.baseline)
+    if gyro and not mine and recording.has(RATE) and recording.has(FORCE):
+        recording = _at_one_attitude(recording)
     told: list[ViewDiagnosis] = []
     if recording.has(FORCE) and (mine or not request.baseline):
         told.append(diagnose_view(norm(recording, mine), tell))
@@ -245,6 +248,20 @@ def of_triads(request: DiagnosisRequest) -> Parts:
     turns = told[-1].model
     late, notes = of_slews(request, made, turns.effects if turns else ())
     return [*told, *late], notes
+
+
+def _at_one_attitude(recording: Recording) -> Recording:
+    """Return a unit that stays in one attitude, as for a sweep of temperature, with long dwells in means of blocks.
+
+    What its accelerometers read differently there are errors of theirs, not a force that gyroscopes could follow.
+    """
+    means = dwell_means(recording)
+    if attitudes(means.triad(FORCE)) > 1:
+        return recording
+    if len(means.time) < MIN_BLOCKS:
+        means = dwell_means(in_blocks(recording, 2 * MIN_BLOCKS))
+    level = {(FORCE, a): np.full_like(means.time, means.channels[FORCE, a].mean()) for a in "xyz"}
+    return replace(means, channels={**means.channels, **level})
 
 
 def of_slews(request: DiagnosisRequest, made: Calibration, gyro: Sequence[Effect], means: bool = False) -> Parts:
@@ -319,7 +336,7 @@ def _gyroscopes(request: DiagnosisRequest, made: Calibration | None, gyro: Seque
             recording, channels={**recording.channels, **{(FORCE, a): force[:, i] for i, a in enumerate("xyz")}}
         )
         made = NOTHING
-    made = made or multiposition(recording, LINEAR)
+    made = made or usual_accelerometers(recording)
     turning = view_of_turns(without_earth_rate(recording), made) if explained and not gyro else None
     linear = start(turning).effects if turning else ()
     still = view_at_rest(without_earth_rate(recording, linear), gyro, made)

@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.fit_summary import excess_in_words, larger_noise_in_words, outliers_in_words
 from gimbalcal.estimate.accelerometers.multiposition import multiposition, scatter_in_words
+from gimbalcal.estimate.accelerometers.norm_fit import unknowns
 from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.estimate.static_run.system import static
 from gimbalcal.estimate.systematic.calibrate import systematic
@@ -20,6 +23,7 @@ from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import by_triad
+from gimbalcal.views.norm import attitudes, norm
 from gimbalcal.views.segments import turned_in_place
 
 
@@ -42,6 +46,29 @@ def caveats(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
         terms = () if recording.has("gimbal_angle") else tuple(mine)
         out += _reported(lambda: _of_unit(recording, terms, bool(gyro) or not baseline))
     return out
+
+
+def untested(recordings: Sequence[Recording], baseline: Sequence[str] = ()) -> str:
+    """Explain that units turned by hand took no more attitudes than their model has constants; empty where they did.
+
+    Whatever the constants are, they then fit: dwells that repeat an attitude test its noise and drift, not the model.
+    """
+    mine, gyro = by_triad(baseline)
+    by_hand = [r for r in recordings if r.kind.in_positions and not r.platform.axes and r.has(FORCE)]
+    if len(by_hand) < len(recordings) or (gyro and not mine):
+        return ""
+    try:
+        views = [norm(r, mine) for r in by_hand]
+    except InputError:  # counts whose scale no attitude shows
+        return ""
+    force = np.concatenate([v.source.triad(FORCE) for v in views])
+    constants, different = len(unknowns(views[0].baseline)), attitudes(force)
+    return (
+        f"{amount(len(force), 'position')} in {amount(different, 'attitude')} are no more than the "
+        f"{amount(constants, 'constant')} of the model, which fit whatever the sensors do"
+        if different <= constants
+        else ""
+    )
 
 
 def input_errors(recording: Recording) -> list[str]:

@@ -97,6 +97,19 @@ def block_means(recording: Recording, rows: int) -> Recording:
     return _means(recording, blocks, None)
 
 
+def in_blocks(recording: Recording, count: int) -> Recording:
+    """Return the recording with its dwells cut into about `count` dwells of as many rows each, numbered in order."""
+    visits = dwells(recording)
+    rows = max(1, sum(d.stop - d.start for d in visits) // count)
+    position = np.zeros(len(recording.time), dtype=np.int64)
+    number = 0
+    for d in visits:
+        for part in np.array_split(np.arange(d.start, d.stop), max(1, (d.stop - d.start) // rows)):
+            number += 1
+            position[part] = number
+    return replace(recording, position=position)
+
+
 def _means(recording: Recording, stretches: Sequence[Dwell], position: NDArray[np.int64] | None) -> Recording:
     def mean(values: Array, angle: bool = False) -> Array:
         return np.array([_mean(values[d.rows], recording.weight[d.rows], angle) for d in stretches])

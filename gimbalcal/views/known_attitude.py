@@ -193,7 +193,7 @@ def refuse_too_little(title: str, Z: Array) -> None:
     if len(Z) <= Z.shape[-1] and np.linalg.matrix_rank(Z / (np.linalg.norm(Z, axis=0) + 1e-300)) == len(Z):
         raise InputError(
             f"{title!r} gives {len(Z)} numbers, and the constants of the model take up {len(Z)} of them: "
-            "nothing is left to compare; give a longer recording, or a --baseline of fewer effects"
+            "nothing is left to compare; record more positions, or for longer"
         )
 
 

@@ -34,6 +34,11 @@ NORM = Measurement(
     patterns=frozenset({"orientation", "sensors"}), reads_force=True,
 )  # fmt: skip
 MAX_FACE_TILT = 0.3  # of gravity, across an axis that is called upright
+SAME_ATTITUDE = np.cos(np.radians(5.0))  # dwells that are closer than this are one attitude
+SIX_TERMS = ("bias", "scale_factor")
+NINE = 9  # bias, scale factor and the three misalignments that the norm sees
+PAIRS = ((0, 1), (0, 2), (1, 2))
+MIN_SHARE = 0.02  # of gravity rms by which a misalignment of 1 rad moves the norm, where bias and scale factor do not
 
 
 def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
@@ -61,9 +66,41 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     return View(
         NORM, channels=((FORCE, "norm"),), **{**recording_fields(means), "readout": readout}, stimulus=s,
         label=s.position, evaluate=rows, reference=lambda effects: rows(effects, noise_free=True), stages=SENSOR_STAGES,
-        baseline=tuple(baseline) or ACCELEROMETER_TERMS, gauge=gauges(SENSOR_STAGES), groups=np.arange(len(y)),
+        baseline=tuple(baseline) or determined_terms(y), gauge=gauges(SENSOR_STAGES), groups=np.arange(len(y)),
         noise=NoiseModel(sample=noise, wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None]),
     )  # fmt: skip
+
+
+def attitudes(y: Array) -> int:
+    """Return the number of different attitudes among dwells that read y (m, 3) in any unit."""
+    kept = np.zeros((0, 3))
+    for u in y / np.linalg.norm(y, axis=1, keepdims=True):
+        if not np.any(kept @ u > SAME_ATTITUDE):
+            kept = np.vstack([kept, u])
+    return len(kept)
+
+
+def undetermined_misalignments(y: Array) -> tuple[str, ...]:
+    """Return the pairs of axes whose misalignment dwells that read y (m, 3) do not determine beside bias and scale.
+
+    With u the direction of the force, the norm moves by u_i per bias, u_i^2 per scale factor and u_i u_j per
+    misalignment, so that of six faces none is seen.
+    """
+    u = y / np.linalg.norm(y, axis=1, keepdims=True)
+    products = np.stack([u[:, i] * u[:, j] for i, j in PAIRS], axis=1)
+    Q = np.hstack([u, u**2])
+    left = products - Q @ (np.linalg.pinv(Q) @ products)
+    share = np.sqrt(np.mean(left**2, axis=0))
+    return tuple("xyz"[i] + "xyz"[j] for (i, j), s in zip(PAIRS, share, strict=True) if s < MIN_SHARE)
+
+
+def determined_terms(y: Array) -> tuple[str, ...]:
+    """Return bias, scale factor and misalignment; without the last where dwells y (m, 3) cannot determine it.
+
+    Nine terms take more than nine attitudes, as nothing would test them else.
+    """
+    spare = attitudes(y) > NINE
+    return ACCELEROMETER_TERMS if spare and not undetermined_misalignments(y) else SIX_TERMS
 
 
 def in_noise_of_readings(view: View) -> View:

@@ -46,10 +46,14 @@ def headline(d: Diagnosis) -> str:
     """Return two to four sentences on a diagnosis; its curves give the size of the misfit in the readings."""
     if not d.outcome:
         return _headline(d)
+    if d.provenance.get("untested"):
+        return f"The model is not tested. {as_sentence(d.outcome)} Next: hold the unit in more attitudes."
     if d.verdict == "adequate":
-        return (f"No known physics is missing, but these data scatter more than their noise as stated. "
-                f"{as_sentence(d.outcome)} Next: state the actual noise in [noise] of recording.toml, or record "
-                "again.")  # fmt: skip
+        stated = d.provenance.get("noise_stated", True)
+        noise = "their noise as stated" if stated else "the noise of their samples explains"
+        step = "state the actual noise in [noise] of recording.toml, or record again" if stated else "record again"
+        return (f"No known physics is missing, but these data scatter more than {noise}. {as_sentence(d.outcome)} "
+                f"Next: {step}.")  # fmt: skip
     different = [u.shape.startswith(DIFFERENT_UNITS) for u in d.unexplained]
     if d.verdict == "unexplained" and different and all(different):
         return f"{as_sentence(d.outcome)} Otherwise no known physics is missing."

@@ -227,7 +227,7 @@ REFUSED = {
     "at rest on a table": (lambda: replace(FORCES_AT_REST, platform=TABLE), ()),
     "no force": (lambda: changed(CLEAN, without=["specific_force"]), ()),
     "by hand, no force": (lambda: changed(by_hand(12), without=["specific_force"]), ()),
-    "by hand, nine positions": (lambda: by_hand(9), ()),
+    "by hand, six positions": (lambda: by_hand(6), ()),
     "one star": (lambda: few_stars(1), ()),
     "a short table": (lambda: tilted(150), ()),
     "a table in counts": (lambda: tilted(900, specific_force="count"), ()),

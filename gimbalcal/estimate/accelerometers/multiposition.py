@@ -40,8 +40,9 @@ from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import View
-from gimbalcal.views.norm import norm
+from gimbalcal.views.norm import SIX_TERMS, attitudes, norm, undetermined_misalignments
 from gimbalcal.views.positions import Noise
+from gimbalcal.words.naming import listed
 
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 
@@ -55,10 +56,11 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     angles, for too few positions, or for no gravity.
     """
     asked = {a.effect for a in more}
-    wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or TERMS) if t not in asked)
+    view = norm(dwell_means(recording))  # a rest that a row on the way cuts in two is one
+    usual = TERMS if set(view.baseline) == set(LINEAR) else tuple(t for t in LINEAR if t in view.baseline)
+    wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or usual) if t not in asked)
     _check(wanted, recording, "--terms")
     _check(tuple(asked), recording, "--with")
-    view = norm(dwell_means(recording))  # a rest that a row on the way cuts in two is one
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     extra = _extension(view, base, more)
     tried, positions = coefficients(wanted) - coefficients(base), f"{len(view)} positions"
@@ -72,6 +74,8 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
         return refusal(terms[-1], positions, without, fit, "m/s^2", clear_of, left_out=left_out_rms) or fit
 
     fits, declined = selected(base, norm_fit(view, base, extra), [t for t in wanted if t not in base], attempt)
+    if not terms and usual != TERMS:
+        declined["misalignment"] = _too_few_attitudes(view)
     best = fits[-1][1]
     more_sigma = covariance_of_omitted_terms(best, list(declined))
     wider = omitted_terms_in_words(more_sigma, best.solution.covariance)
@@ -79,6 +83,29 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     own = noise_of_a_mean(recording, sample_sigma(view), view.readout.accelerometers)
     made = _calibration(fits, told, own)
     return extra.complete(replace(made, covariance=made.covariance + more_sigma))
+
+
+def _too_few_attitudes(view: View) -> str:
+    """Explain why misalignment is left out of the usual terms, and what would determine it."""
+    y = view.source.triad(FORCE)
+    none, positions = undetermined_misalignments(y), f"{len(view)} positions in {attitudes(y)} attitudes"
+    why = f"do not determine that of {listed(none)}" if none else "leave none to test nine terms"
+    between = listed(none or ("xy", "xz", "yz"))
+    return (
+        f"misalignment is left out: {positions} {why}; it takes ten attitudes or more, among them some that lie "
+        f"between the faces of {between}, edges up and edges down"
+    )
+
+
+def usual_accelerometers(recording: Recording) -> Calibration:
+    """Return the bias, scale factor and misalignment that the attitudes determine, or an ideal triad where none does.
+
+    What gyroscopes at rest say of their bias and temperature asks for the direction of gravity only.
+    """
+    view = norm(dwell_means(recording))
+    if attitudes(view.source.triad(FORCE)) < coefficients(SIX_TERMS):
+        return Calibration("ideal", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+    return multiposition(recording, view.baseline)
 
 
 def _extension(view: View, base: Sequence[str], more: Sequence[ExtraEffect]) -> Extension:

@@ -30,7 +30,7 @@ from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import View
-from gimbalcal.views.norm import in_noise_of_readings
+from gimbalcal.views.norm import SIX_TERMS, attitudes, in_noise_of_readings
 
 LINEAR = ("scale_factor", "bias", "misalignment")
 PRIOR_FACTOR = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
@@ -50,11 +50,12 @@ def norm_fit(view: View, terms: Sequence[str], extra: Extension = NO_EXTENSION) 
     """Fit the terms to the norm of gravity. The scatter beyond the noise of the means is estimated with it."""
     wanted = (*unknowns(terms), *extra.parameters)
     y, g, m = view.source.triad(FORCE), view.stimulus.gravity, len(view)
-    if m < len(wanted):
+    different = attitudes(y)
+    if m < len(wanted) or different < min(len(wanted), len(unknowns(SIX_TERMS))):
         raise InputError(
-            f"{view.title!r} holds {amount(m, 'rest position')} for "
-            f"{amount(len(wanted), 'parameter')} ({', '.join(terms)}): hold more positions, or estimate less, as with "
-            "--terms bias,scale_factor, which takes six"
+            f"{view.title!r} holds {amount(m, 'rest position')} in {amount(different, 'attitude')} for "
+            f"{amount(len(wanted), 'parameter')} ({', '.join(terms)}): hold the unit in more attitudes, each axis up "
+            "and down at least"
         )
     least = 0.0 if view.noise.sample is not None else sample_sigma(view)
     return fit([in_noise_of_readings(view)], wanted, extra.effects, _start(y, wanted, g), min_excess=least)

@@ -17,9 +17,9 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout
 from gimbalcal.effects import CATALOGUE, Effect, parameters
-from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, GYROSCOPE_INPUT_TERMS
+from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.multiposition import multiposition
+from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.fit import LEAST_SIGNAL, fit
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import BIAS, fit_rests, fit_turns, level_of, rests
 from gimbalcal.recording import Recording
@@ -44,7 +44,7 @@ def view_at_rest(
     `accelerometers` calibrates the force (left out, the positions do). None where the outputs are counts and no turns
     between the rests say how much a count is.
     """
-    made = accelerometers or multiposition(recording, ACCELEROMETER_TERMS)
+    made = accelerometers or usual_accelerometers(recording)
     moving = logged_turns(recording)
     if recording.counted(RATE) and not moving:
         return None
@@ -87,7 +87,7 @@ def view_of_turns(
     """
     if recording.position is None or not np.any(recording.position == 0):
         return None
-    made = accelerometers or multiposition(recording, ACCELEROMETER_TERMS)
+    made = accelerometers or usual_accelerometers(recording)
     try:
         turns, _, scale = turns_between_rests(recording, made, at_rest)
         level = level_of(rests(recording, made, scale, turns), True)[0]
