@@ -49,15 +49,47 @@ def sigmas(
     columns: rate (n, 3) and force (n, 3) in b to (n, 6, p) derivatives of what gyroscopes and accelerometers read too
     much. prior (p,) in their units; still [m/s]: one sigma of the velocity that is known to be zero.
     """
+    Phi, driven = _driven(path, latitude, columns, prior)
+    return _filter(Phi, driven, path.dt, noise, still)
+
+
+NAVIGATION = (*(f"phi_{a}" for a in "ENU"), *(f"dV_{a}" for a in "ENU"), "dL", "dlambda", "dh")
+STATE_SIZES = np.array([1e-3] * 3 + [1e-2] * 3 + [1e-6] * 2 + [1.0])  # rad, m/s, rad, m
+NO_SIGNAL = 1e-9  # of the largest singular value of the rows, states in their sizes: rounding leaves 1e-12
+
+
+def unobserved(path: Path, latitude: float, columns: Callable[[Any, Any], Any], sizes: Any) -> Any:
+    """Return a basis (k, 9 + p) of what velocities without noise do not determine, in units of the states' sizes.
+
+    The rows are the velocities once a second by the nine errors at the start and the p constants.
+    """
+    Phi, driven = _driven(path, latitude, columns, sizes)
+    size = 9 + driven.shape[-1]
+    every, now = round(READ_OUT / path.dt), np.eye(9, size)
+    rows: Any = np.zeros((0, size))
+    now[:, :9] *= STATE_SIZES
+    kept: list[Any] = []
+    for k, G in enumerate(driven, start=1):
+        now = Phi @ now
+        now[:, 9:] += G
+        if k % every == 0:
+            kept.append(now[3:6].copy())
+            if len(kept) == 200:
+                rows, kept = np.linalg.qr(np.concatenate([rows, *kept]), mode="r"), []
+    _, s, Vt = np.linalg.svd(np.concatenate([rows, *kept]))
+    return Vt[s < NO_SIGNAL * s[0]]
+
+
+def _driven(path: Path, latitude: float, columns: Callable[[Any, Any], Any], sizes: Any) -> tuple[Any, Any]:
+    """Return the transition (9, 9) of a step, and what constants of these sizes (p,) add in each (n, 9, p)."""
     g = np.array([0, 0, float(nav.gravity(latitude, 0.0))])
     w_in = nav.earth_in_n(np.float64(latitude))
     force, rate = np.swapaxes(path.C, 1, 2) @ g, path.rate + np.swapaxes(path.C, 1, 2) @ w_in
-    read = columns(rate, force) * np.asarray(prior)
+    read = columns(rate, force) * np.asarray(sizes)
     B = np.zeros((len(force), 9, read.shape[-1]))
     B[:, :3], B[:, 3:6] = -path.C @ read[:, :3], path.C @ read[:, 3:]
     Phi, integral = transition(latitude, path.dt)
-    driven = integral @ B
-    return _filter(Phi, driven, path.dt, noise, still)
+    return Phi, integral @ B
 
 
 def _filter(Phi: Any, driven: Any, dt: float, noise: Noise, still: float) -> Any:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from functools import partial
 
 from derivations.cai2016 import (
+    bound,
     error_model,
     experiments,
     package,
@@ -28,4 +29,10 @@ judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 def verdicts() -> tuple[Verdict, ...]:
     """Return every verdict, in the order of the paper."""
-    return (*(v for group in GROUPS for v in judge_group(group)), *(v for table in TABLES for v in table.verdicts()))
+    equations = (v for group in GROUPS for v in judge_group(group))
+    return (
+        *equations,
+        smoother.judge_constants(),
+        bound.judge_rank(),
+        *(v for table in TABLES for v in table.verdicts()),
+    )

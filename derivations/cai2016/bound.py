@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from derivations.cai2016 import table_1
-from derivations.information import VELOCITY, Noise, of_density, sigmas
-from derivations.verdict import ARCSEC
+from derivations.cai2016.symbols import SOURCE
+from derivations.information import NAVIGATION, VELOCITY, Noise, of_density, sigmas, unobserved
+from derivations.verdict import AGREES, ARCSEC, NOT_DETERMINED, Verdict
 
 LATITUDE = radians(34.2)  # not printed: the authors' laboratory lies between 28 and 40 deg north
 DEG_H, UG = radians(1.0) / 3600, 9.80665e-6
@@ -63,3 +64,23 @@ def found(rate: float = STATED.rate, force: float = STATED.force, still: float =
     """Return the sigma of each constant over its error before the filter; still [m/s]: noise of zero velocity."""
     s = sigmas(table_1.motion(), LATITUDE, columns, PRIOR, Noise(rate, force), still)
     return dict(zip(NAMES, map(float, s), strict=True))
+
+
+@cache
+def unseen() -> tuple[int, tuple[str, ...]]:
+    """Return how many of the 51 states velocities on the path determine, and those that take part in the others."""
+    null = unobserved(table_1.motion(), LATITUDE, columns, PRIOR)
+    names = (*NAVIGATION, *NAMES)
+    share = np.abs(null).max(axis=0, initial=0.0)
+    return len(names) - len(null), tuple(n for n, s in zip(names, share, strict=True) if s > 0.01)
+
+
+def judge_rank() -> Verdict:
+    """Judge what of the 51 states of (22) the velocities of (25) determine on the path of Table 1."""
+    rank, names = unseen()
+    return Verdict(
+        SOURCE, "Eq. (22), rank", AGREES if rank == 51 else NOT_DETERMINED, "51 states, observed by (25)",
+        f"rank {rank} of 51", "0" if rank == 51 else f"rank {rank} of 51",
+        f"Velocities without any noise leave {51 - rank} directions undetermined; {', '.join(names)} take part in "
+        "them. No constant of the sensors does.",
+    )  # fmt: skip

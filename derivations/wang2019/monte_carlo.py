@@ -121,6 +121,30 @@ def judge_row(row: Row) -> Verdict:
                    )  # fmt: skip
 
 
+# what section 5.1 calls the maximum calibration errors, in the unit of the rows that begin so
+LARGEST = {
+    (2, "nabla"): (0.045, 0.0005), (2, "K_a1"): (-7.49e-7, 5e-10), (2, "K_a2"): (2.55e-3, 5e-6),
+    (2, "K_a3"): (1.96e-2, 5e-5), (3, "eps"): (9.88e-4, 5e-7), (3, "K_g1"): (-3.38e-9, 5e-12),
+    (3, "K_g2"): (-6.21e-3, 5e-6), (3, "E_g"): (7.95e-6, 5e-9),
+}  # fmt: skip
+
+
+def judge_largest(table: int, start: str) -> Verdict:
+    """Judge a maximum error of section 5.1: the largest mean of its group, to its digits."""
+    printed, rounding = LARGEST[table, start]
+    group = [row for row in ROWS if row.table == table and row.name.startswith(start)]
+    largest = max((m for row in group for m, _ in row.entries), key=abs)
+    error = max(rms for row in group for _, rms in row.entries)
+    verdict = by_size(printed - largest, rounding)
+    return Verdict(
+        SOURCE, f"Section 5.1, maximum of {start}", verdict, f"{printed:g} {group[0].unit}",
+        f"{largest:g} {group[0].unit}", "0" if verdict == AGREES else f"{abs(printed - largest):.1g} {group[0].unit}",
+        f"The largest of the means of 500 errors. As the error of one calibration it would be the largest RMS, "
+        f"{error:g} {group[0].unit}, {error / abs(largest):.0f} times as large.",
+        assumes="that the error of a calibration means the mean of 500",
+    )  # fmt: skip
+
+
 def sentences() -> tuple[Verdict, ...]:
     """Return what the text of section 5.1 sums up."""
     means = [m for row in ROWS if row.table == 2 and row.name.startswith("E_") for m, _ in row.entries]
@@ -145,7 +169,7 @@ def sentences() -> tuple[Verdict, ...]:
         "angle goes into K_g1 in full. What holds is independence of the axis; the angle must be whole revolutions "
         "closed against a mark.",
     )  # fmt: skip
-    return (misprint, turntable)
+    return (misprint, turntable, *(judge_largest(*key) for key in LARGEST))
 
 
 def verdicts() -> tuple[Verdict, ...]:

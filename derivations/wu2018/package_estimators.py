@@ -256,23 +256,24 @@ def _run() -> Any:
 @checks(
     SOURCE,
     *(f"Eq. ({n})" for n in (*range(20, 28),)),
-    where="estimate.static_run.combined._force_operator",
+    where="estimate.static_run.combined_coefficients._force_operator",
     tolerance=1e-9,
 )
 def force_operator() -> float:
     """x1 to x5 from a day of departures Delta f: the filter as the calibration applies it."""
-    from gimbalcal.estimate.static_run.combined import _force_operator
+    from gimbalcal.estimate.static_run.combined_coefficients import _force_operator
 
     _, off, _, states = _day()
     found = _force_operator(_run()).apply(G_NORMAL * off[..., None])[:, 0]
     return float(np.abs(found - states).max() / np.abs(states).max())
 
 
-@checks(SOURCE, *(f"Eq. ({n})" for n in (*range(29, 39),)), where="estimate.static_run.combined._attitude_operator",
+@checks(SOURCE, *(f"Eq. ({n})" for n in range(29, 39)),
+        where="estimate.static_run.combined_coefficients._attitude_operator",
         tolerance=1e-9)  # fmt: skip
 def attitude_operator() -> float:
     """Mean, 1s, 1c, 2s, 2c of a channel that consists of them."""
-    from gimbalcal.estimate.static_run.combined import _attitude_operator
+    from gimbalcal.estimate.static_run.combined_coefficients import _attitude_operator
 
     run, true = _run(), dict(zip(("0", "1s", "1c", "2s", "2c"), (0.7, -0.4, 0.3, 0.5, -0.2), strict=True))
     angle = sp.Symbol("angle")
@@ -285,11 +286,18 @@ def attitude_operator() -> float:
     return float(max(abs(found[k] - v) for k, v in true.items()))
 
 
-@checks(SOURCE, "Eq. (39)", "Eq. (40)", "Eq. (41)", where="estimate.static_run.combined.separate", tolerance=1e-9)
+@checks(
+    SOURCE,
+    "Eq. (39)",
+    "Eq. (40)",
+    "Eq. (41)",
+    where="estimate.static_run.combined_coefficients.separate",
+    tolerance=1e-9,
+)
 def separated() -> float:
     """The parameters that `separate` finds must reproduce the derived coefficients of the true ones."""
     from gimbalcal.effects import CATALOGUE, parameters
-    from gimbalcal.estimate.static_run import combined
+    from gimbalcal.estimate.static_run import combined_coefficients as combined
 
     wanted = tuple(p for i in ("scale_factor", "bias", "misalignment") for p in parameters(CATALOGUE[i]))
     derived = _derived_matrix()[:, :12]
@@ -322,7 +330,7 @@ def _by_inner_zero() -> tuple[float, float]:
 def inner_zero() -> float:
     """The inner gimbal's zero in the means of roll and pitch."""
     from gimbalcal.effects import CATALOGUE, parameters
-    from gimbalcal.estimate.static_run import combined
+    from gimbalcal.estimate.static_run import combined_coefficients as combined
 
     wanted = parameters(CATALOGUE["gimbal_zero"], ("inner",))
     ours = combined.matrix(LATITUDE, G_NORMAL, wanted)[:, 0]

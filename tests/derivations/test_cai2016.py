@@ -24,6 +24,8 @@ KEY = {
     "Section 3.4, 1 h": APPROXIMATION,
     "Section 3.4, former nine": AGREES,
     "Section 3.4, latter nine": AGREES,
+    "Section 3.2, smoothing": WRONG,
+    "Eq. (22), rank": NOT_DETERMINED,
     "Section 4.1, all parameters": NOT_DETERMINED,
     "Table 2, accelerometer lever arm, before": AGREES,
     "Table 2, accelerometer lever arm, after": NOT_DETERMINED,
@@ -48,6 +50,7 @@ def test_every_equation_and_table_entry_once(found):
     expected |= {f"Section 3.4, {name}" for name in ("1 h", "former nine", "latter nine")}
     expected |= {f"Section 4.1, {name}" for name in ("all parameters", "turntable")}
     expected |= {"Section 4.2, 128 h", "Section 4.3, 108 h", "Section 4.3, about 8 %", "Section 4.3, at least 20 %"}
+    expected |= {"Section 3.2, smoothing", "Eq. (22), rank"}
     assert set(found) == expected
     assert len(experiments.TABLE_3) == 21
 

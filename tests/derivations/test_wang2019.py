@@ -71,6 +71,8 @@ def test_every_equation_and_table_entry_once(found):
     expected |= {f"Table 6, experiment {i}, method {j}" for i in (1, 2, 3) for j in (1, 2, 3)}
     expected |= {"Tables 4 and 5, K_g2", "Tables 4 and 6, K_g2", "Section 5.2.3, average", "Abstract, 17 %"}
     expected |= {f"Section 5.1, {name}" for name in ("misalignment error", "turntable", "ranges")}
+    expected |= {f"Section 5.1, maximum of {start}" for _, start in monte_carlo.LARGEST}
+    expected |= {"Section 5.2.2, 5.19 % and 17.89 %"}
     assert set(items) == expected
     assert (len(monte_carlo.ROWS), len(table_4.ENTRIES)) == (27, 36)
 

@@ -44,6 +44,7 @@ def test_every_equation_and_table_entry_once(found):
     expected |= {"Table 1, order 16~30", "Table 1, rate and stops", "Section 3.2, 21 errors", "Abstract, 21 parameters"}
     expected |= {f"Section 4.1, {name}" for name in ("initial attitude", "level", "mostly stronger", "residuals")}
     expected |= {f"Section 4.1, {metres} m" for metres in (3639, 865)}
+    expected |= {"Eq. (13), rank", "Table 1, gain of 16~30"}
     assert set(found) == expected
     assert [len(t) for t in (NAMES, tables.TABLE_2, tables.TABLE_3, tables.TABLE_4)] == [21] * 4
 

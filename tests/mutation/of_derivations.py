@@ -70,9 +70,10 @@ ERRORS = tuple(Error(*e) for e in (
     ("views.local", "share = np.where(s > 0, 1 /", "share = np.where(s > 0, -1 /"),
     ("views.positions", "angle = s.readout + e[p.visit]", "angle = s.readout - e[p.visit]"),
     # static run
-    ("estimate.static_run.combined", "gain = P @ (H /", "gain = 2 * P @ (H /"),
-    ("estimate.static_run.combined", '"gimbal_zero:inner": {"phi_0": S}', '"gimbal_zero:inner": {"phi_0": -S}'),
-    ("estimate.static_run.combined", "whiten @ G, whiten @ value", "whiten @ G, -whiten @ value"),
+    ("estimate.static_run.combined_coefficients", "gain = P @ (H /", "gain = 2 * P @ (H /"),
+    ("estimate.static_run.combined_coefficients", '"gimbal_zero:inner": {"phi_0": S}',
+     '"gimbal_zero:inner": {"phi_0": -S}'),
+    ("estimate.static_run.combined_coefficients", "whiten @ G, whiten @ value", "whiten @ G, -whiten @ value"),
     ("inference.harmonics", "[np.sin(k * angle), np.cos(k * angle)]", "[np.cos(k * angle), np.sin(k * angle)]"),
     ("inference.coloured", "beta = covariance @ (A.T @ B[:, q:])", "beta = covariance @ (A.T @ B[:, q:]) / 2"),
     ("inference.information", "inverse * coefficients", "inverse**2 * coefficients"),
