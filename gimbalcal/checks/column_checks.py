@@ -25,6 +25,7 @@ from gimbalcal.units import from_si, is_raw, to_si
 MAX_READING = {"specific_force": 1e7, "angular_rate": 1e4, "attitude_error": 1e3}
 MAX_READING_AT_REST = {"specific_force": 100.0, "angular_rate": 1.0}
 PIECE = 10_000_000  # rows that are looked at again at a time: a longer recording is checked part by part
+MAX_STRETCHES = 30  # that a sentence lists
 MIN_ROWS = 20  # equal rows that can be called frozen or clipped at all
 MIN_SHARE_CLIPPED = 0.01  # of the rows
 CLIPPED_RATIO = 5  # times as many rows as at any of the next values
@@ -147,12 +148,16 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
     n = sum(map(len, pieces))
     probability = erf(quantum / (2 * sqrt(2) * sigma))
     needed = 1 + log(MIN_PROBABILITY / n) / log(probability) if probability else 0.0
-    if stop - start < usual * max(MIN_ROWS, needed):
+    least = usual * max(MIN_ROWS, needed)
+    if stop - start < least:
         return ""
     value = f"{s.whole(c.name)[start]:.10g} {c.unit}"
     why = f"all {stop - start} rows read {value} although the noise is {sigma:.2g} {c.unit}, so the channel is "
     cure = "dead; leave its column" if stop - start == n else "frozen; leave those rows"
-    return f"{s.place_of(c, start, stop)}{why}{cure} out, or correct [noise]"
+    others = [s.place(*run).rpartition(", ")[2] for run in runs_of(pieces, least) if run != (start, stop)]
+    more = [*others[:MAX_STRETCHES], *([f"{len(others) - MAX_STRETCHES} more"] if len(others) > MAX_STRETCHES else [])]
+    also = f", and {', '.join(more)} likewise" if others else ""
+    return f"{s.place_of(c, start, stop)}{why}{cure} out{also}, or correct [noise]"
 
 
 def _clipped(s: StreamChecks, c: Column, x: Array, first: int) -> str:
@@ -218,6 +223,19 @@ def at_maximum(y: Array) -> Array:
             return rows[:0]
         others_below = others_below[others_below < next_value]
     return rows if len(others_below) else rows[:0]
+
+
+def runs_of(pieces: Sequence[Array], least: float) -> list[tuple[int, int]]:
+    """Return first row and end of every run of at least `least` equal values, in pieces that follow each other."""
+    out: list[tuple[int, int]] = []
+    first, begun, last = 0, 0, np.nan
+    for x in pieces:
+        starts = np.flatnonzero(np.concatenate([[x[0] != last], x[1:] != x[:-1]])) + first
+        bounds = np.concatenate([[begun], starts])
+        long = np.flatnonzero(np.diff(bounds) >= least)
+        out += [(int(bounds[k]), int(bounds[k + 1])) for k in long]
+        begun, last, first = int(bounds[-1]), x[-1], first + len(x)
+    return [*out, (begun, first)] if first - begun >= least else out
 
 
 def longest_run(pieces: Sequence[Array]) -> tuple[int, int, float]:

@@ -172,3 +172,13 @@ def test_rows_that_are_to_weigh_alike_are_those_of_whole_means(tmp_path: Path) -
     assert kept.weight.tolist() == [29, 30, 30] * 3
     assert kept.position is not None
     assert kept.position.tolist() == [1, 1, 1, 2, 2, 2, 1, 1, 1]
+
+
+@pytest.mark.parametrize("piece", [40, 10_000_000])
+def test_all_frozen_stretches_are_listed_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece: int) -> None:
+    monkeypatch.setattr("gimbalcal.checks.column_checks.PIECE", piece)
+    table = turned_twice()
+    for start, stop in ((5, 30), (125, 155), (230, 256)):
+        table[start:stop, 3] = table[start, 3]
+    with refused():
+        read(folder(tmp_path, samples=text(table)))
