@@ -96,9 +96,10 @@ def turns_between_rests(e: Examined) -> str:
 def _any_factor(recording: Recording, turns: MeasuredTurns, stated: int) -> str:
     """Name any other factor of all rates: a unit that is in no list."""
     n, far = len(turns.reading), np.abs(np.log(FACTORS)) > np.log(MAX_SCALE_ERROR)
-    agreeing = np.array(
-        [turns.agreeing(scaled(RATE, AXES, k, "")) if other else 0 for k, other in zip(FACTORS, far, strict=True)]
-    )
+    agreeing = np.array([turns.agreeing(scaled(RATE, AXES, k, "")) for k in FACTORS])
+    if np.any(agreeing[~far] >= MIN_AGREEMENT * n):
+        return ""
+    agreeing[~far] = 0
     fits = np.flatnonzero(agreeing >= MIN_AGREEMENT * n)
     if not len(fits):
         return ""

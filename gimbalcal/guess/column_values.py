@@ -5,6 +5,7 @@ A guess says why it was made, so that whoever reads the header it goes into can 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -25,6 +26,7 @@ LSB_DEG_S = (1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 16, 0.07, 0.035, 0.0175,
 ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are printed, whatever they are
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
+_MATRIX = re.compile(r"(^|_)[a-z]?_?[0-3]_?[0-3](_|$)")  # elements of a matrix, M11, r_0_1
 GRAVITY = {"m/s^2": G0, "g": 1.0, "ft/s^2": G0 / 0.3048, "mg": 1e3, "Gal": 100 * G0, "ug": 1e6, "mGal": 1e5 * G0}
 
 
@@ -97,6 +99,7 @@ def _differ_in_axis(triple: Sequence[str]) -> bool:
         bool(at)
         and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "abc"}
         and not NOT_A_TRIAD.intersection(plain(triple[0]).split("_"))
+        and not _MATRIX.search(plain(triple[0]))
     )
 
 

@@ -1,0 +1,289 @@
+"""One recording written in the dialects of many loggers, and logs of each kind that `new` meets, made up in small.
+
+Whatever the separator, the decimal mark, the names, the preamble, the units and the clock are, the proposal is the
+recording that was logged.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+import scipy.io
+
+from gimbalcal.guess.clocks import spread
+from gimbalcal.guess.column_values import by_order, quantum
+from gimbalcal.guess.proposal import Proposal, propose
+from gimbalcal.guess.text_table import table_of, tables_of
+from gimbalcal.number import Array
+from gimbalcal.recording import dwells
+from gimbalcal.rotation import exponential
+from tests.golden import golden_text, refused
+from tests.guess.test_layouts import rows
+from tests.guess.test_proposal import D, G, turned
+
+FORCE_UNITS = {"m/s^2": 1.0, "g": 1 / G, "mg": 1e3 / G}
+RATE_UNITS = {"rad/s": 1.0, "deg/s": D}
+CLOCKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+NAMES = (
+    ("t", "ax", "ay", "az", "gx", "gy", "gz"),
+    ("timestamp", *(f"accel_{a}" for a in "xyz"), *(f"gyro_{a}" for a in "xyz")),
+    ("Zeit", *(f"Beschleunigung {a.upper()}" for a in "xyz"), *(f"Drehrate {a.upper()}" for a in "xyz")),
+    ("time", *(f"a_RS_S_{a}" for a in "xyz"), *(f"w_RS_S_{a}" for a in "xyz")),
+    ("time", *(f"imu.acc.{a}" for a in "xyz"), *(f"imu.gyro.{a}" for a in "xyz")),
+    ("Time", "accl0", "accl1", "accl2", "rot0", "rot1", "rot2"),
+    (),
+)
+PREAMBLES = (
+    "",
+    "# unit 7\n# Monday\n",
+    "// Scenario: 4.9\n// Firmware: 2.5\n",
+    "Device;IMU\nSerial;00123\n\nDATA_START\n",
+)
+
+
+def dialect(path: Path, seed: int, t: Array, f: Array, w: Array) -> tuple[Path, str, str]:
+    """Write a log in a dialect that a seed chooses; return it with the units of forces and rates."""
+    rng = np.random.default_rng(seed)
+
+    def one(choices: object) -> str:
+        words = list(choices)  # type: ignore[call-overload]
+        return str(words[rng.integers(len(words))])
+
+    force, rate, clock = one(FORCE_UNITS), one(RATE_UNITS), one(CLOCKS)
+    names, mark = NAMES[rng.integers(len(NAMES))], one((",", ";", "\t", "  "))
+    preamble = one(PREAMBLES)
+    stated = bool(names) and rng.random() < 0.4
+    units = [clock, *[force] * 3, *[rate] * 3]
+    head = [f"{n} [{u}]" if stated else n for n, u in zip(names, units, strict=True)] if names else []
+    if mark == "  ":
+        head = [n.replace(" ", "") for n in head]
+    start = float(rng.choice([0.0, 12.5, 3600.0]))
+    columns = [(t + start) * CLOCKS[clock], *(FORCE_UNITS[force] * f).T, *(RATE_UNITS[rate] * w).T]
+    lines = [mark.join(head)] if head else []
+    if stated and rng.random() < 0.5:
+        lines = [mark.join(names), mark.join(units)] if " " not in "".join(names) or mark != "  " else lines
+    comma = mark in (";", "\t") and rng.random() < 0.5
+    for r in zip(*columns, strict=True):
+        line = mark.join(f"{x:.9g}" if k else f"{x:.15g}" for k, x in enumerate(r))
+        lines.append(line.replace(".", ",") if comma else line)
+    path.write_text(preamble + "\n".join(lines) + "\n", encoding=one(("utf-8", "utf-8-sig", "utf-16")))
+    return path, force, rate
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_recording_in_any_dialect_is_proposed_as_it_was(tmp_path: Path, seed: int) -> None:
+    t, f, w = turned(1 + seed % 5)
+    path, force, rate = dialect(tmp_path / "log.txt", seed, t, f, w)
+    found = propose([path])
+    r = found.recording
+    assert str(r.kind) == "multi-position"
+    assert {g.unit for g in found.guesses.values() if g.quantity == "specific_force"} == {force}
+    assert {g.unit for g in found.guesses.values() if g.quantity == "angular_rate"} == {rate}
+    assert len(r.time) == len(t)
+    np.testing.assert_allclose(r.time - r.time[0], t, atol=1e-4)
+    np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-5)
+    np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-5)
+    assert len(dwells(r)) == 10
+
+
+def test_names_in_two_lines_and_a_reference_of_the_attitude(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    n = 3000
+    t = 0.01 * np.arange(n)
+    w = np.stack([np.sin(0.7 * t), 0.8 * np.cos(0.9 * t), 0.6 * np.sin(1.3 * t + 1)], axis=-1)
+    C = np.empty((n, 3, 3))
+    C[0] = np.eye(3)
+    for k in range(1, n):
+        C[k] = exponential(w[k] * 0.01) @ C[k - 1]
+    q = np.empty((n, 4))
+    q[:, 0] = np.sqrt(np.maximum(1 + C[:, 0, 0] + C[:, 1, 1] + C[:, 2, 2], 1e-12)) / 2
+    q[:, 1:] = np.stack([C[:, 1, 2] - C[:, 2, 1], C[:, 2, 0] - C[:, 0, 2], C[:, 0, 1] - C[:, 1, 0]], -1) / (
+        4 * q[:, :1]
+    )
+    f = C @ np.array([0.0, 0.0, G]) + 0.02 * rng.standard_normal((n, 3))
+    read = w + 0.003 * rng.standard_normal((n, 3))
+    names = "Time (s);{} Orientation;;;;IMU Acceleration;;;IMU Gyroscope;;;\n;W;X;Y;Z;X;Y;Z;X;Y;Z;"
+    for reference, kind in (("Vicon", "rotation"), ("Own", "multi-position")):
+        path = rows(tmp_path / "a.csv", names.format(reference), t, *q.T, *f.T, *read.T, mark=";")
+        if kind == "rotation":
+            found = propose([path])
+            assert set(found.recording.axes("attitude")) == {"qw", "qx", "qy", "qz"}
+            np.testing.assert_allclose(found.recording.triad("angular_rate"), read, atol=1e-5)
+        else:  # the unit's own estimate is no reference, and the unit never rests
+            with pytest.raises(Exception, match="never at rest"):
+                propose([path])
+
+
+def test_a_named_quantity_of_another_kind_is_never_a_sensor(tmp_path: Path) -> None:
+    t, f, w = turned()
+    q = np.column_stack([np.full(len(t), 0.5)] * 4)
+    head = "Packet number,M11,M12,M13,Quat_w,Quat_x,Quat_y,Quat_z,lon,lat,height,mag_x [uT],mag_y [uT],mag_z [uT]"
+    path = rows(tmp_path / "a.csv", head, np.arange(len(t)), *(f / G).T, *q.T, *[np.full(len(t), 9.8)] * 3, *w.T)
+    with refused():
+        propose([path], rate=50)
+    path = rows(
+        tmp_path / "b.csv", f"{head},ax,ay,az", np.arange(len(t)), *(f / G).T, *q.T, *[9.8 + 0 * t] * 3, *w.T, *f.T
+    )
+    with refused():  # a count of packets is no clock
+        propose([path])
+    found = propose([path], rate=50)
+    np.testing.assert_allclose(found.recording.triad("specific_force"), f, atol=1e-5)
+    assert not found.recording.has("angular_rate")
+
+
+@pytest.mark.parametrize("kind", ["mat", "npz", "npy", "parquet", "json", "records", "h5"])
+def test_arrays_are_read_by_what_a_file_begins_with(tmp_path: Path, kind: str) -> None:
+    import h5py
+
+    t, f, w = turned()
+    table, path = np.column_stack([t, f, w]), tmp_path / "log.dat"
+    arrays = {"t": t, "imu_acc": f, "imu_gyr": w}
+
+    def hdf5() -> None:
+        with h5py.File(path, "w") as file:
+            for name, x in arrays.items():
+                file[f"imu/{name}"] = x
+
+    def archive() -> None:
+        with path.open("wb") as file:
+            np.savez(file, **arrays)
+
+    def array() -> None:
+        with path.open("wb") as file:
+            np.save(file, table)
+
+    columns = dict(zip(("t", "ax", "ay", "az", "gx", "gy", "gz"), table.T, strict=True))
+    write: dict[str, Callable[[], object]] = {
+        "mat": lambda: scipy.io.savemat(path, {**arrays, "sampling_rate": 50.0}, appendmat=False),
+        "npz": archive, "npy": array, "h5": hdf5, "records": lambda: table.astype("<f8").tofile(path),
+        "parquet": lambda: pl.DataFrame(columns).write_parquet(path),
+        "json": lambda: path.write_text(json.dumps({"device": "x", "rows": pl.DataFrame(columns).to_dicts()})),
+    }  # fmt: skip
+    write[kind]()
+    r = propose([path]).recording
+    np.testing.assert_allclose(r.time - r.time[0], t, atol=1e-6)
+    np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-6)
+    np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-6)
+
+
+@pytest.mark.parametrize("start", [b"PK\x03\x04junk", b"\x1f\x8b\x08", b"#ROSBAG V2.0\n", b"\x01\x00\x02\x00" * 99])
+def test_what_only_another_program_reads_is_one_sentence(tmp_path: Path, start: bytes) -> None:
+    path = tmp_path / "log.bin"
+    path.write_bytes(start)
+    with refused():
+        propose([path])
+
+
+def test_counts_of_a_resting_unit_and_the_rate_that_the_log_states(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    f = np.round(rng.normal([-260, 14700, 300], 60, (4000, 3)))
+    w = np.round(rng.normal([-435, 140, -60], 8, (4000, 3)))
+    found = propose([rows(tmp_path / "a.csv", "Fs,100\nLogging Type,1\nax,ay,az,gx,gy,gz", *f.T, *w.T)])
+    assert {g.unit for g in found.guesses.values() if g.quantity != "time"} == {"count"}
+    assert np.diff(found.recording.time[:2]) == pytest.approx(0.01)
+
+
+def test_a_rest_logged_in_seconds_is_not_in_minutes(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    t = 0.0055 * np.arange(8000)
+    f = rng.normal([0.1, 0.06, 0.98], 0.002, (8000, 3))
+    found = propose([rows(tmp_path / "a.csv", "A level surface. Z up.\ntime (s)x (g),y (g),z (g)", t, *f.T)])
+    assert found.recording.time[-1] == pytest.approx(44, abs=0.1)
+    found = propose([rows(tmp_path / "b.csv", "Time,ax,ay,az", t, *f.T)])
+    assert found.guesses["Time"].unit == "s"
+
+
+def test_stamps_of_whole_seconds_and_packets_are_spread() -> None:
+    t = 0.2 * np.arange(500)
+    even, note = spread(np.floor(t))
+    np.testing.assert_allclose(np.diff(even), 0.2, atol=0.002)
+    assert "evenly spaced" in note
+    packets, note = spread(np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0]))
+    np.testing.assert_allclose(packets, [0, 1, 2, 2.5, 3, 4])
+    assert note.startswith("1 rows repeat")
+    assert spread(t)[1] == ""
+
+
+def test_gyroscopes_alone_are_a_recording_for_their_noise(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    w = rng.normal(0, 0.01, (3000, 3))
+    found = propose([rows(tmp_path / "a.csv", "gyro_x,gyro_y,gyro_z", *w.T)], rate=100)
+    assert not found.recording.has("specific_force")
+    golden_text(found.notes["kind"])
+    table = {str(k): x for k, x in enumerate(w.T, start=1)}
+    assert by_order(table) == {}
+    assert {g.quantity for g in by_order(table, "angular_rate").values()} == {"angular_rate"}
+
+
+def test_a_vehicle_that_never_stops_has_no_rests(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    t = 0.01 * np.arange(6000)
+    sway = 0.1 * np.stack([np.sin(1.1 * t), np.cos(1.7 * t), np.sin(0.6 * t)], axis=-1)
+    f = rng.normal([0.0, 0.0, G], 0.05, (6000, 3))
+    with refused():
+        propose([rows(tmp_path / "a.csv", "t,ax,ay,az,wx [rad/s],wy [rad/s],wz [rad/s]", t, *f.T, *sway.T)])
+
+
+def test_a_unit_that_the_numbers_do_not_show_is_said_and_can_be_stated(tmp_path: Path) -> None:
+    rng = np.random.default_rng(8)
+    t, f, w = 0.01 * np.arange(3000), rng.normal([0, 0, G], 0.02, (3000, 3)), rng.normal(0, 0.005, (3000, 3))
+    path = rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *w.T)
+    found = propose([path])
+    golden_text(found.notes["unit"])
+    stated = propose([path], units={"angular_rate": "deg/s", "time": "s"})
+    assert stated.guesses["gx"].unit == "deg/s"
+    assert "unit" not in stated.notes
+    with refused():
+        propose([path], units={"temperature": "K"})
+
+
+def test_gyroscopes_that_read_half_of_what_turned_are_said_with_the_factor(tmp_path: Path) -> None:
+    t, f, w = turned()
+    found = propose([rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *(w * D / 2).T)])
+    assert found.guesses["gx"].unit == "deg/s"
+    golden_text(found.notes["gyroscopes"])
+
+
+def test_lines_of_other_kinds_are_skipped_and_counted(tmp_path: Path) -> None:
+    t, f, w = turned()
+    lines = rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *w.T).read_text().splitlines()
+    lines[40:40] = ["", "INFO: filter settled, all is well, a, b, c, d, e, f", "  ", "% battery low"]
+    (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
+    found: Proposal = propose([tmp_path / "a.csv"])
+    assert len(found.recording.time) == len(t)
+    golden_text(found.notes["lines"])
+
+
+def test_columns_below_a_block_of_settings_are_one_axis(tmp_path: Path) -> None:
+    a = np.concatenate([np.arange(0.0, 360, 2), np.arange(360.0, 0, -2)])
+    head = "Name;run 2;\n\nName;position (Counter);velocity;position (Resolver)\nSampleTime;10;10;10\nUnit;(None);-;-"
+    stamp = [str(132900081483250000 + 100000 * k) for k in range(len(a))]
+    path = rows(tmp_path / "a.csv", head, stamp, a, np.gradient(a), a + 3 * np.sin(np.radians(4 * a)), mark=";")
+    assert next(iter(table_of(path).columns)) == "Name"
+    r = propose([path]).recording
+    assert str(r.kind) == "pointing"
+    np.testing.assert_allclose(np.degrees(r.channels["gimbal_angle", "table"]), a, atol=1e-9)
+    with_none = rows(tmp_path / "b.csv", "0,0.5", np.arange(1.0, 90), 0.5 + 0.9 * np.arange(1.0, 90))
+    assert str(propose([with_none]).recording.kind) == "pointing"
+
+
+def test_places_on_the_sky_that_stand_once_are_refused_for_that(tmp_path: Path) -> None:
+    text = "HIP     RA(hh mm ss)    DEC(dd mm ss)   LST(hh mm ss)\n" + "".join(
+        f"{54872 + k}   11 {k:02d} 06        +20 26 08       12 {k:02d} 06\n" for k in range(9)
+    )
+    (tmp_path / "a.txt").write_text(text, encoding="utf-8")
+    (table,) = tables_of(tmp_path / "a.txt").values()
+    assert len(table.sexagesimal) == 3
+    with refused():
+        propose([tmp_path / "a.txt"], latitude=49.0)
+
+
+def test_the_step_of_a_quantised_column_is_known_in_spite_of_rounding() -> None:
+    x = np.round(np.random.default_rng(9).normal(3.4, 0.05, 4000) / 0.0012217) * 0.0012217
+    assert quantum(np.round(x, 6)) == pytest.approx(0.0012217, rel=1e-3)
+    assert quantum(np.random.default_rng(9).normal(size=4000)) == 0.0
