@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, WhiteNoi
 from gimbalcal.inference.noise_processes import Cascade, Chain, chain
 from gimbalcal.inference.whitening import whitening, whitenings
 from gimbalcal.number import Array
+from gimbalcal.views.noise import of_channels
 
 MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where nobody states the noise
 MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
@@ -23,6 +25,10 @@ MEMORIES = (
     (0.95, -0.3), (0.95, 0.0), (0.95, 0.3), (0.95, 0.7), (0.99, -0.3), (0.99, 0.0), (0.99, 0.4),
 )  # fmt: skip
 """Poles of the noise of a channel that follows a course of its own; a negative one is that of white noise beside it."""
+
+
+SLOW_BESIDE_WHITE = ((0.97, 0.4), (0.99, 0.4), (0.99, 0.8))
+"""Memory and share of the variance of what wanders slowly beside white noise that is larger than what is new of it."""
 
 
 def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
@@ -38,7 +44,9 @@ def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
     for poles in MEMORIES:
         root = Cascade(_pole(poles[0], n), _pole(poles[1], n))
         name = (("memory", poles[0]), ("second memory", poles[1]))
-        every.append(Node(name, {}, 1 / len(MEMORIES), C * root.log_determinant, root))
+        every.append(Node(name, {}, 0.0, C * root.log_determinant, root))
+    every += [_wandering(of_channels(n, C), rho, share) for rho, share in SLOW_BESIDE_WHITE]
+    every = [replace(node, prior=1 / len(every)) for node in every]
     return tuple(every if C == 1 else (Node.of_channels(parts) for parts in itertools.product(every, repeat=C)))
 
 
