@@ -22,6 +22,7 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.effects.sensor_grades import drift_rate_factor
 from gimbalcal.errors import alternatives
 from gimbalcal.estimate.grade import Graded
+from gimbalcal.estimate.gyroscopes.residual_checks import WRONG_RANGE
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
@@ -36,11 +37,13 @@ Limit = Callable[[Parameter], float]
 
 
 def with_question(
-    c: Calibration, recordings: Sequence[Recording], unit: Graded, again: Again, known: Container[str] = ()
-) -> Calibration:
+    c: Calibration, recordings: Sequence[Recording], unit: Graded, again: Again, known: Container[str] = (),
+    reported: str = "",
+) -> Calibration:  # fmt: skip
     """Return the calibration, whose outcome asks where a constant is none of a unit of this grade; `again` calibrates.
 
-    known: effects that a diagnosis reports with size and evidence, which are no question.
+    known: effects that a diagnosis reports with size and evidence, which are no question; reported: what else it says
+    against the recording. Where that names a wrong range already, nothing is said against other units.
     """
     duration_s = max(float(np.ptp(r.time)) for r in recordings)
     counted = c.readout.gyroscopes is not None  # where zero is and what a count is, and so of which grade, is open
@@ -53,6 +56,8 @@ def with_question(
     if not beyond:
         return c
     cause = likeliest(c, recordings, limit, again)
+    if WRONG_RANGE in f"{c.outcome} {reported}":
+        cause = cause or "the turns between rests show it too"
     question = in_words(c, beyond, limit, cause, f"{unit.grade.name} grade: {unit.source}")
     outcome = "; ".join(filter(None, [question, c.outcome]))
     return replace(c, outcome=outcome, provenance=c.provenance.with_options(question=question))

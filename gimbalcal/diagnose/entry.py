@@ -96,7 +96,9 @@ def _with_question(found: Diagnosis, request: DiagnosisRequest, unit: Graded) ->
     if found.outcome and found.verdict == "unexplained":  # positions that were not held leave constants of any size
         return found
     made = with_gravity(found.calibration, request.recordings)
-    doubted = with_question(made, request.recordings, unit, _quick_calibration, {f.effect for f in found.findings})
+    doubted = with_question(
+        made, request.recordings, unit, _quick_calibration, {f.effect for f in found.findings}, found.outcome
+    )
     question = doubted.provenance.options.question if doubted is not made else ""
     if not question:
         return replace(found, calibration=made)

@@ -25,6 +25,7 @@ from gimbalcal.units import from_si
 from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, horizontal_sigma
 from gimbalcal.views.turns import Turns
 
+WRONG_RANGE = "correct the range or unit"
 MAX_RATE_SCATTER_RATIO = 8.0  # over the noise: the level of two phones wanders by 5.6 and 6.7, of two MPU-9150 by 4.6
 SIGMA_PER_MEDIAN = 1.4826  # times the median of the sizes is one sigma
 MAX_SCALE_ERROR = 0.2  # of the rate, or rad: no gyroscope on the market is off by as much, a wrong range is
@@ -105,7 +106,7 @@ def sizes_in_words(turns: Turns, effects: Sequence[Effect]) -> list[str]:
     if abs(D[i, j] - (i == j)) <= MAX_SCALE_ERROR:
         return []
     if i == j:
-        return [f"the gyroscope {'xyz'[i]} reads {D[i, i]:.3g} times its rate: correct the range or unit of its column"]
+        return [f"the gyroscope {'xyz'[i]} reads {D[i, i]:.3g} times its rate: {WRONG_RANGE} of its column"]
     return [
         (
             f"the gyroscope {'xyz'[i]} reads {D[i, j]:.3g} times the rate about {'xyz'[j]}: the axes or signs of the "
