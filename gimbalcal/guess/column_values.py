@@ -24,6 +24,7 @@ USUAL_NOISE_DEG_S, MAX_BIAS_DEG_S = 0.05, 3.0  # of gyroscopes, from row to row 
 MAX_BIAS_COST = 3.0  # nats: a larger one may be a steady turn
 LSB_DEG_S = (1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 16, 0.07, 0.035, 0.0175, 0.00875, 1 / 14.375, 0.05, 0.02)
 ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are printed, whatever they are
+MAX_UNEVENNESS = 3.0  # nats, between the scatter of the axes of one triad
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 _MATRIX = re.compile(r"(^|_)[a-z]?_?[0-3]_?[0-3](_|$)")  # elements of a matrix, M11, r_0_1
@@ -49,13 +50,10 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     triples = [names[k : k + 3] for k in range(0, len(names) - 2, 3)]
     if hint == RATE and len(triples) == 1:
         return out | _triads(triples, RATE, lambda _: "", "three columns in a log that is called after the gyroscope")
-    forces = [t for t in triples if _may_be_force(values(t))]
-    if not forces:  # other columns precede them
-        windows = [names[k : k + 3] for k in range(len(names) - 2)]
-        forces = [t for t in windows if _may_be_force(values(t))]
-        forces = [t for t in forces if changes_direction(values(t)) or not _unlike_gravity(values(t))[0]]
-        forces.sort(key=lambda t: _unevenness(values(t)))  # windows that overlap differ in which columns are alike
-    forces.sort(key=lambda t: _rank_as_force(values(t)))
+    windows = [names[k : k + 3] for k in range(len(names) - 2)]  # other columns may precede them
+    forces = [t for t in windows if _may_be_force(values(t))]
+    forces = [t for t in forces if t in triples or changes_direction(values(t)) or not _unlike_gravity(values(t))[0]]
+    forces.sort(key=lambda t: _rank_as_force(values(t), t in triples))
     if forces:
         at = names.index(forces[0][0])
         triples = [names[k : k + 3] for k in (*range(at + 3, len(names) - 2, 3), *range(at - 3, -1, -3))]
@@ -140,23 +138,23 @@ def _of_constant_length(triple: Sequence[Array]) -> bool:
     return alike and float(np.linalg.norm(solution[:3])) < size
 
 
-def _rank_as_force(triple: Sequence[Array]) -> tuple[bool, float]:
-    """Return what sorts forces: gravity in some unit and little spread first; counts stay in their order."""
+def _rank_as_force(triple: Sequence[Array], aligned: bool) -> tuple[bool, bool, bool, float, float]:
+    """Return what sorts forces: gravity in some unit, axes that scatter alike, third columns, little spread first."""
     unlike, spread = _unlike_gravity(triple)
-    return unlike, 0.0 if unlike else round(spread, 2)
+    uneven = _unevenness(triple)
+    return unlike, uneven > MAX_UNEVENNESS, not aligned, 0.0 if unlike else round(spread, 2), 0.0 if aligned else uneven
 
 
 def _unevenness(triple: Sequence[Array]) -> float:
     """Return by how much the scatter from row to row differs between three columns, in nats."""
-    scatter = [float(np.median(np.abs(np.diff(x)))) for x in triple]
-    return float(np.ptp(np.log(np.maximum(scatter, 1e-12))))
+    scatter = [float(np.mean(np.abs(np.diff(x)))) for x in triple]
+    return float(np.ptp(np.log(np.maximum(scatter, 1e-3 * max(*scatter, 1e-300)))))
 
 
 def _may_be_force(triple: Sequence[Array]) -> bool:
     """Return whether three columns are a vector of one length that gravity may have, in a unit or in counts."""
-    return _of_constant_length(triple) and (
-        not _unlike_gravity(triple)[0] or float(np.median(_length(triple))) > MIN_COUNT
-    )
+    counted = float(np.median(_length(triple))) > MIN_COUNT and _unevenness(triple) < MAX_UNEVENNESS
+    return _of_constant_length(triple) and (counted or not _unlike_gravity(triple)[0])
 
 
 def _unlike_gravity(triple: Sequence[Array]) -> tuple[bool, float]:

@@ -321,12 +321,12 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     if runner_up[0] < cost + MIN_MARGIN:
         notes["unit"] = f"the numbers hardly distinguish it from {runner_up[1]}: state it, {_as_options(runner_up[2])}"
     explained = turns_explained(proposal.recording)
-    if explained and explained[0] < MIN_AGREEMENT * explained[1]:
+    if explained and explained[0] < MIN_AGREEMENT * explained[1] and not proposal.recording.counted(FORCE):
         well, turns = explained
         notes["gyroscopes"] = common_factor(proposal.recording) or (
             f"{turns - well} of {turns} turns between rests fit gravity in no unit: are they gyroscopes?"
         )
-    elif explained and log.has_open_unit(RATE):
+    elif explained and explained[0] >= MIN_AGREEMENT * explained[1] and log.has_open_unit(RATE):
         fitting = {
             n: replace(g, why=f"{g.why}; the turns between rests fit gravity in {g.unit}")
             for n, g in proposal.guesses.items()
