@@ -461,16 +461,23 @@ def silent(what: str, status: int, result: Any, reference: dict[str, tuple[float
 
 
 def fuzz(
-    numbers: range | list[int], seed: int, quick: bool = False, tell: Callable[[str], None] = print
+    numbers: range | list[int],
+    seed: int,
+    quick: bool = False,
+    seconds: float = np.inf,
+    tell: Callable[[str], None] = print,
 ) -> tuple[Counter[str], list[Any]]:
     """Run inputs; returns how often each outcome came, and what was wrong."""
     counts: Counter[str] = Counter()
     finds: list[Any] = []
+    until = time.monotonic() + seconds
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
         base = Path(name) / "seeds"
         base.mkdir()
         reference = laboratory(base)
         for n in numbers:
+            if time.monotonic() > until:
+                break
             rng, place = np.random.default_rng([seed, n]), Path(name) / "w"
             shutil.copytree(base, place)
             what, arguments, of = input_of(rng, place, quick)
@@ -501,10 +508,11 @@ def main() -> int:
     reader.add_argument("--seed", type=int, default=1)
     reader.add_argument("--only", type=int, default=None)
     reader.add_argument("--quick", action="store_true", help="without the commands that take seconds")
+    reader.add_argument("--seconds", type=float, default=np.inf, help="stop after so long")
     given = reader.parse_args()
     began = time.perf_counter()
     numbers = range(given.n) if given.only is None else [given.only]
-    counts, finds = fuzz(numbers, given.seed, given.quick, say)
+    counts, finds = fuzz(numbers, given.seed, given.quick, given.seconds, say)
     say("\n".join(f"{k:24s} {n}" for k, n in sorted(counts.items())))
     say(f"{counts.total()} inputs in {time.perf_counter() - began:.0f} s; {len(finds)} wrong")
     return int(bool(finds))
