@@ -15,7 +15,8 @@ more than three times that of most of them is none: there the unit still moved.
 
 .. math:: \sum_c F_c(4m) < 1.25 \sum_c F_c(m)
 
-for the accelerometers and, where they were logged, for the gyroscopes. Of 45 logged units (20 to 1000 Hz) those that
+for the accelerometers and, where they were logged, for the gyroscopes; or with a scatter that no motion has, as flicker
+and random walks of a unit on a table grow as motion does. Of 45 logged units (20 to 1000 Hz) those that
 rest have 0.9 to 1.2, a driving rover, a drone and units that are turned all the time 1.4 to 1e5: these have no rests.
 Where dwells are shorter than four seconds the growth is that of the dwells, and the window becomes shorter.
 
@@ -41,6 +42,8 @@ SHORTEST_WINDOW = 0.1  # s; a quarter of the shortest dwell that a hand holds
 MIN_ROWS = 9  # of a window: below that the variance of noise itself scatters by the threshold
 LONGER = 4  # windows, whose floor is compared
 GROWTH = 1.25  # of the floor from one window to `LONGER` of them, at rest
+QUIET_FORCE = 1e-3  # of the force; no hand and no vehicle holds still to a milli-g, whatever the colour of its noise
+QUIET_RATE = 1e-3  # rad/s
 THRESHOLD = 10.0  # in units of the floor; anything from 10 to 20 finds the same 38 rests in the Xsens set of ICRA 2014
 PAUSE = 60.0  # s; rows on both sides of a longer gap are not one rest (a unit turned in a shorter one shows it)
 FLOORS = ((0.10, -1.2816), (0.03, -1.8808))  # quantile and normal deviate: rests that fill a tenth of the time, or less
@@ -68,7 +71,8 @@ def detect(
     rates = rates or {}
     triads = [[*channels.values()], [*rates.values()]] if rates else [[*channels.values()]]
     position = np.zeros(n, dtype=np.int64)
-    m, floor = _window(triads, n, step)
+    level = float(np.median(np.linalg.norm(np.stack(triads[0]), axis=0)))
+    m, floor = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
     if m == 0:
         return position
     restless = np.zeros(n)
@@ -113,8 +117,11 @@ def with_rests(recording: Recording) -> Recording:
     return replace(recording, position=detect(recording.time, forces or rates, rates, recording.counted(RATE)))
 
 
-def _window(triads: Sequence[Sequence[Array]], n: int, step: float) -> tuple[int, Array]:
-    """Return the rows m of the longest window whose floor is noise, and the floors of the first triad; 0 if none is."""
+def _window(triads: Sequence[Sequence[Array]], n: int, step: float, small: Sequence[float]) -> tuple[int, Array]:
+    """Return the rows m of the longest window whose floor is noise, and the floors of the first triad; 0 if none is.
+
+    small: scatter of each triad that no motion has, whether it grows with the window or not.
+    """
     least = [max(_quantum(x) for x in triad) ** 2 / 4 for triad in triads]  # a channel may show one value of it only
 
     def floors(m: int) -> list[Array]:
@@ -129,7 +136,10 @@ def _window(triads: Sequence[Sequence[Array]], n: int, step: float) -> tuple[int
     while m >= MIN_ROWS and (m * step >= SHORTEST_WINDOW or m == MIN_ROWS):
         if n > (LONGER + 1) * m:
             short, long = floors(m), floors(LONGER * m | 1)
-            quiet = np.all([b.sum(axis=1) <= GROWTH * a.sum(axis=1) for a, b in zip(short, long, strict=True)], axis=0)
+            quiet = np.all([
+                (b.sum(axis=1) <= GROWTH * a.sum(axis=1)) | (b.sum(axis=1) < limit**2)
+                for a, b, limit in zip(short, long, small, strict=False)
+            ], axis=0)  # fmt: skip
             if quiet.any():
                 return m, short[0][int(np.argmax(quiet))]
         m = min(int(m / 1.2) | 1, m - 2)

@@ -18,7 +18,7 @@ COLUMNS = {
     **{f"accel_{a}": f"specific_force {a} [count]" for a in "xyz"},
     **{f"gyro_{a}": f"angular_rate {a} [count]" for a in "xyz"},
 }  # fmt: skip
-NOISE = {"accelerometer": (2.9087778259101675, "count"), "gyroscope": (25.22862607966792, "count")}
+NOISE = {"accelerometer": (2.9084672461633825, "count"), "gyroscope": (25.291780960687827, "count")}
 
 
 class Pandas:
