@@ -150,7 +150,7 @@ def test_a_row_of_a_table_that_is_marked_0_is_told_and_no_turn() -> None:
     assert r.position is not None
     marked = replace(r, position=np.where(r.position == 19, 0, r.position))
     (remark,) = [w for w in refuse_implausible(marked) if "marked 0" in w]
-    assert "at 258.374 s" in remark
+    assert "at 258.369 s" in remark
     assert not any("marked 0" in w for w in refuse_implausible(r))
     assert "gyroscopes" not in inertial_unit(marked, LINEAR).outcome
 
