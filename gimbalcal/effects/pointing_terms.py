@@ -17,7 +17,7 @@ from gimbalcal.effects.effect import (
     effect,
     parameter,
 )
-from gimbalcal.number import Array
+from gimbalcal.number import Array, maximum
 
 MIN_SINE_OF_ELEVATION = 1 / 57  # a degree, below which the refraction of a plane-parallel atmosphere is far too large
 
@@ -180,5 +180,4 @@ def _towards_down(s: Stimulus) -> Array:
 
 
 def _sine_of_elevation(s: Stimulus) -> Array:
-    sine = s.force[..., 0] / s.gravity
-    return np.where(np.real(sine) > MIN_SINE_OF_ELEVATION, sine, MIN_SINE_OF_ELEVATION)
+    return maximum(s.force[..., 0] / s.gravity, MIN_SINE_OF_ELEVATION)
