@@ -16,9 +16,7 @@ more than three times that of most of them is none: there the unit still moved.
 .. math:: \sum_c F_c(4m) < 1.25 \sum_c F_c(m)
 
 for the accelerometers and, where they were logged, for the gyroscopes; or with a scatter that no motion has, as flicker
-and random walks of a unit on a table grow as motion does. Of 45 logged units (20 to 1000 Hz) those that
-rest have 0.9 to 1.2, a driving rover, a drone and units that are turned all the time 1.4 to 1e5: these have no rests.
-Where dwells are shorter than four seconds the growth is that of the dwells, and the window becomes shorter.
+and random walks of a unit on a table grow as motion does. Where dwells are shorter than four seconds the growth is that of the dwells, and the window becomes shorter.
 
 Gyroscopes, where they were logged, also take away from that: what the accelerometers call a rest is none where a
 gyroscope scatters by more than 20 times what it usually does at rest, or turns on and on (about the vertical, which no
