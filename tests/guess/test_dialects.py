@@ -15,6 +15,7 @@ import polars as pl
 import pytest
 import scipy.io
 
+from gimbalcal.errors import InputError
 from gimbalcal.guess.clocks import spread
 from gimbalcal.guess.column_values import by_order, quantum
 from gimbalcal.guess.proposal import Proposal, propose
@@ -115,7 +116,7 @@ def test_names_in_two_lines_and_a_reference_of_the_attitude(tmp_path: Path) -> N
             assert set(found.recording.axes("attitude")) == {"qw", "qx", "qy", "qz"}
             np.testing.assert_allclose(found.recording.triad("angular_rate"), read, atol=1e-5)
         else:  # the unit's own estimate is no reference, and the unit never rests
-            with pytest.raises(Exception, match="never at rest"):
+            with pytest.raises(InputError, match="never at rest"):
                 propose([path])
 
 

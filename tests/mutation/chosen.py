@@ -76,7 +76,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("checks.rates", "earth_rate", "np.sin(latitude)", "np.cos(latitude)"),
     ),
     "recording/test_reading.py": (
-        ("recording.scatter", "Scatter.sigma", "np.sqrt(self.squares / self.count)", "np.sqrt(total) / self.count"),
+        ("recording.scatter", "Scatter.sigma", "np.sqrt(self.squares / self.count)",
+         "np.sqrt(self.squares) / self.count"),
     ),
     "recording/test_joining.py": (
         ("recording.joining", "_clock", "a.time[-1] < b.time[0]", "a.time[0] < b.time[0]"),
