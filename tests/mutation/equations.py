@@ -13,6 +13,13 @@ TESTS: Mapping[str, tuple[str, ...]] = {  # of each module, the ones that end so
     "estimate.accelerometers.coarse": ("accelerometers/test_terms.py", "accelerometers/test_coarse.py"),
     "estimate.accelerometers.fine": ("accelerometers/test_terms.py", "accelerometers/test_fine.py"),
     "estimate.accelerometers.joint": ("accelerometers/test_joint.py",),
+    "estimate.accelerometers.position_fit": (
+        "accelerometers/test_errors_in_variables.py", "accelerometers/test_noise.py",
+        "accelerometers/test_positions.py", "accelerometers/test_terms.py",
+    ),
+    "views.local": (
+        "accelerometers/test_errors_in_variables.py", "accelerometers/test_terms.py", "accelerometers/test_noise.py",
+    ),
     "views.positions": (
         "accelerometers/test_terms.py", "accelerometers/test_errors_in_variables.py", "accelerometers/test_joint.py",
     ),
