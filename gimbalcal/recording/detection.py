@@ -16,7 +16,8 @@ more than three times that of most of them is none: there the unit still moved.
 .. math:: \sum_c F_c(4m) < 1.25 \sum_c F_c(m)
 
 for the accelerometers and, where they were logged, for the gyroscopes; or with a scatter that no motion has, as flicker
-and random walks of a unit on a table grow as motion does. Where dwells are shorter than four seconds the growth is that of the dwells, and the window becomes shorter.
+and random walks of a unit on a table grow as motion does.
+Where dwells are shorter than four seconds the growth is that of the dwells, and the window becomes shorter.
 
 Gyroscopes, where they were logged, also take away from that: what the accelerometers call a rest is none where a
 gyroscope scatters by more than 20 times what it usually does at rest, or turns on and on (about the vertical, which no
