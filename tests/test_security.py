@@ -16,6 +16,7 @@ import pytest
 import scipy.io
 
 from gimbalcal.errors import InputError
+from gimbalcal.guess.proposal import propose
 from gimbalcal.importers import import_files
 from gimbalcal.importers.sandboxed_reader import matlab_variables
 from gimbalcal.pipeline import load
@@ -109,6 +110,8 @@ def test_archives_and_parquet_that_unpack_to_gigabytes(tmp_path: Path, monkeypat
         file.write(bytes(6_000_000))
     with pytest.raises(InputError, match=r"would take 0\.006 GB"):
         import_files("tilt-table", [tmp_path / "bomb.npz"])
+    with pytest.raises(InputError, match=r"would take 0\.006 GB"):
+        propose([tmp_path / "bomb.npz"])
     folder = tmp_path / "r"
     shutil.copytree(DATA / "space_stable_18", folder)
     header = folder / "recording.toml"

@@ -24,8 +24,9 @@ from gimbalcal.importers.registry import DAMAGED
 from gimbalcal.importers.sandboxed_reader import matlab_variables
 from gimbalcal.number import Array, holds_real_numbers
 from gimbalcal.recording.dates import Dates
-from gimbalcal.recording.memory_limit import refuse_bomb
+from gimbalcal.recording.memory_limit import refuse_packed_bomb
 from gimbalcal.recording.record import FORCE
+from gimbalcal.recording.samples import quiet
 
 START = 4096  # bytes that show what a file is
 MIN_ROWS = 3
@@ -117,7 +118,7 @@ def _holds_arrays(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return any(name.endswith(".npy") for name in archive.namelist())
-    except (zipfile.BadZipFile, *DAMAGED):
+    except DAMAGED:
         return False
 
 
@@ -132,14 +133,15 @@ def _json_lines(start: bytes) -> bool:
 def _numpy(path: Path) -> Mapping[str, Any]:
     try:
         if zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as packed:
-                refuse_bomb(path, sum(each.file_size for each in packed.infolist()))
+            refuse_packed_bomb(path)
         loaded = np.load(path)
         if isinstance(loaded, np.ndarray):
             names = loaded.dtype.names
             return {n: loaded[n] for n in names} if names else {path.stem: loaded}
         return {name: loaded[name] for name in loaded.files}
-    except (zipfile.BadZipFile, *DAMAGED):
+    except InputError:
+        raise
+    except DAMAGED:
         raise InputError(f"{path} is damaged, or holds Python objects; save its arrays again") from None
 
 
@@ -147,8 +149,9 @@ def _parquet(path: Path) -> Mapping[str, Any]:
     import polars as pl
 
     try:
-        frame = pl.read_parquet(path.absolute(), glob=False)
-    except (pl.exceptions.PolarsError, OSError) as error:
+        with quiet():  # the engine prints a panic of its own to stderr
+            frame = pl.read_parquet(path.absolute(), glob=False)
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         raise InputError(f"{path} cannot be read as Parquet: {str(error).splitlines()[0]}") from None
     return {name: frame[name].to_numpy() for name in frame.columns}
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +14,10 @@ from gimbalcal.errors import InputError
 from gimbalcal.recording.record import Recording
 
 Reader = Callable[[Sequence[Path], Mapping[str, str]], Recording]
-DAMAGED = (OSError, EOFError, KeyError, ValueError, TypeError, OverflowError, MemoryError, RuntimeError, SyntaxError)
+DAMAGED = (
+    OSError, EOFError, KeyError, ValueError, TypeError, OverflowError, MemoryError, RuntimeError, SyntaxError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 """What libraries raise at a file that is cut short, damaged or of another kind."""
 COMMON_OPTIONS = ("title", "means")  # that every kind has: another title; means = yes keeps one row per dwell
 

@@ -8,8 +8,6 @@ east, z down.
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +18,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers.registry import DAMAGED, importer
 from gimbalcal.importers.unit_log import unit_log
 from gimbalcal.number import Array
-from gimbalcal.recording.memory_limit import refuse_bomb
+from gimbalcal.recording.memory_limit import refuse_packed_bomb
 from gimbalcal.recording.record import FORCE, RATE, Key, Recording
 
 _AXES = {"x": ("N", 1.0), "y": ("E", 1.0), "z": ("Z", -1.0)}  # Z of a seismometer is up
@@ -32,13 +30,12 @@ def import_tilt_table(files: Sequence[Path], _options: Mapping[str, str]) -> Rec
     (path,) = files
     names = [f"{prefix}{letter}" for letter, _ in _AXES.values() for prefix in ("vel_HH", "rate_HJ")]
     try:
-        with zipfile.ZipFile(path) as packed:
-            refuse_bomb(path, sum(each.file_size for each in packed.infolist()))
+        refuse_packed_bomb(path)
         with np.load(path) as archive:
             arrays = {name: np.asarray(archive[name], dtype=float) for name in [*names, "fs"]}
     except InputError:
         raise
-    except (*DAMAGED, zipfile.BadZipFile, zlib.error) as error:
+    except DAMAGED as error:
         raise InputError(
             f"{path} is not the archive of a tilt table, it must hold {', '.join(names)}, fs: {error}"
         ) from None

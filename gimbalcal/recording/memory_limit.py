@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import zipfile
 from pathlib import Path
 
 from gimbalcal.errors import InputError
@@ -28,6 +29,15 @@ def refuse_bomb(path: Path, needed: int, streamed: bool = False) -> None:
             f"{path} has {size / 1e6:.3g} MB and would take {needed / 1e9:.3g} GB when it is unpacked, which no "
             "readings of sensors do; correct it, or cut it into parts"
         )
+
+
+def refuse_packed_bomb(path: Path) -> None:
+    """Raise InputError where the members of a ZIP archive are out of proportion to it or to the memory.
+
+    Raises BadZipFile for a file that is no such archive.
+    """
+    with zipfile.ZipFile(path) as packed:
+        refuse_bomb(path, sum(each.file_size for each in packed.infolist()))
 
 
 def rows_in(path: Path) -> int:

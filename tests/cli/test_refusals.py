@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 from pathlib import Path
+
+import numpy as np
+import polars as pl
 
 ROOT = Path(__file__).resolve().parents[2]
 # a line each, as typed in the folder of the project; `file` exists, `nowhere` does not
@@ -100,3 +104,29 @@ def test_a_refusal_is_one_sentence_with_status_2_and_writes_nothing(command, cap
         assert [p.name for p in Path().iterdir()] == ["file"], line
         lines.append(f"$ gimbalcal {line}\n{re.sub(f'{re.escape(str(ROOT))}/', '', err)}")
     golden("console/refusals", "\n".join(lines))
+
+
+def test_a_damaged_archive_of_arrays_is_one_sentence_with_status_2(command, capsys) -> None:  # type: ignore[no-untyped-def]
+    columns = {f"c{i}": np.random.default_rng(i).normal(size=200).round(2) for i in range(7)}
+    np.savez_compressed("log.npz", **columns)
+    pl.DataFrame(columns).write_parquet("log.parquet")
+    for name, first, reason in (("log.npz", 56, "is damaged"), ("log.parquet", 4, "cannot be read as Parquet")):
+        damaged = bytearray(Path(name).read_bytes())
+        damaged[first : first + 20] = b"\xff" * 20  # where the data of the first column begin: no block of deflate
+        Path(name).write_bytes(damaged)
+        assert command("new", name, "--out", "out", "--quiet") == 2
+        out, err = capsys.readouterr()
+        assert (out, err.count("\n")) == ("", 1)
+        assert err.startswith(f"gimbalcal: {name} {reason}")
+
+
+def test_a_panic_of_the_reader_of_parquet_is_one_sentence_with_status_2(command, capfd, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    def panic(*_: object, **__: object) -> None:
+        os.write(2, b"thread panicked")
+        raise pl.exceptions.PanicException("index out of bounds")
+
+    Path("log.parquet").write_bytes(b"PAR1")
+    monkeypatch.setattr(pl, "read_parquet", panic)
+    assert command("new", "log.parquet", "--out", "out", "--quiet") == 2
+    out, err = capfd.readouterr()
+    assert (out, err) == ("", "gimbalcal: log.parquet cannot be read as Parquet: index out of bounds\n")
