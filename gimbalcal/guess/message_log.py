@@ -10,10 +10,11 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import by_name, quantity_of_log
@@ -86,25 +87,33 @@ def _without_arrows(lines: Sequence[str]) -> list[str]:
 
 def _pairs(line: str) -> list[tuple[str, str]]:
     """Return names with their numbers, where a line has three or more; those of JSON by their path."""
-    pairs = _leaves(line) if line.lstrip().startswith("{") else _PAIR.findall(line)
+    pairs = _json_pairs(line) if line.lstrip().startswith("{") else _PAIR.findall(line)
     return pairs if len(pairs) >= 3 and len({name for name, _ in pairs}) == len(pairs) else []
 
 
-def _leaves(line: str) -> list[tuple[str, str]]:
-    """Return the numbers and times in an object of JSON by their path, acc_x or acc_0."""
+def _json_pairs(line: str) -> list[tuple[str, str]]:
+    """Return the numbers and times in an object of JSON by their path; none where the line is no JSON."""
     try:
-        pending = [("", json.loads(line))]
+        content = json.loads(line)
     except (ValueError, RecursionError):
         return []
-    out = []
+    return [
+        (name, str(value))
+        for name, value in leaves(content)
+        if (isinstance(value, int | float) and not isinstance(value, bool)) or is_date(str(value))
+    ]
+
+
+def leaves(content: Any) -> Iterator[tuple[str, Any]]:
+    """Yield what an object of JSON holds, however deep it is nested, by its path, acc_x or acc_0."""
+    pending = [("", content)]
     while pending:
-        name, value = pending.pop(0)
+        name, value = pending.pop()
         if isinstance(value, dict | list):
-            inner = value.items() if isinstance(value, dict) else enumerate(value)
-            pending = [*((f"{name}_{key}".strip("_"), each) for key, each in inner), *pending]
-        elif (isinstance(value, int | float) and not isinstance(value, bool)) or is_date(str(value)):
-            out.append((name, str(value)))
-    return out
+            inner = list(value.items() if isinstance(value, dict) else enumerate(value))
+            pending += [(f"{name}_{key}".strip("_"), each) for key, each in reversed(inner)]
+        else:
+            yield name, value
 
 
 def _of_pairs(lines: Sequence[str]) -> dict[str, _Message]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import plain, quantity_of_log
+from gimbalcal.guess.message_log import leaves
 from gimbalcal.guess.text_table import MIN_COLUMNS, Table, table_of_columns, values_of
 from gimbalcal.importers.delimited import encoding_of
 from gimbalcal.importers.hdf5 import dataset, dataset_names
@@ -166,7 +167,7 @@ def _json(path: Path) -> Mapping[str, Any]:
     while pending:
         each = pending.pop()
         if isinstance(each, list) and len(each) > size and all(isinstance(row, dict) for row in each):
-            rows = [_leaves("", row) for row in each]
+            rows = [{n: np.nan if x is None else x for n, x in leaves(row)} for row in each]
             best, size = {n: np.array([row.get(n, np.nan) for row in rows]) for n in rows[0]}, len(each)
         elif isinstance(each, dict):
             lists = {n: x for n, x in each.items() if isinstance(x, list) and x and not isinstance(x[0], dict)}
@@ -176,14 +177,6 @@ def _json(path: Path) -> Mapping[str, Any]:
                     best, size = {n: np.array(x) for n, x in lists.items()}, longest
             pending += each.values()
     return best
-
-
-def _leaves(name: str, value: Any) -> dict[str, Any]:
-    """Return numbers and words of an object of JSON by their path, acc_x or acc_0."""
-    if not isinstance(value, dict | list):
-        return {name: np.nan if value is None else value}
-    inner = value.items() if isinstance(value, dict) else enumerate(value)
-    return {n: v for key, each in inner for n, v in _leaves(f"{name}_{key}".strip("_"), each).items()}
 
 
 def _columns(path: Path, variables: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ import scipy.io
 from gimbalcal.errors import InputError
 from gimbalcal.guess.clocks import spread
 from gimbalcal.guess.column_values import by_order, quantum
+from gimbalcal.guess.message_log import leaves
 from gimbalcal.guess.proposal import Proposal, propose
 from gimbalcal.guess.text_table import table_of, tables_of
 from gimbalcal.number import Array
@@ -170,6 +171,18 @@ def test_arrays_are_read_by_what_a_file_begins_with(tmp_path: Path, kind: str) -
     np.testing.assert_allclose(r.time - r.time[0], t, atol=1e-6)
     np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-6)
     np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-6)
+
+
+def test_what_is_nested_deep_in_json_is_read_with_its_row(tmp_path: Path) -> None:
+    t, f, w = turned()
+    names = ("t", "ax", "ay", "az", "gx", "gy", "gz")
+    objects = [dict(zip(names, row, strict=True)) for row in np.column_stack([t, f, w]).tolist()]
+    objects[0]["deep"] = json.loads("[" * 600 + "1" + "]" * 600)
+    (tmp_path / "rows.json").write_text(json.dumps(objects))
+    r = propose([tmp_path / "rows.json"]).recording
+    np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-6)
+    np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-6)
+    assert dict(leaves({"a": [1, None], "b": {"c": "x", "d": []}})) == {"a_0": 1, "a_1": None, "b_c": "x"}
 
 
 @pytest.mark.parametrize("start", [b"PK\x03\x04junk", b"\x1f\x8b\x08", b"#ROSBAG V2.0\n", b"\x01\x00\x02\x00" * 99])
