@@ -68,9 +68,9 @@ def detect(
     if n < LONGER * max(MIN_ROWS, round(WINDOW / step)) or not channels:
         return np.ones(n, dtype=np.int64)
     rates = rates or {}
-    triads = [[*channels.values()], [*rates.values()]] if rates else [[*channels.values()]]
+    triads = [[*t.values()] for t in (channels, rates) if t]
     position = np.zeros(n, dtype=np.int64)
-    level = float(np.median(np.linalg.norm(np.stack(triads[0]), axis=0)))
+    level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
     m, floor = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
     if m == 0:
         return position
@@ -173,32 +173,37 @@ def _unmoved(
     step: float,
     raw: bool,
 ) -> NDArray[np.bool_]:
-    """Return which stretches (k,) go on with the one before: the unit was knocked in between, but not turned.
+    """Return which stretches (k,), of m rows at least, go on with the one before: knocked in between, but not turned.
 
     The level of the force is the same to the noise of a row and never leaves it by more than a rest allows; a turn
     about the vertical shows in the integral of the rates. Rates of unknown size cannot deny one.
     """
-    force = np.stack(triads[0], axis=1)
+    force, rate = triads[0], triads[1] if len(triads) > 1 else ()
     out = np.zeros(len(starts), dtype=bool)
-    if len(triads) > 1 and raw:
+    if rate and raw:
         return out
     for k in range(1, len(starts)):
-        before, after = slice(max(stops[k - 1] - m, starts[k - 1]), stops[k - 1]), slice(starts[k], starts[k] + m)
-        level, noise = force[before].mean(axis=0), float(np.linalg.norm(force[before].std(axis=0)))
-        if np.linalg.norm(force[after].mean(axis=0) - level) > noise:
+        before, after = slice(stops[k - 1] - m, stops[k - 1]), slice(starts[k], starts[k] + m)
+        y = _rows(force, before)
+        level, noise = y.mean(axis=0), float(np.linalg.norm(y.std(axis=0)))
+        if np.linalg.norm(_rows(force, after).mean(axis=0) - level) > noise:
             continue
-        way = slice(max(before.stop - m // 2, 0), after.start + m // 2 + 1)
-        means = np.lib.stride_tricks.sliding_window_view(force[way], min(m, len(force[way])), axis=0).mean(axis=-1)
+        way = slice(before.stop - m // 2, after.start + m // 2 + 1)
+        means = np.stack([_windows(x[way], m)[0] for x in force], axis=1)
         shaken = np.sqrt(THRESHOLD) * noise
         if np.linalg.norm(means - level, axis=1).max() > shaken:
             continue
-        if len(triads) > 1:
-            rate = np.stack(triads[1], axis=1)
-            turn = np.cumsum(rate[way] - rate[before].mean(axis=0), axis=0) * step
+        if rate:
+            turn = np.cumsum(_rows(rate, way) - _rows(rate, before).mean(axis=0), axis=0) * step
             if np.linalg.norm(turn, axis=1).max() * np.linalg.norm(level) > shaken:
                 continue
         out[k] = True
     return out
+
+
+def _rows(channels: Sequence[Array], which: slice) -> Array:
+    """Return some of the rows (n,) of each channel, (rows, C)."""
+    return np.stack([x[which] for x in channels], axis=1)
 
 
 def _turned(rates: Mapping[str, Array], rest: NDArray[np.bool_], m: int, raw: bool) -> NDArray[np.bool_]:
