@@ -21,7 +21,12 @@ from gimbalcal.units import to_si
 
 MAX_RATE = 35.0  # rad/s, 2000 deg/s: the range of the fastest gyroscopes in such units
 USUAL_NOISE_DEG_S, MAX_BIAS_DEG_S = 0.05, 3.0  # of gyroscopes, from row to row and at rest
+RATE_UNIT_COSTS = {"rad/s": 0.0, "deg/s": 0.0, "deg/h": 4.0}  # nats, of the units of gyroscopes before any number
 MAX_BIAS_COST = 3.0  # nats: a larger one may be a steady turn
+TOO_FAST_COST = 20.0  # nats, of a unit in which they would turn faster than `MAX_RATE`
+CHIP_STEP_GAIN = 5.0  # nats, by which a unit is likelier in which they are quantised as a chip is
+WHOLE_NUMBERS_COST = 6.0  # nats, of a unit of numbers that look like counts
+UNLIKE_COUNTS_COST, POSSIBLE_COUNTS_COST = 12.0, 5.0  # nats, of counts; small whole numbers may be some
 LSB_DEG_S = (1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 16, 0.07, 0.035, 0.0175, 0.00875, 1 / 14.375, 0.05, 0.02)
 ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are printed, whatever they are
 MAX_UNEVENNESS = 3.0  # nats, between the scatter of the axes of one triad
@@ -189,7 +194,7 @@ def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[floa
     bias = max(abs(float(np.median(x))) for x in triad)
     whole, step = _are_counts(triad), max(map(quantum, triad))
     out = {}
-    for unit, prior in (("rad/s", 0.0), ("deg/s", 0.0), ("deg/h", 4.0)):
+    for unit, prior in RATE_UNIT_COSTS.items():
         size = float(to_si(1.0, unit))
         sigma = np.degrees(max(scatter, step / 3) * size)
         cost = prior + (0.5 * (np.log(sigma / USUAL_NOISE_DEG_S) / 2) ** 2 if sigma > 0 else 0.0)
@@ -197,15 +202,21 @@ def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[floa
         excess = np.log(np.degrees(bias * size) / MAX_BIAS_DEG_S) if bias > 0 else 0.0
         cost += min(0.5 * max(0.0, excess) ** 2, MAX_BIAS_COST)
         if fastest * size > MAX_RATE:
-            cost, why = cost + 20.0, [f"up to {fastest:.4g}, more than any hand turns"]
+            cost, why = cost + TOO_FAST_COST, [f"up to {fastest:.4g}, more than any hand turns"]
         if any(abs(np.degrees(step * size) / lsb - 1) < 1e-3 for lsb in LSB_DEG_S) and step not in ROUND:
-            cost, why = cost - 5.0, [f"in steps of {np.degrees(step * size):.4g} deg/s, as chips are quantised"]
+            cost, why = (
+                cost - CHIP_STEP_GAIN,
+                [f"in steps of {np.degrees(step * size):.4g} deg/s, as chips are quantised"],
+            )
         if whole and (counted or scatter > 3.0):
-            cost += 6.0
+            cost += WHOLE_NUMBERS_COST
         out[unit] = float(cost), ", ".join(why) or f"up to {fastest:.4g}"
     range_in_counts = f"whole numbers up to {fastest + bias:.4g}: counts, whose scale the turns show"
-    counts = 0.0 if whole and (counted or fastest > MIN_COUNT) else 5.0 if counted or whole else 12.0
-    return {**out, "count": (counts if fastest > 0 else 12.0, range_in_counts)}
+    if fastest > 0 and (counted or whole):
+        counts = 0.0 if whole and (counted or fastest > MIN_COUNT) else POSSIBLE_COUNTS_COST
+    else:
+        counts = UNLIKE_COUNTS_COST
+    return {**out, "count": (counts, range_in_counts)}
 
 
 def quantum(x: Array) -> float:

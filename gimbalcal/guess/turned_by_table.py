@@ -7,7 +7,7 @@ compared with every column of unknown content, as angle or rate in its usual uni
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -16,10 +16,9 @@ from gimbalcal.checks.driven_rates import MAX_RESIDUAL, DrivenTurn, driven_turn
 from gimbalcal.checks.input_errors import trials
 from gimbalcal.effects.history import integral
 from gimbalcal.guess.column_names import axis_word, commanded, estimated, plain, rate_word, unit_written
-from gimbalcal.guess.column_values import changes_direction
+from gimbalcal.guess.column_values import RATE_UNIT_COSTS, changes_direction
 from gimbalcal.guess.gimbal_chain import MAX_AXES, MAX_COLUMNS, QUARTER_TURNS, chains, encoder_angles, usual_platform
 from gimbalcal.guess.log import Guess, Log
-from gimbalcal.guess.unit_candidates import RATE_UNITS, rates_in
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.quantities import QUANTITIES
@@ -80,7 +79,7 @@ def turned_by_table(log: Log) -> TurnedLog | None:
     if still or not columns or np.count_nonzero(whole) < len(time) / 2 or np.any(np.diff(time) <= 0):
         return None
     best: tuple[TableFit, str] | None = None
-    for unit in dict.fromkeys((stated_unit, *(RATE_UNITS if log.has_open_unit(RATE) else ()))):
+    for unit in dict.fromkeys((stated_unit, *(RATE_UNIT_COSTS if log.has_open_unit(RATE) else ()))):
         scale = None if stated_unit == "count" else 1.0
         y = readings if scale is None else np.asarray(to_si(readings, unit))
         fits = (
@@ -96,7 +95,9 @@ def turned_by_table(log: Log) -> TurnedLog | None:
     why = f"the gyroscopes feel the rig turn so, but for {100 * fit.misfit:.2g} % of what they read"
     turned = log.without("gimbal_angle")
     if unit != stated_unit:
-        turned = turned.including(rates_in(turned, unit, f"{why}, in {unit}"))
+        turned = turned.including(
+            {n: replace(turned.guesses[n], unit=unit, why=f"{why}, in {unit}", open=False) for n in turned.names(RATE)}
+        )
     for readout in fit.readouts:
         axis, values = _axis(readout.name), columns[readout.name]
         reason = f"{counts[readout.name]} counts a turn; {why}" if readout.name in counts else why

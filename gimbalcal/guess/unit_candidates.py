@@ -18,7 +18,6 @@ from gimbalcal.guess.log import Guess, Log
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si, to_si
 
-RATE_UNITS = ("rad/s", "deg/s", "deg/h")  # of gyroscopes that no name states
 SCALE_STATED = 3.0  # nats, by which counts are likelier whose scale the log states
 MAX_COST = 15.0  # nats, beyond which a unit is not tried
 _NUMBER = r"(?P<n>\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)"
@@ -56,13 +55,14 @@ def unit_candidates(log: Log, above: Sequence[str]) -> list[UnitCandidate]:
 
     above: the lines above the tables, which may state the scale of counts.
     """
-    out = []
+    out, rates = [], [*_rates_in_units(log)]
     for clock, t_cost in _with_clocks(log):
         step = float(np.median(np.diff(clock.seconds)))
-        for each, cost in _with_rates(clock):
+        for guesses, r_cost in rates:
+            each, cost = clock.including(guesses), t_cost + r_cost
             scaled = in_physical_units(each, above, step)
-            out.append(UnitCandidate(scaled, t_cost + cost - (SCALE_STATED if scaled.guesses != each.guesses else 0.0)))
-            out += [UnitCandidate(each, t_cost + cost)] if scaled.guesses != each.guesses else []
+            out.append(UnitCandidate(scaled, cost - (SCALE_STATED if scaled.guesses != each.guesses else 0.0)))
+            out += [UnitCandidate(each, cost)] if scaled.guesses != each.guesses else []
     return sorted(out, key=lambda c: c.cost)
 
 
@@ -75,16 +75,21 @@ def _with_clocks(log: Log) -> Iterator[tuple[Log, float]]:
         yield clocks.in_unit(log, unit), cost
 
 
-def _with_rates(log: Log) -> Iterator[tuple[Log, float]]:
-    """Yield the log with its gyroscopes in each unit that they may be in, and the cost of it."""
-    names = log.names(RATE)
+def _rates_in_units(log: Log) -> Iterator[tuple[dict[str, Guess], float]]:
+    """Yield the guesses of the gyroscopes in each unit that they may be in, and its cost; none where it is known."""
     if not log.has_open_unit(RATE):
-        yield log, 0.0
+        yield {}, 0.0
         return
     for unit, (cost, why) in rate_costs(log).items():
         if cost < MAX_COST:
-            own = {n: f"{log.guesses[n].why.partition(';')[0]}; {why}" for n in names}
-            yield log.including({n: replace(log.guesses[n], unit=unit, why=own[n], open=False) for n in names}), cost
+            yield (
+                {
+                    n: replace(g, unit=unit, why=f"{g.why.partition(';')[0]}; {why}", open=False)
+                    for n, g in log.guesses.items()
+                    if g.quantity == RATE
+                },
+                cost,
+            )
 
 
 def rate_costs(log: Log) -> dict[str, tuple[float, str]]:
@@ -93,11 +98,6 @@ def rate_costs(log: Log) -> dict[str, tuple[float, str]]:
     full = np.isfinite(np.stack(values)).all(axis=0)
     counted = any(log.guesses[n].unit == "count" for n in log.names(FORCE))
     return costs_of_rate([x[full] for x in values], counted)
-
-
-def rates_in(log: Log, unit: str, why: str) -> dict[str, Guess]:
-    """Return the guesses of the rates with another unit."""
-    return {name: replace(log.guesses[name], unit=unit, why=why, open=False) for name in log.names(RATE)}
 
 
 def scales(above: Sequence[str]) -> dict[str, list[tuple[float, str]]]:
