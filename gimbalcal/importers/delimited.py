@@ -6,6 +6,7 @@ import re
 from codecs import getincrementaldecoder
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -144,6 +145,13 @@ def encoding_of(path: Path) -> str:
 
     A file may be cut off inside a character: read it with `errors="replace"`.
     """
+    state = path.stat()
+    return _encoding_of(path, (state.st_ino, state.st_size, state.st_mtime_ns))
+
+
+@lru_cache(maxsize=64)
+def _encoding_of(path: Path, _state: tuple[int, int, int]) -> str:
+    """Return the encoding of a file with this inode, size and time of change: it takes decoding the whole file."""
     with path.open("rb") as file:
         if file.read(2) in (b"\xff\xfe", b"\xfe\xff"):
             return "utf-16"
