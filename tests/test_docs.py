@@ -1,5 +1,6 @@
 """Generated pages are up to date, and pages name only what exists."""
 
+import doctest
 import json
 import re
 import runpy
@@ -13,6 +14,7 @@ import pytest
 
 from gimbalcal.cli import gimbalcal
 from gimbalcal.report.chart import BLUE, Chart, Points
+from tests.golden import same
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -28,6 +30,29 @@ def test_measured_results_on_the_pages_are_those_of_the_files() -> None:
     assert pages == {page: measured["filled"](text) for page, text in pages.items()}, "run docs/build_measured.py"
     shown = {name for text in pages.values() for name in measured["BLOCK"].findall(text)}
     assert {path.stem for path in measured["MEASURED"].iterdir()} <= shown
+
+
+def test_the_ten_lines_of_the_first_page_run_as_printed(tmp_path: Path) -> None:
+    """README.md: `python docs/build_tutorials.py ../shared/data README.md` inserts the present output."""
+    tutorials = runpy.run_path(str(DOCS / "build_tutorials.py"))
+    tutorials["furnish"](tmp_path, tmp_path)
+    page = (DOCS.parent / "README.md").read_text(encoding="utf-8")
+    assert same(tutorials["rerun"](page, tmp_path).splitlines(), page.splitlines())
+
+
+SESSION = re.compile(r"^```pycon\n(.*?)^```", re.MULTILINE | re.DOTALL)
+PAGES = [DOCS.parent / "README.md", *(p for p in sorted(DOCS.rglob("*.md")) if "_build" not in p.parts)]
+WITH_SESSIONS = [page for page in PAGES if SESSION.search(page.read_text(encoding="utf-8"))]
+
+
+@pytest.mark.parametrize("page", WITH_SESSIONS, ids=lambda p: p.name)
+def test_python_sessions_of_a_page_run_as_printed(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(DOCS.parent)
+    text = "\n".join(SESSION.findall(page.read_text(encoding="utf-8")))
+    runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
+    runner.run(doctest.DocTestParser().get_doctest(text, {}, page.name, str(page), 0))
+    assert runner.tries > 3
+    assert runner.failures == 0
 
 
 LINK = re.compile(r"\]\(([^)\s#]+)")

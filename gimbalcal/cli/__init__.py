@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import click
+from click.shell_completion import get_completion_class
 
 from gimbalcal import __version__
 from gimbalcal.atomic import FULL
@@ -44,7 +45,7 @@ def main() -> None:
     try:
         with _own_messages_only():
             _refuse_undecodable([str(Path.cwd()), *sys.argv[1:]])
-            gimbalcal(standalone_mode=False)
+            gimbalcal(standalone_mode=False, prog_name="gimbalcal")
     except InputError as problem:
         _stop(f"gimbalcal: {problem}", 2)
     except click.exceptions.NoArgsIsHelpError as problem:
@@ -113,16 +114,52 @@ def _stop(sentence: str, status: int) -> None:
     sys.exit(status)
 
 
-@click.group(context_settings=CONTEXT, epilog=example("gimbalcal demo", "gimbalcal calibrate --help"))
+GROUPS: dict[str, tuple[click.Command, ...]] = {
+    "Start, in this order": (new, calibrate, diagnose, apply, export, compare),
+    "Plan before anything is recorded": (observe, design, simulate, budget),
+    "Other commands": (import_, noise, navigate, campaign, catalogue, demo),
+}
+
+
+class Commands(click.Group):
+    """The commands of the program, in groups."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002  as click calls it
+        """Write the first sentence of every command, whole."""
+        for title, commands in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(str(c.name), first_sentence(c)) for c in commands])
+
+
+def first_sentence(command: click.Command) -> str:
+    """Return what a command does."""
+    return command.get_short_help_str(limit=200)
+
+
+def _print_completion(context: click.Context, _option: click.Parameter, shell: str | None) -> None:
+    """Print the code by which a shell completes commands, options and names."""
+    if shell is not None:
+        kind = get_completion_class(shell)
+        assert kind is not None
+        say(kind(gimbalcal, {}, "gimbalcal", "_GIMBALCAL_COMPLETE").source())
+        context.exit()
+
+
+@click.group(
+    cls=Commands,
+    context_settings=CONTEXT,
+    epilog=example("gimbalcal demo", "gimbalcal calibrate --help", 'eval "$(gimbalcal --completion bash)"'),
+)
 @click.version_option(__version__, prog_name="gimbalcal")
+@click.option(
+    "--completion", type=click.Choice(["bash", "zsh", "fish"]), is_eager=True, expose_value=False,
+    callback=_print_completion, help="Print the code that completes commands, options and names in this shell.",
+)  # fmt: skip
 def gimbalcal() -> None:
-    """Calibrate inertial sensors on gimballed platforms, and say what physics the model left out."""
+    """Calibrate inertial sensors on gimballed platforms, and state what physics the model omits."""
 
 
-for _command in (
-    apply, budget, calibrate, campaign, catalogue, compare, demo, design, diagnose, export, import_, navigate, new,
-    noise, observe, simulate,
-):  # fmt: skip
+for _command in (command for group in GROUPS.values() for command in group):
     _command.params.append(EFFECTS)
     gimbalcal.add_command(_command)
 

@@ -9,7 +9,20 @@ from pathlib import Path
 
 import click
 
-from gimbalcal.cli.options import DAMPING, DRAWS, GRADE, RECORDINGS, SEED, F, FilePath, Number, example, names_option
+from gimbalcal.cli.options import (
+    DAMPING,
+    DRAWS,
+    GRADE,
+    RECORDINGS,
+    SEED,
+    F,
+    FilePath,
+    Number,
+    completing,
+    effect_names,
+    example,
+    names_option,
+)
 from gimbalcal.cli.output_folders import Output, output_options, sensor_folders
 from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
@@ -70,6 +83,7 @@ def remember(store: Path | None, unit: str, kind: str, content: Json) -> None:
     "more",
     multiple=True,
     metavar="EFFECT[:AXIS][,CONSTANT=VALUE]",
+    shell_complete=completing(effect_names),
     help="Add an effect of the catalogue to the fit; a constant that is not stated is fitted.",
 )
 @click.option(
@@ -83,7 +97,7 @@ def calibrate(
     recordings: tuple[Path, ...], method: str | None, terms: tuple[str, ...], more: tuple[str, ...], states: str,
     grade: str, store: Path | None, unit: str, output: Output,
 ) -> None:  # fmt: skip
-    """Estimate the sensors' errors, with their uncertainty, and say what the data do not show."""
+    """Estimate the errors of the sensors with their uncertainty, and state what the data do not show."""
     from gimbalcal.methods import calibrate_each
     from gimbalcal.report.console import parameters_table
     from gimbalcal.report.files import write_calibrations
@@ -121,7 +135,7 @@ def diagnose(
     recordings: tuple[Path, ...], known: Path | None, baseline: tuple[str, ...], grade: str, seed: int,
     store: Path | None, unit: str, output: Output,
 ) -> None:  # fmt: skip
-    """Say where the data differ from the model, which physics was left out, and what it changes."""
+    """Find where the data differ from the model, which physics was omitted, and what it changes."""
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.diagnose import diagnose as run
     from gimbalcal.diagnose.cost import with_cost
@@ -165,7 +179,7 @@ def diagnose(
 @click.argument("recording", type=FilePath())
 @output_options("noise.json and report.html", "RECORDING-noise, here")
 def noise(recording: Path, output: Output) -> None:
-    """White noise, bias instability and random walk of every sensor of RECORDING, from its rests."""
+    """Estimate white noise, bias instability and random walk of every sensor of RECORDING from its dwells."""
     from gimbalcal.at_rest import noise_at_rest, rest_noise
     from gimbalcal.recording import read
     from gimbalcal.report.noise_page import noise_report
@@ -206,7 +220,7 @@ def navigate(
     recording: tuple[Path, ...], known: tuple[Path, ...], damping: float | None, alignment: float, samples: int,
     seed: int, output: Output,
 ) -> None:  # fmt: skip
-    """Navigate without a calibration and with each: what they are worth in position and attitude.
+    """Navigate RECORDING without a calibration and with each, and compare the errors of position and attitude.
 
     RECORDING: a static run of a space-stable platform, or a strapdown unit that stays in its place.
     """
@@ -256,7 +270,7 @@ def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Pa
 def compare(
     calibrations: tuple[Path, ...], store: Path | None, unit: str, allow: tuple[str, ...], output: Output,
 ) -> None:  # fmt: skip
-    """Compare the parameters of a unit from calibration to calibration: CALIBRATIONS, those of a --store, or both."""
+    """Compare the parameters of a unit over time: CALIBRATIONS in files, those of a --store, or both."""
     from gimbalcal.history import compare as run
     from gimbalcal.history import dated_file, of_store
     from gimbalcal.report.files import write_comparison

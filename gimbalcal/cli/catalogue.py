@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import click
 
-from gimbalcal.cli.options import example
+from gimbalcal.cli.options import completing, effect_names, example
 from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError
 
 
-@click.command(epilog=example("gimbalcal catalogue latency"))
-@click.argument("effect", required=False)
-def catalogue(effect: str | None) -> None:
-    """List the physical effects that are known, those that speak of a word, or show the card of one EFFECT."""
+@click.command(epilog=example("gimbalcal catalogue gsens", "gimbalcal catalogue time tag", "gimbalcal catalogue K3"))
+@click.argument("words", nargs=-1, metavar="[WORD]...", shell_complete=completing(effect_names))
+def catalogue(words: tuple[str, ...]) -> None:
+    """List the known physical effects, those that match every WORD, or the card of one.
+
+    A WORD is a part of a name (gsens, worm), of a parameter (K3), or of a card (clutch); an id shows the card.
+    """
     import dataclasses
     import inspect
 
@@ -22,7 +25,8 @@ def catalogue(effect: str | None) -> None:
     from gimbalcal.units import from_si
     from gimbalcal.words.naming import unit_in_print
 
-    if effect is None:
+    effect = " ".join(words)
+    if not words:
         _list(sorted(CATALOGUE))
     elif effect in CATALOGUE:
         say(_card(inspect.getdoc(CATALOGUE[effect]) or ""))
@@ -76,14 +80,18 @@ def _list(names: list[str]) -> None:
 
 
 def matching_effects(words: str) -> list[str]:
-    """Return effects whose name has all the words; else those whose card has them. Raises InputError for none."""
+    """Return effects whose name or parameters have all the words; else those whose card has them.
+
+    Names are compared without their blanks: "gsens" matches gyro_g_sensitivity_rate. Raises InputError for none.
+    """
     import inspect
     from difflib import get_close_matches
 
-    from gimbalcal.effects import CATALOGUE
+    from gimbalcal.effects import CATALOGUE, parameters
 
-    wanted = words.lower().replace("_", " ").split()
-    names = [n for n in sorted(CATALOGUE) if all(w in n.replace("_", " ") for w in wanted)]
+    wanted = words.lower().replace("_", " ").replace("-", " ").split()
+    named = {n: {n.replace("_", ""), *(p.name.lower() for p in parameters(CATALOGUE[n]))} for n in sorted(CATALOGUE)}
+    names = [n for n, known in named.items() if wanted and all(any(w in k for k in known) for w in wanted)]
     cards = {n: (inspect.getdoc(CATALOGUE[n]) or "").lower() for n in sorted(CATALOGUE)}
     matches = names or [n for n, card in cards.items() if wanted and all(w in card for w in wanted)]
     if not matches:

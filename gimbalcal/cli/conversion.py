@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from gimbalcal.atomic import as_json
-from gimbalcal.cli.options import LATITUDE, POSITIVE, FilePath, Number, example
+from gimbalcal.cli.options import LATITUDE, POSITIVE, FilePath, Number, completing, example
 from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError, amount
@@ -31,7 +32,7 @@ CALIBRATION = click.option(
 def apply(
     recording: Path, known: Path, inverse: bool, output: Output,
 ) -> None:  # fmt: skip
-    """Correct RECORDING by a calibration: readings to physics, into a recording folder."""
+    """Correct the readings of RECORDING by a calibration, into a new recording."""
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.recording import read, write
 
@@ -54,8 +55,20 @@ def apply(
     output.show(result, f"wrote {corrected.title!r}, {done}, {amount(len(corrected.time), 'row')}, into {folder}")
 
 
+def _export_kinds() -> Iterable[str]:
+    from gimbalcal.calibration.exchange import FILES
+
+    return FILES
+
+
+def _import_kinds() -> Iterable[str]:
+    from gimbalcal.importers import KINDS
+
+    return KINDS
+
+
 @click.command(epilog=example("gimbalcal export csv --calibration results/calibration.json --out exported"))
-@click.argument("kind")
+@click.argument("kind", shell_complete=completing(_export_kinds))
 @CALIBRATION
 @output_options("the file", "the current folder")
 def export(kind: str, known: Path, output: Output) -> None:
@@ -98,14 +111,14 @@ class ImportCommand(click.Command):
         "gimbalcal import csv log.csv --set header=columns.toml --set skip=2",
     ),
 )
-@click.argument("kind")
+@click.argument("kind", shell_complete=completing(_import_kinds))
 @click.argument("files", nargs=-1, required=True, type=FilePath())
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="What the importer of this kind asks for.")
 @output_options("the recording", "the name of the first of FILES without its ending, here")
 def import_(
     kind: str, files: tuple[Path, ...], settings: tuple[str, ...], output: Output,
 ) -> None:  # fmt: skip
-    """Turn another rig's FILES into a recording folder; KIND is the rig or file type.
+    """Convert FILES of another rig or program into a recording; KIND is the rig or the type of file.
 
     All kinds take --set title=... and means=yes (one row for each dwell). docs/recording-format.md describes them;
     `gimbalcal new` guesses what nobody described.
@@ -126,7 +139,7 @@ def import_(
     summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}
     if output.as_json:
         say(as_json(summary))
-    elif not output.quiet:
+    else:
         say(f"wrote a {recording.kind} recording of {amount(len(recording.time), 'row')} into {folder}")
 
 
@@ -184,10 +197,10 @@ def new(
     logs: tuple[Path, ...], rate: float | None, latitude: float | None, height: float | None, longitude: float | None,
     units: tuple[str, ...], title: str, output: Output,
 ) -> None:  # fmt: skip
-    """Look at LOGS of a unit, a rig or a mount and propose a recording: columns, units, rests, platform.
+    """Propose a recording from LOGS of a unit, a rig or a mount: columns, units, dwells, platform.
 
     LOGS are text tables of any layout, messages and JSON lines, MATLAB, HDF5, NumPy, Parquet and JSON files, records of
-    doubles, guide logs of PHD2, files of TPOINT and of the MMT. What a choice rests on is said.
+    doubles, guide logs of PHD2, files of TPOINT and of the MMT. The reason of each choice is printed.
     """
     from gimbalcal.atomic import write as write_text
     from gimbalcal.guess.proposal import propose

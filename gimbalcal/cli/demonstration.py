@@ -86,6 +86,6 @@ def _diagnose(folder: Path, out: Path, tell: Tell) -> Diagnosis:
 @click.command(epilog=example("gimbalcal demo --out out/demo"))
 @output_options("the reports", "out/demo", replaces=False)
 def demo(output: Output) -> None:
-    """The three stages and the diagnosis on the recordings that ship with the project."""
+    """Calibrate and diagnose the recordings that ship with the package."""
     summary, sentence = demonstrate(output.out or Path("out/demo"), output.tell)
     output.show(summary, sentence)

@@ -7,12 +7,13 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 
 from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError, shortened
@@ -61,6 +62,23 @@ NOISE = Number(1e-12, 1e9)  # beyond, squares of it are lost beside each other
 def example(*commands: str) -> str:
     """Return the last lines of a command's help: examples of its use."""
     return "\b\nFor example:\n" + "\n".join(f"  {command}" for command in commands)
+
+
+def completing(source: Callable[[], Iterable[str]]) -> Callable[..., list[CompletionItem]]:
+    """Return the completion of an argument by the names of `source`, or by files where none of them matches."""
+
+    def complete(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+        names = [CompletionItem(name) for name in sorted(source()) if name.startswith(typed)]
+        return names or [CompletionItem(typed, type="file")]
+
+    return complete
+
+
+def effect_names() -> Iterable[str]:
+    """Return the ids of the catalogue, for the completion of an argument."""
+    from gimbalcal.effects import CATALOGUE
+
+    return CATALOGUE
 
 
 def names_option(name: str, help: str) -> Callable[[Any], Any]:  # noqa: A002  as click calls it

@@ -97,8 +97,8 @@ class Output:
         return staged_folder(folder, self.overwrite)
 
     def table(self, text: str) -> None:
-        """Print a table above the answer, unless the answer is JSON or wanted alone."""
-        if not (self.as_json or self.quiet):
+        """Print a table above the answer, unless the answer is JSON."""
+        if not self.as_json:
             say(text, end="\n\n")
 
     def wrote(self, folder: Path, first: str) -> None:
@@ -142,7 +142,9 @@ def output_options(
         described = f"Folder for {what}.  [default: {default}]"
         options = [
             click.option("--json", "as_json", is_flag=True, help="Print the result on stdout as JSON."),
-            click.option("--quiet", is_flag=True, help="No progress on stderr."),
+            click.option(
+                "--quiet", is_flag=True, help="Print no progress on stderr; the result on stdout is the same."
+            ),
             click.option("--out", type=FilePath(), callback=_writable, default=None, help=described),
         ]
         if replaces:

@@ -18,6 +18,7 @@ from gimbalcal.cli.options import (
     SEED,
     FilePath,
     Number,
+    completing,
     example,
     names_option,
 )
@@ -29,6 +30,20 @@ if TYPE_CHECKING:
     from gimbalcal.design.turning_design import TurnsDesign
 
 OBSERVABILITY = "observability.json"
+
+
+def _schedules() -> list[str]:
+    from gimbalcal.schedule import ROTATIONS, SCHEDULES
+
+    return [*SCHEDULES, *ROTATIONS, "static-48h"]
+
+
+def _scenarios() -> list[str]:
+    from gimbalcal.simulate.scenario import shipped
+
+    return shipped()
+
+
 TURNING_STATES = click.option(
     "--states", default="51", show_default=True, help="Of turns: what is estimated, 30, 51, or EFFECT[:AXIS],..."
 )
@@ -53,7 +68,7 @@ FORCE_SIGMA = click.option(
         "gimbalcal observe wei2022-30 --states 30 --latitude 34.2 --out turns",
     )
 )
-@click.argument("schedule", type=FilePath(str))
+@click.argument("schedule", type=FilePath(str), shell_complete=completing(_schedules))
 @click.option("--angle-sigma", default=1.0, type=NOISE, show_default=True, help="Setting error of a position, arcsec.")
 @FORCE_SIGMA
 @click.option(
@@ -69,7 +84,10 @@ def observe(
     schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: tuple[str, ...], states: str,
     rate_noise: float, force_noise: float, velocity_sigma: float, output: Output,
 ) -> None:  # fmt: skip
-    """Say what SCHEDULE can and cannot see, before anything is recorded: a name, a schedule.toml, or static-48h."""
+    """State what SCHEDULE can and cannot show, before anything is recorded.
+
+    SCHEDULE: the name of one that ships (wu2018-18, cai2016-18, wei2022-30), a schedule.toml, or static-48h.
+    """
     from gimbalcal.report import plan_page
     from gimbalcal.report.console import bounds_table
     from gimbalcal.schedule.file import is_rotation
@@ -142,7 +160,7 @@ def design(
     ramp: float, limit: float, against: tuple[str, ...], latitude: float, rate_noise: float, force_noise: float,
     velocity_sigma: float, tries: int, seed: int, output: Output,
 ) -> None:  # fmt: skip
-    """Choose what sees most under a rig's limits: positions that separate effects, or a sequence of turns."""
+    """Choose the positions, or the sequence of turns, that show most within the limits of a rig."""
     from gimbalcal.atomic import write
     from gimbalcal.report.console import bounds_table, groups_table
     from gimbalcal.report.html import marked
@@ -192,7 +210,7 @@ def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
         "gimbalcal budget wei2022-30 wei2022-static --states 30 --hours 24 --out budget",
     )
 )
-@click.argument("scenarios", nargs=-1, required=True, type=FilePath())
+@click.argument("scenarios", nargs=-1, required=True, type=FilePath(), shell_complete=completing(_scenarios))
 @click.option(
     "--hours", multiple=True, type=Number(min=0.5, max=240), default=(6.0, 24.0, 72.0), show_default=True,
     help="Hours within which the position error is given; as often as needed.",
@@ -205,7 +223,7 @@ def budget(
     scenarios: tuple[Path, ...], hours: tuple[float, ...], more: tuple[str, ...], states: str, damping: float | None,
     output: Output,
 ) -> None:  # fmt: skip
-    """Say what a calibration by these SCENARIOS leaves of position error, parameter by parameter, before it is made.
+    """Predict the position error that a calibration by SCENARIOS leaves, parameter by parameter.
 
     SCENARIOS: positions and static runs of a space-stable platform; or turns of a strapdown unit in its place, and a
     rest, which says where and how it stands when it navigates.
@@ -221,11 +239,11 @@ def budget(
 
 
 @click.command(epilog=example("gimbalcal simulate wu2018-18 --seed 7 --out my-rig"))
-@click.argument("scenario", type=FilePath())
+@click.argument("scenario", type=FilePath(), shell_complete=completing(_scenarios))
 @click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
 @output_options("the recording and its truth.json", "the name of SCENARIO, here")
 def simulate(scenario: Path, seed: int | None, output: Output) -> None:
-    """Make a recording from truth: SCENARIO.toml, or the name of one that ships with the package."""
+    """Simulate a recording with known truth by SCENARIO: a file, or the name of one that ships."""
     from gimbalcal.simulate import simulate_to
 
     folder = output.out or Path(scenario.stem)
@@ -235,7 +253,7 @@ def simulate(scenario: Path, seed: int | None, output: Output) -> None:
 
 
 @click.command(epilog=example("gimbalcal campaign wu2018-18 -n 100 --out campaign"))
-@click.argument("scenario", type=FilePath())
+@click.argument("scenario", type=FilePath(), shell_complete=completing(_scenarios))
 @click.option("-n", "--runs", type=RUNS, default=200, show_default=True, help="How many runs.")
 @click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
 @click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")
@@ -245,7 +263,10 @@ def simulate(scenario: Path, seed: int | None, output: Output) -> None:
 def campaign(
     scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None, output: Output,
 ) -> None:  # fmt: skip
-    """Monte Carlo of SCENARIO: the same digits whatever the number of workers; goes on where it was stopped."""
+    """Repeat the simulation and the calibration of SCENARIO many times (Monte Carlo).
+
+    The digits do not depend on the number of workers; an interrupted campaign continues where it stopped.
+    """
     from gimbalcal.campaign import run_campaign
     from gimbalcal.report.campaign_page import campaign_report
     from gimbalcal.report.html import marked

@@ -283,16 +283,22 @@ class Scenario(_Section):
         return float(self.turning) if self.schedule.ramp is None else self.schedule.ramp
 
 
+SHIPPED = Path(__file__).parents[1] / "scenarios"
+
+
 def find(scenario: str | Path) -> Path:
     """Return the file of a scenario: a path, or the name of one that ships with the package."""
     path = Path(scenario)
-    shipped = Path(__file__).parents[1] / "scenarios"
     if path.is_file():
         return path
-    if path.name == str(path) and (shipped / f"{path.stem}.toml").is_file():
-        return shipped / f"{path.stem}.toml"
-    names = ", ".join(sorted(p.stem for p in shipped.glob("*.toml")))
-    raise InputError(f"{scenario} is no file and no scenario of the package; those are {names}")
+    if path.name == str(path) and path.stem in shipped():
+        return SHIPPED / f"{path.stem}.toml"
+    raise InputError(f"{scenario} is no file and no scenario of the package; those are {', '.join(shipped())}")
+
+
+def shipped() -> list[str]:
+    """Return the names of the scenarios of the package."""
+    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 
 def load(scenario: str | Path) -> Scenario:

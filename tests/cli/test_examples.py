@@ -8,7 +8,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from gimbalcal.cli import CONTEXT, gimbalcal
+from gimbalcal.cli import CONTEXT, GROUPS, first_sentence, gimbalcal
 from gimbalcal.cli.catalogue import matching_effects
 from tests.golden import refused
 
@@ -37,6 +37,49 @@ def test_help_ends_with_an_example_that_the_command_takes(name: str) -> None:
     for line in lines.strip().splitlines():
         assert line.split()[:2] == ["gimbalcal", name]
         accepted(line)
+
+
+def test_help_lists_every_command_once_by_a_whole_sentence() -> None:
+    listed = [str(c.name) for group in GROUPS.values() for c in group]
+    assert sorted(listed) == sorted(gimbalcal.commands)
+    assert len(set(listed)) == len(listed)
+    told = re.sub(r"\s+", " ", CliRunner().invoke(gimbalcal, ["--help"]).output)
+    for command in gimbalcal.commands.values():
+        sentence = first_sentence(command)
+        assert re.fullmatch(r"[A-Z][a-z]+ [^.]*(\.[a-z][^.]*)*\.", sentence), sentence
+        assert f"{command.name} {sentence}" in told
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_shells_are_given_the_code_that_completes(shell: str) -> None:
+    told = CliRunner().invoke(gimbalcal, ["--completion", shell])
+    assert told.exit_code == 0
+    assert "_GIMBALCAL_COMPLETE" in told.output
+    assert CliRunner().invoke(gimbalcal, ["--completion", "csh"]).exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("di", ["plain,diagnose"]),
+        ("catalogue gyro_bias_d", ["plain,gyro_bias_drift"]),
+        ("observe wei", ["plain,wei2022-30"]),
+        ("budget wu", ["plain,wu2018-18", "plain,wu2018-static"]),
+        ("export ka", ["plain,kalibr"]),
+        ("import mi", ["plain,mikoff"]),
+        ("calibrate data --with worm", ["file,worm"]),
+    ],
+)
+def test_commands_and_names_are_completed(words: str, found: list[str]) -> None:
+    """As bash asks for it: the words typed so far, and which of them is to be completed."""
+    typed_words = ["gimbalcal", *words.split()]
+    asked = {
+        "_GIMBALCAL_COMPLETE": "bash_complete",
+        "COMP_WORDS": " ".join(typed_words),
+        "COMP_CWORD": str(len(typed_words) - 1),
+    }
+    told = CliRunner().invoke(gimbalcal, [], env=asked, prog_name="gimbalcal")
+    assert told.output.split() == found
 
 
 def typed(page: Path) -> list[str]:
@@ -68,6 +111,9 @@ def test_a_page_has_commands_and_a_wrong_one_is_refused() -> None:
         ("time tag", ["time_tag_latency"]),
         ("Worm", ["periodic_worm_error"]),
         ("clutch", ["gimbal_zero_drift", "gimbal_zero_step"]),
+        ("gsens", ["gyro_g_sensitivity", "gyro_g_sensitivity_rate"]),
+        ("g-sens rate", ["gyro_g_sensitivity_rate"]),
+        ("K3", ["cubic_nonlinearity"]),
     ],
 )
 def test_effects_are_found_by_a_word_of_their_name_or_else_of_their_card(words: str, found: list[str]) -> None:
