@@ -90,7 +90,8 @@ def unknown_names(page: str) -> list[str]:
     out = [f"gimbalcal {name}" for name, _ in CALL.findall(page) if name not in known]
     out += [f"{name} {o}" for name, rest in CALL.findall(page) for o in OPTION.findall(rest)
             if name in known and o not in known[name]]  # fmt: skip
-    out += [o for o in re.findall(r"`(--[a-z][a-z-]*)", page) if not any(o in opts for opts in known.values())]
+    every = {o for opts in known.values() for o in opts} | {o for p in gimbalcal.params for o in p.opts}
+    out += [o for o in re.findall(r"`(--[a-z][a-z-]*)", page) if o not in every]
     for module in MODULE.findall(page):
         path = DOCS.parent.joinpath(*module.split("."))
         if not (path.with_suffix(".py").exists() or (path / "__main__.py").exists()):
