@@ -31,9 +31,9 @@ def write_calibration(
     write_report("calibration.json", calibration.to_dict(), page, out, question)
 
 
-def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "", question: str = "") -> None:
+def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "") -> None:
     """Write diagnosis.json, calibration.json of its refit, law.py and report.html; `title`: of the recording."""
-    write_diagnoses([(diagnosis, title, "")], out, question)
+    write_diagnoses([(diagnosis, title, "")], out)
 
 
 def write_calibrations(

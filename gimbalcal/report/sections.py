@@ -126,35 +126,34 @@ def rate_table_picture(recordings: Sequence[Recording], c: Calibration) -> Pictu
 # --- a telescope mount ------------------------------------------------------------------------------------------------
 
 UNIT = "arcsec"
-WAYS = {"across": "across the plane of the innermost axis", "along": "along it"}
+WAYS = {"across": "across the plane of the innermost axis", "along": "along the plane of the innermost axis"}
 
 
 def pointing_picture(recordings: Sequence[Recording], c: Calibration) -> Picture:
     """Return the residual of each star with zeros alone and with all terms, over each axis of the mount."""
     from gimbalcal.estimate.pointing.fit import fit_terms, wanted_parameters
-    from gimbalcal.views.pointing import moved_channels, pointing, read_axes
+    from gimbalcal.views.pointing import pointing, read_axes
 
     axes = read_axes(recordings[0])
+    views = [pointing(r) for r in recordings]
     angles, residual, titles = [], [], []
-    for r in recordings:
+    for r, v in zip(recordings, views, strict=True):
         night = f"“{r.title}”, " if len(recordings) > 1 else ""
         titles += [f"{night}star {k}" for k in range(1, len(r.time) + 1)]
         angles.append(np.degrees(np.stack([r.channels["true_angle", a] for a in axes], axis=1)))
-        residual.append(np.asarray(from_si(pointing(r).evaluate(c.effects).residual, UNIT)))
-    zeros = fit_terms(
-        [pointing(r) for r in recordings], wanted_parameters(recordings[0].platform, axes, ("gimbal_zero",))
-    )
+        residual.append(np.asarray(from_si(v.evaluate(c.effects).residual, UNIT)))
+    zeros = fit_terms(views, wanted_parameters(recordings[0].platform, axes, ("gimbal_zero",)))
     before = np.asarray(from_si(np.concatenate(zeros.residual), UNIT))
     after = np.concatenate(residual)
     sizes = [significant(float(np.sqrt((x**2).sum(axis=1).mean())), 3) for x in (before, after)]
     names = [a.replace("_", " ") for a in axes]
-    across = [axis for _, axis in moved_channels(recordings[0])]
-    ways = " and ".join(WAYS[axis] for axis in across)
+    ways = [axis for _, axis in views[0].channels]
+    directions = f"{WAYS['across']} and along it" if len(ways) == 2 else WAYS[ways[0]]
     return picture(
-        _over_axes(np.concatenate(angles), before, after, names, across, titles),
+        _over_axes(np.concatenate(angles), before, after, names, ways, titles),
         f"Residuals of {counted(len(after), 'star')} over {listed(names)}: {sizes[0]} arcsec on the sky with zeros "
         f"alone, {sizes[1]} arcsec with all terms.",
-        f"Observed minus target direction of each star, {ways}: with the "
+        f"Observed minus target direction of each star, {directions}: with the "
         f"zeros alone (pale, {sizes[0]} arcsec rms on the sky) and with all terms (blue, {sizes[1]} arcsec).",
     )
 
@@ -168,7 +167,7 @@ def _over_axes(
     """
     size = 2.6 if len(at) <= 400 else 1.5
     charts = []
-    if len(names) == 2:
+    if len(names) == after.shape[1] == 2:
         charts.append(figures.sky(at[:, 1], at[:, 0], after[:, 0], after[:, 1], UNIT, titles, "azimuth" in names))
     for i, way in enumerate(ways):
         points = [f"{t}: {signed(a)} {UNIT}" for t, a in zip(titles, after[:, i], strict=True)]

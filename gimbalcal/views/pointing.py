@@ -37,7 +37,7 @@ MAX_TRAVEL_RAD = 3 * np.pi  # rad that a mount turns, from one stop to the other
 MIN_POLE_COSINE = 0.02  # of the inner angle, below which a mount points along its outer axis
 MAX_FILTERED_STARS = 1000  # a log of guiding has more: noises that are filtered row by row would take half of the time
 MAX_TEETH, FRAMES = 2000, 5  # of a worm wheel, and means of a log to a turn of such a worm
-SAME_RAD = 1e-10  # rad; misses of an axis that differ less are one number
+MIN_READOUT_ERROR_RAD = 1e-10  # misses of an axis that differ less are one number
 MAX_RATE_ERROR = 0.1  # of the Earth's rate, of a mount that follows the sky
 MAX_STRETCH_SHARE = 0.1  # of the rows, in as many stretches of a log; more are stars
 MIN_NIGHT_GAP_S = 6 * 3600.0  # s; a longer pause ends a night
@@ -49,9 +49,10 @@ POINTING = Measurement(
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """Return the view of a pointing run; every star is a visit of its own. Raises InputError as `read_axes` does."""
-    s, calm, tracked = on_stars(recording), calmer(recording), tracks(recording)
-    channels = tuple(c for c in moved_channels(recording) if not (tracked and _set_to_zero(recording, c)))
-    own = [k for k, c in enumerate(reversed(moved_channels(recording))) if c in channels]  # axes that move in these
+    s, tracking, tracked = on_stars(recording), tracking_axes(recording), tracks(recording)
+    moved = moved_channels(recording)
+    channels = tuple(c for c in moved if not (tracked and _lacks_readout(recording, c)))
+    own = [k for k, c in enumerate(reversed(moved)) if c in channels]  # axes that move in these
     drift = basis(slow_drift(recording)) if tracked else np.zeros((len(recording.time), 0))
 
     def clear(X: Array) -> Array:
@@ -62,12 +63,12 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
 
     def reference(effects: Sequence[Effect]) -> Rows:
         found = against_stars(recording, s, effects, channels)
-        there = s.at(readout=s.readout + ~calm * _readout_misses(found, own))
+        there = s.at(readout=s.readout + ~tracking * _readout_misses(found, own))
         return replace(against_stars(recording, there, effects, channels), residual=found.residual).reduced(clear)
 
     n = len(recording.time)
     fields = recording_fields(recording)
-    if len(channels) < len(moved_channels(recording)):
+    if len(channels) < len(moved):
         fields["read_gimbals"] = tuple(read_axes(recording)[k] for k in own)
     outer = s.axis_names[0].replace("_", " ")
     measurement = replace(POINTING, channel=f"{POINTING.channel} {outer}")
@@ -122,10 +123,11 @@ def slow_drift(recording: Recording) -> Array:
     return np.concatenate([curve, recording.position[:, None] == np.unique(recording.position)[1:]], axis=1)
 
 
-def _set_to_zero(recording: Recording, channel: Key) -> bool:
+def _lacks_readout(recording: Recording, channel: Key) -> bool:
     """Return whether the axis that moves the line of sight in a channel has the same misses in all rows: no reading."""
     axis = read_axes(recording)[0 if channel == CHANNELS[1] else -1]
-    return bool(np.ptp(recording.channels["true_angle", axis] - recording.channels["gimbal_angle", axis]) < SAME_RAD)
+    misses = recording.channels["true_angle", axis] - recording.channels["gimbal_angle", axis]
+    return bool(np.ptp(misses) < MIN_READOUT_ERROR_RAD)
 
 
 def _readout_misses(rows: Rows, own: Sequence[int]) -> Array:
@@ -145,13 +147,13 @@ def _readout_misses(rows: Rows, own: Sequence[int]) -> Array:
 def on_stars(recording: Recording) -> Stimulus:
     """Return the stimulus of the mount; every star is a visit of its own.
 
-    A move is all of the way since an axis last turned back: told by where the stars are, or by readouts that are
-    calmer. An axis that stands still or creeps goes on as it went, whatever its noise.
+    A move is all of the way since an axis last turned back: by where the stars are, or by the readouts of axes
+    that track. An axis that stands still or creeps goes on as it went, whatever its noise.
     """
     s = stimulus_from_angles(recording)
     n = len(recording.time)
     aimed = recording.platform.angles({a: x for (q, a), x in recording.channels.items() if q == "true_angle"}, (n,))
-    course = without_jumps(np.where(calmer(recording), s.readout, aimed), s.readout)
+    course = without_jumps(np.where(tracking_axes(recording), s.readout, aimed), s.readout)
     moved = np.stack([since_turning(a) for a in course.T], axis=-1)
     number = np.arange(1, n + 1) if recording.position is None else recording.position
     return s.at(visit=np.arange(n), position=number, since_move=0 * s.time, move_angle=moved)
@@ -159,16 +161,16 @@ def on_stars(recording: Recording) -> Stimulus:
 
 def tracks(recording: Recording) -> bool:
     """Return whether a mount follows the sky about its polar axis: a calm readout turns as the Earth does."""
-    angle = np.unwrap(recording.angles()[:, calmer(recording)], axis=0)
+    angle = np.unwrap(recording.angles()[:, tracking_axes(recording)], axis=0)
     rate = np.abs(angle[-1] - angle[0]) / max(float(np.ptp(recording.elapsed)), 1e-9)
     return bool(np.any(np.abs(rate / EARTH_RATE - 1) < MAX_RATE_ERROR))
 
 
-def calmer(recording: Recording) -> NDArray[np.bool_]:
+def tracking_axes(recording: Recording) -> NDArray[np.bool_]:
     """Return which readouts (k,) follow the clock more closely than their stars do: those of a mount that tracks.
 
     There the noise is in where the star was seen, and readouts hold less of it. Where a mount goes from star to star
-    both jump alike, and nothing is told.
+    both jump alike, and no axis is one of these.
     """
     out = []
     for axis in recording.platform.axis_names:
@@ -194,8 +196,8 @@ def without_jumps(angle: Array, readout: Array) -> Array:
     """
     turns = 2 * np.pi * np.round((readout - angle) / (2 * np.pi))
     shorter = np.unwrap(angle, axis=0)
-    told = (np.ptp(readout, axis=0) > 2 * np.pi) | (np.ptp(shorter, axis=0) > MAX_TRAVEL_RAD)
-    return np.where(told, angle + turns, shorter)
+    counted = (np.ptp(readout, axis=0) > 2 * np.pi) | (np.ptp(shorter, axis=0) > MAX_TRAVEL_RAD)
+    return np.where(counted, angle + turns, shorter)
 
 
 def since_turning(angle: Array) -> Array:

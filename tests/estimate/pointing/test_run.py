@@ -10,8 +10,17 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search.ranking import likeliest_variants, search
 from gimbalcal.diagnose.search.refit import start
+from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.recording import Recording
-from gimbalcal.views.pointing import calmer, means_of_tracking, on_stars, pointing, since_turning, without_jumps
+from gimbalcal.report.sections import pointing_picture
+from gimbalcal.views.pointing import (
+    means_of_tracking,
+    on_stars,
+    pointing,
+    since_turning,
+    tracking_axes,
+    without_jumps,
+)
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
 
 TURN = 2 * np.pi
@@ -94,7 +103,7 @@ def test_patterns_of_a_run_that_tracks_are_no_copies_of_its_misfit() -> None:
 
 
 def test_from_star_to_star_nothing_says_whose_angles_hold_the_noise() -> None:
-    assert not calmer(run(ALT_AZ, sky(ALT_AZ), (), noise=20.0)).any()
+    assert not tracking_axes(run(ALT_AZ, sky(ALT_AZ), (), noise=20.0)).any()
 
 
 def test_a_worm_shows_beside_a_curved_drift_and_a_declination_that_walks() -> None:
@@ -115,3 +124,11 @@ def test_an_axis_that_was_not_read_is_no_channel() -> None:
     v = pointing(tracking(), ("gimbal_zero",))
     assert [axis for _, axis in v.channels] == ["across"]
     assert v.read_gimbals == ("hour_angle",)
+
+
+def test_the_picture_of_a_mount_that_tracks_has_the_directions_of_its_view() -> None:
+    """Its declination was not read: one channel, on a mount of two axes."""
+    r = tracking()
+    drawn = pointing_picture([r], pointing_calibration([r], ("gimbal_zero:hour_angle",)))
+    assert "each star, across the plane of the innermost axis: with the zeros alone" in drawn.caption
+    assert len(drawn.charts) == 2  # the one direction over both axes, and no chart of the sky
