@@ -165,6 +165,11 @@ class Calibration:
     readout: Readout = field(default_factory=Readout)
     printer: Callable[[Calibration], str] | None = field(default=None, compare=False)  # of str(calibration)
 
+    @classmethod
+    def ideal(cls, method: str) -> Calibration:
+        """Return the calibration of ideal sensors: no effects."""
+        return cls(method, (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+
     @property
     def values(self) -> Array:
         """Estimates (p,) in SI."""

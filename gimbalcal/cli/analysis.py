@@ -102,6 +102,7 @@ def calibrate(
     from gimbalcal.report.console import parameters_table
     from gimbalcal.report.files import write_calibrations
     from gimbalcal.words.calibration_sentences import calibration_in_words
+    from gimbalcal.words.naming import capitalised
 
     target = output.folder(recordings, "calibration", ("calibration.json", "report.html"))
     each = calibrate_each(recordings, method or "", terms, output.tell, more, states, grade)
@@ -118,7 +119,7 @@ def calibrate(
     sentences = [(f"{r[0].title}: " if len(each) > 1 else "") + calibration_in_words(c) for c, r in each]
     checks = each[0][0].provenance.options.cross_check or ()
     output.table("\n\n".join(f"{r[0].title}\n{parameters_table(c)}" for c, r in each))
-    words = " ".join([*sentences, *(f"{check[0].upper()}{check[1:]}." for check in checks)])
+    words = " ".join([*sentences, *(f"{capitalised(check)}." for check in checks)])
     output.show(content, words, target)
     sys.exit(0 if all(c.explained for c, _ in each) else 1)
 
@@ -143,6 +144,7 @@ def diagnose(
     from gimbalcal.pipeline import load
     from gimbalcal.report.console import findings_table, headline_and_numbers
     from gimbalcal.report.files import write_diagnoses
+    from gimbalcal.words.naming import capitalised
 
     files = ("diagnosis.json", "calibration.json", "law.py", "report.html")
     target = output.folder(recordings, "diagnosis", files)
@@ -167,7 +169,7 @@ def diagnose(
         refits = [(d.calibration, group) for d, group in zip(diagnoses, groups, strict=True) if d.calibration]
         checks = cross_checks(refits, tell) if len(refits) == len(diagnoses) else []
         content["cross_check"] = [check.in_words for check in checks]
-        sentences += [f"{check.in_words[0].upper()}{check.in_words[1:]}." for check in checks]
+        sentences += [f"{capitalised(check.in_words)}." for check in checks]
     if any(d.findings for d in diagnoses):
         output.table("\n\n".join(findings_table(d.findings) for d in diagnoses if d.findings))
     output.show(content, "\n".join(sentences), target)

@@ -28,7 +28,7 @@ from gimbalcal.effects.loading import outside
 from gimbalcal.entries import plain
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined
-from gimbalcal.estimate.caveats import caveats, input_errors, untested
+from gimbalcal.estimate.caveats import caveats, input_errors, too_few_attitudes
 from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
@@ -39,6 +39,7 @@ from gimbalcal.recording.columns import SPARSE
 from gimbalcal.unusual_constants import with_question
 from gimbalcal.views.core import by_triad
 from gimbalcal.views.pointing import nights
+from gimbalcal.words.naming import capitalised
 
 
 def diagnose(
@@ -131,21 +132,20 @@ def with_caveats(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequen
 
     Where nothing explains a unit turned in its place, an input error that a calibration names is stated.
     """
-    few = untested(recordings, baseline)
-    if few and d.verdict != "adequate":
+    few = too_few_attitudes(recordings, baseline)
+    if few:
         d = replace(d, in_words=f"{d.in_words} But {few}.")
     if d.verdict == "unexplained":
         slips = [slip for r in recordings for slip in input_errors(r)]
-        return replace(d, in_words=f"{d.in_words} {slips[0][:1].upper()}{slips[0][1:]}.") if slips else d
+        return replace(d, in_words=f"{d.in_words} {capitalised(slips[0])}.") if slips else d
     if d.verdict != "adequate":
         return d
-    said = list(dict.fromkeys(words for r in recordings for words in caveats(r, baseline)))
+    reasons = list(dict.fromkeys(words for r in recordings for words in caveats(r, baseline)))
     if few:
-        words = f"{d.in_words} But {few}."
-        return replace(d, outcome=joined([few, *said]), in_words=words, provenance={**d.provenance, "untested": True})
-    if not said:
+        return replace(d, outcome=joined([few, *reasons]), provenance={**d.provenance, "untested": True})
+    if not reasons:
         return d
-    outcome, stated = joined(said), any(r.noise for r in recordings)
+    outcome, stated = joined(reasons), any(r.noise for r in recordings)
     of = "stated noise" if stated else "noise of the samples"
     words = f"No catalogued cause is significant, but the residuals exceed the {of}. {outcome}."
     return replace(d, outcome=outcome, in_words=words, provenance={**d.provenance, "noise_stated": stated})
@@ -175,7 +175,7 @@ def _diagnosed_as_one(request: DiagnosisRequest) -> Diagnosis:
     if len(request.recordings) == 1:
         return made
     apart = both.remarks[-1]
-    return replace(made, in_words=f"{made.in_words} {apart[0].upper()}{apart[1:]}.")
+    return replace(made, in_words=f"{made.in_words} {capitalised(apart)}.")
 
 
 def _nights(request: DiagnosisRequest) -> Diagnosis:
@@ -205,7 +205,7 @@ def _with_agreement(d: Diagnosis, each: str, alike: str, compare: Callable[[], C
     listed = plain(shared.provenance.nights or shared.provenance.options.sessions or ())
     return replace(
         d,
-        in_words=f"{d.in_words} {words[0].upper()}{words[1:]}.",
+        in_words=f"{d.in_words} {capitalised(words)}.",
         provenance={**d.provenance, f"{each}s": listed},
         outcome=shared.outcome,
     )

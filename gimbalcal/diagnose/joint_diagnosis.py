@@ -79,14 +79,14 @@ def refit_without(parts: Sequence[ViewDiagnosis]) -> Callable[[str], Calibration
         if p.without is not None:
             return p.without
         if p.view.calibrate is not None and p.model is not None:
-            return partial(_converged, calibrate=p.view.calibrate, model=p.model)
+            return partial(_calibration_of_navigator, p.view.calibrate, p.model)
     return None
 
 
-def _converged(
-    left_out: str, calibrate: Callable[[Sequence[Effect], Sequence[Parameter]], Calibration], model: Fit
+def _calibration_of_navigator(
+    calibrate: Callable[[Sequence[Effect], Sequence[Parameter]], Calibration], model: Fit, left_out: str = ""
 ) -> Calibration:
-    """Return the calibration of a navigator with the effects of a model but one."""
+    """Return the calibration of a navigator with the effects of a model, one of them left out if it is named."""
     names = {e.id: {f.name for f in constants(type(e))} for e in model.effects}
     linear = [p for p in model.parameters if p.effect != left_out and p.field not in names[p.effect]]
     return calibrate([e for e in model.effects if e.id != left_out], linear)
@@ -101,7 +101,7 @@ def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
     causes = [f"{f.effect}:{f.axis}".rstrip(":") for p in parts if p.model is not None for f in p.findings]
     for v, model in fitted:
         if v.calibrate is not None:  # states of the navigator that the rows come from
-            found = _converged("", v.calibrate, model)
+            found = _calibration_of_navigator(v.calibrate, model)
             return replace(
                 found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin(_views(parts), causes)
             )

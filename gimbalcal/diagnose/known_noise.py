@@ -1,4 +1,4 @@
-r"""Diagnosis of forces at known attitude in a stated noise: one recording, or several of one unit.
+r"""Diagnosis of forces at known attitude in a noise of known scale: one recording, or several of one unit.
 
 view 1 ──> search ─┐                       ┌─> fit, verify, locate ─┐
 view 2 ──> search ─┴─> combine ──> decide ─┴─> fit, verify, locate ─┴─> sizes pooled ──> one diagnosis
@@ -42,7 +42,7 @@ from gimbalcal.diagnose.verdict.pooled_sizes import RecordingCauses, causes_by_r
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, calibrated_without, found_of
 from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limits
-from gimbalcal.diagnose.verdict.verify import residual_rows, stated_noise_shifts, verify
+from gimbalcal.diagnose.verdict.verify import known_noise_shifts, residual_rows, verify
 from gimbalcal.diagnose.view_diagnosis import Contradiction, ViewDiagnosis
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
@@ -201,7 +201,7 @@ def _of_several(
         made, fit=replace(made.fit, recordings=rows, constants=between),
         contradictions=tuple(x for x in contradictions if x.in_words),
         remarks=(*sizes, diagnosis_sentences.separate_verdicts(rows)),
-        recommend=made.recommend or law_sentences.APART * bool(between.in_words),
+        recommend=made.recommend or law_sentences.DIAGNOSE_SEPARATELY * bool(between.in_words),
     )  # fmt: skip
 
 
@@ -227,7 +227,7 @@ def _answer_of(c: Ranking, d: Decision, k: int, part: RecordingCauses, rng: np.r
     before = scan(s.fit, s.rows, node, rng)
     after = scan(s.fit, s.rows, node, rng, s.library.X[:, list(f.index)]) if f.index else before
     fitted = verify(s, f if f.index else seen, physical, before.p_value, after.p_value)
-    fitted = replace(fitted, calibration_moved=stated_noise_shifts(s, f) if f.index else ())
+    fitted = replace(fitted, calibration_moved=known_noise_shifts(s, f) if f.index else ())
     v = s.fit.view
     left, rest = residual_rows(s.fit, physical @ f.x)
     sigma, units = in_print(v.channels, np.broadcast_to(s.fit.sigma, left.shape))

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
@@ -55,7 +55,7 @@ from gimbalcal.words import diagnosis_sentences
 ROUNDS = 2  # in which stars are omitted: those that the first hid show in the second
 STRAYS = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
 MIN_BLOCKS = 30  # dwells of one attitude, below which long ones are cut: a sweep is a curve
-NOTHING = Calibration("gimbals", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+IDEAL_AT_GIMBALS = Calibration.ideal("gimbals")
 
 Parts = tuple[list[ViewDiagnosis], list[str]]
 """Diagnoses of views, and notes on what was not analysed."""
@@ -122,7 +122,7 @@ def known_view(request: DiagnosisRequest, baseline: Sequence[str]) -> View:
     recording = request.recording
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
     v = view_at_known_attitude(recording, ids, carried(request.calibration, ids))
-    return replace(v, misheld=partial(misheld_positions, recording)) if recording.kind.in_positions else v
+    return replace(v, misheld=cache(partial(misheld_positions, recording))) if recording.kind.in_positions else v
 
 
 def _known(request: DiagnosisRequest, baseline: Sequence[str]) -> ViewDiagnosis:
@@ -297,7 +297,7 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool) -> Parts:
     turns = next((p.model for p in parts if p.view.measurement is TURNS), None)
     both = recording.has(RATE) and recording.has(FORCE)
     without = request.of(without_earth_rate(recording)) if both else request
-    late, why_not = of_slews(without, forces or NOTHING, turns.effects if turns else (), means)
+    late, why_not = of_slews(without, forces or IDEAL_AT_GIMBALS, turns.effects if turns else (), means)
     for note in (*notes, *why_not):
         request.tell(note)
     return [*parts, *late], [*notes, *why_not]
@@ -335,7 +335,7 @@ def _gyroscopes(request: DiagnosisRequest, made: Calibration | None, gyro: Seque
         recording = replace(
             recording, channels={**recording.channels, **{(FORCE, a): force[:, i] for i, a in enumerate("xyz")}}
         )
-        made = NOTHING
+        made = IDEAL_AT_GIMBALS
     made = made or usual_accelerometers(recording)
     turning = view_of_turns(without_earth_rate(recording), made) if explained and not gyro else None
     linear = start(turning).effects if turning else ()

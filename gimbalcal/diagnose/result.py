@@ -196,7 +196,7 @@ class RmsMisfit(Entry):
 
 @dataclass(frozen=True)
 class RowNoise(Entry):
-    """One sigma of a row of a view whose noise is not stated."""
+    """One sigma of a row of a view of unknown noise scale."""
 
     of: str
     sigma_of_a_row: float
@@ -206,7 +206,7 @@ class RowNoise(Entry):
 
 @dataclass(frozen=True)
 class Evidence(Entry):
-    """The ln Bayes factor of anything missing in a stated noise, and what it is compared with, for the provenance."""
+    """The ln Bayes factor of anything missing in a noise of known scale, and what it is compared with."""
 
     ln_bayes_factor: float
     ln_bayes_factor_needed: float
@@ -252,7 +252,7 @@ class FitSummary(Entry):
 
 @dataclass(frozen=True, kw_only=True)
 class StatedNoiseFit(FitSummary):
-    """The fit in a stated noise: what was held out, the autocorrelation of the residuals, the scan for a mismatch."""
+    """The fit in a noise of known scale: what was held out, autocorrelation of residuals, the scan for a mismatch."""
 
     heldout_by: str
     autocorrelation_after: float
@@ -263,7 +263,7 @@ class StatedNoiseFit(FitSummary):
 
 @dataclass(frozen=True, kw_only=True)
 class ViewFit(FitSummary):
-    """The fit of a view whose noise is not stated: rms misfits in its unit, and chi^2 against the samples' scatter."""
+    """The fit of a view of unknown noise scale: rms misfits in its unit, and chi^2 against the samples' scatter."""
 
     noise: RowNoise
     rms_before: float

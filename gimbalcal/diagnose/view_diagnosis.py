@@ -49,12 +49,13 @@ class Contradiction:
 class ViewDiagnosis:
     """The diagnosis of one view, with its misfits without and with the findings.
 
-    sigma (n, C): of a row, SI. model: findings and their constants fitted, where no noise is stated; calibration: the
-    same where it is. outcome: what else speaks against the view; evidence: what it adds to the provenance.
+    sigma (n, C): of a row, SI. model: findings and their constants fitted, where the scale of the noise is fitted;
+    calibration: the same where it is known. outcome: what else speaks against the view; evidence: what it adds to the
+    provenance.
 
-    Several recordings of one unit in a stated noise have one diagnosis, of the view that is off most: contradictions
-    between them are said before it, remarks after it, and together are their views. without: the calibration by a model
-    without an effect, by its id.
+    Several recordings of one unit in a noise of known scale have one diagnosis, of the view that is off most:
+    contradictions between them are said before it, remarks after it, and together are their views. without: the
+    calibration by a model without an effect, by its id.
     """
 
     view: View
@@ -95,7 +96,7 @@ class ViewDiagnosis:
 
 
 def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
-    """Return the diagnosis of a view whose noise has no stated scale, in which one sensor may walk alone."""
+    """Return the diagnosis of a view whose scale of noise is fitted, in which one sensor may walk alone."""
     c = about_first_cause(stepwise(v, tell), tell)
     steady = diagnosis_of(c, tell)
     if c.start.exact:
@@ -149,16 +150,17 @@ def diagnosis_as(
         remaining = library(c.end)
         fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
     if verdict == "unexplained":
-        tell(law_sentences.SOUGHT)
+        tell(law_sentences.SEARCHING)
         lawful, with_law = laws_of_view(c.end, sigma)
-        c_law = replace(c, described=with_law)
-        fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
-        lawful = with_heldout(lawful, fit_law)
+        if lawful.laws:
+            c_law, sigma_law = replace(c, described=with_law), row_sigma(with_law)
+            fit_law = view_fit(c_law, sigma_law)
+            lawful = with_heldout(lawful, fit_law)
         if walk is not None:
             advice = diagnosis_sentences.repeat_advice(v.kind.stabilised, by_hand=not v.stimulus.axis_names)
             lawful, odds = against_walk(lawful, walk, advice)
         if lawful.laws:
-            c, fit, sigma = c_law, fit_law, row_sigma(with_law)
+            c, fit, sigma = c_law, fit_law, sigma_law
     if verdict == "missing-physics" and fit.heldout_rms_after > max(
         fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after
     ):

@@ -82,7 +82,7 @@ class View:
     gauge: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
     nuisances: tuple[Parameter, ...] = ()
     about: Callable[[Array], View] | None = None  # the same rows at values (m,) of nuisances that are not linear
-    local: Local | None = None  # parameters that each group of rows has for itself; only of a stated noise
+    local: Local | None = None  # parameters that each group of rows has for itself; only of a known scale
     acting: frozenset[str] | None = None  # effects that act in these rows, where a joint model holds others as well
     prior_factor: float = 1.0  # times the sizes of the unit's grade
     reference: Callable[[Sequence[Effect]], Rows] | None = None
@@ -202,8 +202,9 @@ class View:
 class Fit:
     """A model of a view: effects with the parameters that were fitted, what it leaves, and the derivatives there.
 
-    residual (n, C) and jacobian (n, C, q) are in units of the noise where it is stated, else in SI; behind those of the
-    p parameters the jacobian may hold columns of no effect. covariance (p, p) in SI, empty where nobody asked for it.
+    residual (n, C) and jacobian (n, C, q) are in units of the noise where its scale is known, else in SI; behind those
+    of the p parameters the jacobian may hold columns of no effect. covariance (p, p) in SI, empty where nobody asked
+    for it.
     """
 
     view: View
@@ -221,7 +222,7 @@ class Fit:
 
     @property
     def sigma(self) -> Array:
-        """One sigma (C,) of a row of stated noise, SI."""
+        """One sigma (C,) of a row of known noise scale, SI."""
         return np.asarray(self.view.noise.sigma)
 
     @cached_property
@@ -253,7 +254,7 @@ class Fit:
         return self.view.noise.reduced(X)
 
     def expanded(self, X: Array) -> Array:
-        """Return the columns (n, C, p) of reduced rows (n C, p), where no noise is stated: what `reduced` undoes."""
+        """Return the columns (n, C, p) of reduced rows (n C, p), of unknown scale: what `reduced` undoes."""
         return np.asarray(X.reshape(*self.residual.shape, X.shape[-1]) / self.view.weight[..., None])
 
 

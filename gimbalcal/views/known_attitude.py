@@ -95,7 +95,7 @@ def view_of_readings(
 
 
 def fit_baseline(view: View, known: Sequence[Effect] = (), steps: int = 2) -> Fit:
-    """Fit the baseline of a view of stated noise and return residuals and sensitivities about it.
+    """Fit the baseline of a view of known noise scale and return residuals and sensitivities about it.
 
     `known` are values to start from, `steps` the Gauss-Newton steps (none for a recording that is only planned).
     """
@@ -115,7 +115,7 @@ def fit_baseline(view: View, known: Sequence[Effect] = (), steps: int = 2) -> Fi
 
 
 def linearised(view: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
-    """Return a view of stated noise linearised about effects."""
+    """Return a view of known noise scale linearised about effects."""
     rows = view.evaluate(effects).over(np.asarray(view.noise.sigma))
     view = replace(view, stages=frozenset(rows.sensitivity))
     return Fit(view, tuple(effects), tuple(wanted), rows.residual, rows.jacobian(wanted), kept=rows)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.number import Array
-from gimbalcal.words.naming import spaced
+from gimbalcal.words.naming import capitalised, spaced
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.result import DetectionLimit, Finding, FitSummary, Mismatch, RecordingFit, Shape, ViewFit
@@ -56,13 +56,13 @@ def answer(
     if verdict == "adequate":
         return " ".join(["The calibrated model explains these data.", *fits])
     findings = [f for _, _, own in views for f in own]
-    stated, sure = all(v.noise.scale_known for v, _, _ in views), verdict != "not-identifiable"
+    scale_known, sure = all(v.noise.scale_known for v, _, _ in views), verdict != "not-identifiable"
     rest = (
-        f"{'Part of' if stated else 'The remaining'} misfit {'may have' if stated else 'has'} no known cause"
-        if (unexplained and (sure or not stated))
+        f"{'Part of' if scale_known else 'The remaining'} misfit {'may have' if scale_known else 'has'} no known cause"
+        if (unexplained and (sure or not scale_known))
         else ""
     )
-    named = causes(verdict, findings, unexplained if stated else ())
+    named = causes(verdict, findings, unexplained if scale_known else ())
     words = [f"{named}.", *fits, f"{rest}: {shape_in_words(unexplained[0])}." if rest else ""]
     return f"{' '.join(filter(None, words))}{largest_mismatch(mismatch)}"
 
@@ -107,7 +107,7 @@ def delays(findings: Sequence[Finding]) -> str:
     if not parts:
         return ""
     text = " and ".join(parts)
-    return f"{text[0].upper()}{text[1:]}: shift the time stamps; no calibration does that."
+    return f"{capitalised(text)}: shift the time stamps; no calibration does that."
 
 
 def motion_not_analysed(why: str) -> str:
@@ -200,7 +200,7 @@ def separate_verdicts(rows: Sequence[RecordingFit]) -> str:
 def misheld_positions(each: Sequence[Sequence[str]]) -> str:
     """Return sentences on positions of recordings that were not held where the readouts say; empty for none."""
     told = [
-        f"{words[:1].upper()}{words[1:].rstrip('.')}{f' in recording {k + 1}' * (len(each) > 1)}."
+        f"{capitalised(words.rstrip('.'))}{f' in recording {k + 1}' * (len(each) > 1)}."
         for k, own in enumerate(each) for words in own
     ]  # fmt: skip
     return " ".join([*told, "`gimbalcal calibrate` leaves such positions out."]) if told else ""
@@ -325,7 +325,7 @@ def walk_as_explanation(walk: RandomWalkFinding, only: bool) -> str:
     words = walk_in_words(walk)
     if not only:
         return f"It may as well be that {words}"
-    return f"{words[:1].upper()}{words[1:]}: no cause and no formula is as likely"
+    return f"{capitalised(words)}: no cause and no formula is as likely"
 
 
 def repeat_advice(stabilised: bool, by_hand: bool = False) -> str:

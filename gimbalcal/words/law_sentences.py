@@ -15,27 +15,27 @@ if TYPE_CHECKING:
 SENSORS = {"specific_force": "accelerometer {}", "angular_rate": "gyroscope {}", "gimbal_angle": "the {} axis"}
 POWERS = {"**2": "²", "**3": "³"}
 
-SOUGHT = "nothing known explains it: looking for a formula in what was recorded"
-INSTEAD = "what was named leaves a residual: looking for a formula that leaves none"
-AGAIN = "record the positions again that were not held where the readouts say: a law is sought when they are"
-APART = (
+SEARCHING = "nothing known explains it: looking for a formula in what was recorded"
+SEARCHING_REPLACEMENT = "what was named leaves a residual: looking for a formula that leaves none"
+REPEAT_POSITIONS = "record the positions again that were not held where the readouts say: a law is sought when they are"
+DIAGNOSE_SEPARATELY = (
     "diagnose each recording alone, and look for what was changed between them: a formula cannot describe constants "
     "that differ between recordings"
 )
-NOWHERE = (
+REPEAT_TURNS = (
     "make the same turns again, slower and faster, with whole minutes of rest between them: of what shows only while "
     "the unit turns no formula is sought"
 )
-LEAVES = "log what else varies: the formula that fits best, {law}, leaves a significant residual"
-NONE = (
+LACK_OF_FIT = "log what else varies: the formula that fits best, {law}, leaves a significant residual"
+NO_FORMULA = (
     "log what may be behind it ({lacking}), or take {more} that spread angles, time and temperature independently of "
     "each other: no small formula in what was recorded explains it"
 )
-DIFFERENT = (
+DIFFERENT_SIZES = (
     "look for what differed between the recordings: the formula that fits best, {law}, has other sizes in each of them"
 )
-KNOWN = "take {more}: {names}, which is known, explains these data as well as the formula that fits best, {law}"
-ALIKE = "take {more} in which {names} vary independently of each other: several formulas fit alike, {alike}"
+KNOWN_CAUSE = "take {more}: {names}, which is known, explains these data as well as the formula that fits best, {law}"
+SEVERAL_FORMULAS = "take {more} in which {names} vary independently of each other: several formulas fit alike, {alike}"
 
 
 def laws_in_words(laws: Sequence[LawResult]) -> str:

@@ -1,4 +1,4 @@
-"""Noises of rows whose scale is not stated: white, with memory of the row before, or of sensors that wander."""
+"""Noises of rows whose scale is not known: white, with memory of the row before, or of sensors that wander."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
 WANDER = (0.8, 0.95, 0.99)  # memory of what sensors wander from row to row; the last is next to a walk
 WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
 WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
-MEMORIES = (
+POLES = (
     (0.0, 0.0), (0.5, 0.0), (0.7, 0.3), (0.7, 0.5), (0.85, -0.3), (0.85, 0.0), (0.85, 0.3), (0.85, 0.85),
     (0.95, -0.3), (0.95, 0.0), (0.95, 0.3), (0.95, 0.7), (0.99, -0.3), (0.99, 0.0), (0.99, 0.4),
 )  # fmt: skip
@@ -28,7 +28,7 @@ MEMORIES = (
 
 
 SLOW_BESIDE_WHITE = ((0.97, 0.4), (0.99, 0.4), (0.99, 0.8))
-"""Memory and share of the variance of what wanders slowly beside white noise that is larger than what is new of it."""
+"""Memory, and share of the variance, of a slow process beside white noise that exceeds its own innovations."""
 
 
 def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
@@ -41,7 +41,7 @@ def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
     low frequencies than there is.
     """
     every = []
-    for poles in MEMORIES:
+    for poles in POLES:
         root = Cascade(_pole(poles[0], n), _pole(poles[1], n))
         name = (("memory", poles[0]), ("second memory", poles[1]))
         every.append(Node(name, {}, 0.0, C * root.log_determinant, root))

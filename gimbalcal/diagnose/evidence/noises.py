@@ -1,4 +1,4 @@
-"""The noises over which the diagnosis of a view integrates: about what is stated, or of any scale."""
+"""The noises over which the diagnosis of a view integrates: of a known scale, or of any."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def noises(fit: Fit, memory: bool = True) -> tuple[Node, ...]:
 
 
 def _of_any_scale(v: View) -> tuple[Node, ...]:
-    """Return the noises of a view that states none: the same for every model of it."""
+    """Return the noises of a view of unknown scale: the same for every model of it."""
     if "noises" not in v.cache:
-        n, C, apart = len(v), len(v.channels), v.noise.own_memories
-        own = noises_of_channels(n, C) if apart else noises_of_unknown_scale(n, C, v.noise.wander)
+        n, C = len(v), len(v.channels)
+        every = noises_of_channels(n, C) if v.noise.own_memories else noises_of_unknown_scale(n, C, v.noise.wander)
         if v.noise.single_walks and v.noise.wander is not None:
             weight, walks = v.of_scales().weight, v.noise.single_walks
-            own += single_walks(v.noise.wander, weight, v.stimulus.time, v.channels[0][0], walks)
-        v.cache["noises"] = own
+            every += single_walks(v.noise.wander, weight, v.stimulus.time, v.channels[0][0], walks)
+        v.cache["noises"] = every
     return v.cache["noises"]

@@ -13,7 +13,7 @@ from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.laws.law_search import Ground, Place
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
-from gimbalcal.diagnose.library.shapes import RIVAL_SIGMA
+from gimbalcal.diagnose.library.shapes import MIN_TRAVEL_RAD, RIVAL_SIGMA
 from gimbalcal.diagnose.library.variables import joined, variables
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.effects import Stage
@@ -25,7 +25,6 @@ from gimbalcal.views.core import Fit
 STRETCHES = 300  # in which a run, or a table, is looked at first
 FEWER = 150  # the same of six sensors at once
 CHANNEL = {Stage.ACCELEROMETER: "specific_force", Stage.GYROSCOPE: "angular_rate", Stage.ENCODER: "gimbal_angle"}
-MOVES = 1e-2  # rad
 
 
 def stretches(n: int, most: int = STRETCHES) -> Array:
@@ -70,7 +69,7 @@ def _places(fit: Fit) -> list[Place]:
         # a turn shows no gyroscope by itself; the norm of the force shows each accelerometer
         own = {a for q, a in v.channels if q == quantity and (q == RATE or a in names)} or set(names)
         for i, axis in enumerate(names):
-            if axis in own and not (gimbals and np.ptp(v.stimulus.readout[:, i]) <= MOVES):
+            if axis in own and not (gimbals and np.ptp(v.stimulus.readout[:, i]) <= MIN_TRAVEL_RAD):
                 out.append(Place(quantity, axis, variables(s), s, block, partial(rows.added, stage, i)))
     return out
 

@@ -78,10 +78,10 @@ def undetermined(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: st
         alike = "; ".join(dict.fromkeys(printed(law) for law in [laws[0], *others][:3]))
         names = list(dict.fromkeys(v.name for law in [laws[0], *others] for v in law.expression.variables))
         spread = ", ".join(n.replace("_", " ") for n in names[:5])
-        return law_sentences.ALIKE.format(more=_more(kind), names=spread, alike=alike)
+        return law_sentences.SEVERAL_FORMULAS.format(more=_more(kind), names=spread, alike=alike)
     asked = (("temperature", s.temperature is not None), ("supply voltage, pressure", bool(s.covariates)))
     lacking = [words for words, there in asked if not there]
-    return law_sentences.NONE.format(lacking=" and ".join(lacking) or "another channel", more=_more(kind))
+    return law_sentences.NO_FORMULA.format(lacking=" and ".join(lacking) or "another channel", more=_more(kind))
 
 
 def _more(kind: str) -> str:
@@ -96,15 +96,15 @@ def lawful(ranked: Ranking, d: Decision, seed: int, tell: Tell, instead: bool = 
     """
     if d.verdict != "unexplained":
         return Lawful()
-    tell(law_sentences.INSTEAD if instead else law_sentences.SOUGHT)
+    tell(law_sentences.SEARCHING_REPLACEMENT if instead else law_sentences.SEARCHING)
     fault = bool(misheld(ranked, d.verdict))
     if fault and len(ranked.searches) == 1:
-        return Lawful(recommend=law_sentences.AGAIN)
+        return Lawful(recommend=law_sentences.REPEAT_POSITIONS)
     nodes = [fit_causes(s, ranked.within(d.shapes, k)[:1]).projection.node for k, s in enumerate(ranked.searches)]
     law = law_of_searches(ranked, nodes, np.random.default_rng(seed), instead)
-    return (
-        law if law.laws or not fault else Lawful(recommend=law_sentences.AGAIN)
-    )  # no position is held wrongly twice by chance
+    if fault and not law.laws:  # no position is held wrongly twice by chance
+        return Lawful(recommend=law_sentences.REPEAT_POSITIONS)
+    return law
 
 
 def beyond_walk(common: Ranking, walk: RandomWalkFinding, seed: int, tell: Tell) -> tuple[Decision, Lawful, float]:
@@ -148,7 +148,8 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     best, others = chosen(g, every, best_else - b.ln_known)
     if best is not None and (as_likely := _known(ranked, b.total)):
         return Lawful(
-            (), law_sentences.KNOWN.format(more=_more(searches[0].fit.view.kind), names=as_likely, law=printed(best))
+            (),
+            law_sentences.KNOWN_CAUSE.format(more=_more(searches[0].fit.view.kind), names=as_likely, law=printed(best)),
         )
     likely = best or next(iter(others and every), None)
     if likely is None:
@@ -161,13 +162,13 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     if best is None:
         return Lawful((), f"{undetermined(every, others, g, searches[0].fit.view.kind)}. {advice}")
     if against(agree, ""):
-        return Lawful((), law_sentences.DIFFERENT.format(law=printed(best)))
+        return Lawful((), law_sentences.DIFFERENT_SIZES.format(law=printed(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in fits], weights=[len(s.rows.Q) for s in searches]))
                      for w in ("heldout_before", "heldout_after"))  # fmt: skip
     # once in 1 / LEFT by chance, of the scan as of another noise; in the place of causes no more than these may leave
     most = CLAIM if instead else -np.log(LEFT)
     if any(h.left < LEFT or h.strained >= most for h in fits) or after >= before:
-        return Lawful((), law_sentences.LEAVES.format(law=printed(best)))
+        return Lawful((), law_sentences.LACK_OF_FIT.format(law=printed(best)))
     title = " and ".join(s.fit.view.source.title for s in searches)
     law = found(best, x, C, (before, after), others, title, beside=b.name)
     left = (residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
@@ -230,13 +231,14 @@ def laws_of_view(m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
     while left.ln_total >= (1 + bool(laws)) * CLAIM:
         b = compared([left], noises(m, memory=False), left, alone=bool(laws), sigma=one)
         if b is None:
-            return Lawful((), law_sentences.NOWHERE), m
+            return Lawful((), law_sentences.REPEAT_TURNS), m
         g, every = b.ground, b.laws
         best, others = chosen(g, every, max(h.ln_weight for h in left.hypotheses) - b.ln_known)
         if not laws and best is not None and (as_likely := _known(left, b.total)):
-            return Lawful((), law_sentences.KNOWN.format(more=_more(v.kind), names=as_likely, law=printed(best))), m
+            known = law_sentences.KNOWN_CAUSE.format(more=_more(v.kind), names=as_likely, law=printed(best))
+            return Lawful((), known), m
         if laws and (best is None or len(laws) == MOST):
-            return Lawful((), law_sentences.LEAVES.format(law=laws[0].expression)), m
+            return Lawful((), law_sentences.LACK_OF_FIT.format(law=laws[0].expression)), m
         if best is None:
             return Lawful((), undetermined(every, others, g, v.kind)), m
         with_them, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
@@ -252,7 +254,7 @@ def with_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
     if not lawful.laws or after < before:
         laws = (replace(law, heldout_before=before, heldout_after=after) for law in lawful.laws)
         return replace(lawful, laws=tuple(laws))
-    return Lawful((), law_sentences.LEAVES.format(law=lawful.laws[0].expression))
+    return Lawful((), law_sentences.LACK_OF_FIT.format(law=lawful.laws[0].expression))
 
 
 def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool = True) -> str:

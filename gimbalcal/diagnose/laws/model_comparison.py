@@ -107,8 +107,10 @@ def _with_cause(s: Search, members: Sequence[int]) -> Search:
     if not members:
         return s
     X = columns_of_causes(s, fit_causes(s, members))
-    stated = s.fit.view.noise.scale_known
-    fit = replace(s.fit, jacobian=np.concatenate([s.fit.jacobian, X], axis=2)) if stated else with_columns(s.fit, X)
+    scale_known = s.fit.view.noise.scale_known
+    fit = (
+        replace(s.fit, jacobian=np.concatenate([s.fit.jacobian, X], axis=2)) if scale_known else with_columns(s.fit, X)
+    )
     none, nodes = Library((), np.zeros((len(s.rows.Q), 0))), [p.node for p in s.projections]
     rows = reduced(fit, none.X, nodes)
     each = projected(nodes, rows)

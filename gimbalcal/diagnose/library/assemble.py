@@ -57,7 +57,7 @@ def library(fit: Fit) -> Library:
 def available(v: View) -> tuple[str, ...]:
     """Return the ids of the catalogue that could be the cause of what these rows show.
 
-    Where the noise is stated the model holds an effect with all parameters that were fitted, or not at all.
+    Where the scale of the noise is known the model holds an effect with all parameters that were fitted, or not at all.
     """
     return tuple(
         effect_id
@@ -81,13 +81,13 @@ class _Columns:
         return self.fit.residual if self.fit.view.noise.scale_known else self.rows.residual
 
     def of(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
-        """Return the columns of an effect per prior sigma, reduced where the noise is stated."""
+        """Return the columns of an effect per prior sigma, reduced where the scale of the noise is known."""
         X = np.nan_to_num(self.rows.columns(effect, wanted) * np.array([p.sigma for p in wanted]))
         return self.fit.reduced(X) if self.fit.view.noise.scale_known else X
 
 
 def columns_at(fit: Fit, c: Candidate, at: Constants) -> Array:
-    """Return the reduced columns (R, p) of a cause at these non-linear constants, per prior sigma, in stated noise."""
+    """Return the reduced columns (R, p) of a cause at these constants, per prior sigma, in noise of known scale."""
     effect = absent_effect(c.effect, fit.view.stimulus, c.source, **dict(at))
     return _Columns(fit, fit.rows, np.zeros((0, 0))).of(effect, c.parameters)
 

@@ -1,7 +1,7 @@
 """Shapes without a cause: what stands for "none of these" when the known causes are compared with the data.
 
 Free per position, smooth in orientation, time or temperature, harmonics of a gimbal angle, and simple laws that nobody
-has written down. Where the noise is stated they are as large as a few sigmas of a row; where it is not, as the misfit.
+has written down. Where the scale of the noise is known they are as large as a few sigmas of a row; else as the misfit.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ RIVAL_SIGMA = 3.0  # prior size of one shape, in sigmas of a row: mixed over 0.1
 SLOW, FAST = range(1, 9), range(9, 21)  # half periods of a course in time
 CURVE = range(4, 10)  # degrees of a curve: a square and a cube have causes
 VAGUE = 0.03  # of a shape, which directions read with noise still tell where the model has taken all that poses tell
-MOVES = 1e-2  # rad; a gimbal that moves less stands still
+MIN_TRAVEL_RAD = 1e-2  # a gimbal that moves less stands still
 Shape = tuple[str, str, Array]  # name, in words, basis (n, m)
 
 
 def shapes_in_outputs(o: Fit, blocks: list[Array]) -> list[Candidate]:
-    """Return what outputs and gimbals may follow where the noise is stated, per `RIVAL_SIGMA` of a row.
+    """Return what outputs and gimbals may follow where the scale of the noise is known, per `RIVAL_SIGMA` of a row.
 
     Free per position, smooth in orientation, in time, in temperature, gimbal harmonics; and simple laws.
     """
@@ -237,7 +237,8 @@ def _of_accelerometers(v: View) -> Iterator[Shape]:
 
 def _angle_harmonics(v: View) -> Iterator[Shape]:
     """The first harmonic, and the harmonics 2 to 6, of each gimbal angle that moves; and of two of them together."""
-    moving = [(a, x) for a, x in zip(v.stimulus.axis_names, v.stimulus.readout.T, strict=True) if np.ptp(x) > MOVES]
+    every = zip(v.stimulus.axis_names, v.stimulus.readout.T, strict=True)
+    moving = [(a, x) for a, x in every if np.ptp(x) > MIN_TRAVEL_RAD]
     said = [axis.replace("_", " ").removesuffix(" angle") + " angle" for axis, _ in moving]
     for words, (_, angle) in zip(said, moving, strict=True):
         for orders, often in ((range(1, 2), "once per turn"), (range(2, 7), "twice per turn and faster")):

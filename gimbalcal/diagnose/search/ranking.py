@@ -187,8 +187,8 @@ def needed(s: Ranking, best: Hypothesis) -> Hypothesis:
 def reduced(fit: Fit, X: Array, nodes: Sequence[Node], unit: float = 0.0) -> ReducedRows:
     """Return the model, reduced columns X (R, P) and the data as rows, for these noises.
 
-    Rows are in units of the stated noise; where none is stated in units of the rms misfit, or of `unit` [SI], and the
-    scale is bounded by the scatter of the samples. Several channels may have scales of their own.
+    Rows are in units of the noise of known scale; where it is not known in units of the rms misfit, or of `unit` [SI],
+    and the scale is bounded by the scatter of the samples. Several channels may have scales of their own.
     """
     y, noise = fit.reduced(fit.residual[:, :, None]), fit.view.noise
     if noise.scale_known:
@@ -199,7 +199,7 @@ def reduced(fit: Fit, X: Array, nodes: Sequence[Node], unit: float = 0.0) -> Red
     if noise.sample is not None:
         sample = float(np.sqrt(np.mean(fit.view.of_scales().noise.weighted(noise.sample) ** 2))) / unit
         sample /= float(np.exp(np.mean(np.log(noise.scales or 1.0))))  # rows are divided by scales of the channels
-    scale = Free(len(y) - Q.shape[1], sample, channels=channels_of(fit, unit))
+    scale = Free(len(y) - Q.shape[1], sample, channels=channels_of(fit.view, unit))
     return stack(Q, X / unit, y / unit, len(y), scale, unit)
 
 
@@ -219,8 +219,8 @@ def rms_misfit(fit: Fit) -> float:
 def search(fit: Fit, library: Library, nodes: Sequence[Node]) -> Search:
     """Compare what may be missing from a model: singles, and pairs where one is found wanting or none is found.
 
-    In a stated noise constants are refined here, and candidates that the calibration takes up are left out; without one
-    a fit with all constants follows each round.
+    In a noise of known scale constants are refined here, and candidates that the calibration takes up are left out;
+    else a fit with all constants follows each round.
     """
     rows = reduced(fit, library.X, nodes)
     projections = projected(nodes, rows, layout=library.layout)

@@ -36,11 +36,13 @@ def _in_own_scales(v: View, fitted: Callable[[View, Fit | None], Fit]) -> Fit:
 
     It begins in the scales that the view has already, which spares a fit where the model leaves much the same.
     """
-    m = fitted(v, None)
+    m, alike = fitted(v, None), v.of_scales()
+    channels, weighted = channels_of(alike, 1.0), alike.noise.weighted
+    if v.noise.scale_known or channels is None:
+        return m
     for _ in range(ROUNDS):
-        alike, scales = v.of_scales(), m.view.noise.scales
-        channels, weighted = channels_of(replace(m, view=alike), 1.0), alike.noise.weighted
-        if v.noise.scale_known or channels is None or m.exact:
+        scales = m.view.noise.scales
+        if m.exact:
             break
         own = likeliest_scales(weighted(m.residual), weighted(m.jacobian), channels.sample)
         if own is None and not scales:
@@ -51,15 +53,15 @@ def _in_own_scales(v: View, fitted: Callable[[View, Fit | None], Fit]) -> Fit:
     return m
 
 
-def channels_of(m: Fit, unit: float) -> Channels | None:
+def channels_of(v: View, unit: float) -> Channels | None:
     """Return the channels of rows in a `unit` [SI] that may have scales of their own, None where they have one."""
-    noise, C = m.view.noise, len(m.view.channels)
+    noise, C = v.noise, len(v.channels)
     if C == 1 or noise.one_scale or not noise.of_each_channel:
         return None
     sample: Array = np.zeros(0)
     if noise.sample is not None and np.all(noise.sample.any(axis=0)):
         sample = np.sqrt(np.mean(noise.weighted(noise.sample) ** 2, axis=0)) / unit
-    max_memory = MAX_MEMORY_OF_SENSORS if m.view.sensors_may_walk else 1.0
+    max_memory = MAX_MEMORY_OF_SENSORS if v.sensors_may_walk else 1.0
     return Channels(noise.scales or (1.0,) * C, tuple(sample.tolist()), max_memory)
 
 

@@ -83,9 +83,8 @@ def about_causes(s: Search) -> Fit:
     for effect, c in fitted_effects(s, f):
         (none,) = with_values((effect,), c.parameters, np.zeros(len(c.parameters)), names)
         found.append((none, c.parameters, values((effect,), c.parameters)))
-    return given_back(
-        scale_to_scatter(linearised_at(s.fit, shift, found)), found
-    )  # the scatter shows when they are gone
+    bare = linearised_at(s.fit, shift, found)
+    return given_back(scale_to_scatter(bare), found)  # the scatter shows when they are gone
 
 
 def about_first_cause(c: SearchResult, tell: Tell) -> SearchResult:

@@ -1,4 +1,4 @@
-"""Stepwise search of a view whose noise is not stated: select the strongest cause or pair, refit all, search again."""
+"""Stepwise search of a view of unknown noise scale: select the strongest cause or pair, refit all, search again."""
 
 from __future__ import annotations
 
@@ -109,10 +109,11 @@ def selection(first: Fit, tell: Tell) -> tuple[list[SelectedCause], list[Selecte
     first of several may not show against it. Where channels have scales of their own, what is selected if all of them
     scatter alike is therefore a start too. At equal odds what every rig of the kind has is preferred.
     """
-    share = log_shares(first.view, library(first))
+    known = library(first)
+    share = log_shares(first.view, known)
     selected, standard = forward_select(first, (), tell), list[SelectedCause]()
     if selected:
-        usual = textbook(first, library(first))
+        usual = textbook(first, known)
         lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in selected}
         if begun := backward_eliminate(first, usual, tell) if lacking else []:
             tell("once more, from what every rig of the kind has")
@@ -123,11 +124,11 @@ def selection(first: Fit, tell: Tell) -> tuple[list[SelectedCause], list[Selecte
         return selected, standard
     if first.view.noise.scales or with_causes(first, selected).view.noise.scales:
         tell("once more, as if all channels scattered alike")
-        begun, usual = selection(start(first.view.of_one_scale()), tell)
+        begun, begun_standard = selection(start(first.view.of_one_scale()), tell)
         if {c.key for c, _ in begun} - {c.key for c, _ in selected}:
-            other = forward_select(first, begun, tell, keep_usual=bool(usual))
+            other = forward_select(first, begun, tell, keep_usual=bool(begun_standard))
             if ln_odds(first, other, share) > ln_odds(first, selected, share) + SWAP:
-                selected, standard = other, [c for c in usual if c in other]
+                selected, standard = other, [c for c in begun_standard if c in other]
     return selected, standard
 
 

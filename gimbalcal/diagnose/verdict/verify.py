@@ -25,7 +25,6 @@ from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
 from gimbalcal.views.slews import lateness
 
-FOLDS = 12  # stretches of a static run
 SAME_WEIGHT = 1e-9  # of ln(sigma x weight), within which rows were fitted in these sigmas
 SHOWN = 1e-6  # share of a direction that the rows outside a group show; less is fitted by the group itself
 
@@ -62,10 +61,10 @@ def verify(
 def _whitened(s: Search, f: FittedCauses, physical: Array) -> tuple[Array, Array, Array, Array, str]:
     """Whitened Z, X, y and the fold of each row: in visits of the reduced rows, or in stretches of the raw ones."""
     o = s.fit
-    n, C = o.residual.shape
+    C = o.residual.shape[1]
     if o.view.kind.stabilised:
-        fold = np.repeat(np.arange(n) * FOLDS // n, C)
-        rows = [o.view.noise.weighted(A).reshape(n * C, -1) for A in (o.Z, physical, o.residual[:, :, None])]
+        fold = np.repeat(o.view.groups, C)
+        rows = [o.view.noise.weighted(A).reshape(o.residual.size, -1) for A in (o.Z, physical, o.residual[:, :, None])]
         return rows[0], rows[1], rows[2][:, 0], fold, "time"
     node = f.projection.node
     visits = o.view.stimulus.visit[o.view.noise.starts]
@@ -122,7 +121,7 @@ def _refitted(o: Fit, Z: Array, y: Array) -> Array:
     )
 
 
-def stated_noise_shifts(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
+def known_noise_shifts(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
     """Return how far each calibration constant moves once the findings are in the model."""
     before, after, sigma = calibration_fit(s, f)
     scale = np.array([p.sigma for p in s.fit.parameters])

@@ -5,8 +5,9 @@ attitude of its own that is not known, and what the three readings of a dwell sa
 the misfit of the norm. Direction: physics to reading, as everywhere in `effects`;
 `estimate.pulses.polynomial` is the other one.
 
-Terms beyond bias, scale factor and misalignment are taken up one at a time, and only while the positions support them:
-a coefficient must stand clear of its sigma (`support`), and positions left out must be predicted no worse.
+Terms beyond bias, scale factor and misalignment are taken up one at a time, the one that predicts left-out positions
+best first, and only while the positions support them: a coefficient must stand clear of its sigma (`term_selection`),
+and positions left out must be predicted no worse.
 """
 
 from __future__ import annotations
@@ -50,10 +51,10 @@ TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequence[ExtraEffect] = ()) -> Calibration:
     """Calibrate an accelerometer triad from rest positions of unknown attitude.
 
-    terms: ids of effects that act on the force along an axis (default bias, scale_factor, misalignment,
-    scale_nonlinearity, cubic_nonlinearity). Those that the positions do not support are declined with a sentence in
-    `unobservable`; what `more` adds is fitted without being asked. Raises InputError for an effect that needs
-    angles, for too few positions, or for no gravity.
+    terms: ids of effects that act on the force along an axis (default bias, scale_factor and, where the attitudes
+    determine it, misalignment; with it scale_nonlinearity and cubic_nonlinearity). Those that the positions do not
+    support are declined with a sentence in `unobservable`; what `more` adds is fitted without being asked. Raises
+    InputError for an effect that needs angles, for too few positions, or for no gravity.
     """
     asked = {a.effect for a in more}
     view = norm(dwell_means(recording))  # a rest that a row on the way cuts in two is one
@@ -104,7 +105,7 @@ def usual_accelerometers(recording: Recording) -> Calibration:
     """
     view = norm(dwell_means(recording))
     if attitudes(view.source.triad(FORCE)) < coefficients(SIX_TERMS):
-        return Calibration("ideal", (), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
+        return Calibration.ideal("ideal")
     return multiposition(recording, view.baseline)
 
 

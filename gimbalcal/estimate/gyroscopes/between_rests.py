@@ -63,8 +63,8 @@ def gyroscopes_between_rests(
 
     terms: gyroscope effects beside the bias (default: scale factor, misalignment, and of scale nonlinearity,
     asymmetry, temperature and g-sensitivity what the recording supports); those that it does not are declined with a
-    sentence, and one that is not there is taken up once in 200 calibrations (`support`). The g-sensitivity comes from
-    the rests. What `more` adds is fitted in any case, at rest or on the way. Raises InputError where there are too
+    sentence, and one that is not there is taken up once in 200 calibrations (`term_selection`). The g-sensitivity comes
+    from the rests. What `more` adds is fitted in any case, at rest or on the way. Raises InputError where there are too
     few turns or no rates.
     """
     asked, further = {a.effect for a in more}, [t for t in FURTHER if not lacking(CATALOGUE[t], recording.has)]

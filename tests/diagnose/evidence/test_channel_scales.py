@@ -16,7 +16,7 @@ from gimbalcal.diagnose.evidence.channel_scales import (
     log_odds,
     products_of_noises,
 )
-from gimbalcal.diagnose.evidence.correlated_noise import MEMORIES, noises_of_channels, noises_of_unknown_scale
+from gimbalcal.diagnose.evidence.correlated_noise import POLES, noises_of_channels, noises_of_unknown_scale
 from gimbalcal.diagnose.evidence.projection import Projection, gather, project, projected, stack
 from gimbalcal.diagnose.evidence.scale import _DENSITY, Channels, Free
 from gimbalcal.diagnose.library.candidates import Candidate, Layout, Variant, layout_of
@@ -195,7 +195,7 @@ def test_claims_on_clean_channels_are_rare(sigma: tuple[float, ...], memory: flo
 def test_the_noise_of_second_order_has_the_covariance_of_its_poles() -> None:
     """Whitened by the recursion itself, r_k - (a + b) r_{k-1} + a b r_{k-2}, beyond the first two rows."""
     r = np.random.default_rng(2).standard_normal((n, 1))
-    for node in noises_of_channels(n, 1)[: len(MEMORIES)]:
+    for node in noises_of_channels(n, 1)[: len(POLES)]:
         a, b = (x for _, x in node.name)
         new = (r[2:] - (a + b) * r[1:-1] + a * b * r[:-2]) / np.sqrt((1 - a**2) * (1 - b**2))
         assert np.allclose(node.whiten(r)[2:], new)

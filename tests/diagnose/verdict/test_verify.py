@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.search.fitted_causes import columns_of_causes, fit_causes
-from gimbalcal.diagnose.verdict.verify import FOLDS, residual_rows, verify
+from gimbalcal.diagnose.verdict.verify import residual_rows, verify
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.forward import jacobian
 from gimbalcal.number import Array
+from gimbalcal.views.known_attitude import FOLDS
 from tests.diagnose.plant import known
 from tests.diagnose.small import again, at_rest, candidate, clean, noises, observed, rows_of, searched
 
