@@ -16,7 +16,7 @@ from gimbalcal.calibration.provenance import MountAxes
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.loading import EffectFile, outside
 from gimbalcal.entries import Json
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, shortened
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
 
@@ -46,7 +46,7 @@ def refuse_unsound(rows: Sequence[Json], known: Sequence[Parameter], covariance:
         for name in ("value", "sigma"):
             if not _finite(row[name]):
                 raise InputError(
-                    f"parameter {i}, {p.label}: its {name} must be a finite number, got {_short(row[name])}"
+                    f"parameter {i}, {p.label}: its {name} must be a finite number, got {shortened(repr(row[name]))}"
                 )
         if row["sigma"] < 0:
             raise InputError(f"parameter {i}, {p.label}: its sigma is negative, {row['sigma']:g} {unit}")
@@ -56,9 +56,13 @@ def refuse_unsound(rows: Sequence[Json], known: Sequence[Parameter], covariance:
             )
         prior = row.get("prior_sigma")
         if prior is not None and not (_finite(prior) and prior > 0):
-            raise InputError(f"parameter {i}, {p.label}: its prior_sigma must be above zero, got {_short(prior)}")
+            raise InputError(
+                f"parameter {i}, {p.label}: its prior_sigma must be above zero, got {shortened(repr(prior))}"
+            )
         if row.get("effect", p.effect) != p.effect:
-            raise InputError(f"parameter {i}, {p.label}, is of the effect {p.effect}, not of {_short(row['effect'])}")
+            raise InputError(
+                f"parameter {i}, {p.label}, is of the effect {p.effect}, not of {shortened(repr(row['effect']))}"
+            )
     _refuse_covariance(rows, known, covariance)
 
 
@@ -72,23 +76,20 @@ def _finite(number: Any) -> bool:
         return False
 
 
-def _short(given: Any) -> str:
-    text = str(given) if isinstance(given, int) and not isinstance(given, bool) else repr(given)
-    return text if len(text) < 40 else f"{text[:30]}..."
-
-
 def refuse_misfit(residual: Json) -> None:
     """Raise InputError where the residual of a calibration.json has a number that is not zero or more."""
     named = {"chi2": residual["chi2"], "dof": residual["dof"], **residual["rms"]}
     for name, number in named.items():
         if not (_finite(number) and 0 <= number < MAX_NUMBER):
-            raise InputError(f"residual / {name} must be a finite number of zero or more, got {_short(number)}")
+            raise InputError(
+                f"residual / {name} must be a finite number of zero or more, got {shortened(repr(number))}"
+            )
 
 
 def refuse_mount(mount: MountAxes) -> None:
     """Raise InputError where the axes or the latitude of a mount cannot be those of its kind."""
     if len(mount.axes) != len(MOUNT_AXES.get(mount.kind, mount.axes)):
-        axes = _short(list(mount.axes))
+        axes = shortened(repr(list(mount.axes)))
         raise InputError(f"provenance / mount / axes cannot be {axes} on a mount {mount.kind!r}")
     latitude = mount.latitude_deg
     if latitude is not None and not abs(latitude) <= 90:

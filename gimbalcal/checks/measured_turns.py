@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, Correction
+from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, Correction, scaled
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import PAUSED, dwells, usual_step
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
@@ -56,6 +56,10 @@ class MeasuredTurns:
     def agreeing(self, correction: Correction) -> int:
         """Return the number of turns that end where the reference does, by corrected rates."""
         return agree(self, self.turned(correction))
+
+    def agreeing_by_factor(self, factors: Array) -> Array:
+        """Return the number of turns (k,) that end where the reference does, with all rates times each of `factors`."""
+        return np.array([self.agreeing(scaled(RATE, AXES, factor, "")) for factor in factors])
 
     def turned(self, correction: Correction) -> Array:
         """Return C (m, 3, 3) of every turn by corrected rates."""

@@ -96,7 +96,7 @@ def turns_between_rests(e: Examined) -> str:
 def _any_factor(recording: Recording, turns: MeasuredTurns, stated: int) -> str:
     """Name any other factor of all rates: a unit that is in no list."""
     n, far = len(turns.reading), np.abs(np.log(FACTORS)) > np.log(MAX_SCALE_ERROR)
-    agreeing = np.array([turns.agreeing(scaled(RATE, AXES, k, "")) for k in FACTORS])
+    agreeing = turns.agreeing_by_factor(FACTORS)
     if np.any(agreeing[~far] >= MIN_AGREEMENT * n):
         return ""
     agreeing[~far] = 0

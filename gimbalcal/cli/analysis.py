@@ -22,6 +22,7 @@ from gimbalcal.cli.options import (
     effect_names,
     example,
     names_option,
+    pairs,
 )
 from gimbalcal.cli.output_folders import Output, output_options, sensor_folders
 from gimbalcal.entries import Json
@@ -284,16 +285,9 @@ def compare(
     named = [unit] if unit else [store] if store is not None else [c.absolute().parent.name for c in calibrations]
     target = output.folder(named, "history", files)
     stored, diagnoses = of_store(store, unit) if store is not None else ((), ())
-    comparison = run([*stored, *(dated_file(c) for c in calibrations)], unit, dict(_allowed(a) for a in allow))
+    comparison = run([*stored, *(dated_file(c) for c in calibrations)], unit, pairs("--allow NAME='VALUE UNIT'", allow))
     if target is not None:
         write_comparison(comparison.printed, diagnoses, target.folder, target.question)
         output.wrote(target.folder, "compare.json")
     output.show(comparison.printed.to_dict(), answered(comparison.in_words), target)
     sys.exit(0 if comparison.agree else 1)
-
-
-def _allowed(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise InputError(f"--allow takes NAME='VALUE UNIT', got {text!r}")
-    return name.strip(), value

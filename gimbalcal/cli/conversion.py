@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from gimbalcal.atomic import as_json
-from gimbalcal.cli.options import LATITUDE, POSITIVE, FilePath, Number, completing, example
+from gimbalcal.cli.options import LATITUDE, POSITIVE, FilePath, Number, completing, example, pairs
 from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError, amount
@@ -126,7 +126,7 @@ def import_(
     from gimbalcal.importers import import_files
     from gimbalcal.recording import write
 
-    options = dict(_pair(s) for s in settings)
+    options = pairs("--set NAME=VALUE", settings)
     folder = output.out or Path(files[0].stem)
     if (folder / SAMPLES).resolve() in [file.resolve() for file in files]:
         raise InputError(f"{folder / SAMPLES} is to be read and would be written over; give another --out")
@@ -141,20 +141,6 @@ def import_(
         say(as_json(summary))
     else:
         say(f"wrote a {recording.kind} recording of {amount(len(recording.time), 'row')} into {folder}")
-
-
-def _pair(setting: str) -> tuple[str, str]:
-    name, equals, value = setting.partition("=")
-    if not equals:
-        raise InputError(f"--set takes NAME=VALUE, got {setting!r}")
-    return name, value
-
-
-def _stated_unit(setting: str) -> tuple[str, str]:
-    quantity, equals, unit = setting.partition("=")
-    if not equals:
-        raise InputError(f"--unit takes QUANTITY=UNIT, as in angular_rate=deg/s, got {setting!r}")
-    return quantity, unit
 
 
 @click.command(
@@ -200,7 +186,8 @@ def new(
     """Propose a recording from LOGS of a unit, a rig or a mount: columns, units, dwells, platform.
 
     LOGS are text tables of any layout, messages and JSON lines, MATLAB, HDF5, NumPy, Parquet and JSON files, records of
-    doubles, guide logs of PHD2, files of TPOINT and of the MMT. The reason of each choice is printed.
+    doubles, guide logs of PHD2, files of TPOINT and of the MMT. The reason for each choice is printed and
+    stands beside it in recording.toml.
     """
     from gimbalcal.atomic import write as write_text
     from gimbalcal.guess.proposal import propose
@@ -208,7 +195,7 @@ def new(
     from gimbalcal.report.new_page import clocked, commented, proposal_page
 
     output.tell(f"reading {amount(len(logs), 'log')}")
-    proposal = propose(logs, title, rate or 0.0, latitude, height, longitude, dict(map(_stated_unit, units)))
+    proposal = propose(logs, title, rate or 0.0, latitude, height, longitude, pairs("--unit QUANTITY=UNIT", units))
     r, folder = proposal.recording, output.out or Path(logs[0].stem)
     page = "stars.html" if r.kind.sighting else "rests.html"
     with output.staged(folder) as staged:

@@ -90,6 +90,18 @@ def names_option(name: str, help: str) -> Callable[[Any], Any]:  # noqa: A002  a
     return click.option(name, multiple=True, callback=listed, metavar="NAME,...", help=help)
 
 
+def pairs(usage: str, settings: Sequence[str]) -> dict[str, str]:
+    """Return the settings of an option that is used as `usage`, "--set NAME=VALUE", by name.
+
+    Raises InputError for one without an equals sign.
+    """
+    split = [setting.partition("=") for setting in settings]
+    if without := [name for name, equals, _ in split if not equals]:
+        option, _, form = usage.partition(" ")
+        raise InputError(f"{option} takes {form}, got {shortened(without[0])!r}")
+    return {name.strip(): value for name, _, value in split}
+
+
 def progress(quiet: bool) -> Callable[[str], None]:
     """Return a function that prints progress on stderr; during long work it reports regularly that it continues."""
     doing = ["starting", time.monotonic()]

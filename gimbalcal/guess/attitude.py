@@ -64,7 +64,7 @@ def with_reference(log: Log) -> tuple[Log | None, str]:
 def motion_cost(log: Log) -> float:
     r"""Return how unlikely the unit of the gyroscopes is by what else shows how the unit turned, in nats.
 
-    A quaternion, be it the unit's own, turned from row to row by what the gyroscopes felt, within a third; the
+    A quaternion, be it the unit's own, turned from row to row by what the gyroscopes measured, within a third; the
     direction of the smoothed force within a factor of 4, for it shows accelerations too and no turn about itself. The
     cost is :math:`(\ln r / s)^2 / 2` for the ratio r of the two.
     """
@@ -73,26 +73,28 @@ def motion_cost(log: Log) -> float:
         return 0.0
     w = np.stack([np.asarray(to_si(log.columns[n], log.guesses[n].unit)) for n in names])
     dt = np.diff(log.seconds)
-    felt = np.linalg.norm(w[:, 1:] - np.nanmedian(w, axis=1, keepdims=True), axis=0) * dt
+    gyro_angle = np.linalg.norm(w[:, 1:] - np.nanmedian(w, axis=1, keepdims=True), axis=0) * dt
     known = [[log.columns[n] for n in columns] for _, columns in quaternions(log)]
     if attitude := log.values("attitude") or (known[0] if known else []):
         q = np.stack(attitude)
-        turned, spread = 2 * np.arccos(np.minimum(np.abs(np.sum(q[:, 1:] * q[:, :-1], axis=0)), 1.0)), 1 / 3
+        reference_angle, spread = 2 * np.arccos(np.minimum(np.abs(np.sum(q[:, 1:] * q[:, :-1], axis=0)), 1.0)), 1 / 3
     elif len(log.values(FORCE)) == 3:
         size = max(1, int(SMOOTHED_S / float(np.median(dt))))
         f = np.stack([np.convolve(x, np.ones(size) / size, "same") for x in log.values(FORCE)])[:, size:-size:size]
         f = f / np.maximum(np.linalg.norm(f, axis=0), 1e-300)
-        turned, spread = np.arccos(np.clip(np.sum(f[:, 1:] * f[:, :-1], axis=0), -1, 1)), 1.4
-        edges = np.arange(size, len(felt) + 2 - size, size)
-        felt = np.add.reduceat(felt, edges[:-1])[: len(turned)] if len(edges) > len(turned) > 1 else felt[:0]
-        turned = turned[: len(felt)]
+        reference_angle, spread = np.arccos(np.clip(np.sum(f[:, 1:] * f[:, :-1], axis=0), -1, 1)), 1.4
+        edges = np.arange(size, len(gyro_angle) + 2 - size, size)
+        complete = len(edges) > len(reference_angle) > 1
+        gyro_angle = np.add.reduceat(gyro_angle, edges[:-1])[: len(reference_angle)] if complete else gyro_angle[:0]
+        reference_angle = reference_angle[: len(gyro_angle)]
     else:
         return 0.0
-    moving = np.isfinite(turned) & np.isfinite(felt)
-    moving &= turned > np.nanmedian(turned) if moving.any() else moving
-    if not turned[moving].sum() > MIN_TURN_RAD or not felt[moving].sum() > 0:
+    moving = np.isfinite(reference_angle) & np.isfinite(gyro_angle)
+    moving &= reference_angle > np.nanmedian(reference_angle) if moving.any() else moving
+    if not reference_angle[moving].sum() > MIN_TURN_RAD or not gyro_angle[moving].sum() > 0:
         return 0.0
-    return float(min(0.5 * (np.log(felt[moving].sum() / turned[moving].sum()) / spread) ** 2, MAX_UNIT_COST))
+    ratio = gyro_angle[moving].sum() / reference_angle[moving].sum()
+    return float(min(0.5 * (np.log(ratio) / spread) ** 2, MAX_UNIT_COST))
 
 
 def _is_unit(q: Array) -> bool:
@@ -101,11 +103,11 @@ def _is_unit(q: Array) -> bool:
     return bool(whole.mean() > MIN_WHOLE and np.mean(np.abs(norm - 1) < MAX_NORM_ERROR) > 0.9)
 
 
-def complete(log: Log) -> bool:
+def has_both_triads(log: Log) -> bool:
     """Return whether a log holds all accelerometers and gyroscopes."""
     return all({log.guesses[n].axis for n in log.names(quantity)} == set("xyz") for quantity in (FORCE, RATE))
 
 
-def used(log: Log) -> Log:
-    """Return the log with the guesses that a recording beside a reference takes."""
+def with_reference_columns_only(log: Log) -> Log:
+    """Return the log with the guesses that a recording with a reference attitude takes."""
     return replace(log, guesses={n: log.guesses[n] for n in log.names("time", FORCE, RATE, "temperature", "attitude")})

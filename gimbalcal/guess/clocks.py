@@ -45,7 +45,7 @@ MAX_JITTER = 0.02  # of a step; stamps that scatter by more are times of arrival
 def costs_of_unit(time: Array) -> dict[str, tuple[float, str]]:
     r"""Return how unlikely each unit of a clock (n,) is by its step, in nats, and why.
 
-    Inertial sensors are logged at some 100 Hz, a decade more or less, :math:`\\frac{1}{2} \\log_{10}^2 (f / 100)`, and
+    Inertial sensors are logged at some 100 Hz, a decade more or less, :math:`\frac{1}{2} \log_{10}^2 (f / 100)`, and
     seldom in minutes or hours. Raises InputError for a clock that stands still.
     """
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0

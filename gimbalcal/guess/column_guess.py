@@ -132,9 +132,9 @@ def _by_values(log: Log, elsewhere: Set[str], hint: str) -> Log:
         similar = by_similar_names(log.unknown)
         log = log.including({n: g for n, g in similar.items() if g.quantity not in elsewhere})
     if not log.has(FORCE, RATE) and not elsewhere & {FORCE, RATE}:
-        labelled = {n: log.guesses[n] for n in log.guesses if n in log.names("time", "temperature")}
+        labelled = log.names("time", "temperature")
         others = {name: x for name, x in log.columns.items() if name not in labelled and is_anonymous(name)}
-        log = log.including({**by_order(others, hint), **labelled} if others else labelled)
+        log = log.including(by_order(others, hint) if others else {})
     if not log.has("time") and (clock := clocks.regular_column(log)):
         why = "the column that grows evenly from row to row"
         log = log.preceded_by(clock, Guess("time", "", unit_written(plain(clock)), why))

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.input_errors import AXES, MIN_AGREEMENT, Correction, scaled
+from gimbalcal.checks.input_errors import MIN_AGREEMENT, Correction
 from gimbalcal.checks.measured_turns import turns_of
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.errors import InputError, alternatives, amount
-from gimbalcal.guess.attitude import complete, motion_cost, used, with_reference
+from gimbalcal.guess.attitude import has_both_triads, motion_cost, with_reference, with_reference_columns_only
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon, refuse_single_places
 from gimbalcal.guess.column_guess import guessed, with_units
 from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
@@ -210,7 +210,7 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     if still := static_run(log, place.latitude):
         recording = context.recording(still[0], "space-stable", kind="static-run")
         return context.proposal(recording, still[0], {"kind": still[1], **context.notes})
-    if complete(log):
+    if has_both_triads(log):
         beside, note = with_reference(log)
         if beside is not None:
             return _beside_reference(beside, context.noting("rows", note), above)
@@ -280,7 +280,7 @@ def _turned(table: TurnedLog, context: _Context) -> Proposal:
 
 def _beside_reference(log: Log, context: _Context, above: Sequence[str]) -> Proposal:
     """Return the recording of a unit that moved beside a reference of its attitude."""
-    log = used(log)
+    log = with_reference_columns_only(log)
     best = min(unit_candidates(log, above), key=lambda c: c.cost + motion_cost(c.log))
     recording = context.recording(best.log, kind="rotation")
     kind = "rotation, for a reference of the attitude stands beside the sensors: --method attitude"
@@ -364,7 +364,7 @@ def common_factor(recording: Recording) -> str:
     turns = turns_of(recording)
     if turns is None:
         return ""
-    agreeing = np.array([turns.agreeing(scaled(RATE, AXES, k, "")) for k in FACTORS])
+    agreeing = turns.agreeing_by_factor(FACTORS)
     fits = np.flatnonzero(agreeing >= MIN_AGREEMENT * len(turns.reading))
     if not len(fits):
         return ""

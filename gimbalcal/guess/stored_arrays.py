@@ -94,7 +94,7 @@ def frame_table(frame: Any, called: str = "the frame") -> Table:
         return values_of(name, text, ",", dates)
 
     rates = [n for n, x in columns.items() if x.ndim == 0 and plain(n.rpartition(".")[2]) in RATE_NAMES]
-    above = tuple(f"sample rate {float(columns[n]):g}" for n in rates)
+    above = tuple(f"sample rate {float(columns[n])!r}" for n in rates)
     table = table_of_columns((name, *values(name, x)) for name, x in columns.items() if x.ndim)
     if len(table.columns) < MIN_COLUMNS:
         raise InputError(f"{called} holds {len(table.columns)} columns of numbers, and a triad and its clock take more")

@@ -25,7 +25,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.recording.header import NAME as HEADER
 
 FORMAT = 2  # of the tables, as SQLite's user_version
-READ = (1, FORMAT)  # 1: an entry's digest is that of its content, without unit and date
+READABLE_FORMATS = (1, FORMAT)  # 1: an entry's digest is that of its content, without unit and date
 MARK = 0x67696D62  # "gimb", SQLite's application_id: another program's database is not written into
 WAIT_S = 60.0  # of a writer for another
 CALIBRATION = "calibration"
@@ -168,8 +168,9 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
         base.execute("commit")
         if empty and make:
             _make(base)
-        elif mark != MARK or version not in READ:
-            what = f"of format {version}, and this version reads {FORMAT}" if mark == MARK else "another program's"
+        elif mark != MARK or version not in READABLE_FORMATS:
+            formats = " and ".join(map(str, READABLE_FORMATS))
+            what = f"of format {version}, and this version reads {formats}" if mark == MARK else "another program's"
             raise InputError(f"{path} is a database {what}; give another --store")
         yield base
     except (sqlite3.DatabaseError, UnicodeDecodeError) as problem:  # a damaged byte of a text is no database error

@@ -20,9 +20,9 @@ def noises(scenario: Scenario) -> Mapping[str, Noise]:
     See `recording.noise_levels.stated`.
     """
     n, rate = scenario.noise, scenario.schedule.rate
-    read = WhiteNoise if scenario.recording_kind.stabilised else SettingError
+    angle_noise = WhiteNoise if scenario.recording_kind.stabilised else SettingError
     every: dict[str, list[tuple[float, Callable[[float], Process]]]] = {
-        "gimbal_angle": [(n.gimbal_angle, read)],
+        "gimbal_angle": [(n.gimbal_angle, angle_noise)],
         "attitude_error": [(n.attitude, WhiteNoise)],
     }
     for sensor in ("accelerometer", "gyroscope"):
