@@ -24,13 +24,23 @@ Books.
 from __future__ import annotations
 
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
 # Loaded on first use, so that `gimbalcal --help` answers at once.
 if TYPE_CHECKING:
-    from gimbalcal.api import calibrate, from_frame, read_calibration
+    from gimbalcal.api import (
+        calibrate,
+        diagnose,
+        from_frame,
+        navigate,
+        noise,
+        observe,
+        read_calibration,
+        simulate,
+    )
     from gimbalcal.calibration import Calibration
     from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, load_effects
     from gimbalcal.errors import InputError
@@ -63,19 +73,39 @@ __all__ = [
     "from_frame",
     "jacobian",
     "load_effects",
+    "navigate",
+    "noise",
+    "observe",
     "predict",
     "read",
     "read_calibration",
+    "simulate",
     "stimulus_from_angles",
     "stimulus_from_readings",
     "stimulus_from_truth",
 ]
+CALLED_PACKAGES = ("diagnose", "navigate", "simulate")
 _HOMES = ("api", "recording", "calibration", "effects", "errors", "forward", "kinematics", "platform", "schedule")
 
 
+class CalledPackage(ModuleType):
+    """A package with the name of a command: `gimbalcal.diagnose(...)` is the function of that name in `gimbalcal.api`.
+
+    Importing any of its modules binds the package to this name, so that the package itself is what is called.
+    """
+
+    def __call__(self, *args: Any, **options: Any) -> Any:
+        """Return what the function of this name in `gimbalcal.api` returns."""
+        return getattr(import_module("gimbalcal.api"), self.__name__.rpartition(".")[2])(*args, **options)
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 def __getattr__(name: str) -> Any:
-    if name == "diagnose":  # a package whose module can be called
-        return import_module("gimbalcal.diagnose")
+    if name in CALLED_PACKAGES:
+        return import_module(f"gimbalcal.{name}")
     if name in __all__:
         for home in _HOMES:
             module = import_module(f"gimbalcal.{home}")

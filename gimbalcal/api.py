@@ -7,7 +7,9 @@
     print(calibration)                       # a table; .to_frame(), .plot(), .write(path)
     found = gimbalcal.diagnose(r)
     true = calibration.apply({"time": t, "specific_force": f, "angular_rate": w}, units=units)  # in g and deg/s too
+    true = calibration.apply(frame)          # a data frame of pandas or polars, in its own units
 
+Results print as on the console, show a figure in a notebook, and have `to_frame`, `plot` and, of files, `write`.
 What a file would be refused for, arrays are refused for, by an InputError with the same sentence.
 """
 
@@ -19,16 +21,36 @@ from pathlib import Path
 from typing import Any
 
 from gimbalcal import methods
+from gimbalcal.at_rest import RestNoise, noise_at_rest, rest_noise
 from gimbalcal.calibration import Calibration, exchange
+from gimbalcal.design.position_observability import Observability, observe_any
+from gimbalcal.design.turning_observability import TurningObservability, observe_turning
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose as run_diagnosis
+from gimbalcal.effects import Effect
 from gimbalcal.errors import InputError
+from gimbalcal.navigate.mechanisations import usual
+from gimbalcal.navigate.navigation_errors import labels
+from gimbalcal.navigate.summary import NamedCalibration, NavigationInputs, NavigationSummary, summary
+from gimbalcal.navigate.uncertainty import before_and_after
 from gimbalcal.pipeline import Source, Tell, load, silent
-from gimbalcal.recording import Recording
+from gimbalcal.recording import Recording, read
 from gimbalcal.recording.frames import Entry
 from gimbalcal.recording.frames import from_frame as from_described_frame
+from gimbalcal.schedule import RotationSchedule, Schedule
+from gimbalcal.schedule.file import is_rotation
+from gimbalcal.simulate.simulation import simulate as simulate_scenario
 
-__all__ = ["calibrate", "diagnose", "from_frame", "read_calibration"]
+__all__ = [
+    "calibrate",
+    "diagnose",
+    "from_frame",
+    "navigate",
+    "noise",
+    "observe",
+    "read_calibration",
+    "simulate",
+]
 
 
 def calibrate(
@@ -54,6 +76,66 @@ def diagnose(
     result = run_diagnosis(load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
     refit = result.calibration and _printing(result.calibration)
     return replace(result, printer=diagnosis_in_words, calibration=refit)
+
+
+def noise(recording: Source, tell: Tell = silent) -> RestNoise:
+    """Return white noise, bias instability and random walk of every sensor of a recording from its dwells.
+
+    As `gimbalcal noise`. Raises InputError where nothing is at rest.
+    """
+    r = recording if isinstance(recording, Recording) else read(recording)
+    for remark in r.remarks:
+        tell(f"note: {remark}")
+    return rest_noise(r, noise_at_rest(r))
+
+
+def navigate(
+    recording: Source, calibrations: Mapping[str, Calibration] | Sequence[str | Path] | Calibration = (),
+    damping: float | None = None, alignment_min: float = 10.0, samples: int = 50, seed: int = 1, tell: Tell = silent,
+) -> NavigationSummary:  # fmt: skip
+    """Navigate a recording without a calibration and with each, as `gimbalcal navigate`.
+
+    recording: a static run of a space-stable platform, or a strapdown unit that stays in its place. calibrations: one,
+    several by name, or files. damping: of Schuler's oscillation by the velocity reference, of critical, None for the
+    default of the mechanisation. samples: draws behind the sampled bands. Raises InputError for other recordings.
+    """
+    (run,) = load([recording], tell)
+    given, files = calibrations, list[Path]()
+    if isinstance(given, Calibration):
+        given = {"calibration": given}
+    elif not isinstance(given, Mapping):
+        files = [Path(file) for file in given]
+        given = {name: read_calibration(file) for name, file in zip(labels(files), files, strict=True)}
+    aids = usual(run, damping, 60 * alignment_min)
+    runs = before_and_after(run, list(given.items()), aids, samples, seed, tell)
+    named = (NamedCalibration(name, str(file)) for name, file in zip(given, files, strict=False))
+    return summary(runs, aids, NavigationInputs(run.source, tuple(named), samples, seed), run.title)
+
+
+def observe(
+    schedule: str | Path | Schedule | RotationSchedule, angle_sigma: float = 1.0, force_sigma: float = 2.0,
+    latitude: float = 40.0, candidates: Sequence[str] = (), states: str = "51", rate_noise: float = 0.002,
+    force_noise: float = 5.0, velocity_sigma: float = 1e-5,
+) -> Observability | TurningObservability:  # fmt: skip
+    """Return what a schedule can and cannot show, before anything is recorded, as `gimbalcal observe`.
+
+    schedule: a name, a file, or a schedule, of positions or of turns. Of positions and static runs: angle_sigma
+    [arcsec], force_sigma [ug], candidates; of turns: states, rate_noise [deg/sqrt(h)], force_noise [ug/sqrt(Hz)],
+    velocity_sigma [m/s]; latitude [deg]. Raises InputError for what does not exist.
+    """
+    if isinstance(schedule, RotationSchedule) or (not isinstance(schedule, Schedule) and is_rotation(schedule)):
+        if candidates:
+            raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
+        return observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
+    return observe_any(schedule, angle_sigma, force_sigma, latitude, candidates)
+
+
+def simulate(scenario: Mapping[str, Any] | str | Path, seed: int | None = None) -> tuple[Recording, tuple[Effect, ...]]:
+    """Return a recording from truth, and that truth, of a scenario: its content, its file, or the name of one.
+
+    Raises InputError, naming the field, where the scenario cannot be run.
+    """
+    return simulate_scenario(scenario, seed)
 
 
 def from_frame(frame: Any, columns: Mapping[str, Entry] | None = None, **options: Any) -> Recording:

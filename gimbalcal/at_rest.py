@@ -9,10 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import isfinite, nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError, amount
@@ -24,6 +25,9 @@ from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import SENSORS, Key
 from gimbalcal.units import from_si, is_raw
 from gimbalcal.views.segments import stops
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 UNITS: Mapping[str, tuple[str, str, str]] = {
     "specific_force": ("ug/sqrt(Hz)", "ug", "ug/sqrt(h)"),
@@ -80,8 +84,8 @@ class StatedNoise(Entry):
         return f'{sensor} = {{ value = {self.value:g}, unit = "{self.unit}" }}'
 
 
-@dataclass(frozen=True)
-class RestNoise(Entry):
+@dataclass(frozen=True, repr=False)
+class RestNoise(Displayed, Entry):
     """The content of noise.json: the answer, the rests, what [noise] may state, and the noise of each channel."""
 
     format: int
@@ -99,6 +103,36 @@ class RestNoise(Entry):
         content = super().to_dict()
         content["provenance"] = {"recordings": content.pop("recordings")}
         return content
+
+    def __str__(self) -> str:
+        """Return the answer as the console has it, with the lines of [noise]."""
+        from gimbalcal.words.answers import noise_answer
+
+        return "\n".join([noise_answer(self), *(["[noise]", *self.lines] if self.lines else [])])
+
+    __repr__ = __str__
+
+    def to_frame(self, kind: str = "polars") -> Any:
+        """Return a row for each coefficient of each sensor, nan where only `below` is known; "polars" or "pandas"."""
+        rows = [
+            (f"{WORDS[c.quantity]} {c.axis} {c.sensor}".strip(), name, x.value, x.sigma, x.below, x.unit)
+            for c in self.channels
+            for name in ("white_noise", "bias_instability", "random_walk")
+            for x in [getattr(c, name)]
+        ]
+        names = ("sensor", "coefficient", "value", "sigma", "below", "unit")
+        return data_frame({n: [r[i] for r in rows] for i, n in enumerate(names)}, kind, (*names[:2], "unit"))
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of the Allan deviation of each sensor, with one sigma and the fitted noise."""
+        figure, axes = panels([f"{WORDS[c.quantity]} {c.axis} {c.sensor}".strip() for c in self.channels])
+        for ax, c in zip(axes, self.channels, strict=True):
+            ax.errorbar(c.tau_s, c.deviation, c.sigma, fmt=".", ms=3, lw=0.8)
+            ax.plot(c.tau_s, c.model, lw=1)
+            ax.set(xscale="log", yscale="log")
+            ax.set_xlabel("averaging time [s]", fontsize=8)
+            ax.set_ylabel(f"[{c.unit}]", fontsize=8)
+        return figure
 
     @property
     def lines(self) -> list[str]:

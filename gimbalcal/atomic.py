@@ -41,9 +41,9 @@ def write(path: Path, content: str | bytes) -> None:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
-def write_json(path: Path, content: Mapping[str, object] | Sequence[object]) -> None:
+def write_json(path: str | Path, content: Mapping[str, object] | Sequence[object]) -> None:
     """Write JSON, so that an interruption leaves the old file or none."""
-    write(path, as_json(content, indent=1))
+    write(Path(path), as_json(content, indent=1))
 
 
 def as_json(content: Any, indent: int | None = None) -> str:

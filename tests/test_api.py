@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
+import inspect
 import json
+import re
+import sys
+import types
 from dataclasses import replace
+from html import escape
 from pathlib import Path
+from typing import Any, get_type_hints
 
 import numpy as np
 import polars as pl
 import pytest
 
 import gimbalcal
-from gimbalcal import CATALOGUE
+from gimbalcal import CATALOGUE, api
 from gimbalcal.cli import main  # noqa: F401  the command line loads beside it
 from tests.golden import golden_text, refused
 from tests.guess.test_proposal import turned
@@ -113,7 +121,7 @@ def test_arrays_of_a_unit_that_counts() -> None:
 
 
 def test_diagnose_is_a_function_and_a_package() -> None:
-    found = gimbalcal.diagnose(DATA / "space_stable_concealed")  # type: ignore[operator]
+    found = gimbalcal.diagnose(DATA / "space_stable_concealed")
     assert found.verdict == "missing-physics"
     told = str(found).splitlines()
     assert "Next: use the calibration.json" in str(found)
@@ -161,7 +169,7 @@ def test_recordings_and_results_print_themselves_and_calibrations_are_read_again
     assert "specific_force x y z" in repr(r)
     assert len(str(r)) < 2000
     made = gimbalcal.calibrate(r, terms=["bias", "scale_factor"])
-    made.write(tmp_path / "calibration.json")
+    made.write(str(tmp_path / "calibration.json"))
     again = gimbalcal.read_calibration(str(tmp_path / "calibration.json"))
     assert str(again) == str(made)
     with refused():
@@ -170,4 +178,112 @@ def test_recordings_and_results_print_themselves_and_calibrations_are_read_again
     with refused():
         gimbalcal.calibrate(tmp_path / "log.csv")
     with refused():
-        made.apply(np.zeros((3, 3)))  # type: ignore[call-overload]
+        made.apply(np.zeros((3, 3)))  # type: ignore[type-var]
+    found = gimbalcal.diagnose(DATA / "space_stable_concealed")
+    found.write(str(tmp_path / "diagnosis.json"))
+    assert json.loads((tmp_path / "diagnosis.json").read_text()) == found.to_dict()
+    r.write(str(tmp_path / "again"))
+    np.testing.assert_array_equal(gimbalcal.read(tmp_path / "again").triad("specific_force"), r.triad("specific_force"))
+
+
+def test_the_package_shows_its_names_and_each_has_complete_types() -> None:
+    names = dir(gimbalcal)
+    assert names == sorted(gimbalcal.__all__)
+    commands = ("calibrate", "diagnose", "navigate", "noise", "observe", "simulate")
+    for name in names:
+        assert getattr(gimbalcal, name) is not None
+    for name in commands:
+        function = getattr(api, name)
+        hints = get_type_hints(function)
+        assert set(hints) == {*inspect.signature(function).parameters, "return"}
+        assert Any not in hints.values()
+    assert (Path(gimbalcal.__file__).parent / "py.typed").exists()
+
+
+def test_pages_use_the_public_names() -> None:
+    pages = [*(DATA.parent / "docs").glob("*.md"), *(DATA.parent / "docs" / "tutorials").glob("*.md")]
+    used = {n for p in pages for n in re.findall(r"\bgimbalcal\.(\w+)\(", p.read_text(encoding="utf-8"))}
+    assert {"calibrate", "diagnose", "from_arrays", "from_frame", "read_calibration", "navigate", "observe"} <= used
+    assert used <= set(gimbalcal.__all__)
+
+
+def test_a_frame_is_corrected_in_its_own_units_and_keeps_what_else_it_holds() -> None:
+    t, f, w = turned()
+    forces = {f"a{a} (g)": f[:, i] / 9.80665 for i, a in enumerate("xyz")}
+    rates = {f"gyro_{a}": np.degrees(w[:, i]) for i, a in enumerate("xyz")}
+    frame = pl.DataFrame({"note": ["as logged"] * len(t), "timestamp_ms": 1e3 * t, **forces, **rates})
+    residual = gimbalcal.calibrate(XSENS, terms=["bias"]).residual
+    effects = (
+        CATALOGUE["bias"](b=np.array([0.05, -0.03, 0.02])),
+        CATALOGUE["gyro_scale_factor"](s=np.array([1e-3, -2e-3, 0.0])),
+    )
+    made = gimbalcal.Calibration("t", effects, (), np.zeros((0, 0)), (), residual)
+    want = made.apply({"time": t, "specific_force": f, "angular_rate": w})
+    described = {"timestamp_ms": "time [ms]", **{name: f"specific_force {name[1]} [g]" for name in forces}}
+    described |= {name: f"angular_rate {name[-1]} [deg/s]" for name in rates}
+    frames = [frame]
+    with contextlib.suppress(ImportError):
+        frames.append(importlib.import_module("pandas").DataFrame(frame.to_dict(as_series=False)))
+    for given in frames:
+        for columns in (None, described):
+            got = made.apply(given, columns=columns)
+            assert type(got) is type(given)
+            assert list(got.columns) == list(given.columns)
+            assert list(got["note"]) == list(given["note"])
+            for i, a in enumerate("xyz"):
+                np.testing.assert_allclose(9.80665 * np.asarray(got[f"a{a} (g)"]), want["specific_force"][:, i], 1e-12)
+                np.testing.assert_allclose(np.radians(got[f"gyro_{a}"]), want["angular_rate"][:, i], 1e-9, 1e-15)
+            np.testing.assert_array_equal(np.asarray(given["ax (g)"]), forces["ax (g)"])  # the given one is as it was
+    assert made.apply(frame.head(1)).shape == (1, 8)
+    with refused():
+        made.apply(frame, columns={"ax": "specific_force x [g]"})
+    with refused():
+        made.apply(frame, units={"specific_force": "g"})  # type: ignore[call-overload]
+    with refused():
+        made.apply(frame.select("note", "timestamp_ms"))
+    holed = frame.with_columns(
+        pl.when(pl.int_range(pl.len()) == 4).then(None).otherwise(pl.col("ay (g)")).alias("ay (g)")
+    )
+    with refused():
+        made.apply(holed, columns={name: f"specific_force {name[1]} [g]" for name in forces})
+
+
+def test_tables_are_frames_of_polars_or_of_pandas(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = gimbalcal.calibrate(XSENS, terms=["bias"])
+    with refused():
+        made.to_frame("arrow")
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with refused():
+        made.to_frame("pandas")
+    fake = types.SimpleNamespace(DataFrame=dict)
+    monkeypatch.setitem(sys.modules, "pandas", fake)
+    assert made.to_frame("pandas")["axis"] == ["x", "y", "z"]
+
+
+def test_plans_noise_and_navigation_are_functions_and_show_themselves() -> None:
+    """In a notebook: the text of the console and a drawing."""
+    simulated, truth = gimbalcal.simulate("demo", seed=3)
+    assert {e.id for e in truth} >= {"bias", "scale_factor"}
+    static = DATA / "space_stable_static"
+    made = gimbalcal.calibrate([simulated])
+    navigation = gimbalcal.navigate(static, {"mine": made}, samples=2)
+    assert [p.calibration for p in navigation.position] == ["none", "mine"]
+    series = navigation.to_frame()
+    assert series["position"].max() == pytest.approx(navigation.position[1].max_nmi, rel=1e-3)
+    assert series["position, none"].max() == pytest.approx(navigation.position[0].max_nmi, rel=1e-3)
+    schedule = gimbalcal.observe(gimbalcal.EIGHTEEN_POSITIONS, angle_sigma=1.0)
+    turns = gimbalcal.observe("jia2014-9", states="bias,gyro_bias")
+    noise = gimbalcal.noise(static)
+    assert noise.to_frame()["coefficient"][0] == "white_noise"
+    assert "accelerometer = {" in str(noise)
+    shown = (simulated, made, navigation, schedule, turns, noise, gimbalcal.diagnose(DATA / "space_stable_concealed"))
+    for result in shown:
+        page = result._repr_html_()
+        assert page.startswith("<pre")
+        assert escape(str(result)) in page
+        assert page.rstrip().endswith("</svg>")
+        assert len(result.to_frame()) > 2 or result is shown[-1]
+    read_again = replace(shown[-1], curves=None)  # nothing to draw, so only the text
+    assert "<svg" not in read_again._repr_html_()
+    with refused():
+        gimbalcal.observe("jia2014-9", candidates=["cross_coupling"])

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 import numpy as np
 
 from gimbalcal.calibration.correction import correct
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
+from gimbalcal.guess.data_frame import guessed_columns
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.quantities import QUANTITIES, check
 from gimbalcal.recording import Recording, Site
-from gimbalcal.recording.frames import by_axis
+from gimbalcal.recording.frames import Entry, by_axis, described_columns
 from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 from gimbalcal.units import celsius, from_si, is_raw, to_si
@@ -22,6 +23,18 @@ from gimbalcal.units import celsius, from_si, is_raw, to_si
 if TYPE_CHECKING:
     from gimbalcal.calibration.calibration import Calibration
 
+
+class Frame(Protocol):
+    """A data frame of pandas or of polars."""
+
+    @property
+    def columns(self) -> Any:
+        """The names of its columns."""
+
+    def __getitem__(self, name: Any) -> Any: ...
+
+
+FrameT = TypeVar("FrameT", bound=Frame)
 MAX_RATE = 35.0  # rad/s, 2000 deg/s: the range of common gyroscopes; larger numbers are probably in deg/s
 
 
@@ -34,11 +47,6 @@ def correct_arrays(
     become SI. Raises InputError for another shape or unit and, where no unit is stated, for forces whose norm is
     gravity in another unit and for rates beyond 2000 deg/s.
     """
-    if not isinstance(readings, Mapping):
-        raise InputError(
-            f"apply takes a recording, or arrays by name as in {{'specific_force': f}}, got {type(readings).__name__}; "
-            "gimbalcal.from_frame converts a table to a recording"
-        )
     given = {quantity: x for quantity, x in readings.items() if quantity != "time"}
     stated = dict(units or {})
     unknown = set(stated) - set(readings)
@@ -50,14 +58,68 @@ def correct_arrays(
     time = to_si(np.asarray(readings.get("time", np.arange(n)), dtype=float), stated.get("time", "s"))
     each = ((q, axis, x) for q, values in given.items() for axis, x in by_axis(q, values, str(n)))
     channels: dict[Key, Array] = {(q, axis): _si(q, x, stated.get(q, "")) for q, axis, x in each}
+    logged = {key: stated[key[0]] for key in channels if key[0] in stated}
+    corrected = _corrected(calibration, time, channels, logged)
+    return {q: _out(corrected.triad(q), stated.get(q, "")) for q in (FORCE, RATE) if corrected.has(q)}
+
+
+def correct_frame(calibration: Calibration, frame: FrameT, columns: Mapping[str, Entry] | None = None) -> FrameT:
+    """Return a data frame (pandas, polars) whose columns of force and rate are corrected, in their own units.
+
+    columns: what they hold, as in `recording.from_frame`; without, they are guessed as by `gimbalcal new`. Counts
+    become SI. Raises InputError as `correct_arrays` does, and for what is no data frame.
+    """
+    if not hasattr(frame, "columns") or not (hasattr(frame, "with_columns") or hasattr(frame, "assign")):
+        raise InputError(
+            "apply takes a recording, a data frame (pandas, polars), or arrays by name as in {'specific_force': f}, "
+            f"got {type(frame).__name__}"
+        )
+    described = guessed_columns(frame) if columns is None else described_columns(frame, columns)
+    channels: dict[Key, Array] = {}
+    logged: dict[Key, str] = {}
+    time = np.arange(float(len(frame[next(iter(described))])))
+    for name, column in described.items():
+        key, values = (column.quantity, column.axis), np.asarray(frame[name])
+        if key[0] == "time":
+            time = _clock(values, column.unit)
+        elif key[0] in QUANTITIES:
+            channels[key] = column.sign * _si(key[0], values, column.unit)
+            logged[key] = column.unit
+    corrected = _corrected(calibration, time, channels, logged)
+    new = {
+        name: c.sign * _out(corrected.channels[c.quantity, c.axis], c.unit)
+        for name, c in described.items() if c.quantity in (FORCE, RATE)
+    }  # fmt: skip
+    if hasattr(frame, "with_columns"):
+        import polars as pl
+
+        return cast(FrameT, frame.with_columns(*(pl.Series(name, x) for name, x in new.items())))
+    return cast(FrameT, cast(Any, frame).assign(**new))
+
+
+def _clock(values: Array, unit: str) -> Array:
+    """Return a clock (n,) in seconds; dates count from the first."""
+    if values.dtype.kind == "M":
+        return np.asarray((values - values[:1]) / np.timedelta64(1, "s"))
+    return np.asarray(to_si(values.astype(float), unit or "s"))
+
+
+def _corrected(
+    calibration: Calibration, time: Array, channels: dict[Key, Array], logged: Mapping[Key, str]
+) -> Recording:
+    """Return the recording of channels in SI (or counts) corrected; `logged` has the units that were stated."""
     incomplete = next((q for (q, _), x in channels.items() if len(x) != len(time)), "")
     if incomplete:
         raise InputError(f"{incomplete} must have one row for each of the {len(time)} of time")
+    for (quantity, axis), x in channels.items():
+        if quantity in (FORCE, RATE) and not np.isfinite(x).all():
+            row = int(np.flatnonzero(~np.isfinite(x))[0]) + 1
+            raise InputError(f"{quantity} {axis} holds no number in row {row}: fill it, or leave such rows out")
     gimbals = {axis for quantity, axis in channels if quantity == ANGLE}
     candidates = (p for p in KNOWN.values() if gimbals <= set(p.axis_names))
     platform = next(candidates, BENCH) if gimbals else BENCH
-    logged = {key: stated[key[0]] for key in channels if key[0] in stated}
     recording = Recording(ROTATION, "arrays", platform, Site(), {}, time, None, channels, units=logged)
+    stated = {quantity for quantity, _ in logged}
     counted = next((q for q in calibration.readout.counts if recording.has(q) and q not in stated), "")
     if counted:
         raise InputError(
@@ -67,8 +129,7 @@ def correct_arrays(
         _refuse_forces_of_another_unit(recording)
     if RATE not in stated:
         _refuse_rates_of_another_unit(recording)
-    corrected = correct(calibration, recording)
-    return {q: _out(corrected.triad(q), stated.get(q, "")) for q in (FORCE, RATE) if corrected.has(q)}
+    return correct(calibration, recording)
 
 
 def _si(quantity: str, values: Any, unit: str) -> Array:

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from gimbalcal.atomic import write_json
-from gimbalcal.calibration.arrays import correct_arrays
+from gimbalcal.calibration.arrays import FrameT, correct_arrays, correct_frame
 from gimbalcal.calibration.content_checks import refuse_misfit, refuse_mount, refuse_other_definitions, refuse_unsound
 from gimbalcal.calibration.correction import correct, corrupt
 from gimbalcal.calibration.provenance import Provenance
 from gimbalcal.calibration.readout import Readout, from_content
+from gimbalcal.display import Displayed, data_frame
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import stated_law
 from gimbalcal.entries import Entry, Json, entry_from, plain, read_json
@@ -26,10 +27,10 @@ from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording
+from gimbalcal.recording.frames import Entry as ColumnEntry
 from gimbalcal.units import from_si, to_si
 
 if TYPE_CHECKING:
-    import polars as pl
     from matplotlib.figure import Figure
 
 IDENTITY_DIGITS = 16
@@ -150,7 +151,7 @@ class ParameterEstimate:
 
 
 @dataclass(frozen=True, repr=False)
-class Calibration:
+class Calibration(Displayed):
     """Result of an estimator; `outcome` is a sentence where it is to be used with care, and empty otherwise."""
 
     method: str
@@ -226,13 +227,14 @@ class Calibration:
 
     __repr__ = __str__
 
-    def to_frame(self) -> pl.DataFrame:
-        """Return a row for each parameter: effect, name, axis, value, sigma and prior_sigma in `unit`."""
-        import polars as pl
+    def to_frame(self, kind: str = "polars") -> Any:
+        """Return a row for each parameter: effect, name, axis, value, sigma and prior_sigma in `unit`.
 
+        kind: "polars" or "pandas".
+        """
         columns = ("effect", "name", "axis", "value", "sigma", "prior_sigma", "unit")
-        rows = self.to_dict()["parameters"]
-        return pl.DataFrame({c: [r[c] for r in rows] for c in columns})
+        rows = [e.to_dict() for e in self.estimates]
+        return data_frame({c: [r[c] for r in rows] for c in columns}, kind, ("effect", "name", "axis", "unit"))
 
     def plot(self) -> Figure:
         """Return a matplotlib figure of each parameter with two sigmas, in its unit."""
@@ -243,21 +245,34 @@ class Calibration:
     @overload
     def apply(self, recording: Recording) -> Recording: ...
     @overload
-    def apply(self, recording: Mapping[str, Array], units: Mapping[str, str] | None = None) -> dict[str, Array]: ...
+    def apply(self, recording: Mapping[str, Any], units: Mapping[str, str] | None = None) -> dict[str, Array]: ...
+    @overload
+    def apply(self, recording: FrameT, *, columns: Mapping[str, ColumnEntry] | None = None) -> FrameT: ...
     def apply(
-        self, recording: Recording | Mapping[str, Array], units: Mapping[str, str] | None = None
-    ) -> Recording | dict[str, Array]:
+        self,
+        recording: Recording | Mapping[str, Any] | FrameT,
+        units: Mapping[str, str] | None = None,
+        columns: Mapping[str, ColumnEntry] | None = None,
+    ) -> Recording | dict[str, Array] | FrameT:
         """Return the recording corrected, readings to physics: force [m/s^2], rate [rad/s] and true gimbal angles.
 
         A mapping of arrays, {"time": (n,), "specific_force": (n, 3), "angular_rate": (n, 3), ...}, gives arrays in
         the same units: SI, or `units` by quantity as in `from_arrays`. Further arrays (temperature (n,), a gimbal_angle
         by axis) are used where an effect needs them.
+
+        A data frame (pandas, polars) gives such a frame: columns of force and rate corrected in place, in their own
+        units, all others as they are. columns: what they hold, as in `from_frame`; without, they are interpreted as
+        there.
         """
         if isinstance(recording, Recording):
             marked = (*recording.corrected, self.identity)
             remarks = (*recording.remarks, *self._corrected_before(recording))
             return replace(correct(self, recording), corrected=marked, remarks=remarks)
-        return correct_arrays(self, recording, units)
+        if isinstance(recording, Mapping):
+            return correct_arrays(self, recording, units)
+        if units is not None and hasattr(recording, "columns"):
+            raise InputError("of a data frame give columns, as in columns={'ax': 'specific_force x [g]'}, not units")
+        return correct_frame(self, recording, columns)
 
     def corrupt(self, recording: Recording) -> Recording:
         """Return what this unit would have read, physics to readings: the exact inverse of `apply`."""
@@ -311,7 +326,7 @@ class Calibration:
             "provenance": self.provenance.to_dict(),
         }
 
-    def write(self, path: Path) -> None:
+    def write(self, path: str | Path) -> None:
         """Write calibration.json atomically."""
         write_json(path, self.to_dict())
 

@@ -183,19 +183,15 @@ def diagnose(
 @output_options("noise.json and report.html", "RECORDING-noise, here")
 def noise(recording: Path, output: Output) -> None:
     """Estimate white noise, bias instability and random walk of every sensor of RECORDING from its dwells."""
-    from gimbalcal.at_rest import noise_at_rest, rest_noise
+    from gimbalcal.api import noise as run
     from gimbalcal.recording import read
     from gimbalcal.report.noise_page import noise_report
-    from gimbalcal.words.answers import noise_answer
 
     target = output.folder([recording], "noise", ("noise.json", "report.html"))
     output.tell(f"reading {recording.name}")
     r = read(recording)
-    for remark in r.remarks:
-        output.tell(f"note: {remark}")
-    result = rest_noise(r, noise_at_rest(r))
-    words = "\n".join([noise_answer(result), *(["[noise]", *result.lines] if result.lines else [])])
-    output.deliver(target, "noise.json", result.to_dict(), lambda: noise_report(result, r.title), words)
+    result = run(r, output.tell)
+    output.deliver(target, "noise.json", result.to_dict(), lambda: noise_report(result, r.title), str(result))
 
 
 @click.command(
@@ -227,25 +223,13 @@ def navigate(
 
     RECORDING: a static run of a space-stable platform, or a strapdown unit that stays in its place.
     """
-    from gimbalcal.calibration.exchange import read_calibration
-    from gimbalcal.navigate.mechanisations import usual
-    from gimbalcal.navigate.navigation_errors import labels
-    from gimbalcal.navigate.summary import NamedCalibration, NavigationInputs, summary
-    from gimbalcal.navigate.uncertainty import before_and_after
-    from gimbalcal.pipeline import load
+    from gimbalcal.api import navigate as run
     from gimbalcal.report.navigation_page import navigation_report
-    from gimbalcal.words.answers import navigation_answer
 
     folder, files = _one_recording(recording, known)
     target = output.folder([folder], "navigation", ("navigation.json", "report.html"))
-    (run,) = load([folder], output.tell)
-    aids = usual(run, damping, 60 * alignment)
-    chosen = list(zip(labels(files), [read_calibration(f) for f in files], strict=True))
-    runs = before_and_after(run, chosen, aids, samples, seed, output.tell)
-    named = tuple(NamedCalibration(name, str(f)) for (name, _), f in zip(chosen, files, strict=True))
-    result = summary(runs, aids, NavigationInputs(run.source, named, samples, seed))
-    page = partial(navigation_report, result, runs, run.title)
-    output.deliver(target, "navigation.json", result.to_dict(), page, navigation_answer(result))
+    result = run(folder, files, damping, alignment, samples, seed, output.tell)
+    output.deliver(target, "navigation.json", result.to_dict(), partial(navigation_report, result), str(result))
 
 
 def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Path, list[Path]]:

@@ -88,28 +88,14 @@ def observe(
 
     SCHEDULE: the name of one that ships (wu2018-18, cai2016-18, wei2022-30), a schedule.toml, or static-48h.
     """
-    from gimbalcal.report import plan_page
-    from gimbalcal.report.console import bounds_table
-    from gimbalcal.schedule.file import is_rotation
-    from gimbalcal.words.answers import plan_answer, turning_answer
+    from gimbalcal.api import observe as run
+    from gimbalcal.report.plan_page import schedule_report
 
     target = output.folder([schedule], "observability", (OBSERVABILITY, "report.html"))
-    if is_rotation(schedule):
-        from gimbalcal.design.turning_observability import observe_turning
-
-        if candidates:
-            raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
-        turning = observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
-        result, bounds = turning.to_dict(), turning.bounds
-        page, sentence = partial(plan_page.observability_report, turning), turning_answer(turning)
-    else:
-        from gimbalcal.design.position_observability import observe_any
-
-        bounds = observe_any(schedule, angle_sigma, force_sigma, latitude, candidates)
-        result = bounds.to_dict()
-        page, sentence = partial(plan_page.plan_report, bounds), plan_answer(bounds)
-    output.table(bounds_table(bounds))
-    output.deliver(target, OBSERVABILITY, result, page, sentence)
+    seen = run(
+        schedule, angle_sigma, force_sigma, latitude, candidates, states, rate_noise, force_noise, velocity_sigma,
+    )  # fmt: skip
+    output.deliver(target, OBSERVABILITY, seen.to_dict(), partial(schedule_report, seen), str(seen))
 
 
 @click.command(
@@ -162,9 +148,10 @@ def design(
 ) -> None:  # fmt: skip
     """Choose the positions, or the sequence of turns, that show most within the limits of a rig."""
     from gimbalcal.atomic import write
-    from gimbalcal.report.console import bounds_table, groups_table
+    from gimbalcal.report.console import groups_table
     from gimbalcal.report.html import marked
     from gimbalcal.report.plan_page import design_headline, design_report
+    from gimbalcal.words.tables import bounds_table
 
     turning = kind == "rotation"
     named = ["turns" if turning else platform]

@@ -18,9 +18,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.entries import Json, plain
@@ -36,6 +38,9 @@ from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.file import read_schedule
 from gimbalcal.units import from_si, to_si
 from gimbalcal.views.positions import Noise, planned, position_parameters, problem, view_of_positions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CONFOUNDED_COSINE = 0.99  # separating two then takes 7 times the signal of detecting one
 STATIC_SENSORS = ("accelerometer", "gimbal_angle", "attitude")  # as [noise] calls them
@@ -93,8 +98,8 @@ class NotCalibrated:
     absorbed: float
 
 
-@dataclass(frozen=True, eq=False)
-class Observability:
+@dataclass(frozen=True, eq=False, repr=False)
+class Observability(Displayed):
     """Cramer-Rao bounds of a schedule, unobservable and confounded parameters, and effects outside the calibration."""
 
     schedule: str
@@ -102,6 +107,30 @@ class Observability:
     confounded: tuple[Confounded, ...]
     candidates: tuple[NotCalibrated, ...]
     noise: dict[str, float]
+
+    def __str__(self) -> str:
+        """Return the bound of each parameter and the answer, as the console has them."""
+        from gimbalcal.words.answers import plan_answer
+        from gimbalcal.words.tables import bounds_table
+
+        return f"{bounds_table(self)}\n\n{plan_answer(self)}"
+
+    __repr__ = __str__
+
+    def to_frame(self, kind: str = "polars") -> Any:
+        """Return a row for each parameter: name, axis, sigma and prior_sigma in `unit`; "polars" or "pandas"."""
+        rows = [row.to_dict() for row in self.rows]
+        names = ("name", "axis", "sigma", "prior_sigma", "unit")
+        return data_frame({n: [r[n] for r in rows] for n in names}, kind, ("name", "axis", "unit"))
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of how much better than its prior each parameter becomes known."""
+        figure, (ax,) = panels(["prior sigma / sigma"], width=8, height=0.5 + 0.17 * len(self.rows))
+        names = [f"{r.parameter.name} {r.parameter.axis}".replace("_", " ") for r in self.rows]
+        ax.barh(names, [r.prior_sigma / r.sigma for r in self.rows])
+        ax.set_xscale("log")
+        ax.invert_yaxis()
+        return figure
 
     @property
     def sigma(self) -> Array:
@@ -206,14 +235,15 @@ def information_at_rest(plan: Recording, wanted: Sequence[Parameter], noise: Map
 
 
 def observe_any(
-    schedule: str, angle_sigma: float, force_sigma: float, latitude: float, candidates: Sequence[str] = ()
-) -> Observability:
+    schedule: Schedule | str | Path, angle_sigma: float, force_sigma: float, latitude: float,
+    candidates: Sequence[str] = (),
+) -> Observability:  # fmt: skip
     """Return the observability of a multi-position schedule, or of a static run such as "static-48h".
 
     angle_sigma [arcsec], force_sigma [ug]: of the mean over one position, or over as long of a static run (`DWELL_S`);
     latitude [deg].
     """
-    run = re.fullmatch(r"static-(\d+(?:\.\d+)?)h", schedule)
+    run = re.fullmatch(r"static-(\d+(?:\.\d+)?)h", str(schedule)) if not isinstance(schedule, Schedule) else None
     if run is None:
         return observe(schedule, angle_sigma, force_sigma, candidates=candidates)
     if not abs(latitude) < 90:

@@ -14,11 +14,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gimbalcal.design.position_observability import Observability, assess_information
 from gimbalcal.design.turning import StretchModel, TurningExperiment, turning_experiment
+from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.effects import Parameter
 from gimbalcal.entries import Entry, Json, plain
 from gimbalcal.errors import InputError
@@ -30,6 +32,9 @@ from gimbalcal.schedule import RotationSchedule
 from gimbalcal.schedule.file import read_rotation
 from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.units import from_si
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 HIGH_DEGREE = 10.0  # Wei et al. (2022): times better known than before
 DEGREES = ((1.0, "unobservable"), (2.0, "low"), (HIGH_DEGREE, "moderate"), (np.inf, "high"))
@@ -99,8 +104,8 @@ class PublishedDegrees(Entry):
     in_words: str
 
 
-@dataclass(frozen=True, eq=False)
-class TurningObservability:
+@dataclass(frozen=True, eq=False, repr=False)
+class TurningObservability(Displayed):
     """Observability of a schedule of turns: curves of every state at `time` (T,) [s], and weak directions."""
 
     bounds: Observability
@@ -109,6 +114,33 @@ class TurningObservability:
     curves: tuple[SigmaCurve, ...]
     navigation: tuple[SigmaCurve, ...]
     weak: tuple[tuple[dict[str, float], float], ...]
+
+    def __str__(self) -> str:
+        """Return the bound of each parameter and the answer, as the console has them."""
+        from gimbalcal.words.answers import turning_answer
+        from gimbalcal.words.tables import bounds_table
+
+        return f"{bounds_table(self.bounds)}\n\n{turning_answer(self)}"
+
+    __repr__ = __str__
+
+    def to_frame(self, kind: str = "polars") -> Any:
+        """Return sigma over time: time_s, and a column for each state in its unit of print; "polars" or "pandas"."""
+        return data_frame({"time_s": self.time, **{c.parameter: c.printed for c in self.curves}}, kind)
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of the sigma of every state over time, a panel for each effect."""
+        groups: dict[tuple[str, str], list[SigmaCurve]] = {}
+        for c in self.curves:
+            groups.setdefault((c.parameter.partition(":")[0], c.unit), []).append(c)
+        figure, axes = panels([f"{name.replace('_', ' ')} [{unit}]" for name, unit in groups])
+        for ax, own in zip(axes, groups.values(), strict=True):
+            for c in own:
+                ax.plot(self.time / 60, c.printed, lw=1, label=c.parameter.partition(":")[2])
+            ax.set_yscale("log")
+            ax.set_xlabel("time [min]", fontsize=8)
+            ax.legend(fontsize=7, ncols=3)
+        return figure
 
     @property
     def published(self) -> PublishedDegrees | None:

@@ -17,24 +17,11 @@ They share five packages, each of which reads only those below it:
 """
 
 import sys
-from types import ModuleType
-from typing import Any
 
+from gimbalcal import CalledPackage
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose
 
 __all__ = ["Diagnosis", "diagnose"]
 
-
-class _Callable(ModuleType):
-    """`gimbalcal.diagnose(recordings)`, as `gimbalcal.calibrate(recordings)`, although a package has the name."""
-
-    def __call__(self, *args: Any, **options: Any) -> Diagnosis:
-        """Return what `gimbalcal.api.diagnose` does."""
-        from importlib import import_module
-
-        answer: Diagnosis = import_module("gimbalcal.api").diagnose(*args, **options)
-        return answer
-
-
-sys.modules[__name__].__class__ = _Callable
+sys.modules[__name__].__class__ = CalledPackage

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gimbalcal.atomic import write_json
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.result import Finding, FitSummary, LawResult, Mismatch, Shape
+from gimbalcal.display import Displayed, data_frame
 from gimbalcal.effects import Stimulus
 from gimbalcal.entries import Json, plain
 from gimbalcal.errors import InputError
@@ -17,7 +20,6 @@ from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
 if TYPE_CHECKING:
-    import polars as pl
     from matplotlib.figure import Figure
 
 VERDICTS = ("adequate", "not-identifiable", "unexplained", "missing-physics")  # of two views the later one is told
@@ -60,7 +62,7 @@ def plotted_against(s: Stimulus) -> dict[str, Array]:
 
 
 @dataclass(frozen=True, repr=False)
-class Diagnosis:
+class Diagnosis(Displayed):
     """The content of diagnosis.json (interfaces.md section 4), and the residuals behind its picture."""
 
     verdict: str
@@ -90,22 +92,26 @@ class Diagnosis:
 
     __repr__ = __str__
 
-    def to_frame(self) -> pl.DataFrame:
-        """One row for each parameter of each finding: effect, axis, probability, significance, value and sigma."""
-        import polars as pl
+    def to_frame(self, kind: str = "polars") -> Any:
+        """Return a row for each parameter of each finding: effect, axis, probability, significance, value and sigma.
 
+        kind: "polars" or "pandas".
+        """
         rows = [
             {"effect": f.effect, "axis": f.axis, "probability": f.probability, "in_sigmas": f.sigma,
              "parameter": f"{p.name} {p.axis}".strip(), "value": p.value, "sigma": p.sigma, "unit": p.unit}
             for f in self.findings for p in f.parameters
         ]  # fmt: skip
         names = ("effect", "axis", "probability", "in_sigmas", "parameter", "value", "sigma", "unit")
-        kinds = {n: pl.String if n in ("effect", "axis", "parameter", "unit") else pl.Float64 for n in names}
-        return pl.DataFrame(rows, schema=kinds)
+        return data_frame({n: [r[n] for r in rows] for n in names}, kind, ("effect", "axis", "parameter", "unit"))
+
+    def write(self, path: str | Path) -> None:
+        """Write diagnosis.json atomically."""
+        write_json(path, self.to_dict())
 
     def plot(self) -> Figure:
-        """Residuals in sigma over time, before and after what was found, as a matplotlib figure."""
-        from gimbalcal.calibration.plot import NotebookFigure
+        """Return residuals in sigma over time, before and after what was found, as a matplotlib figure."""
+        from gimbalcal.figure import NotebookFigure
 
         if self.curves is None:
             raise InputError("this diagnosis holds no residuals: it was read from a file")

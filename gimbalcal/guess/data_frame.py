@@ -8,12 +8,30 @@ from pathlib import Path
 from typing import Any
 
 from gimbalcal.errors import InputError
+from gimbalcal.guess.column_guess import guessed
 from gimbalcal.guess.proposal import Stated, of_tables
 from gimbalcal.guess.stored_arrays import frame_table
 from gimbalcal.recording import Recording
+from gimbalcal.recording.columns import Column
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si, to_si
 
 UNITS = {"latitude": "deg", "height": "m"}  # of a Stated
+
+
+def guessed_columns(frame: Any) -> dict[str, Column]:
+    """Return what the columns of a frame hold, by names and numbers; those that are no column of the frame are omitted.
+
+    Raises InputError where neither force nor rate is among them.
+    """
+    log = guessed(Path("frame"), frame_table(frame), 0.0, frozenset(), {}).log
+    known = {name: g for name, g in log.guesses.items() if name in frame.columns}
+    if not {g.quantity for g in known.values()} & {FORCE, RATE}:
+        listed = ", ".join(map(str, frame.columns))
+        raise InputError(
+            f"no column is a force or a rate by its name ({listed}); give columns, which say what they hold"
+        )
+    return {name: Column(name, g.quantity, g.axis, g.unit) for name, g in known.items()}
 
 
 def guessed_frame(frame: Any, title: str = "frame", site: Mapping[str, tuple[float, str]] | None = None) -> Recording:

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import HOUR, NAUTICAL_MILE
 from gimbalcal.entries import Entry, Json
 from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.space_stable_navigator import Aids
+from gimbalcal.number import Array
 from gimbalcal.recording import Source
 from gimbalcal.units import from_si
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MAX_SERIES_ROWS = 1000
+_DRAWN = (("position", "n mile"), *CHANNELS)  # what a figure and `series` have
 
 
 @dataclass(frozen=True)
@@ -63,8 +72,8 @@ class NavigationInputs(Entry):
     seed: int | None = None
 
 
-@dataclass(frozen=True)
-class NavigationSummary:
+@dataclass(frozen=True, repr=False)
+class NavigationSummary(Displayed):
     """What navigations of one recording differ by from the truth; the others are compared with the first run."""
 
     hours: float
@@ -74,6 +83,49 @@ class NavigationSummary:
     channels: tuple[ChannelError, ...]
     position: tuple[PositionError, ...]
     provenance: NavigationInputs
+    title: str = ""
+    runs: tuple[Navigated, ...] = field(default=(), compare=False)
+
+    def __str__(self) -> str:
+        """Return the answer as the console has it."""
+        from gimbalcal.words.answers import navigation_answer
+
+        return navigation_answer(self)
+
+    __repr__ = __str__
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of the errors over time: position and every channel, without and with."""
+        figure, axes = panels([f"{name} [{unit}]" for name, unit in _DRAWN])
+        for i, ax in enumerate(axes):
+            for run in self.runs:
+                ax.plot(run.time / HOUR, _drawn(run, i), lw=1, label=run.label)
+            ax.set_xlabel("time [h]", fontsize=8)
+        axes[0].legend(fontsize=7)
+        return figure
+
+    def to_frame(self, kind: str = "polars") -> Any:
+        """Return the errors over time: time_s, and `<channel>` of each run, with a band; "polars" or "pandas"."""
+        return data_frame(self.series, kind)
+
+    @property
+    def series(self) -> dict[str, list[float]]:
+        """Errors over time, in the units of the channels and position in n mile, in at most `MAX_SERIES_ROWS` rows.
+
+        A channel of the last run, that with the last calibration, has its name alone; of another run also its label.
+        """
+        if not self.runs:
+            return {}
+        time = self.runs[-1].time
+        rows = np.unique(np.linspace(0, len(time) - 1, MAX_SERIES_ROWS).astype(int))
+        out = {"time_s": time[rows].tolist()}
+        for run in reversed(self.runs):
+            for i, (name, _) in enumerate(_DRAWN):
+                key = name if run is self.runs[-1] else f"{name}, {run.label}"
+                values = _drawn(run, i)[rows]
+                if np.all(np.isfinite(values)):
+                    out[key] = values.tolist()
+        return out
 
     @property
     def increased(self) -> bool:
@@ -93,11 +145,25 @@ class NavigationSummary:
 
     def to_dict(self) -> Json:
         """Return the content of navigation.json."""
-        return {"format": 1, **asdict(self), "in_words": self.in_words, "provenance": self.provenance.to_dict()}
+        return {
+            "format": 1,
+            "hours": self.hours,
+            "mechanisation": self.mechanisation,
+            "damping": self.damping,
+            "alignment_s": self.alignment_s,
+            "channels": [asdict(c) for c in self.channels],
+            "position": [asdict(p) for p in self.position],
+            "provenance": self.provenance.to_dict(),
+            "in_words": self.in_words,
+            "series": self.series,
+        }
 
 
-def summary(runs: Sequence[Navigated], aids: Aids, provenance: NavigationInputs) -> NavigationSummary:
-    """Return how far navigations are off, by channel and in position, and what each calibration improves."""
+def summary(runs: Sequence[Navigated], aids: Aids, provenance: NavigationInputs, title: str = "") -> NavigationSummary:
+    """Return how far navigations are off, by channel and in position, and what each calibration improves.
+
+    title: of the recording.
+    """
     first = runs[0]
     return NavigationSummary(
         hours=float(first.time[-1] / HOUR),
@@ -112,7 +178,16 @@ def summary(runs: Sequence[Navigated], aids: Aids, provenance: NavigationInputs)
         ),
         position=tuple(_position(run, first) for run in runs),
         provenance=provenance,
+        title=title,
+        runs=tuple(runs),
     )
+
+
+def _drawn(run: Navigated, i: int) -> Array:
+    """Return the errors (n,) of entry i of `_DRAWN`, in its unit; nan where the truth is not known."""
+    if i == 0:
+        return run.position / NAUTICAL_MILE
+    return np.asarray(from_si(run.error[:, i - 1], CHANNELS[i - 1][1]))
 
 
 def _position(run: Navigated, first: Navigated) -> PositionError:

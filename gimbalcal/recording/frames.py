@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.platform import Platform
+from gimbalcal.platform import BENCH, Platform
 from gimbalcal.quantities import QUANTITIES
-from gimbalcal.recording.columns import COUNTED, ROW_STEP_S, UNITLESS, Column
+from gimbalcal.recording.columns import COUNTED, ROW_STEP_S, UNITLESS, Column, columns_of
 from gimbalcal.recording.dates import Dates, NoDateError
+from gimbalcal.recording.document import Document
 from gimbalcal.recording.header import Header, header_of
 from gimbalcal.recording.reading import assemble, dated
 from gimbalcal.recording.record import Recording, Source
@@ -54,13 +55,25 @@ def from_frame(
         **({"samples": {"rates": "instant"}} if instant else {}),
     }  # fmt: skip
     header = header_of(content, Path(called), own)
-    missing = [name for name in columns if name not in _names(frame)]
-    if missing:
-        raise InputError(f"the frame has no column {missing[0]!r}; it has {', '.join(map(str, _names(frame)))}")
+    _refuse_missing(frame, columns)
     digest = hashlib.sha256()
     for name in columns:
         digest.update(name.encode() + np.ascontiguousarray(frame[name]).tobytes())
     return recording_of(header, frame.__getitem__, average_s=average_s, sources=(Source(called, digest.hexdigest()),))
+
+
+def described_columns(frame: Any, columns: Mapping[str, Entry]) -> dict[str, Column]:
+    """Return the described columns of a data frame by name, a clock not being required. Raises InputError as above."""
+    _refuse_missing(frame, columns)
+    content = {"columns": {name: _entry(name, entry) for name, entry in columns.items()}}
+    known = columns_of(Document.of(content, Path("columns")), BENCH, clock_needed=False)
+    return {c.name: c for c in known if c is not COUNTED}
+
+
+def _refuse_missing(frame: Any, columns: Mapping[str, Entry]) -> None:
+    missing = [name for name in columns if name not in _names(frame)]
+    if missing:
+        raise InputError(f"the frame has no column {missing[0]!r}; it has {', '.join(map(str, _names(frame)))}")
 
 
 def from_arrays(

@@ -7,19 +7,25 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import G0
 from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.kinds import Kind, kind_of
 from gimbalcal.units import is_raw
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MAX_DRAWN = 3000  # rows of a figure
 Key = tuple[str, str]
 """(quantity, axis) of a channel, as in ``("specific_force", "x")`` or ``("temperature", "")``."""
 
@@ -80,7 +86,7 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Displayed):
     """The log of a rig, in SI and radians (temperature in degC), one entry per row.
 
     kind: its name as a string, with the properties of that kind (`gimbalcal.recording.kinds`); a plain string is taken
@@ -215,6 +221,40 @@ class Recording:
         if not shown or sensor == "gimbal_angle":
             return None
         return float(np.sqrt(np.mean(np.square(shown))))
+
+    def to_frame(self, kind: str = "polars") -> Any:
+        """Return the rows as a data frame, "polars" or "pandas": time [s], position, and each channel in SI."""
+        position = {} if self.position is None else {"position": self.position.astype(float)}
+        named = {f"{quantity}_{axis}".rstrip("_"): x for (quantity, axis), x in self.channels.items()}
+        return data_frame({"time": self.time, **position, **named}, kind)
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of every quantity over time, at most `MAX_DRAWN` rows of it."""
+        quantities = list(dict.fromkeys(quantity for quantity, _ in self.channels))
+        rows = np.unique(np.linspace(0, len(self.time) - 1, MAX_DRAWN).astype(int)) if len(self.time) else slice(0)
+        units = {q: next(u for key, u in self.in_print.items() if key[0] == q) for q in quantities}
+        figure, axes = panels(
+            [f"{q.replace('_', ' ')} [{units[q]}]" for q in quantities], across=1, width=8, height=1.9
+        )
+        for ax, quantity in zip(axes, quantities, strict=True):
+            for axis in self.axes(quantity):
+                ax.plot(self.time[rows], self.channels[quantity, axis][rows], lw=0.8, label=axis or quantity)
+            ax.legend(loc="upper right", fontsize=8)
+        if axes:
+            axes[-1].set_xlabel("time [s]", fontsize=8)
+        return figure
+
+    @property
+    def in_print(self) -> dict[Key, str]:
+        """Return the unit of the numbers of each channel: SI, or what counts are counted in."""
+        raw = {key: unit for key, unit in self.units.items() if is_raw(unit)}
+        return {key: raw.get(key) or (QUANTITIES[key[0]].si if key[0] in QUANTITIES else "1") for key in self.channels}
+
+    def write(self, folder: str | Path) -> None:
+        """Write the recording into a folder: recording.toml and samples.csv, both or neither."""
+        from gimbalcal.recording.writing import write
+
+        write(self, folder)
 
     def select(self, rows: NDArray[Any] | slice) -> Recording:
         """Return the same recording with only `rows` (a mask, indices or a slice)."""

@@ -11,15 +11,12 @@ from gimbalcal.words import naming
 from gimbalcal.words.calibration_sentences import calibration_in_words as answer
 from gimbalcal.words.diagnosis_headline import headline
 from gimbalcal.words.rounding import significant
+from gimbalcal.words.tables import NOT_DETERMINED, aligned
 
 if TYPE_CHECKING:
-    from gimbalcal.design.optimal import PositionsDesign
-    from gimbalcal.design.position_observability import Observability
     from gimbalcal.design.turning_design import TurnsDesign
     from gimbalcal.diagnose import Diagnosis  # which loads the whole diagnosis
     from gimbalcal.diagnose.result import Finding
-
-NOT_DETERMINED = "* not determined one by one; the report gives the combinations"
 
 
 def parameters_table(c: Calibration) -> str:
@@ -27,7 +24,7 @@ def parameters_table(c: Calibration) -> str:
     table = rows(c, None)
     fixed = _fixed(c)
     return "\n".join([
-        *_aligned([(r["words"], r["value"], r["sigma"], r["unit"], "*" if r["unobservable"] else "") for r in table]),
+        *aligned([(r["words"], r["value"], r["sigma"], r["unit"], "*" if r["unobservable"] else "") for r in table]),
         *([NOT_DETERMINED] if any(r["unobservable"] for r in table) else []),
         *([f"not estimated: {'; '.join(fixed)}"] if fixed else []),
     ])  # fmt: skip
@@ -69,29 +66,12 @@ def findings_table(findings: Sequence[Finding]) -> str:
             row = estimate(p.name, p.axis, p.value, p.sigma, p.unit)
             table.append((row["words"], row["value"], row["sigma"], row["unit"], remark))
             remark = ""
-    return "\n".join(_aligned(table))
-
-
-def bounds_table(plan: Observability | PositionsDesign) -> str:
-    """Return the bound of sigma of each parameter in a plan, and its usual size."""
-    undetermined = naming.unobservable_leading(plan.unobservable)
-    table = [
-        (naming.label_in_words(r.parameter.label), "", significant(r.sigma, 3), naming.unit_in_print(r.parameter.unit),
-         "*" if r.parameter.label in undetermined else f"usual {significant(r.prior_sigma, 2)}")
-        for r in plan.rows
-    ]  # fmt: skip
-    return "\n".join([*_aligned(table), *([NOT_DETERMINED] if undetermined else [])])
+    return "\n".join(aligned(table))
 
 
 def groups_table(d: TurnsDesign) -> str:
     """Return the largest sigma of each group of states that a designed schedule of turns determines."""
-    return "\n".join(_aligned([
+    return "\n".join(aligned([
         (naming.named(g.group), "", significant(g.sigma, 3), naming.unit_in_print(g.unit), "at worst")
         for g in d.groups
     ]))  # fmt: skip
-
-
-def _aligned(table: Sequence[tuple[str, str, str, str, str]]) -> list[str]:
-    """Return aligned lines of name, value, sigma, unit and remark."""
-    name, value, sigma, unit, _ = (max((len(r[i]) for r in table), default=0) for i in range(5))
-    return [f"  {r[0]:{name}s}  {r[1]:>{value}s} ± {r[2]:<{sigma}s}  {r[3]:{unit}s}  {r[4]}".rstrip() for r in table]

@@ -20,17 +20,17 @@ from gimbalcal.words.answers import navigation_answer
 from gimbalcal.words.rounding import minus, sensible_time, significant
 
 
-def navigation_report(s: NavigationSummary, runs: Sequence[Navigated], title: str) -> str:
+def navigation_report(s: NavigationSummary) -> str:
     """Return the page of navigations of one recording."""
     names = {p.calibration: "without" if p.calibration == NONE else p.calibration for p in s.position}
     strapdown = s.mechanisation == "strapdown"
     context = {
-        "title": title,
+        "title": s.title,
         "answer": navigation_answer(s),
         "verdict": "misfit" if s.increased else "found",
         "facts": [(f"{s.hours:.3g} h", "navigated"), *map(_fact, s.position)],
         "picture": picture(
-            curves(runs),
+            curves(s.runs),
             "Errors of latitude, longitude, velocity, attitude and position over time, for each calibration.",
             "Navigator minus true; band: one sigma of the calibration's uncertainty. As Figures 3 to 5 of Wu et "
             "al. (2018).",

@@ -35,6 +35,11 @@ MAX_RATIO = 0.9  # of sigma to its prior, below which a parameter is reported as
 # --- positions or a static run ----------------------------------------------------------------------------------------
 
 
+def schedule_report(o: Observability | TurningObservability) -> str:
+    """Return the page of the observability of a schedule of positions or of turns, or of a static run."""
+    return plan_report(o) if isinstance(o, Observability) else observability_report(o)
+
+
 def plan_report(o: Observability) -> str:
     """Return the page of the observability of a schedule of positions or a static run."""
     total, unseen = len(o.rows), o.unobservable

@@ -6,8 +6,13 @@
 Format of a scenario: docs/scenarios.md and the files in gimbalcal/scenarios.
 """
 
+import sys
+
+from gimbalcal import CalledPackage
 from gimbalcal.simulate.folder import simulate_to
 from gimbalcal.simulate.scenario import Scenario, check_content, load
 from gimbalcal.simulate.simulation import prepare, simulate
 
 __all__ = ["Scenario", "check_content", "load", "prepare", "simulate", "simulate_to"]
+
+sys.modules[__name__].__class__ = CalledPackage

@@ -30,6 +30,9 @@ def test_navigate_writes_the_contract_and_a_page(command, capsys, tmp_path, cali
     assert command("navigate", STATIC, "--calibration", *calibrations, *options) == 0
     told = json.loads(capsys.readouterr().out)
     assert told == json.loads((out / "navigation.json").read_text())
+    assert {len(values) for values in told["series"].values()} == {len(told["series"]["time_s"])}
+    largest = max(p["max_nmi"] for p in told["position"] if p["calibration"] == told["position"][-1]["calibration"])
+    assert max(told["series"]["position"]) <= largest
     jsonschema.validate(told, json.loads((ROOT / "docs" / "schemas" / "navigation.schema.json").read_text()))
     rows = {(c["calibration"], c["name"]): c for c in told["channels"]}
     assert list(dict.fromkeys(c for c, _ in rows)) == ["none", "two-stage", "fused"]

@@ -148,9 +148,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "design": lambda: design_report(design(rig_of("space-stable", 90, None), 6, ("bias",))),
     "designed_turns": lambda: design_report(TURNS),
     "budget": lambda: budget_report(budget(["wu2018-18"], (6.0, 24.0))),
-    "navigation": lambda: navigation_report(
-        summary(navigated(), Aids(), NavigationInputs(samples=5)), navigated(), LONG
-    ),
+    "navigation": lambda: navigation_report(summary(navigated(), Aids(), NavigationInputs(samples=5), LONG)),
     "history": lambda: history_report(HISTORY),
     "campaign": lambda: campaign_report(campaign(ratio=1.7, failed=2)),
     "new": lambda: proposal_page(log()),

@@ -20,7 +20,7 @@ from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.effects.effect import constants
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.report.campaign_page import campaign_report
-from gimbalcal.report.console import bounds_table, findings_table, parameters_table
+from gimbalcal.report.console import findings_table, parameters_table
 from gimbalcal.words.answers import campaign_answer, chance, noise_answer
 from gimbalcal.words.calibration_sentences import calibration_in_words, calibration_verdict, goodness_of_fit
 from gimbalcal.words.diagnosis_headline import does, headline, size_in_words
@@ -35,6 +35,7 @@ from gimbalcal.words.naming import (
     unit_in_print,
     why_in_words,
 )
+from gimbalcal.words.tables import bounds_table
 from tests.golden import Golden
 from tests.report.example import example
 from tests.report.pages import campaign
