@@ -107,4 +107,4 @@ def write(verdicts: Sequence[Verdict], folder: Path) -> Path:
 def entry(v: Verdict) -> dict[str, str]:
     """Return the fields of an item of `errata.json`."""
     package = "not compared" if v.package is None else "same" if v.package.same else "differs"
-    return {f.name: getattr(v, f.name) for f in fields(v)} | {"package": package}
+    return {f.name: getattr(v, f.name) for f in fields(v) if f.name != "formulas"} | {"package": package}

@@ -61,7 +61,10 @@ class Printed:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What was found about one item; assumes: what the verdict hangs on and the paper does not state."""
+    """What was found about one item; assumes: what the verdict hangs on and the paper does not state.
+
+    `formulas` are the printed one as it was read and the derived one, None where there is none.
+    """
 
     source: str
     item: str
@@ -72,6 +75,7 @@ class Verdict:
     why: str
     package: Comparison | None = None
     assumes: str = ""
+    formulas: tuple[Expr, Expr] = (None, None)
 
 
 @dataclass(frozen=True)
@@ -277,7 +281,10 @@ def decide(source: str, printed: Printed, case: Case) -> Verdict:
         why += f" The scan is garbled here: {printed.garbled}."
     derived = "a definition" if case.derived is None else sp.sstr(case.derived)
     assumes = case.reading[0] if case.reading is not None and _by_reading(printed.formula, case) else case.assumes
-    return with_package(Verdict(source, printed.item, verdict, printed.scan, derived, size, why, assumes=assumes))
+    formulas = (printed.formula, case.derived)
+    return with_package(
+        Verdict(source, printed.item, verdict, printed.scan, derived, size, why, None, assumes, formulas)
+    )
 
 
 def by_size(difference: float, rounding: float, order: float = 0.0) -> str:

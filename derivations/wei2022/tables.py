@@ -10,8 +10,11 @@ stated relation to their first digits, and the last digits test it. *Table 4* re
 from __future__ import annotations
 
 from decimal import Decimal
+from functools import cache
+from itertools import permutations
 from math import sqrt
 
+import numpy as np
 import sympy as sp
 
 from derivations.verdict import AGREES, MISPRINT, NOT_DETERMINED, WRONG, Verdict, with_package
@@ -139,6 +142,41 @@ def residuals(scheme: int) -> list[float]:
     return [float(row[3 + scheme]) for row in TABLE_3]
 
 
+@cache
+def orders_as_likely() -> tuple[int, int]:
+    """Return how many orders of the six rows of dA_a in Table 3 are as likely as that of the states, and of how many.
+
+    A residual has the sigma c / degree of Table 2 for its scheme, c unknown: ln L = sum ln degree - n/2 ln sum (r d)^2.
+    The row whose degrees are a copy is left out, whichever residual it has.
+    """
+    degree = np.array(TABLE_2[15:20], dtype=float)  # dA_ayz is the copy
+    residual = np.array([row[3:] for row in TABLE_3[15:]], dtype=float)
+    squares = np.array([((residual[list(o[:5])] * degree) ** 2).sum(0) for o in permutations(range(6))])
+    likely = -degree.shape[0] / 2 * np.log(squares).sum(1)
+    return int((likely >= likely[0] - 1e-12).sum()), len(likely)
+
+
+def judge_ideals() -> Verdict:
+    """Judge the ideal values of Table 3, which both schemes share: estimate less residual."""
+    off = [NAMES[row] for row in range(len(NAMES)) if any(residual_gap(row, scheme) != 0 for scheme in (0, 1))]
+    return Verdict(
+        SOURCE, "Table 3, ideal values", AGREES if not off else WRONG, "one ideal value for both schemes",
+        f"estimate less residual in {2 * (len(NAMES) - len(off))} of {2 * len(NAMES)}", "0" if not off else "-",
+        "Set by the authors; the simulation's estimates of both schemes are counted from the same values.",
+    )  # fmt: skip
+
+
+def judge_order() -> Verdict:
+    """Judge the order of the six rows of dA_a in Table 3, which carry no name."""
+    likely, every = orders_as_likely()
+    determined = likely <= every / 20
+    return Verdict(
+        SOURCE, "Table 3, order of dA_a", AGREES if determined else NOT_DETERMINED, "six values without names",
+        f"{likely} of {every} orders are as likely as that of (13)", "0" if determined else "not quantified",
+        "Read in the order of the states. Residuals with sigmas in proportion to 1/degree of Table 2 do not decide.",
+    )  # fmt: skip
+
+
 def rms(group: str, scheme: int) -> float:
     """Return the rms of the residuals of a group."""
     part = residuals(scheme)[GROUPS[group]]
@@ -190,4 +228,11 @@ def verdicts() -> tuple[Verdict, ...]:
     """Return the verdicts on Tables 2, 3 and 4, then on the sentences."""
     rows = range(len(NAMES))
     three = (judge(i, s) for i in rows for s in (0, 1) for judge in (judge_estimate, judge_residual))
-    return (*(judge_degree(i) for i in rows), *three, *(judge_result(i) for i in rows), *sentences())
+    return (
+        *(judge_degree(i) for i in rows),
+        *three,
+        judge_ideals(),
+        judge_order(),
+        *(judge_result(i) for i in rows),
+        *sentences(),
+    )

@@ -1,5 +1,5 @@
 """Wu, Wu, Han and Zhang (2018), A three-stage accelerometer self-calibration technique for space-stable inertial
-navigation systems, Sensors 18, 2888: every numbered equation, Tables 1, 4 and 5.
+navigation systems, Sensors 18, 2888: every numbered equation, Section 3, Tables 1 to 5.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from derivations.wu2018 import (
     package_estimators,
     package_rows,
     package_static,
+    positions,
     sensor,
     separation,
     static_force,
@@ -36,4 +37,11 @@ judge_group = partial(decide_group, SOURCE)  # verdicts of one file
 
 def verdicts() -> tuple[Verdict, ...]:
     """Return every verdict, in the order of the paper."""
-    return (*(v for group in GROUPS for v in judge_group(group)), *table4.verdicts(), *table5.verdicts())
+    return (
+        *(v for group in GROUPS for v in judge_group(group)),
+        *positions.verdicts(),
+        *table4.inputs(),
+        *table4.verdicts(),
+        *table4.sentences(),
+        *table5.verdicts(),
+    )

@@ -7,6 +7,7 @@ Table 1), so the estimate must be the truth that it was computed with, and an es
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -15,7 +16,7 @@ import sympy as sp
 
 from derivations.comparison import checks, once
 from derivations.verdict import ARCSEC
-from derivations.wu2018 import frames, sensor, static_force, table1
+from derivations.wu2018 import frames, positions, sensor, static_force, table1
 from derivations.wu2018.package import numbers
 from derivations.wu2018.package_rows import _day
 from derivations.wu2018.package_static import PHASES, SEPARATION, _derived_matrix
@@ -100,8 +101,6 @@ def force_at_positions() -> float:
 @once
 def _coarse() -> tuple[Any, Any]:
     """Return parameters and estimate of the coarse stage, whose model has no nonlinearity."""
-    from dataclasses import replace
-
     from gimbalcal.estimate.accelerometers import coarse
     from gimbalcal.views.positions import Noise, position_parameters, problem
 
@@ -119,7 +118,32 @@ def coarse_fixed_point() -> float:
     return float(np.abs((x - _truth(wanted)) / size).max())
 
 
-@checks(SOURCE, "Eq. (7)", where=f"{COARSE}.relevel", tolerance=SETTLED)
+def _package_rank(rows: tuple[int, ...], ids: tuple[str, ...]) -> int:
+    """Return the rank of the package's readings of some positions in the parameters of some effects."""
+    from gimbalcal.views.positions import by_visit, position_parameters, problem
+
+    p = problem(_positions(_angles()[np.array(rows) - 1], 0 * K_NL, 0 * ZEROS))
+    wanted = position_parameters(p.platform, ids)
+    p = replace(p, parameters=wanted)
+    J = by_visit(p, np.zeros(len(wanted)), np.zeros((p.visits, p.turns))).J
+    return int(np.linalg.matrix_rank(J.reshape(-1, len(wanted)) * [q.sigma for q in wanted]))
+
+
+FIFTEEN = ("scale_factor", "bias", "misalignment", "gimbal_zero")
+RANKS = {  # item: positions, effects, coefficients
+    "Section 3, 18 coefficients": (positions.EVERY, (*FIFTEEN, "scale_nonlinearity"), positions.EIGHTEEN),
+    "Section 3, 18 equations": (positions.EVERY, FIFTEEN, positions.FIFTEEN),
+    "Section 3, twelve positions": (positions.BETWEEN, FIFTEEN[2:], positions.NINE),
+}
+
+
+@checks(SOURCE, *RANKS, where="views.positions.by_visit")
+def ranks_of_positions() -> float:
+    """Differences of the ranks."""
+    return float(max(abs(_package_rank(rows, ids) - positions.rank(rows, of)) for rows, ids, of in RANKS.values()))
+
+
+@checks(SOURCE, "Eq. (7)", "Section 3, levelling", where=f"{COARSE}.relevel", tolerance=SETTLED)
 def relevelled() -> float:
     """The true angles of the levelled inner and middle gimbal against the schedule's."""
     from gimbalcal.estimate.accelerometers import coarse

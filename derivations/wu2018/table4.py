@@ -1,4 +1,4 @@
-r"""Table 4: thirteen combined coefficients from the residuals of Tables 2 and 3, at 40 deg latitude.
+r"""Tables 2 to 4: thirteen combined coefficients from twelve residuals, at 40 deg latitude.
 
 Each reference value is computed from the derived form (not the printed one) of its equation. Biases are divided by g,
 which the paper does not state: normal gravity at 40 deg is used, and the g that fits the printed digits best is told.
@@ -11,6 +11,9 @@ entry is "wrong" and not "misprint".
 
 Six relations hold between the thirteen coefficients whatever the parameters are, since their rank is seven. A column
 that breaks them belongs to no accelerometer.
+
+Tables 2 and 3 are inputs. Table 4 confirms an entry where a reference value that contains it follows from the tables
+as printed; an entry without one may have been used with another sign.
 """
 
 from __future__ import annotations
@@ -23,9 +26,19 @@ from typing import Any
 
 import sympy as sp
 
-from derivations.verdict import AGREES, MISPRINT, WRONG, Verdict, in_unit, last_digit, with_package
+from derivations.verdict import (
+    AGREES,
+    ARCSEC,
+    MISPRINT,
+    NOT_DETERMINED,
+    WRONG,
+    Verdict,
+    in_unit,
+    last_digit,
+    with_package,
+)
 from derivations.wu2018.separation import coefficients
-from derivations.wu2018.symbols import BETA, BIAS, G_NORMAL, NUMBERS, SCALE, SOURCE, L, g
+from derivations.wu2018.symbols import BETA, BIAS, G_NORMAL, NUMBERS, SCALE, SOURCE, TABLE_2, TABLE_3, L, g
 
 LAST_DIGITS = 1.5
 
@@ -219,3 +232,80 @@ def _mentions(relation: str, name: str) -> bool:
 def verdicts(rows: tuple[Row, ...] = ROWS) -> tuple[Verdict, ...]:
     """Return the verdicts on all thirteen rows."""
     return tuple(judge_row(row) for row in rows)
+
+
+# --- Tables 2 and 3, and what Section 6.1 says of all three
+
+NOISE = 5e-3  # m/s^2 of one sample, Section 6.1
+DAY = 86164.0905  # s, one turn of S_t
+
+
+def judge_input(symbol: Any, value: float) -> Verdict:
+    """Return the verdict on one entry of Tables 2 and 3."""
+    table, unit = (3, "arcsec") if symbol in TABLE_3 else (2, "m/s^2" if symbol in BIAS else "")
+    printed = f"{value / ARCSEC:.0f} {unit}" if table == 3 else f"{value:g} {unit}".strip()
+    containing = [r for r in ROWS if coefficients()[r.coefficient].has(symbol)]
+    following = [r.name for r in containing if fits(evaluate(r.coefficient), r.reference)]
+    words = (
+        f"An input of the simulation. Table 4 contains it in {', '.join(r.name for r in containing)}; of these "
+        f"{', '.join(following) or 'none'} can be computed from the tables as printed."
+    )
+    if not following:
+        reversed_ = [r.name for r in containing if fits(evaluate(r.coefficient, (symbol,)), r.reference)]
+        words += f" With its sign reversed {', '.join(reversed_)} could." if reversed_ else ""
+    return Verdict(
+        SOURCE, f"Table {table}, {symbol}", AGREES if following else NOT_DETERMINED, printed,
+        f"confirmed by {', '.join(following)}" if following else "not confirmed by any reference value",
+        "0" if following else "not quantified", words,
+    )  # fmt: skip
+
+
+def inputs() -> tuple[Verdict, ...]:
+    """Return the verdicts on the twelve entries of Tables 2 and 3."""
+    return tuple(judge_input(symbol, value) for symbol, value in {**TABLE_2, **TABLE_3}.items())
+
+
+def samples_of_a_day() -> float:
+    """Return the samples in one turn of S_t whose white noise leaves errors as large as those of Table 4.
+
+    The mean of z has the variance s^2/N of the noise s along the force; a harmonic of amplitude A(S_t) has 2 s^2/N over
+    its factor squared. Every state is scaled by its own factor, so that the errors are equal draws.
+    """
+    C = float(sp.cos(NUMBERS[L]))
+    s = NOISE / G_NORMAL
+    # variance of each state times N / s^2: H = 1, C cos, C sin, C^2 cos 2, C^2 sin 2 (27)
+    variance = {"x_1": 1.0, "x_2": 2 / C**2, "x_3": 2 / C**2, "x_4": 2 / C**4, "x_5": 2 / C**4}
+    errors = {r.coefficient: float(r.estimated) - float(r.reference) for r in ROWS}
+    return float(len(variance) * s**2 / sum(errors[k] ** 2 / v for k, v in variance.items()))
+
+
+def sentences() -> tuple[Verdict, ...]:
+    """Return the verdicts on what Section 6.1 says of Tables 2 to 4."""
+    largest = max(abs(v) for v in TABLE_3.values()) / ARCSEC
+    beyond = [str(s) for s, v in TABLE_3.items() if abs(v) / ARCSEC > 10 * (1 + 1e-9)]
+    limit = [str(s) for s, v in TABLE_3.items() if str(s) not in beyond and abs(v) / ARCSEC > 10 * (1 - 1e-9)]
+    errors = {r.name: abs(float(r.estimated) - float(r.reference)) for r in ROWS}
+    worst = max(errors, key=lambda name: errors[name])
+    far = [r.name for r in ROWS if abs(float(r.estimated) - evaluate(r.coefficient)) >= 1e-6]
+    n = samples_of_a_day()
+    return (
+        Verdict(
+            SOURCE, "Section 6.1, 10 arcsec", WRONG if beyond else AGREES, "the residuals are generally less than 10 "
+            "arcsec", f"at most {largest:.0f} arcsec", "0" if not beyond else f"{len(beyond)} of 6",
+            f"{', '.join(limit)} have just 10 arcsec.",
+        ),
+        Verdict(
+            SOURCE, "Section 6.1, 1e-6 rad", AGREES if errors[worst] < 1e-6 else WRONG,
+            "the estimation accuracy of each combined coefficient is better than 1e-6 rad",
+            f"{errors[worst]:.1e} ({worst})", "0" if errors[worst] < 1e-6 else in_unit(errors[worst], "ug"),
+            f"Estimate less printed reference. From what Tables 2 and 3 give {', '.join(far)} differ by more; "
+            "their references are judged with Table 4.",
+            assumes="that the simulation's true values were the printed references",
+        ),
+        Verdict(
+            SOURCE, "Section 6.1, noise", NOT_DETERMINED, "a zero-mean random noise with an amplitude of 5e-3 m/s^2",
+            f"{n:.1e} samples, {n / DAY:.0f} Hz over one turn of S_t", "not quantified",
+            "Rate and duration are not printed. The errors of x1 to x5 are those of white noise of that size if one "
+            "turn of S_t has so many samples, known to a factor of about two from five errors.",
+        ),
+    )  # fmt: skip

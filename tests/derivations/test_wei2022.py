@@ -44,7 +44,7 @@ def test_every_equation_and_table_entry_once(found):
     expected |= {"Table 1, order 16~30", "Table 1, rate and stops", "Section 3.2, 21 errors", "Abstract, 21 parameters"}
     expected |= {f"Section 4.1, {name}" for name in ("initial attitude", "level", "mostly stronger", "residuals")}
     expected |= {f"Section 4.1, {metres} m" for metres in (3639, 865)}
-    expected |= {"Eq. (13), rank", "Table 1, gain of 16~30"}
+    expected |= {"Eq. (13), rank", "Table 1, gain of 16~30", "Table 3, ideal values", "Table 3, order of dA_a"}
     assert set(found) == expected
     assert [len(t) for t in (NAMES, tables.TABLE_2, tables.TABLE_3, tables.TABLE_4)] == [21] * 4
 
@@ -113,6 +113,27 @@ def test_a_wrong_digit_of_a_residual_is_found(monkeypatch):
     monkeypatch.setattr(tables, "TABLE_3", tuple(rows))
     assert tables.judge_residual(3, 0).verdict == WRONG
     assert tables.judge_residual(3, 1).verdict == AGREES
+
+
+def test_a_wrong_ideal_value_is_found(monkeypatch):
+    rows = [list(row) for row in tables.TABLE_3]
+    rows[3][0] = "81"
+    monkeypatch.setattr(tables, "TABLE_3", tuple(map(tuple, rows)))
+    assert tables.judge_ideals().verdict == WRONG
+
+
+def test_order_of_rows_without_names_is_open_and_follows_from_residuals_as_small_as_the_degrees(monkeypatch):
+    assert tables.judge_order().verdict == NOT_DETERMINED
+    degrees = [("1", "1"), ("10", "10"), ("100", "100"), ("1000", "1000"), ("10000", "10000"), ("1", "1")]
+    rows = [("0", "0", "0", str(1 / float(d[0])), str(1 / float(d[0]))) for d in degrees]
+    monkeypatch.setattr(tables, "TABLE_2", (*tables.TABLE_2[:15], *degrees))
+    monkeypatch.setattr(tables, "TABLE_3", (*tables.TABLE_3[:15], *rows))
+    tables.orders_as_likely.cache_clear()
+    try:
+        likely, every = tables.orders_as_likely()
+    finally:
+        tables.orders_as_likely.cache_clear()
+    assert likely <= every / 20
 
 
 def test_static_run_grows_with_the_polar_part_of_the_gyro_error():

@@ -17,6 +17,7 @@ from derivations.wu2018 import (
     attitude_error,
     fine_norm,
     frames,
+    positions,
     sensor,
     separation,
     static_force,
@@ -30,6 +31,8 @@ from derivations.wu2018.symbols import (
     LATITUDE,
     NUMBERS,
     RESIDUALS,
+    TABLE_2,
+    TABLE_3,
     L,
     S_t,
     beta_yx,
@@ -84,6 +87,12 @@ def test_every_equation_and_table_entry_once(wu2018_list):
     expected |= {f"Table 5, {row}, {stage}" for row in table5.ROWS for stage in table5.STAGES}
     expected |= {f"Table 5, {row}, {stage} improvement" for row in table5.ROWS for stage in table5.STAGES[1:]}
     expected |= {f"Section 6.2, over {n} %" for n in (10, 22, 30, 45)}
+    expected |= {f"Table 2, {symbol}" for symbol in TABLE_2} | {f"Table 3, {symbol}" for symbol in TABLE_3}
+    expected |= {f"Section 6.1, {name}" for name in ("10 arcsec", "1e-6 rad", "noise")}
+    expected |= {f"Section 3, {name}" for name in (
+        "18 coefficients", "18 equations", "six positions", "coarse estimates", "45 deg", "twelve positions",
+        "levelling",
+    )}  # fmt: skip
     assert (len(table4.ROWS), len(table5.ROWS)) == (13, 7)
     assert set(count) == expected
     assert set(count.values()) == {1}
@@ -279,8 +288,76 @@ def test_rank_and_null_directions():
     assert len(separation.NULL_LEVEL | separation.NULL_TILTED) + 7 == len(RESIDUALS)
 
 
-def test_coarse_stage_cannot_tell_the_platform_zero_from_a_common_turn_about_z():
-    assert sensor.coarse_rank() == 14
+def test_positions_leave_one_direction_free_whatever_is_asked_of_them():
+    """The platform zero and a common turn beta_xz = beta_yz; with one of the two left out nothing is free."""
+    for rows, unknowns, seen in (
+        (positions.EVERY, positions.EIGHTEEN, 17), (positions.EVERY, positions.FIFTEEN, 14),
+        (positions.BETWEEN, positions.NINE, 8),
+    ):  # fmt: skip
+        assert positions.rank(rows, unknowns) == seen == len(unknowns) - 1
+        assert positions.rank(rows, tuple(u for u in unknowns if u is not table1.ZEROS[0])) == seen
+    assert positions.rank(positions.FACES, positions.FIFTEEN[:6]) == 6
+
+
+def test_faces_of_table_1_and_what_their_sums_and_differences_are():
+    assert {positions.vertical(row) for row in positions.FACES} == {(a, s) for a in range(3) for s in (-1, 1)}
+    assert not any(positions.slanted(row) for row in positions.FACES)
+    bias, scale = (positions.first_order(m) for m in positions.of_faces())
+    assert list(bias) == list(sensor.K)
+    assert not any(scale)
+
+
+def test_a_wrong_face_a_wrong_slant_and_a_levelling_that_does_not_end_are_noticed(monkeypatch):
+    with monkeypatch.context() as m:
+        m.setattr(positions, "FACES", (1, 3, 5, 7, 9, 12))
+        assert positions.judge_faces().verdict == WRONG
+    with monkeypatch.context() as m:
+        m.setattr(positions, "BETWEEN", (2, 3))
+        assert positions.judge_slanted().derived == "not at 3"
+    with monkeypatch.context() as m:
+        m.setattr(positions, "levelled", lambda: [1e-2, 5e-3, 2e-3, 1e-3])
+        assert positions.judge_levelling().verdict == WRONG
+    with monkeypatch.context() as m:
+        m.setattr(positions, "of_faces", lambda: (sp.Matrix(sensor.b), sp.zeros(3, 1)))
+        assert positions.judge_coarse().verdict == WRONG
+
+
+def test_one_turn_back_leaves_the_square_of_the_zeros():
+    first, second, third, _ = positions.levelled()
+    assert second < first**2
+    assert third < second**2
+
+
+def test_tables_2_and_3_are_confirmed_where_a_reference_follows_from_them(monkeypatch):
+    open_ = [v.item for v in table4.inputs() if v.verdict == NOT_DETERMINED]
+    assert open_ == ["Table 2, sigma_z", "Table 2, nabla_z"]
+    assert "With its sign reversed x1 could." in table4.judge_input(nabla_z, 1e-3).why
+    monkeypatch.setattr(table4, "ROWS", table4.ROWS[:1])  # x1, which follows from no table as printed
+    assert all(v.verdict == NOT_DETERMINED for v in table4.inputs())
+
+
+def test_sentences_of_section_6_1_follow_from_the_tables(monkeypatch):
+    limit, accuracy, noise = table4.sentences()
+    assert limit.why == "beta_yz, beta_xy have just 10 arcsec."
+    assert accuracy.verdict == AGREES
+    assert "8.2e+06 samples" in noise.derived
+    worse = replace(table4.ROWS[0], estimated="1.1336e-4")
+    monkeypatch.setattr(table4, "ROWS", (worse, *table4.ROWS[1:]))
+    assert table4.sentences()[1].verdict == WRONG
+    monkeypatch.setattr(table4, "TABLE_3", {nabla_z: 11 * 4.85e-6})
+    assert table4.sentences()[0].verdict == WRONG
+
+
+def test_samples_of_a_day_by_draws():
+    """White noise on z of the specific force of (19), its five states by least squares: the number comes back."""
+    rng, n = np.random.default_rng(3), 4000
+    S = 2 * np.pi * np.arange(n) / n
+    C = np.cos(LATITUDE)
+    H = np.stack([np.ones(n), -C * np.cos(S), -C * np.sin(S), C**2 * np.cos(2 * S), C**2 * np.sin(2 * S)], axis=1)
+    noise = table4.NOISE / G_NORMAL * rng.standard_normal((200, n))
+    found = np.linalg.lstsq(H, noise.T, rcond=None)[0].std(axis=1)
+    variance = np.array([1, 2 / C**2, 2 / C**2, 2 / C**4, 2 / C**4])
+    assert found == pytest.approx(table4.NOISE / G_NORMAL * np.sqrt(variance / n), rel=0.15)
 
 
 def test_matrix_41_lacks_what_22_and_23_have():
@@ -347,5 +424,16 @@ def test_harmonics_by_eight_angles_are_the_integral(power):
 def test_the_page_of_errata_says_what_is_derived(wu2018_list):
     docs = Path(__file__).parents[2] / "docs"
     section = runpy.run_path(str(docs / "build_errata.py"))["section"]
-    told = section("001", [errata.entry(v) for v in wu2018_list])
-    assert told in (docs / "errata.md").read_text(), "run `make docs`"
+    stated = section("001", [errata.entry(v) for v in wu2018_list])
+    assert stated in (docs / "errata.md").read_text(), "run `make docs`"
+
+
+def test_the_page_of_the_paper_has_every_item_with_its_formulas(wu2018_list):
+    builder = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "build_errata.py"))
+    page = builder["paper_page"]("001", wu2018_list)
+    escaped = builder["text"]
+    for v in wu2018_list:
+        whole = f"## {escaped(v.item)}: {v.verdict}" if v.formulas != (None, None) else f"| {escaped(v.item)} |"
+        assert page.count(whole) == 1, v.item
+    assert r"\beta_{yz}" in page
+    assert page.count("$$") % 2 == 0
