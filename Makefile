@@ -35,10 +35,6 @@ lint: $(VENV)/.dev-ready  ## style, types, and the direction of imports
 	$(BIN)/mypy $(CHECKED)
 	$(BIN)/lint-imports
 
-docs/_build/errata.json: $(wildcard derivations/*.py derivations/*/*.py) | $(VENV)/.docs-ready
-	mkdir -p docs/_build
-	$(BIN)/python -m derivations --out docs/_build --faults
-
 mutate: $(VENV)/.dev-ready  ## whether the tests fail where effects and equations are falsified
 	$(BIN)/python -m tests.mutate
 
@@ -49,10 +45,10 @@ bench: $(VENV)/.dev-ready  ## measure the figures of docs/performance.md (about 
 		mv docs/measured/$$name.part docs/measured/$$name.txt; cat docs/measured/$$name.txt; done
 	$(BIN)/python docs/build_measured.py
 
-docs: $(VENV)/.docs-ready docs/_build/errata.json  ## these pages as a web site without a network: docs/_build/html/index.html
+docs: $(VENV)/.docs-ready  ## these pages as a web site without a network: docs/_build/html/index.html
 	$(BIN)/python docs/build_effects.py
 	$(BIN)/python docs/build_measured.py
-	$(BIN)/python docs/build_errata.py docs/_build/errata.json
+	$(BIN)/python docs/build_errata.py
 	$(BIN)/python -m sphinx -b html -n -W --keep-going -q docs docs/_build/html
 	$(BIN)/python docs/check_links.py docs/_build/html
 

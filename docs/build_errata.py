@@ -1,20 +1,28 @@
-"""Write docs/errata.md: the errors of the four papers, from the verdicts of the derivations.
+"""Write docs/errata.md, the errors of the four papers, and docs/errata, a page of every item of each paper.
 
-python -m derivations --out docs/_build
-python docs/build_errata.py docs/_build/errata.json
+    python docs/build_errata.py
+
+derives all papers as `python -m derivations` does.
 """
 
 from __future__ import annotations
 
-import json
+import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+import sympy as sp
+
+from derivations.errata import entry
+from derivations.verdict import Verdict
 from gimbalcal.references import REFERENCES
 
 PAGE = Path(__file__).parent / "errata.md"
+OF_PAPERS = Path(__file__).parent / "errata"
+MATRIX_WIDTH, LONGEST = 6, 900  # columns of a matrix and characters of a formula that a page shows
 PAPERS = {"001": "wu2018", "000": "wang2019", "002": "cai2016", "003": "wei2022"}
 SHORT = 160  # characters of a derived expression that are still read on a page
 HEAD = """# Errata of the papers
@@ -27,7 +35,8 @@ expressions too. Errors of the papers are corrected in the package.
 *Agrees*: as printed, definitions included. *Approximation*: correct to the stated order. *Misprint*: a slip that the
 paper itself does not carry on. *Wrong*: the printed result does not follow. *Not determined*: the equations do not
 determine it, the recordings that it needs are not printed, or the scan is not legible there. An assumption is what the
-paper does not state and the verdict hangs on. `python -m derivations PAPER ITEM` shows one item in full.
+paper does not state and the verdict hangs on. `python -m derivations PAPER ITEM` shows one item in full, and the
+pages of the [documents](index.md) that `make docs` builds have every item with its printed and derived formula.
 """
 Entry = dict[str, str]
 
@@ -103,7 +112,73 @@ def cell(words: str) -> str:
     return text(words)
 
 
+# --- a page for each paper
+
+
+def paper_page(source: str, verdicts: Sequence[Verdict]) -> str:
+    """Return the page of one paper: each formula as printed, as derived, and the verdict; numbers as a table."""
+    name = REFERENCES[PAPERS[source]]
+    parts = [f"# {name.split(',')[0]} {PAPERS[source][-4:]}, item by item", f"{name}."]
+    rows: list[str] = []
+    for v in verdicts:
+        if any(f is not None for f in v.formulas):
+            parts += [*_closed(rows), of_formula(v)]
+        else:
+            package = entry(v)["package"]
+            cells = (v.item, v.printed, v.derived, v.verdict, v.size, v.why.split(" Package: ")[0], package)
+            rows.append(f"| {' | '.join(map(cell, cells))} |")
+    return "\n\n".join([*parts, *_closed(rows)]) + "\n"
+
+
+def _closed(rows: list[str]) -> list[str]:
+    """Return the table of the rows so far, and forget them."""
+    if not rows:
+        return []
+    head = ["| item | printed | derived | verdict | size | why | package |", "|" + "---|" * 7]
+    table = "\n".join([*head, *rows])
+    rows.clear()
+    return [table]
+
+
+def of_formula(v: Verdict) -> str:
+    """Return one item with the printed and the derived formula, beside each other where both are short."""
+    printed, derived = (latex(f) for f in v.formulas)
+    size = "" if v.size in ("0", "not quantified") else f", {text(v.size)}"
+    lines = [f"## {text(v.item)}: {v.verdict}{size}", "", f"`{v.printed.replace('`', chr(39))}`", ""]
+    if printed and (not derived or printed == derived):
+        lines += [f"$${printed}$$", ""]
+    elif printed and derived and max(len(printed), len(derived)) <= SHORT:
+        columns = " | ".join(f"$\\displaystyle {f.replace('|', chr(92) + 'vert ')}$" for f in (printed, derived))
+        lines += ["| printed | derived |", "|---|---|", f"| {columns} |", ""]
+    else:
+        for name, f in (("printed", printed), ("derived", derived)):
+            lines += [f"{name}:", "", f"$${f}$$" if f else "in full with `python -m derivations PAPER ITEM`", ""]
+    lines.append(text(v.why))
+    if v.assumes:
+        lines += ["", f"Assumes {text(v.assumes)}."]
+    return "\n".join(lines)
+
+
+def latex(f: Any) -> str:
+    """Return a formula in LaTeX; nothing for none and for one that is too long or too wide for a page."""
+    words = "" if f is None else str(sp.latex(f))
+    wide = isinstance(f, sp.MatrixBase) and f.shape[1] > MATRIX_WIDTH
+    return "" if wide or len(words) > LONGEST else words
+
+
+def write(verdicts: Sequence[Verdict]) -> None:
+    """Write the page of errors and those of the papers."""
+    PAGE.write_text(page([entry(v) for v in verdicts]), encoding="utf-8")
+    OF_PAPERS.mkdir(exist_ok=True)
+    for source, name in PAPERS.items():
+        mine = [v for v in verdicts if v.source == source]
+        (OF_PAPERS / f"{name}.md").write_text(paper_page(source, mine), encoding="utf-8")
+
+
 if __name__ == "__main__":
-    verdicts = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
-    PAGE.write_text(page(verdicts), encoding="utf-8")
-    sys.stdout.write(f"wrote {PAGE.name}: {len(verdicts)} items\n")
+    os.environ.setdefault("NUMBA_DISABLE_JIT", "1")  # as python -m derivations does
+    from derivations.__main__ import PAPERS as MODULES
+
+    everything = [v for paper in MODULES for v in paper.verdicts()]
+    write(everything)
+    sys.stdout.write(f"wrote {PAGE.name} and {len(PAPERS)} pages of papers: {len(everything)} items\n")
