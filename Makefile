@@ -17,7 +17,7 @@ export MPLBACKEND := Agg
 export PYTHONUTF8 := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint docs mutate bench lock clean
+.PHONY: help demo test lint docs mutate bench dist lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1|/' | column -t -s '|' 2>/dev/null \
@@ -83,6 +83,9 @@ endef
 
 LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --quiet \
 	--no-emit-index-url --no-emit-find-links
+
+dist: $(VENV)/.dev-ready  ## build wheel and sdist, and try them in bare environments of every Python here
+	$(BIN)/python -m tests.release --oldest
 
 lock:  ## refresh requirements/*.txt from pyproject.toml (needs uv)
 	$(LOCK) pyproject.toml requirements/build.in --extra dev -o requirements/dev.txt
