@@ -1,25 +1,23 @@
-"""Run a campaign: share out, collect, tell how long it takes, sum up."""
+"""Run a campaign: share out, collect, report how long it takes, sum up."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import isfinite, nan
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gimbalcal.campaign.campaign_folder import CampaignFolder, CampaignSummary, ParameterErrors
-from gimbalcal.campaign.task import Task, task
-from gimbalcal.campaign.workers import cluster, connect, here, processes
+from gimbalcal.campaign.task import Task, compute, task
+from gimbalcal.campaign.workers import RESUMABLE, TimeLeft, computed, connect, number_of_workers
 from gimbalcal.errors import InputError, amount
 
 if TYPE_CHECKING:
     import polars as pl
 
-MOST_WORKERS = 1000
 Tell = Callable[[str], None]
 Page = Callable[[CampaignSummary], str]
 
@@ -45,11 +43,7 @@ def run_campaign(
     """
     if n < 1:
         raise InputError(f"-n must be at least 1, got {n}")
-    workers = len(os.sched_getaffinity(0)) if workers is None else workers
-    if workers < 1:
-        raise InputError(f"--workers must be at least 1, got {workers}")
-    if workers > MOST_WORKERS:
-        raise InputError(f"--workers {workers}: more than {MOST_WORKERS} processes no machine has room for")
+    workers = number_of_workers(workers)
     what = task(scenario, method, seed)
     store = CampaignFolder(Path(out), what, n)
     client = connect(scheduler) if scheduler else None
@@ -66,23 +60,16 @@ def _run(
     done = n - sum(len(share) for share in todo)
     if done:
         progress(f"{done} of {amount(n, 'run')} were there already")
-    if client is not None:
-        results = cluster(what, todo, client)
-    else:
-        results = here(what, todo) if workers == 1 or len(todo) < 2 else processes(what, todo, min(workers, len(todo)))
-    start, fresh = monotonic(), 0
-    for share, columns in results:
+    left = TimeLeft(n, done)
+    for share, columns in computed(partial(compute, what), todo, lost_share, workers, client):
         store.keep(share, columns)
-        fresh += len(share)
-        remaining_s = (n - done - fresh) * (monotonic() - start) / fresh
-        progress(f"{done + fresh} of {amount(n, 'run')}, {_spell(remaining_s)} left")
+        progress(left.after(len(share), "run"))
     return store.finish(lambda rows, digest: summarise(rows, what, digest), page)
 
 
-def _spell(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
+def lost_share(share: range, why: str) -> dict[str, list[Any]]:
+    """Raise InputError for a share whose runs end their workers."""
+    raise InputError(f"runs {share.start} to {share.stop - 1} {why}: take a smaller scenario; {RESUMABLE}")
 
 
 def summarise(rows: pl.DataFrame, what: Task, digest: str) -> CampaignSummary:

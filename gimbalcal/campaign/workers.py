@@ -1,6 +1,8 @@
-"""Workers that compute the shares of a campaign: this process, processes on this machine, or an existing Dask cluster.
+"""Workers that compute items: this process, processes on this machine, or an existing Dask cluster.
 
-A worker that dies takes its shares with it; they are done again. The extra `gimbalcal[cluster]` brings the client.
+An item is a share of the runs of a campaign, or a recording of a fleet. A worker that dies takes its items with it;
+they are computed again. An item that ends its worker `DEATHS` times is `lost`, a function of the item and a sentence, which
+returns a result in its place or raises. The extra `gimbalcal[cluster]` installs the client.
 """
 
 from __future__ import annotations
@@ -15,62 +17,97 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context, parent_process
 from signal import SIG_IGN, SIGINT, SIGTERM, signal
 from threading import Thread
-from typing import Any
+from time import monotonic
+from typing import Any, TypeVar
 
-from gimbalcal.campaign.task import Task, compute
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 
-Columns = dict[str, list[Any]]
-Work = Callable[[Task, range], Columns]
-DEATHS = 3  # workers that a share may take with it before it is the share's fault
+Item, Result = TypeVar("Item"), TypeVar("Result")
+MAX_WORKERS = 1000
+DEATHS = 3  # workers that an item may end before it is lost
 CANCELLED = (asyncio.CancelledError, concurrent.futures.CancelledError)
-PATIENCE = 10.0  # s without a share that is done before it is asked whether anybody works
+PATIENCE = 10.0  # s without a result, after which it is checked whether any worker is left
 RESUMABLE = "finished runs are kept, and the same command continues from there"
 
 
-def here(task: Task, shares: Sequence[range]) -> Iterator[tuple[range, Columns]]:
-    """Yield results of the shares, computed one after the other in this process."""
-    for share in shares:
-        yield share, compute(task, share)
+def number_of_workers(asked: int | None) -> int:
+    """Return how many processes to use, by default one for each core. Raises InputError for an impossible number."""
+    workers = len(os.sched_getaffinity(0)) if asked is None else asked
+    if workers < 1:
+        raise InputError(f"--workers must be at least 1, got {workers}")
+    if workers > MAX_WORKERS:
+        raise InputError(f"--workers {workers}: more than {MAX_WORKERS} processes no machine has room for")
+    return workers
+
+
+def computed(
+    work: Callable[[Item], Result], items: Sequence[Item], lost: Callable[[Item, str], Result], workers: int,
+    client: Any = None,
+) -> Iterator[tuple[Item, Result]]:  # fmt: skip
+    """Yield each item with its result, as they are finished, by a Dask client or by processes of this machine."""
+    if client is not None:
+        return cluster(work, items, client, lost)
+    if workers == 1 or len(items) < 2:
+        return here(work, items)
+    return processes(work, items, min(workers, len(items)), lost)
+
+
+class TimeLeft:
+    """The time that remains, from the time that items took since this was made."""
+
+    def __init__(self, total: int, done: int) -> None:
+        self.total, self.done, self.fresh, self.start = total, done, 0, monotonic()
+
+    def after(self, items: int, noun: str) -> str:
+        """Return in words how much is done, and the time left, after so many further items."""
+        self.fresh += items
+        seconds = (self.total - self.done - self.fresh) * (monotonic() - self.start) / self.fresh
+        return f"{self.done + self.fresh} of {amount(self.total, noun)}, {_spelled(seconds)} left"
+
+
+def _spelled(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+def here(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[Item, Result]]:
+    """Yield results of the items, computed one after the other in this process."""
+    for item in items:
+        yield item, work(item)
 
 
 def processes(
-    task: Task, shares: Sequence[range], workers: int, work: Work = compute
-) -> Iterator[tuple[range, Columns]]:
-    """Yield results of the shares, in the order in which `workers` processes finish them.
-
-    Raises InputError when one share keeps ending its worker.
-    """
-    pending = list(shares)
+    work: Callable[[Item], Result], items: Sequence[Item], workers: int, lost: Callable[[Item, str], Result]
+) -> Iterator[tuple[Item, Result]]:
+    """Yield results of the items, in the order in which `workers` processes finish them."""
+    pending = list(items)
     while pending:
         try:
-            for share, columns in _pooled(task, pending, workers, work):
-                pending.remove(share)
-                yield share, columns
+            for item, result in _pooled(work, pending, workers):
+                pending.remove(item)
+                yield item, result
         except BrokenProcessPool:
-            for share in pending[:workers]:  # only these can have been in work: `_pooled` keeps no more in the pool
-                yield share, _alone(task, share, work)
+            for item in pending[:workers]:  # only these can have been in work: `_pooled` keeps no more in the pool
+                yield item, _alone(work, item, lost)
             pending = pending[workers:]
 
 
-def _alone(task: Task, share: range, work: Work) -> Columns:
-    """One share in a process of its own, so that a death is its own and not its neighbour's."""
+def _alone(work: Callable[[Item], Result], item: Item, lost: Callable[[Item, str], Result]) -> Result:
+    """Return the result of an item in a process of its own, which no other item can end."""
     for _ in range(DEATHS):
         try:
-            return next(_pooled(task, [share], 1, work))[1]
+            return next(_pooled(work, [item], 1))[1]
         except BrokenProcessPool:
             continue
-    raise InputError(
-        f"runs {share.start} to {share.stop - 1} ended their worker {DEATHS} times, out of memory most likely: take a "
-        "smaller scenario; finished runs are kept"
-    )
+    return lost(item, f"ended their worker {DEATHS} times, out of memory most likely")
 
 
-def _pooled(task: Task, shares: Sequence[range], workers: int, work: Work) -> Iterator[tuple[range, Columns]]:
+def _pooled(work: Callable[[Item], Result], items: Sequence[Item], workers: int) -> Iterator[tuple[Item, Result]]:
     # a fork server starts clean processes: no copied locks of BLAS or Arrow threads; Ctrl-C is the parent's to answer
     pool = ProcessPoolExecutor(workers, get_context("forkserver"), _begin)
     try:
-        yield from _run(pool, task, shares, workers, work)
+        yield from _run(pool, work, items, workers)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
@@ -90,14 +127,14 @@ def _end_with_parent() -> None:
 
 
 def _run(
-    pool: ProcessPoolExecutor, task: Task, shares: Sequence[range], workers: int, work: Work
-) -> Iterator[tuple[range, Columns]]:
-    waiting = list(shares)
-    running: dict[Future[Columns], range] = {}
+    pool: ProcessPoolExecutor, work: Callable[[Item], Result], items: Sequence[Item], workers: int
+) -> Iterator[tuple[Item, Result]]:
+    waiting = list(items)
+    running: dict[Future[Result], Item] = {}
     while waiting or running:
         while waiting and len(running) < workers:
-            share = waiting.pop(0)
-            running[pool.submit(work, task, share)] = share
+            item = waiting.pop(0)
+            running[pool.submit(work, item)] = item
         done, _ = wait(running, return_when=FIRST_COMPLETED)
         for future in done:
             yield running.pop(future), future.result()
@@ -117,10 +154,12 @@ def connect(address: str, timeout: float = 10.0) -> Any:
         raise InputError(f"no Dask scheduler answers at {address} within {timeout:g} s ({problem})") from None
 
 
-def cluster(task: Task, shares: Sequence[range], client: Any) -> Iterator[tuple[range, Columns]]:
-    """Yield results of the shares, in the order in which the client's workers finish them.
+def cluster(
+    work: Callable[[Item], Result], items: Sequence[Item], client: Any, lost: Callable[[Item, str], Result]
+) -> Iterator[tuple[Item, Result]]:
+    """Yield results of the items, in the order in which the client's workers finish them.
 
-    The scheduler does the shares of a lost worker again.
+    The scheduler does the items of a lost worker again.
     """
     from distributed import wait as finished
     from distributed.comm.core import CommClosedError
@@ -135,19 +174,19 @@ def cluster(task: Task, shares: Sequence[range], client: Any) -> Iterator[tuple[
                 f"the Dask scheduler at {address} has no worker; start some, `dask worker {address}`, and run the same "
                 "command again"
             ) from None
-        pending = {client.submit(compute, task, share, pure=False): share for share in shares}
+        pending = {client.submit(work, item, pure=False): item for item in items}
         while pending:
+            results = []
             try:
-                done = finished(list(pending), timeout=PATIENCE, return_when="FIRST_COMPLETED").done
-                # a result lies with its worker, who may be gone by now
-                results = [(future, future.result(timeout=PATIENCE)) for future in done]
+                for future in finished(list(pending), timeout=PATIENCE, return_when="FIRST_COMPLETED").done:
+                    try:  # a result lies with its worker, who may be gone by now
+                        results.append((future, future.result(timeout=PATIENCE)))
+                    except KilledWorker:
+                        results.append((future, lost(pending[future], "ended every worker that took them")))
             except TimeoutError:
-                if client.status == "running" and client.nthreads():
-                    continue
-                raise InputError(f"the Dask scheduler at {address} has no worker left; {RESUMABLE}") from None
-            except KilledWorker as problem:
-                raise InputError(f"a share ended every worker that took it ({problem.task}); {RESUMABLE}") from None
+                if not results and not (client.status == "running" and client.nthreads()):
+                    raise InputError(f"the Dask scheduler at {address} has no worker left; {RESUMABLE}") from None
             except (CommClosedError, *CANCELLED, OSError):
                 raise InputError(f"the Dask scheduler at {address} is gone; {RESUMABLE}") from None
-            for future, columns in results:
-                yield pending.pop(future), columns
+            for future, result in results:
+                yield pending.pop(future), result

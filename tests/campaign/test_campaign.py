@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from signal import SIGKILL
 
@@ -21,6 +22,7 @@ from gimbalcal.calibration.exchange.matrices import matrices
 from gimbalcal.campaign import run_campaign
 from gimbalcal.campaign import workers as campaign_workers
 from gimbalcal.campaign.campaign_folder import CampaignFolder
+from gimbalcal.campaign.monte_carlo import lost_share
 from gimbalcal.campaign.task import Task, _comparable, compute, seed_of, task
 from gimbalcal.campaign.workers import connect, here, processes
 from gimbalcal.effects import parameters
@@ -43,15 +45,15 @@ def collected(results: Iterator[tuple[range, dict[str, list[object]]]]) -> dict[
 
 
 def test_workers_and_a_death_change_no_digit(tmp_path: Path) -> None:
-    alone = collected(here(small(), SHARES))
+    alone = collected(here(partial(compute, small()), SHARES))
     marker = str(tmp_path / "marker")
-    assert collected(processes(small(marker), SHARES, 2, dies_once)) == alone
+    assert collected(processes(partial(dies_once, small(marker)), SHARES, 2, lost_share)) == alone
     assert Path(marker).exists()
 
 
 def test_a_share_that_keeps_killing_workers_is_named() -> None:
     with pytest.raises(InputError, match="runs 20 to 29 ended their worker 3 times"):
-        collected(processes(small(), SHARES, 2, always_dies))
+        collected(processes(partial(always_dies, small()), SHARES, 2, lost_share))
 
 
 def test_one_file_with_the_statistics_of_the_bench(tmp_path: Path) -> None:
@@ -182,7 +184,7 @@ def test_damaged_shares_are_computed_again(tmp_path: Path) -> None:
     sound = CampaignFolder(tmp_path / "d", whole, 300)
     sound.open()
     for share in sound.shares():
-        sound.keep(share, next(here(whole, [share]))[1])
+        sound.keep(share, next(here(partial(compute, whole), [share]))[1])
     names = sorted(p.name for p in sound.parts.glob("*.parquet"))
     for part in sound.parts.glob("*.parquet"):
         content = bytearray(part.read_bytes())
