@@ -18,6 +18,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.estimate.cross_check import CrossCheck, cross_check
 from gimbalcal.estimate.grade import graded
+from gimbalcal.history.fleet import Fleet, grade_and_fleet, rests_on_fleet, with_fleet
 from gimbalcal.method_table import METHODS, Request
 from gimbalcal.pipeline import Source, Tell, load, silent
 from gimbalcal.recording import Recording, when_recorded
@@ -47,7 +48,7 @@ def usual_method(recordings: Sequence[Recording]) -> str:
 
 def calibrate(
     recordings: Sequence[Source], method: str = "", terms: Sequence[str] = (), tell: Tell = silent,
-    more: Sequence[str] = (), states: str = "51", grade: str = "",
+    more: Sequence[str] = (), states: str = "51", grade: str | Fleet = "",
 ) -> tuple[Calibration, tuple[Recording, ...]]:  # fmt: skip
     """Calibrate recordings, or folders of them, by `method`, else by their preferred one (`usual_method`).
 
@@ -56,7 +57,7 @@ def calibrate(
     of their own, "pointing".
 
     `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5";
-    `grade` names that of a unit on gimbals.
+    `grade` names that of a unit on gimbals; with "fleet:FILE", or a fleet, its units are the prior of the parameters.
     Returns the calibration with its provenance, and the recordings; of several sensors side by side those of the
     first. Raises InputError for what it cannot take.
     """
@@ -70,9 +71,10 @@ def calibrate_each(
     tell: Tell = silent,
     more: Sequence[str] = (),
     states: str = "51",
-    grade: str = "",
+    grade: str | Fleet = "",
 ) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
     """Calibrate each of several sensors that were logged side by side, and compare them with the first at rest."""
+    grade, known = grade_and_fleet(grade)
     groups = by_sensor(load(recordings, tell))
     if not method:
         method = usual_method(groups[0])
@@ -83,7 +85,7 @@ def calibrate_each(
         if len(groups) > 1:
             tell(f"calibrating {group[0].title}")
         request = Request(group, tuple(terms), tuple(more), states, grade, tell)
-        results.append((_calibrated(method, request), group))
+        results.append((_calibrated(method, request, known), group))
     if len(results) == 1:
         return tuple(results)
     checks = cross_checks(results, tell)
@@ -115,8 +117,8 @@ def cross_checks(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], tell
     return checks
 
 
-def _calibrated(method: str, request: Request) -> Calibration:
-    """Calibrate one unit by `method`, question unusual constants, and add the provenance."""
+def _calibrated(method: str, request: Request, known: Fleet | None) -> Calibration:
+    """Calibrate one unit by `method`, question unusual constants, add a fleet as prior, and the provenance."""
     recordings = request.recordings
     if method != "pointing" and any(r.kind.sighting for r in recordings):
         raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
@@ -132,6 +134,11 @@ def _calibrated(method: str, request: Request) -> Calibration:
     calibration = with_gravity(calibration, recordings)
     if all(r.kind.inertial for r in recordings):
         calibration = with_question(calibration, recordings, graded(recordings, request.grade), again)
+    if known is not None:
+        calibration = with_fleet(calibration, known)
+        origin = calibration.provenance.options.grade
+        none = f"note: {known.source} holds no parameter of this unit"
+        request.tell(f"prior: {origin.from_}" if origin and rests_on_fleet(calibration) else none)
     calibration = replace(calibration, provenance=provenance(recordings, calibration, request.terms, request.more))
     refuse_not_finite(calibration.to_dict(), " and ".join(repr(r.title) for r in recordings))
     return calibration

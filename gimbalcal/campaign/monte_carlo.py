@@ -67,9 +67,12 @@ def _run(
     return store.finish(lambda rows, digest: summarise(rows, what, digest), page)
 
 
-def lost_share(share: range, why: str) -> dict[str, list[Any]]:
+def lost_share(share: range, times: str) -> dict[str, list[Any]]:
     """Raise InputError for a share whose runs end their workers."""
-    raise InputError(f"runs {share.start} to {share.stop - 1} {why}: take a smaller scenario; {RESUMABLE}")
+    raise InputError(
+        f"runs {share.start} to {share.stop - 1} ended their worker {times}, out of memory most likely: take a smaller "
+        f"scenario; {RESUMABLE}"
+    )
 
 
 def summarise(rows: pl.DataFrame, what: Task, digest: str) -> CampaignSummary:

@@ -1,8 +1,8 @@
 """Workers that compute items: this process, processes on this machine, or an existing Dask cluster.
 
 An item is a share of the runs of a campaign, or a recording of a fleet. A worker that dies takes its items with it;
-they are computed again. An item that ends its worker `DEATHS` times is `lost`, a function of the item and a sentence, which
-returns a result in its place or raises. The extra `gimbalcal[cluster]` installs the client.
+they are computed again. An item that ends its worker `DEATHS` times is `lost`, a function of the item and of how often
+it did so in words, which returns a result in its place or raises. The extra `gimbalcal[cluster]` installs the client.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from typing import Any, TypeVar
 
 from gimbalcal.errors import InputError, amount
 
-Item, Result = TypeVar("Item"), TypeVar("Result")
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 MAX_WORKERS = 1000
 DEATHS = 3  # workers that an item may end before it is lost
 CANCELLED = (asyncio.CancelledError, concurrent.futures.CancelledError)
@@ -100,7 +101,7 @@ def _alone(work: Callable[[Item], Result], item: Item, lost: Callable[[Item, str
             return next(_pooled(work, [item], 1))[1]
         except BrokenProcessPool:
             continue
-    return lost(item, f"ended their worker {DEATHS} times, out of memory most likely")
+    return lost(item, f"{DEATHS} times")
 
 
 def _pooled(work: Callable[[Item], Result], items: Sequence[Item], workers: int) -> Iterator[tuple[Item, Result]]:
@@ -182,7 +183,7 @@ def cluster(
                     try:  # a result lies with its worker, who may be gone by now
                         results.append((future, future.result(timeout=PATIENCE)))
                     except KilledWorker:
-                        results.append((future, lost(pending[future], "ended every worker that took them")))
+                        results.append((future, lost(pending[future], "every time")))
             except TimeoutError:
                 if not results and not (client.status == "running" and client.nthreads()):
                     raise InputError(f"the Dask scheduler at {address} has no worker left; {RESUMABLE}") from None

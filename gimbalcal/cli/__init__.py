@@ -22,7 +22,7 @@ from click.shell_completion import get_completion_class
 
 from gimbalcal import __version__
 from gimbalcal.atomic import FULL
-from gimbalcal.cli.analysis import calibrate, compare, diagnose, navigate, noise
+from gimbalcal.cli.analysis import batch, calibrate, compare, diagnose, navigate, noise
 from gimbalcal.cli.catalogue import catalogue
 from gimbalcal.cli.conversion import apply, export, import_, new
 from gimbalcal.cli.demonstration import demo
@@ -117,7 +117,7 @@ def _stop(sentence: str, status: int) -> None:
 GROUPS: dict[str, tuple[click.Command, ...]] = {
     "Start, in this order": (new, calibrate, diagnose, apply, export, compare),
     "Plan before anything is recorded": (observe, design, simulate, budget),
-    "Other commands": (import_, noise, navigate, campaign, catalogue, demo),
+    "Other commands": (batch, import_, noise, navigate, campaign, catalogue, demo),
 }
 
 

@@ -14,7 +14,9 @@ from gimbalcal.cli.options import (
     DRAWS,
     GRADE,
     RECORDINGS,
+    SCHEDULER,
     SEED,
+    WORKERS,
     F,
     FilePath,
     Number,
@@ -28,6 +30,8 @@ from gimbalcal.cli.output_folders import Output, output_options, sensor_folders
 from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.method_table import METHODS, NAMED_BY_USERS
+
+UNIT_NAMES = ("folder", "parent", "title")
 
 
 def _store(context: click.Context, _option: click.Parameter, store: Path | None) -> Path | None:
@@ -275,3 +279,55 @@ def compare(
         output.wrote(target.folder, "compare.json")
     output.show(comparison.printed.to_dict(), answered(comparison.in_words), target)
     sys.exit(0 if comparison.agree else 1)
+
+
+@click.command(
+    epilog=example(
+        "gimbalcal batch 'rigs/*' --store units.sqlite --out fleet",
+        "gimbalcal batch 'new/*' --store units.sqlite --grade fleet:units.sqlite --out new-units",
+    )
+)
+@click.argument("patterns", nargs=-1, required=True, metavar="PATTERN...")
+@click.option("--store", type=FilePath(), callback=_store, required=True,
+              help="The results of all units are kept in this file; what it holds is not computed again.")  # fmt: skip
+@click.option(
+    "--unit-name", type=click.Choice(UNIT_NAMES), default="folder", show_default=True,
+    help="What a unit is called after: the folder of its recording, the folder around that, or the title.",
+)  # fmt: skip
+@click.option("--method", type=click.Choice(NAMED_BY_USERS), default=None, help="As of calibrate, for all recordings.")
+@click.option("--with", "more", multiple=True, metavar="EFFECT[:AXIS][,CONSTANT=VALUE]", help="As of calibrate.")
+@GRADE
+@click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the simulated thresholds.")
+@WORKERS
+@SCHEDULER
+@output_options("fleet.json, fleet.parquet and report.html", "PATTERN-fleet, here")
+def batch(
+    patterns: tuple[str, ...], store: Path, unit_name: str, method: str | None, more: tuple[str, ...], grade: str,
+    seed: int, workers: int | None, scheduler: str, output: Output,
+) -> None:  # fmt: skip
+    """Calibrate and diagnose the recordings of many units, and compare the units.
+
+    PATTERN, such as 'rigs/*', matches the folders of the recordings. A recording that fails does not stop the others,
+    and an interrupted batch continues where it stopped. The digits do not depend on the number of workers.
+    """
+    from gimbalcal.fleet import run_batch
+    from gimbalcal.report.fleet_page import fleet_report
+    from gimbalcal.report.html import marked
+    from gimbalcal.words.naming import answered
+
+    target = output.folder([Path(patterns[0]).parent if "*" in patterns[0] else patterns[0]], "fleet",
+                           ("fleet.json", "fleet.parquet", "report.html"))  # fmt: skip
+    question = target.question if target else ""
+    try:
+        summary = run_batch(
+            patterns, store, target.folder if target else None, workers=workers, scheduler=scheduler,
+            method=method or "", more=more, grade=grade, seed=seed, unit_name=unit_name, tell=output.tell,
+            page=lambda result, known: marked(fleet_report(result, known), question),
+        )  # fmt: skip
+    except KeyboardInterrupt:
+        output.tell(f"finished recordings are kept in {store}; the same command continues from there")
+        raise
+    if target:
+        output.wrote(target.folder, "fleet.json")
+    output.show(summary.to_dict(), answered(summary.in_words), target)
+    sys.exit(0 if summary.ordinary else 1)

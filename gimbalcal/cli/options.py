@@ -163,8 +163,12 @@ GRADE = click.option(
     "--grade",
     default="",
     metavar="NAME",
-    help="navigation, tactical, industrial or consumer: how large the sensors' errors usually are.  "
-    "[default: from their noise]",
+    help="navigation, tactical, industrial or consumer: how large the sensors' errors usually are; fleet:FILE takes "
+    "each from the units in this --store.  [default: from their noise]",
+)
+WORKERS = click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
+SCHEDULER = click.option(
+    "--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead."
 )
 DAMPING = click.option(
     "--damping", type=Number(min=0, max=5), default=None,

@@ -15,7 +15,9 @@ from gimbalcal.cli.options import (
     NOISE,
     POSITIVE,
     RUNS,
+    SCHEDULER,
     SEED,
+    WORKERS,
     FilePath,
     Number,
     completing,
@@ -242,8 +244,8 @@ def simulate(scenario: Path, seed: int | None, output: Output) -> None:
 @click.command(epilog=example("gimbalcal campaign wu2018-18 -n 100 --out campaign"))
 @click.argument("scenario", type=FilePath(), shell_complete=completing(_scenarios))
 @click.option("-n", "--runs", type=RUNS, default=200, show_default=True, help="How many runs.")
-@click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
-@click.option("--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead.")
+@WORKERS
+@SCHEDULER
 @click.option("--method", default="three-stage", show_default=True, help="How each simulated recording is calibrated.")
 @click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
 @output_options("campaign.json, campaign.parquet and report.html", "SCENARIO-campaign, here")

@@ -33,6 +33,7 @@ from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.unit import inertial_unit
+from gimbalcal.history.fleet import Fleet, grade_and_fleet, with_fleet
 from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.recording import Recording, completed, join, when_recorded
 from gimbalcal.recording.columns import SPARSE
@@ -48,14 +49,16 @@ def diagnose(
     baseline: Sequence[str] = (),
     seed: int = 1,
     tell: Tell = silent,
-    grade: str = "",
+    grade: str | Fleet = "",
 ) -> Diagnosis:
     """Say where the recordings differ from the calibrated model and which physics was left out.
 
     Several recordings are those of one unit and are judged together. `calibration` gives values to start from,
     `baseline` the ids of the effects the model holds (the usual ones of the kind of recording otherwise), `grade` the
-    name of the unit's grade (else its noise tells it). Raises InputError where there is nothing to compare.
+    name of the unit's grade (else its noise tells it); with "fleet:FILE", or a fleet, its units are the prior of the
+    refit. Raises InputError where there is nothing to compare.
     """
+    grade, known = grade_and_fleet(grade)
     if not recordings:
         raise InputError("`diagnose` needs at least one recording")
     check_baseline(baseline, recordings)
@@ -76,6 +79,8 @@ def diagnose(
         tell(unit.in_words)
         found = _with_question(_diagnosed(replace(request, recordings=tuple(unit.of(recordings)))), request, unit)
         provenance["grade"] = unit.origin.to_dict()
+    if known is not None and found.calibration is not None:
+        found = replace(found, calibration=with_fleet(found.calibration, known))
     return _with_effect_files(replace(found, provenance={**found.provenance, **provenance}))
 
 

@@ -2,9 +2,13 @@
 
 from gimbalcal.history.compare import UnitComparison, compare
 from gimbalcal.history.unit_store import (
+    CALIBRATION,
+    DIAGNOSIS,
+    FAILURE,
     DatedCalibration,
     StoredResult,
     date_in,
+    dated,
     dated_file,
     keep,
     kept,
@@ -13,11 +17,15 @@ from gimbalcal.history.unit_store import (
 )
 
 __all__ = [
+    "CALIBRATION",
+    "DIAGNOSIS",
+    "FAILURE",
     "DatedCalibration",
     "StoredResult",
     "UnitComparison",
     "compare",
     "date_in",
+    "dated",
     "dated_file",
     "keep",
     "kept",

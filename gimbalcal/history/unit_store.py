@@ -12,7 +12,7 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -28,7 +28,7 @@ FORMAT = 2  # of the tables, as SQLite's user_version
 READABLE_FORMATS = (1, FORMAT)  # 1: an entry's digest is that of its content, without unit and date
 MARK = 0x67696D62  # "gimb", SQLite's application_id: another program's database is not written into
 WAIT_S = 60.0  # of a writer for another
-CALIBRATION = "calibration"
+CALIBRATION, DIAGNOSIS, FAILURE = "calibration", "diagnosis", "failure"
 
 TABLES = """
 create table entries (
@@ -54,7 +54,7 @@ create index parameters_of on parameters (name, axis, entry);
 
 @dataclass(frozen=True)
 class StoredResult:
-    """One calibration or diagnosis: unit, date, and the content of its JSON."""
+    """One calibration or diagnosis: unit, date, and the content of its JSON, or `in_words` of a failure."""
 
     unit: str
     date: str  # ISO 8601
@@ -67,11 +67,21 @@ class StoredResult:
         return self.kind == CALIBRATION
 
 
-def keep(path: Path, entry: StoredResult) -> bool:
-    """Add an entry to the store, which is created if needed; return False if the same one exists already.
+def keep(path: Path, *entries: StoredResult) -> bool:
+    """Add entries to the store, all or none, which is created if needed; return whether any of them is new.
 
     The same recordings calibrated again by the same version, to the same numbers, are one entry.
     """
+    with _open(path, make=True) as base:
+        base.execute("begin immediate")
+        base.execute(f"pragma user_version = {FORMAT}")
+        new = [_insert(base, entry) for entry in entries]
+        base.execute("commit")
+    return any(new)
+
+
+def _insert(base: sqlite3.Connection, entry: StoredResult) -> bool:
+    """Add an entry within a transaction, and return whether it is new."""
     content = dict(entry.content)
     method = str(content.get("method", entry.kind))
     answer = str(content.get("outcome") or content.get("verdict", ""))
@@ -79,22 +89,18 @@ def keep(path: Path, entry: StoredResult) -> bool:
     of_content = _digest(content)
     row = (entry.unit, entry.date, entry.kind, method, answer, json.dumps(recordings), json.dumps(content),
            f"{of_content} {_seal(entry, of_content)}")  # fmt: skip
-    with _open(path, make=True) as base:
-        base.execute("begin immediate")
-        base.execute(f"pragma user_version = {FORMAT}")
-        columns = "(unit, date, kind, method, answer, recordings, content, digest)"
-        same = "select 1 from entries where unit = ? and kind = ? and substr(digest, 1, 64) = ?"
-        cursor = base.execute(
-            f"insert into entries {columns} select ?, ?, ?, ?, ?, ?, ?, ? where not exists ({same})",
-            (*row, entry.unit, entry.kind, of_content),
-        )
-        if cursor.rowcount > 0 and entry.is_calibration:
-            base.executemany(
-                "insert into parameters values (?, ?, ?, ?, ?, ?, ?)",
-                [(cursor.lastrowid, p.get("effect", p["name"]), p["name"], p["axis"], p["value"], p["sigma"], p["unit"])
-                 for p in content["parameters"]],
-            )  # fmt: skip
-        base.execute("commit")
+    columns = "(unit, date, kind, method, answer, recordings, content, digest)"
+    same = "select 1 from entries where unit = ? and kind = ? and substr(digest, 1, 64) = ?"
+    cursor = base.execute(
+        f"insert into entries {columns} select ?, ?, ?, ?, ?, ?, ?, ? where not exists ({same})",
+        (*row, entry.unit, entry.kind, of_content),
+    )
+    if cursor.rowcount > 0 and entry.is_calibration:
+        base.executemany(
+            "insert into parameters values (?, ?, ?, ?, ?, ?, ?)",
+            [(cursor.lastrowid, p.get("effect", p["name"]), p["name"], p["axis"], p["value"], p["sigma"], p["unit"])
+             for p in content["parameters"]],
+        )  # fmt: skip
     return cursor.rowcount > 0
 
 
@@ -239,7 +245,6 @@ def date_in(provenance: Json) -> str:
 def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], tuple[tuple[str, str], ...]]:
     """Return the calibrations of a unit in a store, and date and answer of its diagnoses, in order of their dates.
 
-    Of the same recordings the last computed one is taken, and that of a diagnosis only where there is no other.
     Raises InputError where the store holds several units and none is named, or none of this name.
     """
     entries = kept(path, unit)
@@ -250,6 +255,23 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], 
         )
     if not entries:
         raise InputError(f"{path} holds nothing{f' of {unit}' if unit else ''}")
+    diagnoses = tuple((e.date, str(e.content.get("in_words", ""))) for e in entries if e.kind == DIAGNOSIS)
+    return dated(entries), diagnoses
+
+
+def calibrations_by_unit(path: Path) -> dict[str, tuple[DatedCalibration, ...]]:
+    """Return the calibrations of every unit in a store, in order of their dates."""
+    by_unit: dict[str, list[StoredResult]] = {}
+    for e in kept(path):
+        by_unit.setdefault(e.unit, []).append(e)
+    return {unit: dated(entries) for unit, entries in by_unit.items()}
+
+
+def dated(entries: Iterable[StoredResult]) -> tuple[DatedCalibration, ...]:
+    """Return the calibrations among the entries of one unit, in order of their dates.
+
+    Of the same recordings the last computed one is taken, and that of a diagnosis only where there is no other.
+    """
     last: dict[tuple[str, ...], DatedCalibration] = {}
     computed = sorted(entries, key=lambda e: str(e.content.get("provenance", {}).get("created") or e.date))
     for e in (e for e in computed if e.is_calibration):
@@ -261,8 +283,7 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], 
             or last[key].calibration.method == "diagnosis"
         ):
             last[key] = entry_calibration
-    diagnoses = tuple((e.date, str(e.content.get("in_words", ""))) for e in entries if not e.is_calibration)
-    return tuple(sorted(last.values(), key=lambda d: d.date)), diagnoses
+    return tuple(sorted(last.values(), key=lambda d: d.date))
 
 
 def when(text: str, path: Path | None = None) -> datetime:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Literal
 
 import numpy as np
 
+from gimbalcal.earth import SOLAR_DAY
 from gimbalcal.number import Array
 from gimbalcal.words.rounding import minus
 
@@ -184,6 +186,14 @@ def tick_words(values: Sequence[float]) -> list[str]:
     if top >= 1e6 or 0 < top < 1e-3:
         return [minus(f"{v:.3g}") for v in values]
     return [f"{v:,.6g}".replace(",", " ").replace("-", "−") for v in values]
+
+
+def date_ticks(first: float, last: float) -> list[tuple[float, str]]:
+    """Return a few dates between two days, counted since 1970, in words."""
+    days = np.linspace(first, last, 4 if last - first >= 3 else 2)
+    form = next(f for least, f in ((300, "%Y-%m"), (3, "%Y-%m-%d"), (0.05, "%m-%d %H:%M"), (-1, "%H:%M:%S"))
+                if last - first > least)  # fmt: skip
+    return [(float(d), datetime.fromtimestamp(SOLAR_DAY * float(d), UTC).strftime(form)) for d in days]
 
 
 def log_ticks(low: float, high: float) -> list[tuple[float, str]]:

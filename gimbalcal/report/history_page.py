@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import datetime
 from math import isnan
 
 import numpy as np
 
 from gimbalcal.earth import SOLAR_DAY, YEAR
 from gimbalcal.history.compare import CalibrationStep, ComparedCalibration, PrintedComparison, PrintedHistory
-from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule
+from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule, date_ticks
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.parameters import estimate, plus_minus
 from gimbalcal.words import naming
@@ -125,12 +125,4 @@ def _course(p: PrintedHistory, dates: Sequence[datetime], words: str) -> Chart:
         middle = float((w * (x - p.drift_per_year * years)).sum() / w.sum())
         marks.append(Line(t, middle + p.drift_per_year * years, "ink"))
     marks.append(Points(days[[0, -1]], np.full(2, np.nan)))  # all pictures over the same time
-    return Chart(tuple(marks), f"{words}  [{unit}]", x_ticks=_dates(days[0], days[-1]), height=140)
-
-
-def _dates(first: float, last: float) -> list[tuple[float, str]]:
-    """Return a few dates between two days, counted since 1970, in words."""
-    days = np.linspace(first, last, 4 if last - first >= 3 else 2)
-    form = next(f for least, f in ((300, "%Y-%m"), (3, "%Y-%m-%d"), (0.05, "%m-%d %H:%M"), (-1, "%H:%M:%S"))
-                if last - first > least)  # fmt: skip
-    return [(float(d), datetime.fromtimestamp(SOLAR_DAY * float(d), UTC).strftime(form)) for d in days]
+    return Chart(tuple(marks), f"{words}  [{unit}]", x_ticks=date_ticks(days[0], days[-1]), height=140)

@@ -49,7 +49,7 @@ def rows(c: Calibration, truth: Mapping[str, float] | None) -> list[Context]:
 def _parameter_row(e: ParameterEstimate, nominal: Counts | None, truth: Mapping[str, float] | None) -> Context:
     p = e.parameter
     value, sigma, unit = as_printed(p, e.value, e.sigma, nominal)
-    moved = e.value / e.prior_sigma if e.prior_sigma else 0.0
+    moved = (e.value - float(from_si(p.mean, p.unit))) / e.prior_sigma if e.prior_sigma else 0.0
     error = ""
     if truth is not None and p.label in truth and e.sigma > 0:
         error = in_sigmas((e.value - float(from_si(truth[p.label], p.unit))) / e.sigma, 1)

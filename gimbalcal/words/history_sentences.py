@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from gimbalcal.history.compare import UnitComparison
+    from gimbalcal.history.fleet import Distribution
     from gimbalcal.history.parameter_history import ParameterHistory
     from gimbalcal.history.unit_store import DatedCalibration
 
@@ -122,3 +123,13 @@ def _parameter_name(p: Parameter) -> str:
     """Return the name of a parameter's effect; its own name where the effect has several."""
     several = p.effect not in CATALOGUE or len({q.name for q in parameters(CATALOGUE[p.effect], ("inner",))}) > 1
     return f"{p.name if several else p.effect} {p.axis}".replace("_", " ").strip()
+
+
+def unusual_unit_in_words(found: Sequence[tuple[Distribution, float, float]]) -> str:
+    """Name the parameters of a unit that are unusual for its fleet; each with its value and sigma [SI]."""
+    parts = [
+        f"{_parameter_name(d.parameter)} is {_sized((x, sigma), d.parameter.unit)} and that of {len(d.units)} units "
+        f"{_sized((d.mean, d.sigma), d.parameter.unit)}"
+        for d, x, sigma in found
+    ]
+    return f"unusual for the fleet, which is no prior of it there: {'; '.join(parts)}"

@@ -27,9 +27,17 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("history.compare", "_step", "b.values[j] - a.values[i]", "b.values[j] + a.values[i]"),
         ("words.history_sentences", "_change", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
     ),
+    "history/test_fleet.py": (
+        ("history.fleet", "_posterior", "np.log(W)) / 2", "0) / 2"),
+        ("history.fleet", "tail_of_others", "without_each=True", "without_each=False"),
+        ("history.fleet", "_distribution", "> MAX_OUTSIDE * len(x)", "> len(x)"),
+        ("history.fleet", "with_fleet", "+ e**2 * np.outer(u, u)", ""),
+        ("history.fleet", "with_fleet", "np.where(null, 0.0, 1 / lam)", "1 / lam"),
+        ("history.fleet", "fleet_of_store", "if not rests_on_fleet(d.calibration)", ""),
+    ),
     "history/test_unit_store.py": (
         ("words.history_sentences", "day_of", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
-        ("history.unit_store", "of_store", 'e.content.get("provenance", {}).get("created") or e.date', "e.date"),
+        ("history.unit_store", "dated", 'e.content.get("provenance", {}).get("created") or e.date', "e.date"),
         ("history.unit_store", "when", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
         ("history.unit_store", "_digest", 'k != "created"', 'k != "recordings"'),
     ),

@@ -1,0 +1,97 @@
+"""Run a batch: find the recordings, compute those whose results the store does not hold, and sum up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from gimbalcal import atomic
+from gimbalcal.campaign.workers import TimeLeft, computed, connect, number_of_workers
+from gimbalcal.effects.loading import loaded_texts
+from gimbalcal.errors import amount
+from gimbalcal.fleet.fleet_summary import FleetSummary, fleet_summary
+from gimbalcal.fleet.unit_recording import BATCH, BatchTask, UnitRecording, entries_of, failed, recordings_of
+from gimbalcal.history import FAILURE, StoredResult, keep, kept, refuse_unusable
+from gimbalcal.history.fleet import Fleet, grade_and_fleet
+
+Tell = Callable[[str], None]
+SUMMARY, TABLE, PAGE = "fleet.json", "fleet.parquet", "report.html"
+
+
+def run_batch(
+    patterns: Sequence[str],
+    store: Path,
+    out: Path | None = None,
+    *,
+    workers: int | None = None,
+    scheduler: str = "",
+    method: str = "",
+    more: Sequence[str] = (),
+    grade: str = "",
+    seed: int = 1,
+    unit_name: str = "folder",
+    tell: Tell = lambda _: None,
+    page: Callable[[FleetSummary, Fleet], str] | None = None,
+) -> FleetSummary:
+    """Calibrate and diagnose every recording that matches, keep the results in `store`, and compare the units.
+
+    workers: processes on this machine (default: its cores; 1 computes in this process); scheduler: address of a Dask
+    scheduler instead, whose workers read the same files. Results that the store holds of the same files, options and
+    version are not computed again. method, more, grade, seed: as of `calibrate` and `diagnose`; unit_name: see
+    `recordings_of`. Into `out` go fleet.json, fleet.parquet and, where a function makes it, the page report.html.
+    """
+    workers = number_of_workers(workers)
+    refuse_unusable(store)
+    named, known = grade_and_fleet(grade)
+    task = BatchTask(method, tuple(more), known or named, seed, loaded_texts())
+    recordings = recordings_of(patterns, unit_name)
+    client = connect(scheduler) if scheduler else None
+    results = _results(task, recordings, store, workers, client, tell)
+    summary, distributions, table = fleet_summary({r.folder: results[r.folder] for r in recordings})
+    if out is not None:
+        with atomic.folder(out, last=SUMMARY) as new:
+            table.write_parquet(new / TABLE)
+            atomic.write_json(new / SUMMARY, summary.to_dict())
+            if page is not None:
+                atomic.write(new / PAGE, page(summary, distributions))
+    return summary
+
+
+def _results(
+    task: BatchTask, recordings: Sequence[UnitRecording], store: Path, workers: int, client: Any, tell: Tell
+) -> dict[str, tuple[StoredResult, ...]]:
+    """Return the entries of each recording by its folder, from the store or computed and kept there."""
+    present = _by_key(store) if store.exists() else {}
+    keys = {r.folder: task.key(r) for r in recordings}
+    results = {folder: tuple(present[key]) for folder, key in keys.items() if key in present}
+    todo = [r for r in recordings if r.folder not in results]
+    if results:
+        tell(f"{len(results)} of {amount(len(recordings), 'recording')} are in {store} already")
+    if todo:
+        tell(f"calibrating and diagnosing {amount(len(todo), 'recording')}")
+    left, ended = TimeLeft(len(recordings), len(results)), set[str]()
+
+    def lost(recording: UnitRecording, times: str) -> tuple[StoredResult, ...]:
+        ended.add(recording.folder)
+        why = f"computing it ended the worker {times}, out of memory most likely; give its dwells as means"
+        return (failed(task, recording, why),)
+
+    for recording, entries in computed(partial(entries_of, task), todo, lost, workers, client):
+        if recording.folder not in ended:  # which another machine, or another day, may compute
+            keep(store, *entries)
+        results[recording.folder] = entries
+        for entry in (e for e in entries if e.kind == FAILURE):
+            tell(f"{recording.folder}: {entry.content['in_words']}")
+        tell(left.after(1, "recording"))
+    return results
+
+
+def _by_key(store: Path) -> dict[str, list[StoredResult]]:
+    """Return the entries of batches in a store by their key; those of a recording were added together."""
+    found: dict[str, list[StoredResult]] = {}
+    for entry in kept(store):
+        if key := entry.content.get("provenance", {}).get(BATCH):
+            found.setdefault(str(key), []).append(entry)
+    return found

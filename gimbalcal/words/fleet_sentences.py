@@ -1,0 +1,51 @@
+"""Generate the sentences on a fleet: results and failures, units outside, trends, and what to do next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gimbalcal.errors import amount
+from gimbalcal.words.naming import listed, named
+
+if TYPE_CHECKING:
+    from gimbalcal.fleet.fleet_summary import FleetSummary
+
+MAX_NAMED = 3  # units and parameters that the answer names
+
+
+def fleet_in_words(f: FleetSummary) -> str:
+    """Return whether all units are calibrated and alike, which are outside or failed, and what to do next."""
+    text = f"{amount(f.recordings, 'recording')} of {amount(f.units, 'unit')}"
+    if f.failed == f.recordings:
+        return f"None of {text} has a result: {f.reports[0].failure}. Next: correct them and run the batch again."
+    text += f": {f.failed} failed" if f.failed else " are calibrated and diagnosed"
+    verdicts = [f"{count} {verdict.replace('-', ' ')}" for verdict, count in f.verdicts.items()]
+    text += f"; {listed(verdicts)}." if verdicts else "."
+    if not f.parameters:
+        return f"{text} They are too few for a distribution of the parameters."
+    outside = list(dict.fromkeys(o.unit for o in f.outside))
+    if outside:
+        first = f.outside[0]
+        more = f" and {len(outside) - MAX_NAMED} more" if len(outside) > MAX_NAMED else ""
+        are = "is" if len(outside) == 1 else "are"
+        text += (
+            f" {', '.join(outside[:MAX_NAMED])}{more} {are} outside the distribution of the others, most clearly "
+            f"{named(first.name, first.axis)} of {first.unit}."
+        )
+    else:
+        text += " No unit is outside the distribution of the others."
+    drifting = [named(p.name, p.axis) for p in f.parameters if p.drifts]
+    if drifting:
+        more = f" and {len(drifting) - MAX_NAMED} more" if len(drifting) > MAX_NAMED else ""
+        text += f" {', '.join(drifting[:MAX_NAMED])}{more} changed with the date of the units."
+    return text + _next_step(f)
+
+
+def _next_step(f: FleetSummary) -> str:
+    """Return what to do about the first thing that is not in order; empty where all is."""
+    if f.failed:
+        return " Next: correct the recordings that failed and run the same command; the others are not computed again."
+    if f.outside:
+        return f" Next: look at the report of {f.outside[0].unit}."
+    odd = [r for r in f.reports if r.verdict not in ("", "adequate")]
+    return f" Next: `gimbalcal diagnose {odd[0].recording}`." if odd else ""

@@ -1,0 +1,91 @@
+"""A batch of simulated units: processor time with one and two workers, and what the fleet is worth as a prior.
+
+    python -m tests.benchmarks.bench_fleet [--units N]
+
+Processor time is that of all processes of a batch, so that it does not depend on what else the machine does: two
+workers are as efficient as the processor time of one is to theirs. The units are drawn with a tenth of the catalogue's
+sigmas; the gain is the sigma of a calibration without the fleet over that with it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gimbalcal.effects import values
+from gimbalcal.history import DatedCalibration
+from gimbalcal.history.fleet import Fleet, fleet
+from gimbalcal.methods import calibrate
+from tests.benchmarks.collecting import say
+from tests.fleet.units import unit, write_units
+from tests.history.calibrations import START
+
+TESTED, FIRST_TESTED = 40, 1000
+GROUPS = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
+
+
+def processor_seconds(rigs: Path, store: Path, workers: int) -> float:
+    """Processor seconds of a batch and all its workers."""
+    words = ["batch", f"{rigs}/*", "--store", str(store), "--workers", str(workers), "--quiet", "--json"]
+    before = os.times()
+    subprocess.run([sys.executable, "-m", "gimbalcal", *words], stdout=subprocess.DEVNULL, check=True)
+    after = os.times()
+    return after.children_user + after.children_system - before.children_user - before.children_system
+
+
+def batches(count: int) -> None:
+    """The time of one and two workers, and of a batch that is there already."""
+    with tempfile.TemporaryDirectory(prefix="fleet-") as name:
+        rigs = Path(name) / "rigs"
+        write_units(rigs, count)
+        one = processor_seconds(rigs, Path(name) / "one.sqlite", 1)
+        two = processor_seconds(rigs, Path(name) / "two.sqlite", 2)
+        again = processor_seconds(rigs, Path(name) / "one.sqlite", 1)
+    say(f"{count} units of 18 positions, calibrated and diagnosed")
+    say(f"one worker {one:8.1f} s   {one / count:5.2f} s a unit")
+    say(f"two workers{two:8.1f} s   efficiency {one / two:.2f}")
+    say(f"once more  {again:8.1f} s   nothing is computed")
+
+
+def gain(known: Fleet, positions: int) -> None:
+    """The gain in sigma of units that record so few positions, by group, and their errors over sigma."""
+    ratio: dict[str, list[float]] = {group: [] for group in GROUPS}
+    z: dict[bool, list[np.ndarray]] = {True: [], False: []}
+    unusual = 0
+    for k in range(FIRST_TESTED, FIRST_TESTED + TESTED):
+        recording, effects = unit(k, positions)
+        alone, together = (calibrate([recording], grade=grade)[0] for grade in ("", known))
+        unusual += "unusual" in together.outcome
+        for c, with_prior in ((alone, False), (together, True)):
+            z[with_prior].append((c.values - values(effects, c.parameters)) / c.sigmas)
+        for p, a, b in zip(alone.parameters, alone.sigmas, together.sigmas, strict=True):
+            ratio[p.effect].append(a / b)
+    columns = "".join(f"{np.exp(np.mean(np.log(ratio[group]))):20.2f}" for group in GROUPS)
+    errors = [np.sqrt(np.mean(np.square(z[side]))) for side in (False, True)]
+    say(f"{positions:9d}{columns}{errors[0]:10.2f}{errors[1]:8.2f}{unusual:10d}")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print both tables."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--units", type=int, default=40)
+    count = options.parse_args(arguments).units
+    batches(count)
+    made = {f"u{k}": DatedCalibration(f"u{k}", START, calibrate([unit(k)[0]])[0]) for k in range(count)}
+    say()
+    say(f"gain in sigma by a fleet of {count} units in 18 positions, {TESTED} further units (geometric mean)")
+    say("positions" + "".join(f"{group:>20s}" for group in GROUPS) + "  error/sigma: alone, fleet  unusual")
+    known = fleet(made)
+    for positions in (6, 12, 18):
+        gain(known, positions)
+
+
+if __name__ == "__main__":
+    main()
