@@ -29,7 +29,7 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 PYTHONS = ("3.11", "3.12", "3.13")
 SUITE = ("tests/test_api.py", "tests/test_linearise.py", "tests/test_effects_contract.py", "tests/cli")
-FOR_TESTS = ("pytest", "hypothesis", "jsonschema", "filterpy")
+FOR_TESTS = ("pytest", "hypothesis", "jsonschema")
 SAME = 1e-6  # relative difference of answers between environments, far below every sigma
 SESSION = """
 import doctest, re, sys, gimbalcal

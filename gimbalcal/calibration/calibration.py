@@ -47,9 +47,21 @@ class Residual:
     navigation: Json = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
+class StageHistory:
+    """Estimates and sigmas (m, p) of the unknowns of a stage over time (m,) [s], SI."""
+
+    time: Array
+    values: Array
+    sigmas: Array
+
+
 @dataclass(frozen=True)
 class StageResult:
-    """One stage of a calibration for the record: estimate and sigma (SI, order of `labels`), rms residual [m/s^2]."""
+    """One stage of a calibration for the record: estimate and sigma (SI, order of `labels`), rms residual [m/s^2].
+
+    history: how a sequential stage came to its estimate.
+    """
 
     name: str
     labels: tuple[str, ...]
@@ -57,6 +69,22 @@ class StageResult:
     sigmas: Array
     rms: float
     in_words: str = ""
+    history: StageHistory | None = None
+
+    def to_dict(self) -> Json:
+        """Return the stage as it stands in calibration.json."""
+
+        def by_label(x: Array) -> Json:
+            return dict(zip(self.labels, np.asarray(x).T.tolist(), strict=True))
+
+        content: Json = {
+            "name": self.name, "values": by_label(self.values), "sigmas": by_label(self.sigmas), "rms": self.rms,
+            "in_words": self.in_words,
+        }  # fmt: skip
+        if self.history is not None:
+            values, sigmas = by_label(self.history.values), by_label(self.history.sigmas)
+            content["history"] = {"time_s": self.history.time.tolist(), "values": values, "sigmas": sigmas}
+        return content
 
     def value_of(self, label: str) -> float:
         """Return the estimate of a parameter of this stage, SI."""
@@ -68,6 +96,15 @@ class StageResult:
 
 
 @dataclass(frozen=True)
+class HistoryRow(Entry):
+    """The history of a stage in calibration.json: a list over time for each label."""
+
+    time_s: list[float]
+    values: dict[str, list[float]]
+    sigmas: dict[str, list[float]]
+
+
+@dataclass(frozen=True)
 class StageRow(Entry):
     """A stage in calibration.json; a number that is not finite is null."""
 
@@ -76,6 +113,7 @@ class StageRow(Entry):
     sigmas: dict[str, float | None]
     rms: float | None
     in_words: str
+    history: HistoryRow | None = None
 
 
 @dataclass(frozen=True)
@@ -312,16 +350,7 @@ class Calibration(Displayed):
             "covariance": np.asarray(self.covariance).tolist(),
             "unobservable": plain(self.unobservable),
             "residual": residual,
-            "stages": [
-                {
-                    "name": s.name,
-                    "values": dict(zip(s.labels, np.asarray(s.values).tolist(), strict=True)),
-                    "sigmas": dict(zip(s.labels, np.asarray(s.sigmas).tolist(), strict=True)),
-                    "rms": s.rms,
-                    "in_words": s.in_words,
-                }
-                for s in self.stages
-            ],
+            "stages": [s.to_dict() for s in self.stages],
             "readout": self.readout.to_dict(),
             "provenance": self.provenance.to_dict(),
         }
@@ -384,7 +413,17 @@ def _stage(s: Json) -> StageResult:
     if s["values"].keys() != s["sigmas"].keys():
         raise InputError(f"stages / {s['name']}: there must be a sigma for each of its values, by the same names")
     estimates, sigmas = (np.array([*s[key].values()], dtype=float) for key in ("values", "sigmas"))
-    return StageResult(s["name"], tuple(s["values"]), estimates, sigmas, s["rms"], s["in_words"])
+    history = _history(s["history"], tuple(s["values"])) if "history" in s else None
+    return StageResult(s["name"], tuple(s["values"]), estimates, sigmas, s["rms"], s["in_words"], history)
+
+
+def _history(content: Json, labels: tuple[str, ...]) -> StageHistory:
+    time = np.array(content["time_s"], dtype=float)
+    lists = [content[key].get(label, []) for key in ("values", "sigmas") for label in labels]
+    if any(len(x) != len(time) for x in lists):
+        raise InputError("stages / history: each of its lists must have a number for each of time_s")
+    both = np.array(lists, dtype=float).T
+    return StageHistory(time, both[:, : len(labels)], both[:, len(labels) :])
 
 
 def _with_covariate(e: Effect, covariate: str) -> Effect:

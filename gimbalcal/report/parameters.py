@@ -6,9 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Counts, ParameterEstimate, Readout, StageResult
+from gimbalcal.calibration import Calibration, Counts, ParameterEstimate, Readout, StageHistory, StageResult
+from gimbalcal.earth import HOUR
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
+from gimbalcal.report.chart import BLUE, Band, Chart, Line, Rule
 from gimbalcal.report.figures import AS_BEFORE, dots_by_name
 from gimbalcal.report.html import Context, Picture, picture
 from gimbalcal.units import from_si, to_si
@@ -114,6 +116,7 @@ def nominal_in_words(readout: Readout) -> str:
 
 # --- of its stages ---------------------------------------------------------------------------------------------------
 
+MAX_SHOWN_SIGMA = 8.0  # of the last, from which on a state is drawn
 RATE_RESIDUALS = ("rate-table", "two-position")  # methods whose residuals are rates
 
 
@@ -157,8 +160,27 @@ def _stage_picture(parameters: Sequence[Parameter], stages: Sequence[StageResult
 def _coefficients(s: StageResult) -> Context:
     """Return the combined coefficients that a stage estimates instead of parameters, in microradians."""
     rows = [estimate(name, "", float(from_si(value, "urad")), float(from_si(sigma, "urad")), "urad")
+            | {"words": naming.spaced(name)}  # phi_0 is also the name of a parameter
             for name, value, sigma in zip(s.labels, s.values, s.sigmas, strict=True)]  # fmt: skip
-    return {"name": _short(s.name), "rows": rows}
+    return {"name": _short(s.name), "rows": rows, "picture": None if s.history is None else _convergence(s, s.history)}
+
+
+def _convergence(s: StageResult, h: StageHistory) -> Picture:
+    """Return the estimates of a sequential stage over time, with one sigma about them and their last value."""
+    hours = h.time / HOUR
+    charts = []
+    for i, name in enumerate(s.labels):
+        last, sigma = float(from_si(h.values[-1, i], "urad")), from_si(h.sigmas[:, i], "urad")
+        x, known = from_si(h.values[:, i], "urad"), sigma < MAX_SHOWN_SIGMA * sigma[-1]
+        t, x, sigma = hours[known], np.asarray(x)[known], sigma[known]
+        charts.append(Chart(
+            (Band(t, x - sigma, x + sigma, BLUE, "one σ"), Line(t, x, BLUE, "estimate"), Rule(last)),
+            naming.spaced(name), "time [h]", "[µrad]", height=170,
+        ))  # fmt: skip
+    return picture(
+        charts, f"The {len(s.labels)} states of the {_short(s.name)} over time, with one sigma.",
+        f"The states from where their σ is below {MAX_SHOWN_SIGMA:g} times its last value; line: the last estimate.",
+    )  # fmt: skip
 
 
 def _stage(s: StageResult, c: Calibration) -> dict[str, str]:

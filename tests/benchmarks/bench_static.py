@@ -35,6 +35,7 @@ from gimbalcal.estimate.static_run.force_filter import (
     estimate,
     observation_matrix,
     projection,
+    squared_norm,
 )
 from gimbalcal.estimate.static_run.system import static_readings
 from gimbalcal.forward import predict
@@ -44,7 +45,6 @@ from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording, Site
-from tests.estimate.static_run.sample_by_sample import squared_norm
 from tests.estimate.static_runs import TABLE_2_3
 from tests.stimuli import LATITUDE, G
 

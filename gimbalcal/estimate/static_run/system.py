@@ -3,8 +3,9 @@ r"""System level: what a static run says about the accelerometers, all channels 
 Specific force, gimbal readouts and attitude error of a run are fitted together with the exact forward model. It sees
 nine combinations of the twelve linear residual parameters of Wu et al. (2018), section 5, and no evaluation of the
 same channels can see more: the bias of x and its lean towards the pole, for one, pull the constant part of f_x alike.
-Those combinations come back by name. The paper's own road, squared norm and Fourier coefficients, is in
-`force_filter`, `harmonics` and `combined`; both methods must agree.
+Those combinations come back by name. The paper's own method, the Kalman filter on the squared norm and the Fourier
+coefficients of the attitude error, is in `force_filter`, `harmonics` and `combined_coefficients`, and both are stages
+of the result; all must agree.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from gimbalcal.estimate.accelerometers.position_fit import HEADER, SAMPLES
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
 from gimbalcal.estimate.fit import fit
 from gimbalcal.estimate.static_run.combined_coefficients import Combined, combined
+from gimbalcal.estimate.static_run.force_filter import convergence
 from gimbalcal.inference.information import Solution
 from gimbalcal.number import Array
 from gimbalcal.readings import Readings, readings
@@ -110,8 +112,17 @@ def static(
         Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
         outcome=outcome(solution),
         provenance=Provenance(recordings=recording.source, noise=AssumedNoise(from_=noise_from(run))),
-        stages=(stage(run, effects, combined(run, start, effects, solution, J)),),
+        stages=(stage(run, effects, combined(run, start, effects, solution, J)), *filter_stage(run, start)),
     )
+
+
+def filter_stage(run: Readings, effects: Sequence[Effect]) -> tuple[StageResult, ...]:
+    """Return the paper's filter on what the effects leave of the specific force; nothing where an axis is missing."""
+    columns = run.columns("specific_force")
+    if len(columns) < 3:
+        return ()
+    departure, sigma = run.residual(effects)[:, columns], run.sigma[:, columns]
+    return (convergence(run.stimulus.time, departure, run.direction, sigma, run.stimulus.gravity),)
 
 
 def outcome(solution: Solution) -> str:

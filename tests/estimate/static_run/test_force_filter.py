@@ -7,15 +7,19 @@ import pytest
 from scipy.stats import chi2
 
 from gimbalcal.estimate.static_run.force_filter import (
+    NAMES,
     ForceInformation,
     ForceState,
     accumulate,
+    convergence,
     estimate,
+    kalman,
+    minute_means,
     observation_matrix,
     projection,
+    squared_norm,
 )
 from gimbalcal.number import Array
-from tests.estimate.static_run import sample_by_sample
 from tests.stimuli import G, static
 
 X = np.array([1.1e-4, -8.6e-5, 8.2e-5, -5e-5, 1.2e-5])
@@ -38,7 +42,7 @@ def worst(a: ForceState, x: Array, P: Array) -> float:
 def test_filter_equals_information_form(hours: float, step: float) -> None:
     z, H, variance = rows(hours, step)
     batch = estimate(accumulate(z, H, variance))
-    sequential = sample_by_sample.kalman(z, H, variance)
+    sequential = kalman(z, H, variance)[0]
     assert worst(batch, sequential.x, sequential.P) < 1e-9  # in units of sigma; rounding accumulates to 1e-11
     assert batch.chi2 == pytest.approx(sequential.chi2, rel=1e-9)
 
@@ -47,7 +51,7 @@ def test_filter_equals_information_form(hours: float, step: float) -> None:
 def test_filter_and_information_form_stay_equal_however_small_the_noise(sigma: float) -> None:
     H = observation_matrix(static(48.0, 900.0).force / G)
     z = H @ X + np.random.default_rng(9).normal(size=len(H)) * sigma
-    a, b = estimate(accumulate(z, H, sigma**2)), sample_by_sample.kalman(z, H, sigma**2)
+    a, b = estimate(accumulate(z, H, sigma**2)), kalman(z, H, sigma**2)[0]
     assert worst(a, b.x, b.P) < 1e-9
 
 
@@ -58,7 +62,7 @@ def test_pieces_in_any_order_and_missing_rows_are_the_same_estimate() -> None:
     pieced = estimate(ForceInformation(*(sum(terms) for terms in zip(*parts, strict=True))))
     assert worst(whole, pieced.x, pieced.P) < 1e-9
     keep = np.arange(len(z)) % 3 > 0
-    gappy = sample_by_sample.kalman(np.where(keep, z, np.nan), H, variance)
+    gappy = kalman(np.where(keep, z, np.nan), H, variance)[0]
     dropped = estimate(accumulate(z[keep], H[keep], variance[keep]))
     assert worst(dropped, gappy.x, gappy.P) < 1e-9
     assert gappy.rows == dropped.rows == keep.sum()
@@ -81,7 +85,7 @@ def test_squared_norm_makes_a_bias_of_noise_which_projection_does_not() -> None:
     force = G * direction + noise
     mean = 1.5 * SIGMA**2  # 3.9e-7
     error = SIGMA / np.sqrt(len(force))  # of a mean: 6.7e-7 / sqrt(...): compare differences, where it cancels
-    printed, debiased = sample_by_sample.squared_norm(force, G), sample_by_sample.squared_norm(force, G, 5e-3)
+    printed, debiased = squared_norm(force, G), squared_norm(force, G, 5e-3)
     linear = projection(noise, direction, G)
     # printed - linear = |n|^2 / 2 g^2, whose own scatter is sqrt(3/2) sigma^2 a row
     scatter = np.sqrt(1.5) * SIGMA**2 / np.sqrt(len(force))
@@ -95,5 +99,58 @@ def test_squared_norm_makes_a_bias_of_noise_which_projection_does_not() -> None:
 def test_squared_norm_and_projection_agree_to_first_order() -> None:
     direction = static(48.0, 600.0).force / G
     departure = 1e-4 * G * np.random.default_rng(4).normal(size=direction.shape)
-    difference = sample_by_sample.squared_norm(G * direction + departure, G) - projection(departure, direction, G)
+    difference = squared_norm(G * direction + departure, G) - projection(departure, direction, G)
     np.testing.assert_allclose(difference, (departure**2).sum(axis=1) / (2 * G**2), rtol=1e-6)
+
+
+def departures(x: Array, u: Array, noise: Array) -> Array:
+    """Forces (n, 3) less ideal ones whose projection is H x: x1 along the force, the others across it, and noise."""
+    return (observation_matrix(u) @ x)[:, None] * u * G + noise
+
+
+def test_the_filter_of_a_run_converges_to_the_closed_form() -> None:
+    """As the figures of the paper: bands that shrink, around states that end within them of the truth."""
+    u = static(48.0, 15.0).force / G  # four rows a minute
+    time, sigma = 15.0 * np.arange(len(u)), np.full((len(u), 3), 2e-4)
+    noise = np.random.default_rng(12).normal(size=u.shape) * sigma
+    stage = convergence(time, departures(X, u, noise), u, sigma, G)
+    closed = estimate(accumulate(projection(departures(X, u, noise), u, G), observation_matrix(u), (2e-4 / G) ** 2))
+    assert stage.labels == NAMES
+    assert np.abs((stage.values - closed.x) / closed.sigma).max() < 0.05
+    np.testing.assert_allclose(stage.sigmas, closed.sigma, rtol=1e-3)
+    assert np.abs((stage.values - X) / stage.sigmas).max() < 4
+    assert "2880 means of 1 min" in stage.in_words
+    assert stage.in_words.endswith("which the squares in Eq. (20) explain")
+    h = stage.history
+    assert h is not None
+    np.testing.assert_array_equal(h.values[-1], stage.values)
+    assert np.all(np.diff(h.sigmas, axis=0) <= 1e-12)
+    a_day = int(np.searchsorted(h.time, 86164.0))
+    assert np.all(h.sigmas[a_day] < 1.5 * stage.sigmas)  # one turn of the Earth separates all five, two halve P
+    assert np.all(h.sigmas[a_day // 2] > 5 * stage.sigmas)  # half a turn does not
+    inside = np.abs(h.values[a_day:] - X) < 3 * h.sigmas[a_day:]
+    assert inside.mean() > 0.95
+    assert stage.rms == pytest.approx(2e-4 / 2, rel=0.1)
+
+
+def test_the_squares_of_eq_20_are_counted_and_a_disagreement_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    u = static(24.0, 60.0).force / G
+    time, sigma = 60.0 * np.arange(len(u)), np.full((len(u), 3), 1e-5)
+    large = X * 10  # a scale factor of 1100 ppm: the squares of Eq. (20) are 6e-7, many sigma of so little noise
+    departure = departures(large, u, np.random.default_rng(2).normal(size=u.shape) * sigma)
+    stage = convergence(time, departure, u, sigma, G)
+    difference = float(stage.in_words.split("at most ")[1].split(" of")[0])
+    assert difference > 3
+    assert stage.in_words.endswith("which the squares in Eq. (20) explain")
+    monkeypatch.setattr(f"{convergence.__module__}.estimate", lambda total: estimate(total)._replace(x=2 * large))
+    assert "filter and closed form disagree" in convergence(time, departure, u, sigma, G).in_words
+
+
+def test_minute_means_keep_the_information_of_their_rows() -> None:
+    z, H, variance = rows(10.0, 10.0)
+    time, mean, mean_H, mean_variance = minute_means(10.0 * np.arange(len(z)), z, H, variance)
+    assert len(mean) == 600
+    np.testing.assert_allclose(np.diff(time), 60.0)
+    a, b = estimate(accumulate(z, H, variance)), estimate(accumulate(mean, mean_H, mean_variance))
+    assert np.abs((a.x - b.x) / a.sigma).max() < 0.02
+    np.testing.assert_allclose(a.sigma, b.sigma, rtol=1e-4)

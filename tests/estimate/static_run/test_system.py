@@ -13,13 +13,12 @@ from scipy.stats import chi2
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, values
 from gimbalcal.estimate.static_run.combined_coefficients import MEANS, NAMES, matrix
-from gimbalcal.estimate.static_run.force_filter import ForceState, observation_matrix, projection
+from gimbalcal.estimate.static_run.force_filter import ForceState, kalman, observation_matrix, projection
 from gimbalcal.estimate.static_run.system import static, static_parameters, static_readings
 from gimbalcal.inference.information import solve
 from gimbalcal.kinematics import shortening
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, read
-from tests.estimate.static_run.sample_by_sample import kalman
 from tests.estimate.static_runs import TABLE_2_3, draw, run, static_information
 from tests.golden import golden_text, refused
 from tests.stimuli import LATITUDE, G
@@ -129,6 +128,8 @@ def test_the_stage_is_the_paper_s_filter_run_sample_by_sample() -> None:
     assert np.abs((stage.values[:5] - a.x) / a.sigma).max() < 1e-9
     np.testing.assert_allclose(stage.sigmas[:5], a.sigma, rtol=1e-9)
     assert 0.8 < a.chi2 / (a.rows - 5) < 1.2
+    by_minutes = static(recording).stages[1]
+    assert np.abs((by_minutes.values - a.x) / a.sigma).max() < 1  # with the squares of Eq. (20)
     assert np.abs(left.x / left.sigma).max() < 4
 
 
@@ -137,7 +138,7 @@ def filtered(recording: Recording, effects: Sequence[Effect] = ()) -> ForceState
     made = static_readings(recording)
     columns, g, u = made.columns("specific_force"), made.stimulus.gravity, made.direction
     variance = ((u * made.sigma[:, columns] / g) ** 2).sum(axis=1)
-    return kalman(projection(made.residual(effects)[:, columns], u, g), observation_matrix(u), variance)
+    return kalman(projection(made.residual(effects)[:, columns], u, g), observation_matrix(u), variance)[0]
 
 
 def test_noise_that_the_header_does_not_state_is_estimated() -> None:
