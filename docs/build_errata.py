@@ -151,8 +151,11 @@ def of_formula(v: Verdict) -> str:
         columns = " | ".join(f"$\\displaystyle {f.replace('|', chr(92) + 'vert ')}$" for f in (printed, derived))
         lines += ["| printed | derived |", "|---|---|", f"| {columns} |", ""]
     else:
-        for name, f in (("printed", printed), ("derived", derived)):
-            lines += [f"{name}:", "", f"$${f}$$" if f else "in full with `python -m derivations PAPER ITEM`", ""]
+        command = f'`python -m derivations {PAPERS[v.source]} "{v.item}"`'
+        shown = [(name, f) for name, f in (("printed", printed), ("derived", derived)) if f]
+        for name, f in shown:
+            lines += [f"{name}:", "", f"$${f}$$", ""]
+        lines += [f"In full with {command}.", ""] if len(shown) < 2 else []
     lines.append(text(v.why))
     if v.assumes:
         lines += ["", f"Assumes {text(v.assumes)}."]
