@@ -158,9 +158,9 @@ class _Departure:
         """Return the usual |d| about rows (k,): the largest median of three stretches, or the resolution."""
         last = len(self.stretches) - 1
         own, at = np.unique(np.minimum(rows // STRETCH, last), return_inverse=True)
-        near = np.clip(own[:, None] + np.arange(-1, 2), 0, last)
-        needed, where = np.unique(near, return_inverse=True)
-        medians = np.median(self.stretches[needed], axis=1)[where].reshape(near.shape)
+        neighbours = np.clip(own[:, None] + np.arange(-1, 2), 0, last)
+        needed, where = np.unique(neighbours, return_inverse=True)
+        medians = np.median(self.stretches[needed], axis=1)[where].reshape(neighbours.shape)
         return np.maximum(medians.max(axis=1)[at], self.resolution)
 
 

@@ -94,10 +94,10 @@ def observe(
     from gimbalcal.report.plan_page import schedule_report
 
     target = output.folder([schedule], "observability", (OBSERVABILITY, "report.html"))
-    seen = run(
+    result = run(
         schedule, angle_sigma, force_sigma, latitude, candidates, states, rate_noise, force_noise, velocity_sigma,
     )  # fmt: skip
-    output.deliver(target, OBSERVABILITY, seen.to_dict(), partial(schedule_report, seen), str(seen))
+    output.deliver(target, OBSERVABILITY, result.to_dict(), partial(schedule_report, result), str(result))
 
 
 @click.command(

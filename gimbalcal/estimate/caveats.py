@@ -89,18 +89,18 @@ def _reported(ask: Callable[[], list[str]]) -> list[str]:
 
 def _of_positions(recording: Recording) -> list[str]:
     """Return the caveats of `three-stage` on positions at known angles in the stated noise."""
-    found = trusted_positions(recording)
-    solution = found.fit.solution
-    larger = larger_noise_in_words(found.problem, found.fit)
-    return outliers_in_words(found.faults) + excess_in_words(solution.chi2, solution.dof, larger)
+    positions = trusted_positions(recording)
+    solution = positions.fit.solution
+    larger = larger_noise_in_words(positions.problem, positions.fit)
+    return outliers_in_words(positions.faults) + excess_in_words(solution.chi2, solution.dof, larger)
 
 
 def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[str]:
     """Return the caveats of `multiposition` on the norm of the force, and on gyroscopes between the same dwells."""
-    made = multiposition(recording, terms)
-    times, excess = made.provenance.options.excess_over_noise, made.provenance.options.excess_scatter
+    calibration = multiposition(recording, terms)
+    times, excess = calibration.provenance.options.excess_over_noise, calibration.provenance.options.excess_scatter
     forces = scatter_in_words(recording.noise, excess, excess / times) if times and excess and times > 0 else ""
-    alone = replace(made, outcome="")
+    alone = replace(calibration, outcome="")
     gyroscopes = _reported(lambda: [with_gyroscopes(recording, alone).outcome]) if both else []
     return list(filter(None, [forces, *gyroscopes]))
 

@@ -67,12 +67,12 @@ def extra_effects(
     for said in words:
         name, *settings = (part.strip() for part in said.split(","))
         effect, _, axis = name.partition(":")
-        made = _one(said, effect, axis, dict(_setting(said, s) for s in settings), recordings, held)
+        extra = _one(said, effect, axis, dict(_setting(said, s) for s in settings), recordings, held)
         before = out.get(effect)
         if before is not None:
-            axes = (*before.axes, *made.axes) if before.axes and made.axes else ()
-            made = replace(made, axes=axes, stated=tuple(dict([*before.stated, *made.stated]).items()))
-        out[effect] = made
+            axes = (*before.axes, *extra.axes) if before.axes and extra.axes else ()
+            extra = replace(extra, axes=axes, stated=tuple(dict([*before.stated, *extra.stated]).items()))
+        out[effect] = extra
     return tuple(out.values())
 
 
@@ -88,8 +88,8 @@ def _one(
     held: Sequence[str],
 ) -> ExtraEffect:  # fmt: skip
     if effect not in CATALOGUE:
-        near = get_close_matches(effect, CATALOGUE, 1)
-        hint = f"did you mean {near[0]}?" if near else "`gimbalcal catalogue` lists them"
+        similar = get_close_matches(effect, CATALOGUE, 1)
+        hint = f"did you mean {similar[0]}?" if similar else "`gimbalcal catalogue` lists them"
         raise InputError(f"--with {said}: no effect is called {effect!r}; {hint}")
     if effect in held:
         raise InputError(f"--with {said}: {effect} is in the model of this method anyway; leave it out")
@@ -101,16 +101,16 @@ def _one(
     every = parameters(cls, gimbals)
     if not every:
         raise InputError(f"--with {said}: {effect} is of gimbals, and {recordings[0].title!r} has none")
-    made = ExtraEffect(
+    extra = ExtraEffect(
         effect,
         (axis,) if axis else (),
         _stated(said, cls, settings),
         _followed(said, cls, [a for r in recordings for a in r.axes("covariate")]),
     )
-    if not made.parameters(gimbals):
+    if not extra.parameters(gimbals):
         axes = ", ".join(dict.fromkeys(p.axis for p in every if p.axis)) or "no axes"
         raise InputError(f"--with {said}: {effect} has no axis {axis!r}; it has {axes}")
-    return made
+    return extra
 
 
 def unfit(cls: type[Effect], recording: Recording) -> str:
@@ -213,7 +213,7 @@ def extension(more: Sequence[ExtraEffect], sizes: Sequence[Parameter], s: Stimul
         trials = [dict(zip((f.name for f in e.free), point, strict=True)) for point in grids]
         costs = [cost(effects({**values, e.effect: {**values[e.effect], **trial}})) for trial in trials]
         values[e.effect] |= trials[int(np.argmin(costs))]
-    fitted, held = [], {}
+    fitted, fixed = [], {}
     for e in more:
         parameter_of = {p.field: p for p in parameters(CATALOGUE[e.effect], s.axis_names, constants=True)}
         for f in constants(CATALOGUE[e.effect]):
@@ -221,8 +221,8 @@ def extension(more: Sequence[ExtraEffect], sizes: Sequence[Parameter], s: Stimul
             if f in e.free and kind(f).smooth and low < high:
                 fitted.append(replace(parameter_of[f.name], mean=value))
             else:
-                held[parameter_of[f.name]] = value
-    return Extension(effects(values), (*sizes, *fitted), held)
+                fixed[parameter_of[f.name]] = value
+    return Extension(effects(values), (*sizes, *fitted), fixed)
 
 
 def _starting_values(f: Constant, s: Stimulus) -> list[float]:

@@ -132,8 +132,8 @@ def solve_about(
 def _conditional(info: Information, c: Array, constant: NDArray[np.bool_], seen: float) -> Array:
     """The solution x (p,) with the constants held at c."""
     out = np.zeros(len(constant))
-    held = {p: float(v) for p, v in zip(np.array(info.parameters, dtype=object)[constant], c, strict=True)}
-    out[constant], out[~constant] = c, solve(info.at(held), seen).x
+    known = {p: float(v) for p, v in zip(np.array(info.parameters, dtype=object)[constant], c, strict=True)}
+    out[constant], out[~constant] = c, solve(info.at(known), seen).x
     return out
 
 
@@ -387,18 +387,18 @@ def fit(
         excess = widened(x)
     for _ in range(MAX_SCALE_ROUNDS):
         steps = itertools.count()
-        found = gauss_newton(linearise, x, bounds, seen=min_signal, arrived=arrived, damped=not has_local,
+        minimum = gauss_newton(linearise, x, bounds, seen=min_signal, arrived=arrived, damped=not has_local,
                              diverged=diverged if has_local else None)  # fmt: skip
-        x = found.solution.x
-        if not found.steps or not np.any(shape > 0):
+        x = minimum.solution.x
+        if not minimum.steps or not np.any(shape > 0):
             break
         new = widened(x)
         if np.all(np.abs(new - excess) <= SCALE_TOLERANCE * excess):
             break
         excess = new
-    solution = replace(found.solution, parameters=every)
+    solution = replace(minimum.solution, parameters=every)
     excesses, local = tuple(excess[k] for k in of_views), tuple(next(iter(last.values())).local_at(x))
-    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, found.steps, min_signal, local)
+    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, minimum.steps, min_signal, local)
 
 
 def cost_of_sizes(
@@ -421,20 +421,20 @@ def cost_of_sizes(
     return cost
 
 
-def fixed_nuisances(found: ViewsFit, views: Sequence[View]) -> ViewsFit:
+def fixed_nuisances(fitted: ViewsFit, views: Sequence[View]) -> ViewsFit:
     r"""Return a fit with what the nuisances of views add to its covariance, which are not part of it.
 
     .. math:: \delta x = -A \, \nu, \quad A = J^+ N, \quad P_x + A A^T
 
     with N the rows of one sigma of each nuisance (implicit function theorem at the minimum).
     """
-    p = len(found.parameters)
-    wanted = (*found.parameters, *(replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)))
-    J, _ = whitened(views, found.effects, wanted, found.excesses, np.append(found.x, np.zeros(len(wanted) - p)))
+    p = len(fitted.parameters)
+    wanted = (*fitted.parameters, *(replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)))
+    J, _ = whitened(views, fitted.effects, wanted, fitted.excesses, np.append(fitted.x, np.zeros(len(wanted) - p)))
     N = J[:, p:] * prior(wanted)[1][p:]
     size = np.linalg.norm(J[:, :p], axis=0)
     A = np.linalg.lstsq(J[:, :p] / size, N, rcond=None)[0] / size[:, None]
-    return replace(found, solution=replace(found.solution, covariance=found.covariance + A @ A.T))
+    return replace(fitted, solution=replace(fitted.solution, covariance=fitted.covariance + A @ A.T))
 
 
 def independent(J: Array) -> bool:

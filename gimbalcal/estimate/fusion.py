@@ -39,9 +39,9 @@ def both_levels(
     """
     p = positions.problem
     device, level = view_of_positions(p, positions.noise), static_view(run, wanted)
-    found = fit([device, level], tuple(dict.fromkeys((*p.parameters, *wanted))), effects)
-    own = information_of([device], found.effects, p.parameters, found.local[:1])
-    return own, information_of([level], found.effects, wanted), found.solution
+    fitted = fit([device, level], tuple(dict.fromkeys((*p.parameters, *wanted))), effects)
+    own = information_of([device], fitted.effects, p.parameters, fitted.local[:1])
+    return own, information_of([level], fitted.effects, wanted), fitted.solution
 
 
 def fuse(
@@ -72,12 +72,12 @@ def contradiction(together: Solution, device: Solution, static: Solution) -> str
     """Return a sentence where the stages disagree on what both see, "" where they do not."""
     # a stage that its own model does not explain proves nothing against the other
     noise = max(1.0, device.chi2 / max(device.dof, 1), static.chi2 / max(static.dof, 1))
-    found = agreement(together, [device, static], noise)
-    if found.p_value >= SIGNIFICANCE:
+    result = agreement(together, [device, static], noise)
+    if result.p_value >= SIGNIFICANCE:
         return ""
     return (
-        f"The multi-position recording and the static run contradict each other: chi^2 of {found.rise:.0f} for the "
-        f"{found.combinations} combinations that both see (probability {found.p_value:.1g}); the unit changed in "
+        f"The multi-position recording and the static run contradict each other: chi^2 of {result.rise:.0f} for the "
+        f"{result.combinations} combinations that both see (probability {result.p_value:.1g}); the unit changed in "
         "between or a model is wrong"
     )
 

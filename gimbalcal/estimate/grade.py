@@ -57,14 +57,14 @@ def graded(recordings: Sequence[Recording], name: str = "") -> Graded:
     """
     if name:
         return Graded(grade_named(name), "--grade says so")
-    held = [r for r in recordings if r.kind.stabilised]
-    force, rate = (_middle([walk(r, s) for r in recordings if r not in held]) for s in TRIADS)
-    if held and force is None:
+    stabilised = [r for r in recordings if r.kind.stabilised]
+    force, rate = (_middle([walk(r, s) for r in recordings if r not in stabilised]) for s in TRIADS)
+    if stabilised and force is None:
         return Graded(GRADES["navigation"], "its gyroscopes hold a platform still in inertial space")
-    seen = [] if force is None else [f"accelerometers scatter by {_two_digits(force / UG)} ug in a mean over 1 s"]
-    seen += [] if rate is None else [f"gyroscopes by {_two_digits(rate / DEG_ROOT_H)} deg/sqrt(h)"]
-    if seen:
-        return Graded(grade_of_noise(force, rate), f"{' and '.join(seen)}")
+    reasons = [] if force is None else [f"accelerometers scatter by {_two_digits(force / UG)} ug in a mean over 1 s"]
+    reasons += [] if rate is None else [f"gyroscopes by {_two_digits(rate / DEG_ROOT_H)} deg/sqrt(h)"]
+    if reasons:
+        return Graded(grade_of_noise(force, rate), f"{' and '.join(reasons)}")
     gimbals = any(r.platform.axes for r in recordings)
     what = "assumed on gimbals" if gimbals else "assumed of a unit without gimbals"
     assumed = GRADES["navigation" if gimbals else "consumer"]
@@ -140,8 +140,8 @@ def _of_means(x: Array, stays: Sequence[Dwell], step: float) -> float | None:
     return float(max(np.sqrt(np.median(squares)), coarse) * np.sqrt(size * step))
 
 
-def _middle(told: Sequence[float | None]) -> float | None:
-    known = [x for x in told if x is not None]
+def _middle(values: Sequence[float | None]) -> float | None:
+    known = [x for x in values if x is not None]
     return float(np.median(known)) if known else None
 
 

@@ -16,20 +16,20 @@ def calibrate_view(request: Request) -> Calibration:
     view = recording.kind.view_of(recording, request.terms)
     more = extra_effects(request.more, [recording], view.baseline)
     wanted = tuple(p for i in view.baseline for p in view.parameters_of(i))
-    extra, found = NO_EXTENSION, fit([view], wanted)
+    extra, fitted = NO_EXTENSION, fit([view], wanted)
     if more:
         sizes = tuple(p for e in more for p in e.parameters(view.stimulus.axis_names))
-        extra = extension(more, sizes, view.stimulus, found.cost_of_sizes(sizes))
-        found = fit([view], (*wanted, *extra.parameters), extra.effects)
-    rms = np.sqrt(np.mean(np.square(found.residual[0]), axis=0))
+        extra = extension(more, sizes, view.stimulus, fitted.cost_of_sizes(sizes))
+        fitted = fit([view], (*wanted, *extra.parameters), extra.effects)
+    rms = np.sqrt(np.mean(np.square(fitted.residual[0]), axis=0))
     by_channel = {":".join(key): float(v) for key, v in zip(view.channels, rms, strict=True)}
     words = f"{len(view)} rows of {view.title}"
     return extra.complete(
-        found.calibration(
+        fitted.calibration(
             "least-squares",
-            Residual(found.solution.chi2, found.solution.dof, by_channel),
-            outcome="" if found.steps else "the fit did not converge, so its numbers mean nothing",
+            Residual(fitted.solution.chi2, fitted.solution.dof, by_channel),
+            outcome="" if fitted.steps else "the fit did not converge, so its numbers mean nothing",
             provenance=Provenance(recordings=recording.source),
-            stages=(found.stage(view.name, words),),
+            stages=(fitted.stage(view.name, words),),
         )
     )

@@ -40,18 +40,18 @@ def unit_of_sessions(
 
     Raises InputError for sessions that are not of one unit, see `recording.join`.
     """
-    made = inertial_unit(join(sessions), terms, more)
+    calibration = inertial_unit(join(sessions), terms, more)
     added = {a.effect for a in more}
-    effects = dict.fromkeys(p.effect for p in made.parameters)
+    effects = dict.fromkeys(p.effect for p in calibration.parameters)
     taken = tuple(i for i in effects if i not in added and scope_of(i) is Scope.UNIT)
-    scaled = [in_si(r, made.readout) for r in sessions]  # counts of all by one nominal scale
+    scaled = [in_si(r, calibration.readout) for r in sessions]  # counts of all by one nominal scale
     alone, compared = zip(*(_compared(scaled, k, taken, more) for k in range(len(sessions))), strict=True)
     entries = tuple(c.session(rests=len(dwells(r))) for c, r in zip(compared, sessions, strict=True))
     return replace(
-        made,
-        outcome=joined(list(filter(None, [_outcome(compared), made.outcome]))),
-        provenance=made.provenance.with_options(sessions=entries),
-        stages=(*made.stages, *(_stage(a, c) for a, c in zip(alone, compared, strict=True) if a)),
+        calibration,
+        outcome=joined(list(filter(None, [_outcome(compared), calibration.outcome]))),
+        provenance=calibration.provenance.with_options(sessions=entries),
+        stages=(*calibration.stages, *(_stage(a, c) for a, c in zip(alone, compared, strict=True) if a)),
     )
 
 

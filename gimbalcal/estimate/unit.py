@@ -39,11 +39,11 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
             raise InputError(f"--with {more[0].effect}: gyroscopes alone, from revolutions, take no further effect")
         return gyroscopes_from_revolutions(recording)
     recording, odd = without_norm_outliers(recording)
-    made = _both(recording, terms, more)
+    calibration = _both(recording, terms, more)
     return replace(
-        made,
-        outcome=joined([*norm_outliers_in_words(odd), *filter(None, [made.outcome])]),
-        provenance=made.provenance.with_options(left_out=tuple(s.position for s in odd) or None),
+        calibration,
+        outcome=joined([*norm_outliers_in_words(odd), *filter(None, [calibration.outcome])]),
+        provenance=calibration.provenance.with_options(left_out=tuple(s.position for s in odd) or None),
     )
 
 
@@ -51,18 +51,19 @@ def _both(recording: Recording, terms: Sequence[str], more: Sequence[ExtraEffect
     """Accelerometers, and gyroscopes where the turns suffice."""
     turning = tuple(a for a in more if CATALOGUE[a.effect].stage in GYROSCOPE_STAGES)
     of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage in GYROSCOPE_STAGES)
-    made = multiposition(
+    calibration = multiposition(
         recording, tuple(t for t in terms if t not in of_rate), tuple(a for a in more if a not in turning)
     )
     if terms and not of_rate and not turning:
-        return made
+        return calibration
     try:
-        return with_gyroscopes(recording, made, of_rate, turning)
+        return with_gyroscopes(recording, calibration, of_rate, turning)
     except InputError as problem:
         if of_rate or turning:
             raise
-        outcome = joined(list(filter(None, [made.outcome, f"the gyroscopes are not calibrated: {problem}"])))
-        return replace(made, outcome=outcome, provenance=made.provenance.with_options(gyroscopes=str(problem)))
+        outcome = joined(list(filter(None, [calibration.outcome, f"the gyroscopes are not calibrated: {problem}"])))
+        provenance = calibration.provenance.with_options(gyroscopes=str(problem))
+        return replace(calibration, outcome=outcome, provenance=provenance)
 
 
 def with_gyroscopes(

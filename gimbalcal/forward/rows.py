@@ -146,7 +146,7 @@ def linearise(
     outputs = predict(platform, s, effects, kind)
     keys = tuple(channels) if channels is not None else _every(platform, outputs)
     predicted = picked(platform, outputs, keys)
-    seen: dict[Stage, Stimulus] = {}
+    stimuli: dict[Stage, Stimulus] = {}
     sensitivity: dict[Stage, Array] = {}
     for stage in stages:
         if stage in ONLY_IN and not any(q == ONLY_IN[stage] for q, _ in keys):
@@ -154,17 +154,17 @@ def linearise(
         columns = []
         shape = _added(stage, platform)
         for unit in np.eye(int(np.prod(shape))):
-            probe = _PROBES[stage](value=(1j * STEP * unit).reshape(shape), met=seen)
+            probe = _PROBES[stage](value=(1j * STEP * unit).reshape(shape), met=stimuli)
             added = picked(platform, predict(platform, s, (*effects, probe), kind), keys)
             columns.append(added.imag / STEP)
-            if stage not in seen:
+            if stage not in stimuli:
                 break
-        if stage in seen:
+        if stage in stimuli:
             sensitivity[stage] = np.stack(columns, axis=-1)
-            met = seen[stage]
-            seen[stage] = met.at(force=met.force.real, angle=met.angle.real, rate=met.rate.real)
+            met = stimuli[stage]
+            stimuli[stage] = met.at(force=met.force.real, angle=met.angle.real, rate=met.rate.real)
     residual = np.zeros_like(predicted) if read is None else difference(read, predicted, keys)
-    return Rows(platform, kind, s, tuple(effects), keys, residual, seen, sensitivity)
+    return Rows(platform, kind, s, tuple(effects), keys, residual, stimuli, sensitivity)
 
 
 def jacobian(

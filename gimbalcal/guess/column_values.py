@@ -225,8 +225,8 @@ def quantum(x: Array) -> float:
     if len(levels) < 3 or len(levels) > 0.5 * min(len(x), 20_000):
         return 0.0
     step = float(np.diff(levels).min())
-    near = np.diff(levels)
-    step, offset, k = float(np.median(near[near < 1.5 * step])), levels - levels[0], 2
+    steps = np.diff(levels)
+    step, offset, k = float(np.median(steps[steps < 1.5 * step])), levels - levels[0], 2
     while step > 0 and k < len(levels):  # numbers are rounded, so the step follows from ever longer distances
         step, k = float(offset[k] / max(np.round(offset[k] / step), 1.0)), 2 * k
     at = offset / step if step > 0 else offset + 0.5

@@ -106,6 +106,6 @@ def reference_of(recording: Recording) -> Reference:
 
 def _without_leaps(time: Array, C: Array) -> Reference:
     """Attitudes C (k, 3, 3) but single ones that are off: matrices neither wrap nor change their sign."""
-    found = spikes({str(i): x for i, x in enumerate(C.reshape(-1, 9).T)}, slow=True)
-    off = np.any(list(found.values()), axis=0)
+    leaps = spikes({str(i): x for i, x in enumerate(C.reshape(-1, 9).T)}, slow=True)
+    off = np.any(list(leaps.values()), axis=0)
     return Reference(time[~off], C[~off], tuple(time[off].tolist()))

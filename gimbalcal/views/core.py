@@ -148,10 +148,10 @@ class View:
         gimbal without a readout may be off as well, and a drift is as slow as the hour says.
         """
         names, cls, known = self.stimulus.axis_names, known_effect(effect_id), self.measurement.known_attitude
-        seen = (p for p in parameters(cls, names) if (known or p.axis not in names or p.axis in self.read_gimbals)
+        candidates = (p for p in parameters(cls, names) if (known or p.axis not in names or p.axis in self.read_gimbals)
                 and (p.effect, p.axis) not in self.gauge)  # fmt: skip
         drift_factor = 1.0 if known else drift_rate_factor(cls, float(np.ptp(self.stimulus.time)))
-        usual = (self.grade.usual(p) for p in seen)
+        usual = (self.grade.usual(p) for p in candidates)
         factors = ((p, self.prior_factor * (drift_factor if p.unit.endswith("/h") else 1.0)) for p in usual)
         return tuple(replace(p, sigma=factor * p.sigma) for p, factor in factors)
 
@@ -280,8 +280,8 @@ def by_triad(ids: Sequence[str]) -> tuple[list[str], list[str]]:
 
 def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
     """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
-    held = SENSOR_STAGES | GYROSCOPE_STAGES
-    return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in held)
+    stages = SENSOR_STAGES | GYROSCOPE_STAGES
+    return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in stages)
 
 
 def absent_effect(effect_id: str, s: Stimulus, source: str = "", **constants: float) -> Effect:

@@ -133,7 +133,7 @@ def over(fit: Fit, sigma: Array) -> Fit:
 Sized = tuple[Effect, Sequence[Parameter], Array]  # an effect without size, linear parameters, their sizes (p,) in SI
 
 
-def linearised_at(o: Fit, shift: Array, found: Sequence[Sized]) -> Fit:
+def linearised_at(o: Fit, shift: Array, sized: Sequence[Sized]) -> Fit:
     """The rows about constants shifted by (q,) prior sigmas and with causes in the model: what the whole model leaves.
 
     Products of a large cause with itself and with the constants, which are many sigmas, are in these derivatives. What
@@ -142,7 +142,7 @@ def linearised_at(o: Fit, shift: Array, found: Sequence[Sized]) -> Fit:
     """
     names, made = o.view.stimulus.axis_names, []
     effects = _shifted(o, shift)
-    made = [with_values((e,), wanted, size, names)[0] for e, wanted, size in _once(found)]
+    made = [with_values((e,), wanted, size, names)[0] for e, wanted, size in _once(sized)]
     rows = _about(o.view, (*effects, *made), effects)
     moving = [e for e in made if e.stage not in SENSOR_STAGES]
     about = rows if len(moving) == len(made) else _about(o.view, (*effects, *moving), effects)
@@ -160,15 +160,15 @@ def _shifted(o: Fit, shift: Array) -> tuple[Effect, ...]:
     return with_values(o.effects, o.parameters, x, o.view.stimulus.axis_names)
 
 
-def given_back(o: Fit, found: Sequence[Sized]) -> Fit:
+def given_back(o: Fit, sized: Sequence[Sized]) -> Fit:
     """The rows of `linearised_at` with what the causes explain back in the residuals, to first order about there."""
-    taken = sum((o.rows.columns(e, wanted) @ size for e, wanted, size in _once(found)), start=0 * o.residual)
+    taken = sum((o.rows.columns(e, wanted) @ size for e, wanted, size in _once(sized)), start=0 * o.residual)
     return replace(o, residual=o.residual + taken)
 
 
-def _once(found: Sequence[Sized]) -> Sequence[Sized]:
+def _once(sized: Sequence[Sized]) -> Sequence[Sized]:
     """The first of each effect, which has its constants once."""
-    return tuple({e.id: (e, wanted, size) for e, wanted, size in reversed(found)}.values())
+    return tuple({e.id: (e, wanted, size) for e, wanted, size in reversed(sized)}.values())
 
 
 def at_rest(recording: Recording) -> Recording:
@@ -208,8 +208,8 @@ def refuse_unknown_attitude(recording: Recording) -> None:
 
 def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
     """One sigma (C,) of a row. Raises InputError where neither the header nor three rows in a position tell it."""
-    told, visit = header_noise(read.recording), read.stimulus.visit
-    silent = [q for q, _ in read.channels if q not in told]
+    stated, visit = header_noise(read.recording), read.stimulus.visit
+    silent = [q for q, _ in read.channels if q not in stated]
     if silent and not np.any(visit[2:] == visit[:-2]):
         raise InputError(
             f"{read.recording.title!r} states no noise of the {SENSOR_OF[silent[0]]} and holds too few rows in a "

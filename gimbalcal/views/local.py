@@ -124,8 +124,8 @@ class Whitened:
 
     def information(self, wanted: Sequence[Parameter]) -> Information:
         """All rows as information."""
-        found = information(*self.rows, wanted)
-        return replace(found, count=found.count - self.dependent)
+        rows = information(*self.rows, wanted)
+        return replace(rows, count=rows.count - self.dependent)
 
 
 def eliminate(linear: VisitRows, variance: float, spread: float) -> Whitened:

@@ -89,8 +89,8 @@ def undetermined_misalignments(y: Array) -> tuple[str, ...]:
     u = y / np.linalg.norm(y, axis=1, keepdims=True)
     products = np.stack([u[:, i] * u[:, j] for i, j in PAIRS], axis=1)
     Q = np.hstack([u, u**2])
-    left = products - Q @ (np.linalg.pinv(Q) @ products)
-    share = np.sqrt(np.mean(left**2, axis=0))
+    remainder = products - Q @ (np.linalg.pinv(Q) @ products)
+    share = np.sqrt(np.mean(remainder**2, axis=0))
     return tuple("xyz"[i] + "xyz"[j] for (i, j), s in zip(PAIRS, share, strict=True) if s < MIN_SHARE)
 
 
@@ -144,10 +144,10 @@ def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
     N = means.triad(FORCE)
     half, middle = (N.max(0) - N.min(0)) / 2, (N.max(0) + N.min(0)) / 2
     spread = half.mean()
-    found = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= MIN_POINTS else np.full(9, np.nan)
-    if np.isfinite(found).all():
-        scale = found[:3] * means.site.gravity / spread
-        offset = middle - found[3:6] / found[:3] * spread
+    solution = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= MIN_POINTS else np.full(9, np.nan)
+    if np.isfinite(solution).all():
+        scale = solution[:3] * means.site.gravity / spread
+        offset = middle - solution[3:6] / solution[:3] * spread
     elif np.all(half > 0) and _on_faces((N - middle) / half):
         scale, offset = means.site.gravity / half, middle
     else:

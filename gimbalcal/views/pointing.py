@@ -62,9 +62,9 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
         return against_stars(recording, s, effects, channels).reduced(clear)
 
     def reference(effects: Sequence[Effect]) -> Rows:
-        found = against_stars(recording, s, effects, channels)
-        there = s.at(readout=s.readout + ~tracking * _readout_misses(found, own))
-        return replace(against_stars(recording, there, effects, channels), residual=found.residual).reduced(clear)
+        rows = against_stars(recording, s, effects, channels)
+        there = s.at(readout=s.readout + ~tracking * _readout_misses(rows, own))
+        return replace(against_stars(recording, there, effects, channels), residual=rows.residual).reduced(clear)
 
     n = len(recording.time)
     fields = recording_fields(recording)

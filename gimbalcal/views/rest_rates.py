@@ -169,8 +169,8 @@ def without_earth_rate(recording: Recording, gyro: Sequence[Effect] = ()) -> Rec
     size = float(np.hypot(*north))
     north = north / size if size > 0 else np.array([1.0, 0.0])
     earth = EARTH_RATE * recording.platform.attitude(recording.angles()) @ np.array([*(np.cos(L) * north), -np.sin(L)])
-    seen = gyroscopes(earth, stimulus_from_readings(recording), gyro)
-    rate = recording.triad(RATE) - seen
+    readings = gyroscopes(earth, stimulus_from_readings(recording), gyro)
+    rate = recording.triad(RATE) - readings
     channels = {**recording.channels, **{(RATE, a): rate[:, i] for i, a in enumerate("xyz")}}
     # at the equator the vertical has no part of the Earth's rate: nothing is left there to take off once more
     return replace(recording, channels=channels, site=replace(recording.site, latitude=0.0))

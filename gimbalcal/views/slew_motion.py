@@ -65,11 +65,11 @@ def slews(recording: Recording) -> list[Slew] | str:
     return out if len(out) >= FEWEST else f"fewer than {FEWEST} slews have {ROWS} rows or more"
 
 
-def on_gimbals(recording: Recording, found: Sequence[Slew]) -> Motion:
+def on_gimbals(recording: Recording, moves: Sequence[Slew]) -> Motion:
     """The motion as the readouts tell it, smoothed."""
-    row = np.concatenate([r for r, _ in found])
-    slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(found)])
-    angle = np.concatenate([_smoothed(recording.angles()[r]) for r, _ in found])
+    row = np.concatenate([r for r, _ in moves])
+    slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(moves)])
+    angle = np.concatenate([_smoothed(recording.angles()[r]) for r, _ in moves])
     part = recording.select(row)
     turned = {("gimbal_angle", a): angle[:, i] for i, a in enumerate(part.platform.axis_names)}
     part = replace(part, channels={**part.channels, **turned})
@@ -90,15 +90,15 @@ def _smoothed(angle: Array) -> Array:
     return angle if size < 5 else np.asarray(savgol_filter(angle, size, 2, axis=0, mode="nearest"))
 
 
-def by_hand(recording: Recording, found: Sequence[Slew]) -> Motion:
+def by_hand(recording: Recording, moves: Sequence[Slew]) -> Motion:
     """The motion as calibrated gyroscopes tell it, less what they read at rest, from the rest before each turn."""
     stays, y, f = dwells(recording), recording.triad(RATE), recording.triad(FORCE)
-    row = np.concatenate([r for r, _ in found])
-    slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(found)])
+    row = np.concatenate([r for r, _ in moves])
+    slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(moves)])
     level = np.array([y[d.rows].mean(0) for d in stays])
-    rate = np.concatenate([y[r] - (level[k - 1] + level[k]) / 2 for r, k in found])
+    rate = np.concatenate([y[r] - (level[k - 1] + level[k]) / 2 for r, k in moves])
     turned, force = [], []
-    for i, (r, k) in enumerate(found):
+    for i, (r, k) in enumerate(moves):
         phi = np.sum(mean_rates(recording.time[r], rate[slew == i]), axis=0) * np.diff(recording.time[r])[:, None]
         C = [np.eye(3)]
         for step in exponential(phi):

@@ -57,29 +57,30 @@ SLEWS = Measurement(
 
 
 def view_of_slews(
-    recording: Recording, made: Calibration, gyro: Sequence[Effect] = (), means: bool = False
+    recording: Recording, calibration: Calibration, gyro: Sequence[Effect] = (), means: bool = False
 ) -> View | str:
     """The slews of a recording, or why they say nothing of a delay.
 
-    made: what the rests tell of accelerometers and mount; gyro: what turns tell of the gyroscopes; means: whether
+    calibration: of accelerometers and mount, from the rests; gyro: of the gyroscopes, from turns; means: whether
     force and rate are said to be means over the interval before a row, which lag by half of it.
     """
     gimballed = bool(recording.platform.axes)
-    found = slews(recording)
-    if isinstance(found, str):
-        return found
+    moves = slews(recording)
+    if isinstance(moves, str):
+        return moves
     if not gimballed and not (recording.has(RATE) and recording.has(FORCE)):
         return "neither readouts nor gyroscopes say how the unit turned"
-    here = {e.id for e in made.effects}
+    here = {e.id for e in calibration.effects}
     try:
-        recording = replace(made, effects=(*made.effects, *(e for e in gyro if e.id not in here))).apply(recording)
+        both = (*calibration.effects, *(e for e in gyro if e.id not in here))
+        recording = replace(calibration, effects=both).apply(recording)
     except InputError as problem:
         return str(problem)
     read = tuple(q for q in (FORCE, RATE) if recording.has(q) and not recording.counted(q))
     late = tuple(q for q in read if gimballed or q == FORCE)
     if not late or (not gimballed and RATE not in read):
         return "the sensors count, and a delay shows in SI"
-    motion = on_gimbals(recording, found) if gimballed else by_hand(recording, found)
+    motion = on_gimbals(recording, moves) if gimballed else by_hand(recording, moves)
     if FORCE in late and _moved(motion) < FEWEST:  # as on a table that turns about the vertical
         read = late = tuple(q for q in late if q != FORCE)
         if not late:
@@ -100,10 +101,10 @@ def view_of_slews(
     base = replace(base, residual=np.einsum("ckl,lc->kc", M, base.residual))
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        left = base.residual - J @ values(effects, known)
-        return _Linear(**{**vars(base), "effects": tuple(effects), "residual": left}, about=base, known=known, J=J)
+        misfit = base.residual - J @ values(effects, known)
+        return _Linear(**{**vars(base), "effects": tuple(effects), "residual": misfit}, about=base, known=known, J=J)
 
-    ends = dwell_means(recording).select(np.array([found[k][1] for k in onto.kept]))
+    ends = dwell_means(recording).select(np.array([moves[k][1] for k in onto.kept]))
     channels = tuple((q, "force" if q == FORCE else "rate") for q in late)
     s = stimulus_from_readings(ends)
     return View(
@@ -199,26 +200,26 @@ class _Onto:
         stages = {*(SENSOR_STAGES if FORCE in self.read else ()), *(GYROSCOPE_STAGES if RATE in self.read else ())}
         stages |= {Stage.ENCODER} if self.gimballed else set()
         platform = recording.platform if self.gimballed else BENCH
-        made = linearise(platform, m.stimulus, (), channels=keys, read=y, stages=stages)
-        residual = np.concatenate([made.residual, 0 * m.rate], axis=1)
+        rows = linearise(platform, m.stimulus, (), channels=keys, read=y, stages=stages)
+        residual = np.concatenate([rows.residual, 0 * m.rate], axis=1)
         if not self.gimballed:
             residual[:, 3:] = 0.0  # the rates are what carries gravity: what is left is left of the force
         answer = {
-            k: np.concatenate([S, np.zeros((len(S), 3, S.shape[2]))], axis=1) for k, S in made.sensitivity.items()
+            k: np.concatenate([S, np.zeros((len(S), 3, S.shape[2]))], axis=1) for k, S in rows.sensitivity.items()
         }
         if self.gimballed:
             answer[Stage.ENCODER][:, -3:] = m.axes
-        return replace(made, residual=residual, sensitivity=answer)
+        return replace(rows, residual=residual, sensitivity=answer)
 
     def delays(self, X: Array) -> Array:
         """Columns (N, 3 q + 3, p) of samples to delays (m, C, p)."""
         spans = self.motion.spans
         out = []
         for i in self.kept:
-            found = [self._along(q, spans[i]) for q in self.late]
+            responses = [self._along(q, spans[i]) for q in self.late]
             parts = self._misfits(X[spans[i]], spans[i])
             out.append([np.tensordot(p, x, 2) / max(float((p * p).sum()), 1e-300)
-                        for (p, _, _), x in zip(found, parts, strict=True)])  # fmt: skip
+                        for (p, _, _), x in zip(responses, parts, strict=True)])  # fmt: skip
         return np.array(out)
 
     def _misfits(self, X: Array, span: slice) -> list[Array]:

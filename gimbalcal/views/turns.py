@@ -98,12 +98,12 @@ def turns_between_rests(
         force[i, : len(dt)] = f[span][1:]
     flat = reading.reshape(-1, 3)
     s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
-    made = Turns(reading, step, s, down[ends - 1], down[ends], ends, dwell_means(recording))
+    turns = Turns(reading, step, s, down[ends - 1], down[ends], ends, dwell_means(recording))
     raw = recording.counted(RATE)
-    scale = _rough_scale(made) if raw else 1.0
+    scale = _rough_scale(turns) if raw else 1.0
     if at_rest:
-        made = replace(made, reading=made.reading + _relevelled(made, level, scale, at_rest))
-    return replace(made, reading=scale * (made.reading + bend) + scale**2 * swing), scale * level, scale
+        turns = replace(turns, reading=turns.reading + _relevelled(turns, level, scale, at_rest))
+    return replace(turns, reading=scale * (turns.reading + bend) + scale**2 * swing), scale * level, scale
 
 
 def turns_on_record(recording: Recording) -> bool:
@@ -197,15 +197,15 @@ def gravity_after_turns(turns: Turns, accelerometers: Calibration | None = None,
     )  # fmt: skip
 
 
-def _left_open(turns: Turns, made: Calibration, known: Sequence[Effect]) -> Array:
+def _left_open(turns: Turns, calibration: Calibration, known: Sequence[Effect]) -> Array:
     """Derivative (m, 3, p) of predicted gravity by one sigma of each combination of the accelerometers' parameters."""
-    wanted = tuple(p for p in made.parameters if CATALOGUE[p.effect].stage in SENSOR_STAGES)
-    at = [made.parameters.index(p) for p in wanted]
-    if not wanted or not len(made.covariance):
+    wanted = tuple(p for p in calibration.parameters if CATALOGUE[p.effect].stage in SENSOR_STAGES)
+    at = [calibration.parameters.index(p) for p in wanted]
+    if not wanted or not len(calibration.covariance):
         return np.zeros((len(turns.ends), 3, 0))
-    size, axes = np.linalg.eigh(made.covariance[np.ix_(at, at)])
-    means = in_si(turns.means, made.readout)
-    effects = [e for e in made.effects if e.stage in SENSOR_STAGES]
+    size, axes = np.linalg.eigh(calibration.covariance[np.ix_(at, at)])
+    means = in_si(turns.means, calibration.readout)
+    effects = [e for e in calibration.effects if e.stage in SENSOR_STAGES]
     s = stimulus_from_readings(means)
     s = s.at(rate=0 * s.rate)
     f, H = inverted(lambda f: accelerometers(f, s, effects), means.triad(FORCE))

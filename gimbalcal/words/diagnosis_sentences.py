@@ -199,11 +199,11 @@ def separate_verdicts(rows: Sequence[RecordingFit]) -> str:
 
 def misheld_positions(each: Sequence[Sequence[str]]) -> str:
     """Return sentences on positions of recordings that were not held where the readouts say; empty for none."""
-    told = [
+    sentences = [
         f"{capitalised(words.rstrip('.'))}{f' in recording {k + 1}' * (len(each) > 1)}."
         for k, own in enumerate(each) for words in own
     ]  # fmt: skip
-    return " ".join([*told, "`gimbalcal calibrate` leaves such positions out."]) if told else ""
+    return " ".join([*sentences, "`gimbalcal calibrate` leaves such positions out."]) if sentences else ""
 
 
 # --- a view without a known noise -------------------------------------------------------------------------------------
@@ -405,10 +405,10 @@ def cost_in_words(hours: float, known: float, left_out: float, raw: float | None
     if raw is None:
         if left_out < MIN_SHARE * known:
             return f"next to nothing of position, {off} in {hours:.3g} h at rest; {rest} {least} (one sigma) stay open"
-        told = f"in {hours:.3g} h at rest the position is off by up to {off} if it is left out"
+        sentence = f"in {hours:.3g} h at rest the position is off by up to {off} if it is left out"
         if left_out < known:
-            return f"{told}, less than the {least} (one sigma) that stay open {rest}"
-        return f"{told}; {rest} {least} (one sigma) stay open"
+            return f"{sentence}, less than the {least} (one sigma) that stay open {rest}"
+        return f"{sentence}; {rest} {least} (one sigma) stay open"
     if left_out < (1 + MIN_SHARE) * known:
         return f"nothing of position, off by up to {least} in {hours:.3g} h with it or without"
     return (

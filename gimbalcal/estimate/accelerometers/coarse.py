@@ -173,11 +173,11 @@ def _tilt_columns(p: Problem) -> Array:
 def _as_fit(p: Problem, noise: Noise, settled: Settled) -> PositionFit:
     """The result in the form that is told: its chi^2 is that of all visits, nonlinearity included in the misfit."""
     w = whiten(settled.linear, noise)
-    left = w.r - w.J @ settled.x
+    residual = w.r - w.J @ settled.x
     count = int(np.isfinite(w.sigma).sum())
     solution = replace(
         settled.solution, parameters=p.parameters, x=settled.x, covariance=settled.covariance,
-        chi2=float((left**2).sum()), dof=count - len(p.parameters) + len(settled.solution.unobservable),
+        chi2=float((residual**2).sum()), dof=count - len(p.parameters) + len(settled.solution.unobservable),
     )  # fmt: skip
     setting = apply_matrix(w.gain, settled.linear.r - settled.linear.J @ settled.x)
     return PositionFit(solution, setting, settled.linear, noise, 1)

@@ -55,7 +55,7 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
     first = values(start, every)
     first[[labels.index(q.label) for q in wanted]] = x
     covariance = _combine(info, solution, coarse, every)
-    left = np.sqrt(solution.chi2 / p.visits) * noise.accelerometer / np.sqrt(np.mean(p.weight))
+    residual_rms = np.sqrt(solution.chi2 / p.visits) * noise.accelerometer / np.sqrt(np.mean(p.weight))
     misfit = misfit_in_words(solution.chi2, solution.dof)
     return Calibration(
         method="fine",
@@ -63,11 +63,11 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
         parameters=every,
         covariance=covariance,
         unobservable=_unobservable(solution, coarse),
-        residual=Residual(solution.chi2, solution.dof, {NORM: float(left)}),
+        residual=Residual(solution.chi2, solution.dof, {NORM: float(residual_rms)}),
         outcome=joined([*outliers_in_words(positions.faults), *misfit]),
         provenance=provenance(p, positions.fit, positions.faults),
         readout=Readout(gimbals=p.platform.axis_names),
-        stages=(_stage(solution, x, float(left)),),
+        stages=(_stage(solution, x, float(residual_rms)),),
     )
 
 
@@ -146,9 +146,9 @@ def _unobservable(solution: Solution, coarse: Calibration | None) -> tuple[Unobs
     return (*mine, *(coarse.unobservable if coarse else ()))
 
 
-def _stage(solution: Solution, x: Array, left: float) -> StageResult:
+def _stage(solution: Solution, x: Array, residual_rms: float) -> StageResult:
     """The twelve combinations that the norm determines, in full: what Eq. (17) adds up to."""
     D = combinations(np.ones(3))
     sigma = np.sqrt(np.diag(D @ solution.covariance @ D.T))
     words = "norm of the force: twelve combinations, nonlinearity among them, whatever the gimbals did"
-    return StageResult("fine", COMBINATIONS, D @ x, sigma, left, words)
+    return StageResult("fine", COMBINATIONS, D @ x, sigma, residual_rms, words)

@@ -26,16 +26,16 @@ SAME_DIRECTION_RAD = np.deg2rad(10.0)  # angle between two forces within which t
 
 def rms(p: Problem, fit: PositionFit) -> Mapping[str, float]:
     """Root mean square [m/s^2] by channel of what is left when setting errors are taken out."""
-    left = p.force - model(p, fit.solution.x, fit.setting)
-    mean_square = np.average(left**2, axis=0, weights=p.weight)
+    residual = p.force - model(p, fit.solution.x, fit.setting)
+    mean_square = np.average(residual**2, axis=0, weights=p.weight)
     return {f"{FORCE}:{axis}": float(np.sqrt(v)) for axis, v in zip("xyz", mean_square, strict=True)}
 
 
 def stage(name: str, p: Problem, fit: PositionFit, in_words: str) -> StageResult:
     """The fit as a stage of the calibration: estimate, sigma, and rms of the misfit with setting errors left in."""
-    left = p.force - model(p, fit.solution.x, np.zeros_like(fit.setting))
+    residual = p.force - model(p, fit.solution.x, np.zeros_like(fit.setting))
     labels = tuple(q.label for q in p.parameters)
-    return StageResult(name, labels, fit.solution.x, fit.solution.sigma, float(np.sqrt(np.mean(left**2))), in_words)
+    return StageResult(name, labels, fit.solution.x, fit.solution.sigma, float(np.sqrt(np.mean(residual**2))), in_words)
 
 
 def outcome(fit: PositionFit, faults: Sequence[Fault], larger: str = "") -> str:
@@ -83,7 +83,7 @@ def larger_noise_in_words(p: Problem, fit: PositionFit) -> str:
     s = fit.solution
     if not fit.steps or acceptable(s.chi2, s.dof):
         return ""
-    found = []
+    causes = []
     opened = {
         "setting": replace(fit.noise, setting_from=RESIDUAL),
         "accelerometer": replace(fit.noise, accelerometer_from=RESIDUAL),
@@ -95,10 +95,10 @@ def larger_noise_in_words(p: Problem, fit: PositionFit) -> str:
         free = fit_with_noise(p, noise, s.x)
         times = getattr(free.noise, name) / stated
         if free.steps and times > 1 and acceptable(free.solution.chi2, free.solution.dof):
-            found.append((deviance(free.linear, free.noise, p.parameters), name, times))
-    if not found:
+            causes.append((deviance(free.linear, free.noise, p.parameters), name, times))
+    if not causes:
         return ""
-    _, name, times = min(found)
+    _, name, times = min(causes)
     if name == "setting":
         return f"explained only if the setting repeatability is {times:.2g} times the stated"
     mean = fit.noise.accelerometer / np.sqrt(float(np.median(p.weight)))

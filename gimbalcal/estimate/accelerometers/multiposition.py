@@ -56,12 +56,12 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     support are declined with a sentence in `unobservable`; what `more` adds is fitted without being asked. Raises
     InputError for an effect that needs angles, for too few positions, or for no gravity.
     """
-    asked = {a.effect for a in more}
+    requested = {a.effect for a in more}
     view = norm(dwell_means(recording))  # a rest that a row on the way cuts in two is one
     usual = TERMS if set(view.baseline) == set(LINEAR) else tuple(t for t in LINEAR if t in view.baseline)
-    wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or usual) if t not in asked)
+    wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or usual) if t not in requested)
     _check(wanted, recording, "--terms")
-    _check(tuple(asked), recording, "--with")
+    _check(tuple(requested), recording, "--with")
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     extra = _extension(view, base, more)
     tried, positions = coefficients(wanted) - coefficients(base), f"{len(view)} positions"
@@ -80,10 +80,10 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     best = fits[-1][1]
     more_sigma = covariance_of_omitted_terms(best, list(declined))
     wider = omitted_terms_in_words(more_sigma, best.solution.covariance)
-    told = [(term, why + wider) for term, why in declined.items()]
+    reasons = [(term, why + wider) for term, why in declined.items()]
     own = noise_of_a_mean(recording, sample_sigma(view), view.readout.accelerometers)
-    made = _calibration(fits, told, own)
-    return extra.complete(replace(made, covariance=made.covariance + more_sigma))
+    calibration = _calibration(fits, reasons, own)
+    return extra.complete(replace(calibration, covariance=calibration.covariance + more_sigma))
 
 
 def _too_few_attitudes(view: View) -> str:
@@ -164,7 +164,7 @@ def _calibration(fits: Fits, declined: Sequence[tuple[str, str]], own: float) ->
         unobservable=(*best.unobservable, *unobservable),
         outcome=_outcome(best, own),
         provenance=Provenance(recordings=source.source, noise=assumed_noise(noise), options=options),
-        stages=tuple(_stage(terms, made) for terms, made in fits),
+        stages=tuple(_stage(terms, fitted) for terms, fitted in fits),
     )  # fmt: skip
 
 
@@ -176,11 +176,11 @@ def _outcome(best: ViewsFit, own: float) -> str:
     return words and words + scaled
 
 
-def _stage(terms: Sequence[str], made: ViewsFit) -> StageResult:
-    left_out, positions = left_out_rms(made), len(made.views[0])
-    left = f", {left_out:.2g} m/s^2 for a position left out" if np.isfinite(left_out) else ""
-    words = f"norm of gravity at {positions} positions; condition number {made.condition:.0f}{left}"
-    return made.stage(" + ".join(terms), words)
+def _stage(terms: Sequence[str], fitted: ViewsFit) -> StageResult:
+    left_out, positions = left_out_rms(fitted), len(fitted.views[0])
+    omitted = f", {left_out:.2g} m/s^2 for a position left out" if np.isfinite(left_out) else ""
+    words = f"norm of gravity at {positions} positions; condition number {fitted.condition:.0f}{omitted}"
+    return fitted.stage(" + ".join(terms), words)
 
 
 def noise_of_a_mean(recording: Recording, sample: float, counts: Counts | None = None) -> float:

@@ -42,8 +42,8 @@ NOTABLE_SIGMAS = 1.0  # by which an omitted term must move an estimate to be wor
 
 def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
     """Parameters of the terms; of the six misalignments the three that the norm can see."""
-    found = [p for t in terms for p in parameters(CATALOGUE[t])]
-    return tuple(replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in tied(found))
+    wanted = [p for t in terms for p in parameters(CATALOGUE[t])]
+    return tuple(replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in tied(wanted))
 
 
 def norm_fit(view: View, terms: Sequence[str], extra: Extension = NO_EXTENSION) -> ViewsFit:
@@ -66,18 +66,18 @@ def sample_sigma(view: View) -> float:
     return view.source.sigma("accelerometer") or UNKNOWN_SCATTER_G * view.stimulus.gravity
 
 
-def left_out_rms(found: ViewsFit) -> float:
+def left_out_rms(fitted: ViewsFit) -> float:
     """Return the rms misfit [m/s^2] of positions that took no part; nan where one alone determines a parameter."""
-    Q = np.linalg.qr(found.whitened[0])[0]
-    return found.left_out_rms if np.all((Q**2).sum(1) < MAX_LEVERAGE) else np.nan
+    Q = np.linalg.qr(fitted.whitened[0])[0]
+    return fitted.left_out_rms if np.all((Q**2).sum(1) < MAX_LEVERAGE) else np.nan
 
 
 def _start(y: Array, wanted: Sequence[Parameter], g: float) -> Array:
     """Linear start [SI] from the ellipsoid through the readings y (m, 3), turned to the direction of the effects."""
-    found = ellipsoid(y[None] / g)[0] if len(y) >= MIN_POINTS else np.full(9, np.nan)
-    if not np.isfinite(found).all():
+    solution = ellipsoid(y[None] / g)[0] if len(y) >= MIN_POINTS else np.full(9, np.nan)
+    if not np.isfinite(solution).all():
         return np.array([q.mean for q in wanted])
-    K1, bias, (yx, zx, zy) = found[:3], found[3:6], found[6:]
+    K1, bias, (yx, zx, zy) = solution[:3], solution[3:6], solution[6:]
     start = {("scale_factor", i): K1[i] - 1 for i in range(3)} | {("bias", i): -g * bias[i] / K1[i] for i in range(3)}
     inverse = {"yz": yx, "zy": -(zx - zy * yx), "zx": zy}  # the inverse of Eq. (5), in the betas of Wu et al.'s Eq. (5)
     return np.array(
@@ -85,14 +85,14 @@ def _start(y: Array, wanted: Sequence[Parameter], g: float) -> Array:
     )
 
 
-def covariance_of_omitted_terms(made: ViewsFit, terms: Sequence[str]) -> Array:
+def covariance_of_omitted_terms(fitted: ViewsFit, terms: Sequence[str]) -> Array:
     """Return the increase of the covariance (p, p) of a fit by terms that are omitted from it; zero for none."""
-    view, solution, n = made.views[0], made.solution, len(made.solution.parameters)
+    view, solution, n = fitted.views[0], fitted.solution, len(fitted.solution.parameters)
     omitted = tuple(view.grade.usual(q) for t in terms for q in parameters(CATALOGUE[t]))
     if not omitted:
         return np.zeros((n, n))
     every = (*solution.parameters, *omitted)
-    both, r = whitened([view], made.effects, every, made.excesses, values(made.effects, every))
+    both, r = whitened([view], fitted.effects, every, fitted.excesses, values(fitted.effects, every))
     J, C = both[:, :n], both[:, n:]
     Q = np.linalg.qr(J)[0]
     C_left, r_left = C - Q @ (Q.T @ C), r - Q @ (Q.T @ r)

@@ -57,16 +57,16 @@ def without_norm_outliers(recording: Recording) -> tuple[Recording, tuple[NormOu
 
     Their rows are on the way, where rows on the way were logged; else they are gone.
     """
-    found = norm_outliers(recording)
-    if not found or recording.position is None:
+    outliers = norm_outliers(recording)
+    if not outliers or recording.position is None:
         return recording, ()
     visits = dwells(recording)
-    rows = np.concatenate([np.arange(visits[s.dwell].start, visits[s.dwell].stop) for s in found])
+    rows = np.concatenate([np.arange(visits[s.dwell].start, visits[s.dwell].stop) for s in outliers])
     if np.any(recording.position == 0):
         position = recording.position.copy()
         position[rows] = 0
-        return replace(recording, position=position), found
-    return recording.select(np.setdiff1d(np.arange(len(recording.time)), rows)), found
+        return replace(recording, position=position), outliers
+    return recording.select(np.setdiff1d(np.arange(len(recording.time)), rows)), outliers
 
 
 def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
@@ -80,30 +80,30 @@ def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
         return ()
     unit = None if every.counted(FORCE) else g
     noise = (every.sigma("accelerometer") or 0.0) / np.sqrt(every.weight)
-    left, found = np.arange(len(every.time)), dict[int, float]()
-    while len(found) <= MAX_OUTLIERS:
-        more = _odd(y, unit, noise, left, 1) or _odd(y, unit, noise, left, 2)  # two together hide each other
+    remaining, outliers = np.arange(len(every.time)), dict[int, float]()
+    while len(outliers) <= MAX_OUTLIERS:
+        more = _odd(y, unit, noise, remaining, 1) or _odd(y, unit, noise, remaining, 2)  # two together hide each other
         if not more:
-            return tuple(NormOutlier(k, int(position[k]), g * off) for k, off in sorted(found.items()))
-        found |= more
-        left = np.setdiff1d(left, list(more))
+            return tuple(NormOutlier(k, int(position[k]), g * off) for k, off in sorted(outliers.items()))
+        outliers |= more
+        remaining = np.setdiff1d(remaining, list(more))
     return ()
 
 
-def _odd(y: Array, unit: float | None, noise: Array, left: NDArray[np.int64], several: int) -> dict[int, float]:
+def _odd(y: Array, unit: float | None, noise: Array, remaining: NDArray[np.int64], several: int) -> dict[int, float]:
     """The rests without which the others agree best, and how far they are off [g]; empty where one of them is not.
 
     y (m, 3), noise (m,): forces of all rests and their noise, of which 1 g is `unit`, or unknown in counts (None).
     """
-    m = len(left)
+    m = len(remaining)
     if m < MIN_POINTS + MIN_SPARE_DWELLS + several - 1:
         return {}
-    everyone = _ellipsoids(y[left], unit, np.ones((1, m)))
+    everyone = _ellipsoids(y[remaining], unit, np.ones((1, m)))
     suspects = np.sort(np.argsort(-np.abs(everyone.rho[0]))[:MAX_SUSPECTS])
     choices = np.array(list(combinations(suspects, several)))
     kept = np.ones((len(choices), m))
     np.put_along_axis(kept, choices, 0.0, axis=1)
-    through = _ellipsoids(y[left], unit, kept)
+    through = _ellipsoids(y[remaining], unit, kept)
     best = int(np.argmin(through.usual))
     if not np.isfinite(through.usual[best]):
         return {}
@@ -112,8 +112,9 @@ def _odd(y: Array, unit: float | None, noise: Array, left: NDArray[np.int64], se
     from scipy.special import stdtrit
 
     least = max(MIN_OUTLIER_SIGMAS, -float(stdtrit(m - several - MIN_POINTS, SIGNIFICANCE / comb(m, several))))
-    sigmas = np.abs(off) / np.hypot(through.usual[best] * np.sqrt(1 + tied), noise[left[gone]] / through.size[best])
-    return dict(zip(left[gone].tolist(), off.tolist(), strict=True)) if np.all(sigmas > least) else {}
+    noise_rms = noise[remaining[gone]] / through.size[best]
+    sigmas = np.abs(off) / np.hypot(through.usual[best] * np.sqrt(1 + tied), noise_rms)
+    return dict(zip(remaining[gone].tolist(), off.tolist(), strict=True)) if np.all(sigmas > least) else {}
 
 
 class _Ellipsoids(NamedTuple):
@@ -174,13 +175,13 @@ def _against_others(through: _Ellipsoids, i: int, rests: NDArray[np.int64]) -> t
     return norm - 1, (d * np.linalg.solve(through.normal[i], d.T).T).sum(-1)
 
 
-def norm_outliers_in_words(found: Sequence[NormOutlier]) -> list[str]:
+def norm_outliers_in_words(outliers: Sequence[NormOutlier]) -> list[str]:
     """One sentence about the rests that were left out, in a list; empty where none was."""
-    if not found:
+    if not outliers:
         return []
-    worst = max(found, key=lambda s: abs(s.off))
-    which = alternatives([str(s.position) for s in found]).replace(" or ", " and ")
-    one = len(found) == 1
+    worst = max(outliers, key=lambda s: abs(s.off))
+    which = alternatives([str(s.position) for s in outliers]).replace(" or ", " and ")
+    one = len(outliers) == 1
     size = f"{abs(from_si(worst.off, 'mg')):.3g} mg"
     off = f"off what all others say by {'' if one else 'up to '}{size} of the norm"
     who = f"position {which} is" if one else f"positions {which} are"

@@ -44,15 +44,15 @@ class PositionFit:
 
 def noise_of_positions(recording: Recording) -> Noise:
     """Noise as header and samples tell it; what neither tells is marked "residual" and a first guess."""
-    told = header_noise(recording)
-    if FORCE in told:
-        force, source = one_sigma(told[FORCE]), HEADER
+    stated = header_noise(recording)
+    if FORCE in stated:
+        force, source = one_sigma(stated[FORCE]), HEADER
     else:
         force, source = recording.sigma("accelerometer") or inside_dwells(recording), SAMPLES
     if not recording.platform.axes:
         setting, setting_from = np.inf, ATTITUDE
-    elif "gimbal_angle" in told:
-        setting, setting_from = one_sigma(told["gimbal_angle"]), HEADER
+    elif "gimbal_angle" in stated:
+        setting, setting_from = one_sigma(stated["gimbal_angle"]), HEADER
     else:
         setting, setting_from = FIRST_SETTING_RAD, RESIDUAL
     return Noise(force or FIRST_SAMPLE_SIGMA, setting, source if force else RESIDUAL, setting_from)
@@ -68,10 +68,10 @@ def inside_dwells(recording: Recording) -> float:
 def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
     """Fit parameters and setting errors; `steps` is 0 where the fit runs away."""
     mean, scale = prior(p.parameters)
-    near = start is not None and np.all(np.abs(start - mean) <= MAX_PRIOR_SIGMAS * scale)
-    found = fit([view_of_positions(p, noise)], p.parameters, p.effects, start if near else mean)
-    linear = by_visit(p, found.x if found.steps else mean, found.local[0])  # where it ran away nothing can be read
-    return PositionFit(found.solution, found.local[0], linear, noise, found.steps)
+    plausible = start is not None and np.all(np.abs(start - mean) <= MAX_PRIOR_SIGMAS * scale)
+    fitted = fit([view_of_positions(p, noise)], p.parameters, p.effects, start if plausible else mean)
+    linear = by_visit(p, fitted.x if fitted.steps else mean, fitted.local[0])  # where it ran away nothing can be read
+    return PositionFit(fitted.solution, fitted.local[0], linear, noise, fitted.steps)
 
 
 def fit_with_noise(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
@@ -100,8 +100,8 @@ def residual_noise(p: Problem, fit: PositionFit) -> Noise:
         return deviance(fit.linear, _with(fit.noise, opened, logs), p.parameters)
 
     # two starts: the likelihood has a second, flat mode where all is put down to the other noise
-    found = [minimize(cost, start + shift, method="Nelder-Mead", options={"xatol": 1e-3}) for shift in (0.0, 4.0)]
-    return _with(fit.noise, opened, min(found, key=lambda result: float(result.fun)).x)
+    minima = [minimize(cost, start + shift, method="Nelder-Mead", options={"xatol": 1e-3}) for shift in (0.0, 4.0)]
+    return _with(fit.noise, opened, min(minima, key=lambda result: float(result.fun)).x)
 
 
 def _with(noise: Noise, names: list[str], logs: Array) -> Noise:

@@ -83,11 +83,11 @@ def _suspects(p: Problem, noise: Noise, scaled: bool) -> list[tuple[int, ...]]:
     free = w.reached | off[:, None]
     active, groups = np.arange(p.visits), []
     for _ in range(MAX_FAULTS):
-        found = _worst(J[active], w.r[active], w.W[active], free[active], measured[active], scaled)
-        if found is None:
+        worst = _worst(J[active], w.r[active], w.W[active], free[active], measured[active], scaled)
+        if worst is None:
             break
-        groups.append(tuple(int(active[v]) for v in found))
-        active = np.delete(active, list(found))
+        groups.append(tuple(int(active[v]) for v in worst))
+        active = np.delete(active, list(worst))
     return groups
 
 
@@ -105,9 +105,9 @@ def _worst(J: Array, r: Array, W: Array, free: Array, measured: Array, scaled: b
     options: list[tuple[float, int, int, tuple[int, ...]]] = [(chi2 - float(falls[single]), dof - 2, len(r), (single,))]
     if _interchanged(J, r, _exchanged(r, W, measured, pair), pair, falls, scaled):
         options.append((swapped, dof, pairs, pair))
-    left, freedom, trials, found = min(options, key=lambda option: option[0])
+    left, freedom, trials, suspects = min(options, key=lambda option: option[0])
     scale = max(left / freedom, 1e-300) if scaled else 1.0
-    return found if trials * probability((chi2 - left) / scale, 2 * len(found)) < SIGNIFICANCE else None
+    return suspects if trials * probability((chi2 - left) / scale, 2 * len(suspects)) < SIGNIFICANCE else None
 
 
 def _interchanged(J: Array, r: Array, swapped: Array, pair: tuple[int, int], falls: Array, scaled: bool) -> bool:

@@ -97,8 +97,8 @@ def _first_mounting(title: str, time: Array, y: Array, known: Reference, lag: fl
     handed = float(np.sign(np.linalg.det(U @ Vt)))
     proper, mirrored = (U @ np.diag([1.0, 1.0, d]) @ Vt for d in (handed, -handed))
     if handed < 0:
-        left = [float(np.linalg.norm(a - b @ R.T)) for R in (proper, mirrored)]
-        if left[0] > MIRROR_RATIO * left[1]:
+        misfits = [float(np.linalg.norm(a - b @ R.T)) for R in (proper, mirrored)]
+        if misfits[0] > MIRROR_RATIO * misfits[1]:
             raise InputError(
                 f"the rates of {title!r} are a mirror image of the attitude's: one axis counts backwards, "
                 "or two are interchanged; correct axis or sign in [columns]"
@@ -106,15 +106,15 @@ def _first_mounting(title: str, time: Array, y: Array, known: Reference, lag: fl
     return proper
 
 
-def _calibration(found: ViewsFit, M: Array, lag: float, known: Reference) -> Calibration:
-    source = found.views[0].source
-    sigma, (turned, tilt), ((late,), (jitter,)) = found.sigmas, found.nuisance(MOUNTING), found.nuisance(LAG)
-    if not found.determined or not np.all(np.concatenate([sigma[3:], tilt, [jitter]]) < MAX_SIGMA):  # all but the bias
+def _calibration(fitted: ViewsFit, M: Array, lag: float, known: Reference) -> Calibration:
+    source = fitted.views[0].source
+    sigma, (turned, tilt), ((late,), (jitter,)) = fitted.sigmas, fitted.nuisance(MOUNTING), fitted.nuisance(LAG)
+    if not fitted.determined or not np.all(np.concatenate([sigma[3:], tilt, [jitter]]) < MAX_SIGMA):  # all but the bias
         raise InputError(
             f"the motion of {source.title!r} does not tell scale, mounting and lag apart: turn it about all three "
             "axes, to and fro"
         )
-    m, noise, M, lag = len(found.residual[0]), found.excess, exponential(turned) @ M, lag + float(late)
+    m, noise, M, lag = len(fitted.residual[0]), fitted.excess, exponential(turned) @ M, lag + float(late)
     reference = AttitudeReference(
         lag_ms=float(from_si(lag, "ms")), lag_sigma_ms=float(from_si(float(jitter), "ms")),
         mounting=tuple(map(tuple, M.tolist())),
@@ -126,13 +126,13 @@ def _calibration(found: ViewsFit, M: Array, lag: float, known: Reference) -> Cal
         f"{m} intervals; the attitude is late by {from_si(lag, 'ms'):.3g} +- {from_si(float(jitter), 'ms'):.2g} ms and "
         f"its frame turned by {angle:.3g} deg; each attitude scatters by {from_si(noise, 'arcmin'):.2g} arcmin"
     )
-    dof = max(3 * m - len(found.solution.x), 1)
-    return found.calibration(
+    dof = max(3 * m - len(fitted.solution.x), 1)
+    return fitted.calibration(
         "attitude", Residual(float(dof), dof, {"attitude": noise}),
         provenance=Provenance(
             recordings=source.source, limits=tuple(_left_out(known)),
             options=Options(direction=DIRECTION, reference=reference, in_words=words,
                             frame="x along the first input axis, y in the plane of the first two"),
         ),
-        stages=(found.stage("against the attitude", words, noise),),
+        stages=(fitted.stage("against the attitude", words, noise),),
     )  # fmt: skip

@@ -67,8 +67,8 @@ def gyroscopes_between_rests(
     from the rests. What `more` adds is fitted in any case, at rest or on the way. Raises InputError where there are too
     few turns or no rates.
     """
-    asked, further = {a.effect for a in more}, [t for t in FURTHER if not lacking(CATALOGUE[t], recording.has)]
-    wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or (*LINEAR, *further)) if t not in asked)
+    requested, further = {a.effect for a in more}, [t for t in FURTHER if not lacking(CATALOGUE[t], recording.has)]
+    wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or (*LINEAR, *further)) if t not in requested)
     for t in wanted:
         _refuse(t, lacking(CATALOGUE[t], recording.has) if t in CATALOGUE else "", recording.title)
     turns, _, scale = turns_between_rests(recording, accelerometers)
@@ -96,8 +96,8 @@ def gyroscopes_between_rests(
             turns_in_words(turns, accelerometers, level.residual[0], scale, fit.rms)
             + sizes_in_words(turns, fit.effects)
         )
-    made = replace(_calibration(level, fits, declined, scale), outcome=joined(said))
-    return extra.complete(made)
+    calibration = replace(_calibration(level, fits, declined, scale), outcome=joined(said))
+    return extra.complete(calibration)
 
 
 def _extension(more: Sequence[ExtraEffect], still: View, turns: Turns, base: tuple[str, ...]) -> Extension:

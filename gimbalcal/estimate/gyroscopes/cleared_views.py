@@ -44,18 +44,19 @@ def view_at_rest(
     `accelerometers` calibrates the force (left out, the positions do). None where the outputs are counts and no turns
     between the rests say how much a count is.
     """
-    made = accelerometers or usual_accelerometers(recording)
+    calibration = accelerometers or usual_accelerometers(recording)
     moving = logged_turns(recording)
     if recording.counted(RATE) and not moving:
         return None
-    turns, scale = _turns(recording, made) if moving else (None, 1.0)
-    still = rests(recording, made, scale, turns)
+    turns, scale = _turns(recording, calibration) if moving else (None, 1.0)
+    still = rests(recording, calibration, scale, turns)
     unknown = any(p.name == VERTICAL for p in still.nuisances) and len(still) >= MIN_RESTS
     # in the scatter of the dwells: in that of the samples a vertical rate takes up all of a common g-sensitivity
     still = still.without_nuisances(fit_rests(still, still.baseline).sigma[0] if unknown else None)
 
     def missed(at_rest: Sequence[Effect]) -> float:
-        return np.sqrt(2) * fit_turns(turns_between_rests(recording, made, at_rest)[0], GYROSCOPE_INPUT_TERMS).rms
+        turns = turns_between_rests(recording, calibration, at_rest)[0]
+        return np.sqrt(2) * fit_turns(turns, GYROSCOPE_INPUT_TERMS).rms
 
     noise = still.noise
     if noise.sigma is None or np.any(noise.sigma <= MIN_RATE_SIGMA):  # one row per dwell says nothing of its scatter
@@ -66,10 +67,10 @@ def view_at_rest(
     )  # fmt: skip
 
 
-def _turns(recording: Recording, made: Calibration) -> tuple[Turns | None, float]:
+def _turns(recording: Recording, calibration: Calibration) -> tuple[Turns | None, float]:
     """The turns between dwells and rad/s per unit; none where they are too few, or none is without a pause."""
     try:
-        turns, _, scale = turns_between_rests(recording, made)
+        turns, _, scale = turns_between_rests(recording, calibration)
     except InputError:
         if recording.counted(RATE):
             raise
@@ -87,17 +88,17 @@ def view_of_turns(
     """
     if recording.position is None or not np.any(recording.position == 0):
         return None
-    made = accelerometers or usual_accelerometers(recording)
+    calibration = accelerometers or usual_accelerometers(recording)
     try:
-        turns, _, scale = turns_between_rests(recording, made, at_rest)
-        level = level_of(rests(recording, made, scale, turns), True)[0]
+        turns, _, scale = turns_between_rests(recording, calibration, at_rest)
+        level = level_of(rests(recording, calibration, scale, turns), True)[0]
         if not at_rest and len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
-            turns = turns_between_rests(recording, made, level.effects)[0]
+            turns = turns_between_rests(recording, calibration, level.effects)[0]
     except InputError:
         return None
     if len(turns.ends) < MIN_TURNS:
         return None
-    view = gravity_after_turns(with_headings(turns, made.apply(recording)), made)
+    view = gravity_after_turns(with_headings(turns, calibration.apply(recording)), calibration)
     return replace(view.without_nuisances(_scatter(view)), readout=_readout(view, scale))
 
 

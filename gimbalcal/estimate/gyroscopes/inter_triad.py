@@ -63,15 +63,15 @@ def from_turns(before: Array, after: Array, turns: Array, sigma: float) -> Inter
         return (apply_matrix(C, after) - apply_matrix(turns @ C, before)).ravel()
 
     # rotations of two frames against each other are no rows of the forward model: the derivative is by the angles
-    found = minimise(lambda x, _: (misfit(x[0])[None], complex_step(misfit, x[0])[None]), np.zeros((1, 3)))
-    J = found.jacobian[0]
+    minimum = minimise(lambda x, _: (misfit(x[0])[None], complex_step(misfit, x[0])[None]), np.zeros((1, 3)))
+    J = minimum.jacobian[0]
     if np.linalg.svd(J, compute_uv=False)[-1] < 1e-6 * np.sqrt(len(before)):  # turns of order one give order one
         raise InputError(
             "these turns do not determine the rotation between the triads: turn about two axes that are not "
             "vertical, by angles that are not whole revolutions"
         )
-    rms = float(np.sqrt(2 * found.cost[0] / J.shape[0]))
-    return InterTriad(found.x[0], sigma**2 * np.linalg.inv(J.T @ J), rms)
+    rms = float(np.sqrt(2 * minimum.cost[0] / J.shape[0]))
+    return InterTriad(minimum.x[0], sigma**2 * np.linalg.inv(J.T @ J), rms)
 
 
 def rotation_between_triads(gyroscopes: Calibration, recording: Recording, accelerometers: Calibration) -> InterTriad:

@@ -79,10 +79,10 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:
     M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in BASE[1:]))
     view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
     best, declined = _chosen(view, _fit(view, wanted))
-    made = _calibration(best, unseen, declined, [len(s.time) for s in each])
+    calibration = _calibration(best, unseen, declined, [len(s.time) for s in each])
     counts = Counts(tuple(map(float, scale))) if recordings[0].counted(RATE) else None
     files = tuple(file for r in recordings for file in r.source)
-    return replace(made, provenance=replace(made.provenance, recordings=files),
+    return replace(calibration, provenance=replace(calibration.provenance, recordings=files),
                    readout=Readout(gyroscopes=counts, gimbals=recordings[0].platform.axis_names))  # fmt: skip
 
 
@@ -120,13 +120,13 @@ def _seen(view: View) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
     """Parameters of the linear model that some stretch depends on, and those that none does."""
     every = tuple(p for t in BASE for p in parameters(CATALOGUE[t]))
     size = np.abs(view.evaluate(()).jacobian(every)).max(axis=(0, 1))
-    seen = tuple(p for p, s in zip(every, size, strict=True) if s > MAX_RATE_CHANGE * MIN_RATE)
-    if _condition(view, seen) > MAX_CONDITION_NUMBER:
+    determined = tuple(p for p, s in zip(every, size, strict=True) if s > MAX_RATE_CHANGE * MIN_RATE)
+    if _condition(view, determined) > MAX_CONDITION_NUMBER:
         raise InputError(
             "these turns do not tell scale factors from misalignments: turn the unit about one of its own axes in each "
             "recording, or about three axes and more"
         )
-    return seen, tuple(p for p in every if p not in seen)
+    return determined, tuple(p for p in every if p not in determined)
 
 
 def _fit(view: View, wanted: Sequence[Parameter]) -> ViewsFit:
@@ -190,11 +190,11 @@ def _calibration(
 
 def _unsteady(sigma: Array, misfit: Array) -> str:
     """A sentence where stretches scatter far beyond the noise of their samples, sigma (m, 3); else nothing."""
-    own, left = np.sqrt((sigma**2).mean(0)), np.sqrt((misfit**2).mean(0))
-    i = int(np.argmax(left / np.maximum(own, 1e-300)))
-    if left[i] <= MAX_RATE_SCATTER_RATIO * own[i]:
+    own, scatter = np.sqrt((sigma**2).mean(0)), np.sqrt((misfit**2).mean(0))
+    i = int(np.argmax(scatter / np.maximum(own, 1e-300)))
+    if scatter[i] <= MAX_RATE_SCATTER_RATIO * own[i]:
         return ""
     return (
-        f"in steady turning the gyroscope {'xyz'[i]} is off by {from_si(float(left[i]), 'deg/h'):.3g} deg/h rms, "
-        f"{left[i] / own[i]:.2g} times what its samples explain: its bias wanders, or the table turns otherwise"
+        f"in steady turning the gyroscope {'xyz'[i]} is off by {from_si(float(scatter[i]), 'deg/h'):.3g} deg/h rms, "
+        f"{scatter[i] / own[i]:.2g} times what its samples explain: its bias wanders, or the table turns otherwise"
     )

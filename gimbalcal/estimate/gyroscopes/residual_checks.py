@@ -39,14 +39,14 @@ def rests_in_words(level: ViewsFit) -> list[str]:
     if sample is None or np.any(sample <= MIN_RATE_SIGMA):
         return []  # one row a rest says nothing of its scatter
     explained = np.sqrt((sample**2).mean(0) + horizontal_sigma(level.views[0].source.site.latitude) ** 2)
-    left = np.sqrt((level.residual[0] ** 2).mean(0))
-    i = int(np.argmax(left / explained))
-    if left[i] <= MAX_RATE_SCATTER_RATIO * explained[i]:
+    residual_rms = np.sqrt((level.residual[0] ** 2).mean(0))
+    i = int(np.argmax(residual_rms / explained))
+    if residual_rms[i] <= MAX_RATE_SCATTER_RATIO * explained[i]:
         return []
     return [
         (
-            f"at rest the gyroscope {'xyz'[i]} is off by {from_si(float(left[i]), 'deg/h'):.3g} deg/h rms, "
-            f"{left[i] / explained[i]:.2g} times what its noise explains"
+            f"at rest the gyroscope {'xyz'[i]} is off by {from_si(float(residual_rms[i]), 'deg/h'):.3g} deg/h rms, "
+            f"{residual_rms[i] / explained[i]:.2g} times what its noise explains"
         )
     ]
 

@@ -109,6 +109,6 @@ def linear_effects(turns: Turns) -> tuple[Effect, ...]:
         return ()
 
 
-def with_reference_error(found: ViewsFit, turns: Turns, accelerometers: Calibration) -> ViewsFit:
+def with_reference_error(fitted: ViewsFit, turns: Turns, accelerometers: Calibration) -> ViewsFit:
     """Return the fit with what the accelerometers' covariance adds to that of the estimate."""
-    return fixed_nuisances(found, [gravity_after_turns(turns, accelerometers, found.effects)])
+    return fixed_nuisances(fitted, [gravity_after_turns(turns, accelerometers, fitted.effects)])

@@ -47,11 +47,11 @@ def gyroscopes_from_revolutions(recording: Recording) -> Calibration:
     """
     bias = np.zeros(3)
     for _ in range(ITERATIONS):
-        found, used = revolutions_of(recording, bias)
-        fit = gyroscope_pulses(found)
+        revolutions, used = revolutions_of(recording, bias)
+        fit = gyroscope_pulses(revolutions)
         bias = fit.pulses.bias[0]
-    made = _calibration(found, fit, used, recording.sigma("gyroscope") is not None)
-    return replace(made, provenance=replace(made.provenance, recordings=recording.source),
+    calibration = _calibration(revolutions, fit, used, recording.sigma("gyroscope") is not None)
+    return replace(calibration, provenance=replace(calibration.provenance, recordings=recording.source),
                    readout=Readout(gimbals=recording.platform.axis_names))  # fmt: skip
 
 
@@ -110,8 +110,8 @@ def _integrals(time: Array, rows: Array, earth: Array, interrupted: bool) -> Mov
     along = rows @ u
     phase = np.concatenate([[0.0], np.cumsum((along[1:] + along[:-1]) / 2 * dt)]) * (2 * np.pi * whole / angle)
     across = earth - u * (u @ earth)
-    seen = np.cos(phase)[:, None] * across - np.sin(phase)[:, None] * np.cross(u, across)
-    S[0] -= ((seen[1:] + seen[:-1]) / 2 * dt[:, None]).sum(0)
+    projected = np.cos(phase)[:, None] * across - np.sin(phase)[:, None] * np.cross(u, across)
+    S[0] -= ((projected[1:] + projected[:-1]) / 2 * dt[:, None]).sum(0)
     return S, float(dt.sum()), 2 * np.pi * whole
 
 
@@ -150,8 +150,8 @@ def as_effects(x: Array) -> Array:
 
 def triangle() -> tuple[Parameter, ...]:
     """The parameters in the order of `as_effects`; of the misalignments those that a rotation of the triad leaves."""
-    found = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
-    return tuple(p for p in found if p.effect != "gyro_misalignment" or p.axis in LOWER_TRIANGLE)
+    wanted = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
+    return tuple(p for p in wanted if p.effect != "gyro_misalignment" or p.axis in LOWER_TRIANGLE)
 
 
 def _outcome(converged: bool, noise_is_known: bool, times: float) -> str:
@@ -162,18 +162,19 @@ def _outcome(converged: bool, noise_is_known: bool, times: float) -> str:
     return f"revolutions and rests are off by {times:.2g} times what the noise of the gyroscopes explains"
 
 
-def _calibration(found: Revolutions, fit: PulseFit, pairs: int, noise_is_known: bool) -> Calibration:
+def _calibration(revolutions: Revolutions, fit: PulseFit, pairs: int, noise_is_known: bool) -> Calibration:
     x = fit.pulses.vector()[0][FREE]
     J = complex_step(as_effects, x)  # a change of variables, pulses to rate into physics to reading
-    dof = 3 * pairs + found.rest.shape[1] - 12
+    dof = 3 * pairs + revolutions.rest.shape[1] - 12
     chi2 = float(fit.chi2[0])
     scale = max(1.0, chi2 / max(dof, 1))
     covariance = scale * J @ fit.covariance[0][np.ix_(FREE, FREE)] @ J.T
     wanted = triangle()
     excess = float(np.sqrt(chi2 / max(dof, 1)))
     options = Options(
-        direction=DIRECTION, pairs=pairs, rests=int(found.rest.shape[1]), turned_each_way=found.angle / (2 * np.pi),
-        scatter_over_noise=excess, frame="x along the first input axis, y in the plane of the first two",
+        direction=DIRECTION, pairs=pairs, rests=int(revolutions.rest.shape[1]),
+        turned_each_way=revolutions.angle / (2 * np.pi), scatter_over_noise=excess,
+        frame="x along the first input axis, y in the plane of the first two",
     )  # fmt: skip
     return Calibration(
         "revolutions",
@@ -183,7 +184,7 @@ def _calibration(found: Revolutions, fit: PulseFit, pairs: int, noise_is_known: 
         (Unobservable({"gyro_misalignment:xz": 1.0, "gyro_misalignment:yz": 1.0},
                       "a rotation of the whole triad changes no norm and no angle: it needs a reference, such as the "
                       "accelerometers (gimbalcal.estimate.gyroscopes.inter_triad)"),),
-        Residual(chi2, dof, {RATE: float(found.sigma_angle / found.duration * np.sqrt(scale))}),
+        Residual(chi2, dof, {RATE: float(revolutions.sigma_angle / revolutions.duration * np.sqrt(scale))}),
         outcome=_outcome(bool(fit.converged[0]), noise_is_known, excess),
         provenance=Provenance(options=options),
     )  # fmt: skip

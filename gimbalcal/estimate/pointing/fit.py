@@ -89,13 +89,13 @@ def fit_terms(
     zeros = dict(zip(axes, starting_zeros(runs[0].source, axes), strict=True))
     start = np.array([zeros.get(p.axis, 0.0) if p.effect == "gimbal_zero" else p.mean for p in wanted])
     views = runs if sigma is None else [_of_noise(v, sigma) for v in runs]
-    found = fit(views, wanted, absent, start, min_signal=MIN_SIGNAL, min_excess=MIN_SIGMA_RAD)
-    if not found.steps:
+    fitted = fit(views, wanted, absent, start, min_signal=MIN_SIGNAL, min_excess=MIN_SIGMA_RAD)
+    if not fitted.steps:
         raise InputError(
             f"the terms of {runs[0].title!r} do not settle: star and readout disagree by too much for small errors; "
             "check units, signs and the sense of the axes in [platform]"
         )
-    return replace(found, excesses=tuple(np.array([sigma]) for _ in views)) if sigma else found
+    return replace(fitted, excesses=tuple(np.array([sigma]) for _ in views)) if sigma else fitted
 
 
 def _of_noise(v: View, sigma: float) -> View:
@@ -103,11 +103,11 @@ def _of_noise(v: View, sigma: float) -> View:
     return replace(v, noise=replace(v.noise, sigma=sigma * np.asarray(v.noise.sigma), scale_known=True))
 
 
-def weighted(found: ViewsFit) -> tuple[Array, ...]:
+def weighted(fitted: ViewsFit) -> tuple[Array, ...]:
     """Return the residual of each star (n, C) [rad] times the root of its weight: of one sigma for all."""
-    return tuple(r / s * found.excess for r, s in zip(found.residual, found.sigma, strict=True))
+    return tuple(r / s * fitted.excess for r, s in zip(fitted.residual, fitted.sigma, strict=True))
 
 
-def square(found: ViewsFit) -> float:
+def square(fitted: ViewsFit) -> float:
     """Return the weighted sum of squares of the residuals [rad^2]."""
-    return float(sum((r**2).sum() for r in weighted(found)))
+    return float(sum((r**2).sum() for r in weighted(fitted)))

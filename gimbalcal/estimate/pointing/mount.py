@@ -51,34 +51,34 @@ def pointing_calibration(
     runs = tuple(pointing(night) for own in each for night in own)
     before = [sum(len(n.time) for n in own[:k]) for own in each for k in range(len(own))]
     platform, axes = recordings[0].platform, read_axes(recordings[0])
-    held = terms or usual_terms(axes)
+    chosen = terms or usual_terms(axes)
     stated = _stated([r.noise.get("gimbal_angle") for r in recordings])
-    also = extra_effects(more, recordings, held)
+    also = extra_effects(more, recordings, chosen)
     sizes = tuple(p for e in also for p in wanted_parameters(platform, axes, _named(e)))
-    wanted = wanted_parameters(platform, axes, held)
-    found = fit_terms(runs, wanted, stated)
+    wanted = wanted_parameters(platform, axes, chosen)
+    fitted = fit_terms(runs, wanted, stated)
     extra = NO_EXTENSION
     if also:
-        extra = extension(also, sizes, pointing(join(recordings)).stimulus, found.cost_of_sizes(sizes))
-        found = fit_terms(runs, (*wanted, *extra.parameters), stated, extra.effects)
-    several = by_night(found, stated)
+        extra = extension(also, sizes, pointing(join(recordings)).stimulus, fitted.cost_of_sizes(sizes))
+        fitted = fit_terms(runs, (*wanted, *extra.parameters), stated, extra.effects)
+    several = by_night(fitted, stated)
     latitude = next((r.site.latitude for r in recordings if r.site.latitude is not None), None)
-    made = found.calibration(
+    calibration = fitted.calibration(
         "pointing",
-        _residual(found),
-        outcome=" ".join(filter(None, [_misfit(found, stated), _differ(several)])),
+        _residual(fitted),
+        outcome=" ".join(filter(None, [_misfit(fitted, stated), _differ(several)])),
         provenance=Provenance(
             noise=AssumedNoise(
-                star_arcsec=float(from_si(found.excess, "arcsec")),
+                star_arcsec=float(from_si(fitted.excess, "arcsec")),
                 gimbal_angle_from="residual" if stated is None else "recording.toml",
             ),
-            pattern=pattern(found, axes),
-            far_off=far_off(found, before),
+            pattern=pattern(fitted, axes),
+            far_off=far_off(fitted, before),
             stars=sum(len(v) for v in runs),
             mount=mount_axes(recordings[0].platform, latitude),
         ),
     )
-    return extra.complete(_with_names(made, several))
+    return extra.complete(_with_names(calibration, several))
 
 
 def _named(one: ExtraEffect) -> tuple[str, ...]:
@@ -86,33 +86,32 @@ def _named(one: ExtraEffect) -> tuple[str, ...]:
     return tuple(f"{one.effect}:{axis}" for axis in one.axes) or (one.effect,)
 
 
-def _with_names(made: Calibration, several: Nights | None) -> Calibration:
-    origin = replace(made.provenance, tpoint=printed(tpoint_terms(made)))
+def _with_names(calibration: Calibration, several: Nights | None) -> Calibration:
+    origin = replace(calibration.provenance, tpoint=printed(tpoint_terms(calibration)))
     if several is not None:
         origin = replace(origin, nights=printed_nights(several), same_terms_every_night=several.probability)
-    return replace(made, provenance=origin)
+    return replace(calibration, provenance=origin)
 
 
-def _stated(told: Sequence[float | None]) -> float | None:
+def _stated(values: Sequence[float | None]) -> float | None:
     """The stated noise of a star [rad] where every header tells it, rms over the runs; else None."""
-    known = [s for s in told if s]
-    return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(told) else None
+    known = [s for s in values if s]
+    return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(values) else None
 
 
-def _residual(found: ViewsFit) -> Residual:
-    left = np.concatenate(found.residual)
-    rms = {
-        " ".join(key): float(v) for key, v in zip(found.views[0].channels, np.sqrt((left**2).mean(axis=0)), strict=True)
-    }
-    return Residual(found.solution.chi2, found.solution.dof, rms)
+def _residual(fitted: ViewsFit) -> Residual:
+    residual = np.concatenate(fitted.residual)
+    each = np.sqrt((residual**2).mean(axis=0))
+    rms = {" ".join(key): float(v) for key, v in zip(fitted.views[0].channels, each, strict=True)}
+    return Residual(fitted.solution.chi2, fitted.solution.dof, rms)
 
 
-def _misfit(found: ViewsFit, stated: float | None) -> str:
-    dof = found.solution.dof
+def _misfit(fitted: ViewsFit, stated: float | None) -> str:
+    dof = fitted.solution.dof
     if stated is None or dof <= 0:
         return ""
-    ratio = float(np.sqrt(found.solution.chi2 / dof))
-    if ratio <= 1 + NEGLIGIBLE_EXCESS or probability(found.solution.chi2, dof) >= SIGNIFICANCE:
+    ratio = float(np.sqrt(fitted.solution.chi2 / dof))
+    if ratio <= 1 + NEGLIGIBLE_EXCESS or probability(fitted.solution.chi2, dof) >= SIGNIFICANCE:
         return ""
     return (
         f"what the terms leave is {ratio:.2f} times the stated {from_si(stated, 'arcsec'):.3g} arcsec, more than "

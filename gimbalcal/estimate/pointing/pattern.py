@@ -34,33 +34,33 @@ COMMON_SIGNIFICANCE = 0.01  # probability below which such stars do not have it 
 MEDIAN_LENGTH = (0.6745, 1.1774)  # of a number, and of a vector of two (Rayleigh), of normal noise with sigma 1
 
 
-def far_off(found: ViewsFit, before: Sequence[int]) -> tuple[FarStar, ...]:
+def far_off(fitted: ViewsFit, before: Sequence[int]) -> tuple[FarStar, ...]:
     """Return the stars far off the others, worst first.
 
     before: how many stars of the same recording come before each run, which is one night of it.
     """
-    every = [(v.title, k + n + 1, d) for v, k, left in zip(found.views, before, weighted(found), strict=True)
-             for n, d in enumerate(np.linalg.norm(left, axis=1).tolist())]  # fmt: skip
-    left, axes = np.concatenate(weighted(found)), found.views[0].stimulus.axis_names
-    at = np.concatenate([_true_angles(v)[:, : left.shape[1]] for v in found.views])
-    far = strays(left)
-    why = why_far(left, at, far, axes[0])
+    every = [(v.title, k + n + 1, d) for v, k, residual in zip(fitted.views, before, weighted(fitted), strict=True)
+             for n, d in enumerate(np.linalg.norm(residual, axis=1).tolist())]  # fmt: skip
+    residual, axes = np.concatenate(weighted(fitted)), fitted.views[0].stimulus.axis_names
+    at = np.concatenate([_true_angles(v)[:, : residual.shape[1]] for v in fitted.views])
+    far = strays(residual)
+    why = why_far(residual, at, far, axes[0])
     return tuple(FarStar(title, n, float(from_si(d, "arcsec")), why) for title, n, d in (every[k] for k in far))
 
 
-def strays(left: Array) -> list[int]:
+def strays(residual: Array) -> list[int]:
     """Ordinals of stars far off the others by what is left of them (n, C), worst first."""
-    length = np.linalg.norm(left, axis=1)
+    length = np.linalg.norm(residual, axis=1)
     if len(length) < MIN_STARS:
         return []
-    far = np.flatnonzero(length > MIN_OUTLIER_SIGMAS * float(np.median(length)) / MEDIAN_LENGTH[left.shape[1] - 1])
+    far = np.flatnonzero(length > MIN_OUTLIER_SIGMAS * float(np.median(length)) / MEDIAN_LENGTH[residual.shape[1] - 1])
     return sorted(far.tolist(), key=lambda k: -float(length[k]))
 
 
-def why_far(left: Array, angles: Array, far: Sequence[int], axis: str) -> str:
+def why_far(residual: Array, angles: Array, far: Sequence[int], axis: str) -> str:
     """Explain why stars are far off the others: mistakes, unless they have more in common than chance gives them.
 
-    left (n, 2): what is left of every star; angles (n, 2) [rad]: where it is, inner and outer; far: ordinals of those;
+    residual (n, 2): of every star; angles (n, 2) [rad]: where it is, inner and outer; far: ordinals of those;
     axis: the inner one. A mistaken star is off any way, and anywhere; a gear that plays, or an axis that slips, moves
     one axis alone. A mount of a single axis, (n, 1), cannot show the difference.
     """
@@ -68,36 +68,36 @@ def why_far(left: Array, angles: Array, far: Sequence[int], axis: str) -> str:
         return MISTAKEN
     inner, outer = angles.T
     every = np.stack([np.cos(inner) * np.cos(outer), np.cos(inner) * np.sin(outer), np.sin(inner)], axis=-1)
-    left, star = left[far], every[far]
-    if len(left) < MIN_COMMON_STARS:
+    residual, star = residual[far], every[far]
+    if len(residual) < MIN_COMMON_STARS:
         return MISTAKEN
-    other = np.abs(left) / np.linalg.norm(left, axis=1, keepdims=True)
-    chance = len(CHANNELS) * (2 / np.pi * np.arcsin(MAX_CROSS_SHARE)) ** len(left)
+    other = np.abs(residual) / np.linalg.norm(residual, axis=1, keepdims=True)
+    chance = len(CHANNELS) * (2 / np.pi * np.arcsin(MAX_CROSS_SHARE)) ** len(residual)
     for (_, way), off in zip(CHANNELS, other[:, ::-1].T, strict=True):
         if np.all(off < MAX_CROSS_SHARE) and chance < COMMON_SIGNIFICANCE:
             plain = axis.replace("_", " ")
             return f"all {way} {plain}, so rather play in a gear, or a slip of the axis, than mistakes"
-    near = (star @ star.T).min(axis=1)  # cosine of the furthest of them from each
-    share = float(np.mean(every @ star[int(np.argmax(near))] >= near.max()))
+    closeness = (star @ star.T).min(axis=1)  # cosine of the furthest of them from each
+    share = float(np.mean(every @ star[int(np.argmax(closeness))] >= closeness.max()))
     together = len(star) * share ** (len(star) - 1) < COMMON_SIGNIFICANCE
     return "all in one part of the sky, so rather what the model lacks there than mistakes" if together else MISTAKEN
 
 
-def pattern(found: ViewsFit, axes: Sequence[str]) -> ResidualPattern | None:
+def pattern(fitted: ViewsFit, axes: Sequence[str]) -> ResidualPattern | None:
     """The clearest pattern of what a fit leaves over the true angles of its axes; None where noise may look so."""
     from scipy.special import ndtr
 
-    left = np.concatenate(weighted(found))
-    if len(left) < MIN_STARS:
+    residual = np.concatenate(weighted(fitted))
+    if len(residual) < MIN_STARS:
         return None
     trials = []
     for axis in axes:
-        k = found.views[0].stimulus.axis_names.index(axis)
-        angle = np.concatenate([_true_angles(v)[:, k] for v in found.views])
+        k = fitted.views[0].stimulus.axis_names.index(axis)
+        angle = np.concatenate([_true_angles(v)[:, k] for v in fitted.views])
         if np.ptp(angle) < MIN_TRAVEL_RAD:
             continue
         order = np.argsort(angle, kind="stable")
-        for (_, channel), r in zip(found.views[0].channels, left[order].T, strict=True):
+        for (_, channel), r in zip(fitted.views[0].channels, residual[order].T, strict=True):
             alike = 2 - (np.diff(r) ** 2).sum() / max(float((r**2).sum()), 1e-300)
             trials.append(ResidualPattern(channel, axis, float(ndtr(-alike / np.sqrt(4 / len(r))))))
     if not trials:

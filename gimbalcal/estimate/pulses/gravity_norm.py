@@ -71,14 +71,14 @@ def accelerometer_pulses(N: Array, gravity: float, sigma: float, order: int = 3)
         return _residuals(_full(x, free), u[runs], sigma / gravity, free)
 
     plain = np.tile(np.r_[np.ones(3), np.zeros(12)], (len(N), 1))[:, free]
-    found = minimise(model, plain)
+    minimum = minimise(model, plain)
     if N.shape[-2] >= MIN_POINTS:
         second = ellipsoid(u)
         usable = np.isfinite(second).all(-1)
         start = _full(plain, free)
         start[usable, :3], start[usable, 9:] = second[usable, :3], second[usable, 3:]
-        found = found.better(minimise(model, start[:, free]))
-    return _in_si(found, free, K0, gravity)
+        minimum = minimum.better(minimise(model, start[:, free]))
+    return _in_si(minimum, free, K0, gravity)
 
 
 def _free(order: int) -> Array:
@@ -103,16 +103,16 @@ def _residuals(p: Array, u: Array, sigma: float, free: Array) -> tuple[Array, Ar
     return ((f**2).sum(-1) - 1) / (2 * sigma), J[..., free]
 
 
-def _in_si(found: LeastSquaresMinimum, free: Array, K0: Array, gravity: float) -> PulseFit:
+def _in_si(minimum: LeastSquaresMinimum, free: Array, K0: Array, gravity: float) -> PulseFit:
     """Convert the dimensionless problem (force in g, counts in g of the rough scale) to SI per pulse."""
     one = np.ones_like(K0)
     unit = np.concatenate([K0, K0**2 / gravity, K0**3 / gravity**2, gravity * one, one], axis=-1)
     full = np.zeros((len(K0), 15, 15))
-    full[:, free[:, None], free] = covariance_at_minimum(found.jacobian)
+    full[:, free[:, None], free] = covariance_at_minimum(minimum.jacobian)
     return PulseFit(
-        Pulses.from_vector(_full(found.x, free) * unit),
+        Pulses.from_vector(_full(minimum.x, free) * unit),
         full * unit[:, :, None] * unit[:, None, :],
-        2 * found.cost,
-        found.converged,
-        found.steps,
+        2 * minimum.cost,
+        minimum.converged,
+        minimum.steps,
     )

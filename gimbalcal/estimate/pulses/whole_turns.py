@@ -66,15 +66,15 @@ def gyroscope_pulses(counted: Revolutions, *, both_senses: bool = True, guess: A
         return _residuals(x, tuple(d[runs] for d in data), counted, both_senses)
 
     plain = np.tile(np.r_[np.ones(3), np.zeros(9)], (len(K0), 1))
-    found = minimise(model, plain)
+    minimum = minimise(model, plain)
     if guess is None:
         half = data[0][:, :, 0] / 2
         second = ellipsoid(np.concatenate([half, -half], axis=1))
         usable = np.isfinite(second).all(-1)
         start = plain.copy()
         start[usable, :3], start[usable, 9:] = second[usable, :3], second[usable, 6:]
-        found = found.better(minimise(model, start))
-    return _in_si(found, K0, speed)
+        minimum = minimum.better(minimise(model, start))
+    return _in_si(minimum, K0, speed)
 
 
 def _shape(counted: Revolutions) -> tuple[int, int]:
@@ -135,10 +135,10 @@ def _across(S: Array, JS: Array, D: Array, JD: Array, length: Array, sigma: floa
     return [(cross[..., i] / sigma, J[..., i, :] / sigma) for i in range(3)]
 
 
-def _in_si(found: LeastSquaresMinimum, K0: Array, speed: float) -> PulseFit:
+def _in_si(minimum: LeastSquaresMinimum, K0: Array, speed: float) -> PulseFit:
     one = np.ones_like(K0)
     unit = np.concatenate([K0, K0**2 / speed, speed * one, one], axis=-1)
     x, full = np.zeros((len(K0), 15)), np.zeros((len(K0), 15, 15))
-    x[:, FREE] = found.x * unit
-    full[:, FREE[:, None], FREE] = covariance_at_minimum(found.jacobian) * unit[:, :, None] * unit[:, None, :]
-    return PulseFit(Pulses.from_vector(x), full, 2 * found.cost, found.converged, found.steps)
+    x[:, FREE] = minimum.x * unit
+    full[:, FREE[:, None], FREE] = covariance_at_minimum(minimum.jacobian) * unit[:, :, None] * unit[:, None, :]
+    return PulseFit(Pulses.from_vector(x), full, 2 * minimum.cost, minimum.converged, minimum.steps)

@@ -104,10 +104,10 @@ def static(
     """
     run = static_readings(recording)
     wanted = static_parameters(run) if wanted is None else wanted
-    found = fit([static_view(run, wanted)], wanted, start)
-    solution, effects = found.solution, found.effects
+    fitted = fit([static_view(run, wanted)], wanted, start)
+    solution, effects = fitted.solution, fitted.effects
     J = run.jacobian(effects, solution.parameters)
-    return found.calibration(
+    return fitted.calibration(
         "static-run",
         Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
         outcome=outcome(solution),

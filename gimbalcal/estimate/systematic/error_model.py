@@ -69,9 +69,9 @@ def error_model(
     return ErrorModel(*augment(Phi, Psi[:, :, :p], Q, d, Psi[:, :, p:], processes))
 
 
-def defects(segments: Segments, u: Array, C: Array, near: ErrorModel) -> Array:
+def defects(segments: Segments, u: Array, C: Array, frozen: ErrorModel) -> Array:
     """Return where each stretch's reference ends, less where the next one starts (K, m), in units of `STATE_SCALE`."""
-    d = np.zeros_like(near.d)
+    d = np.zeros_like(frozen.d)
     d[:, :NAV] = stretch_model(segments, u, C, lambda groups: np.zeros((groups.stop - groups.start, 6, 0)), 0)[3]
     return d
 
@@ -104,18 +104,19 @@ def stretch_model(
         before = max(rows.start - 1, 0)  # coning looks at the interval before
         few = slice(before, rows.stop)
         groups = slice(int(segments.group[before]), int(segments.group[rows.stop - 1]) + 1)
-        made = transitions(
+        motion = transitions(
             segments.first[at : end + 1] - before, segments.joined[few], segments.dt[few], u[few, 3:], u[few, :3],
             response(groups), q[few], C[at:end], site.latitude,
             site.height, site.gravity, segments.group[few] - groups.start,
         )  # fmt: skip
-        F = made.Phi.copy()  # attitude to velocity and place by what gravity did: noise would seem to show the heading
-        F[:, 3:6, :3] += cross_matrix(made.velocity)
-        F[:, 6:, :3] += cross_matrix(made.displacement)
-        Phi[at:end], Q[at:end] = F * STATE_SCALE / STATE_SCALE[:, None], made.Q / STATE_SCALE / STATE_SCALE[:, None]
-        Psi[at:end] = made.Psi / STATE_SCALE[:, None]
-        d[at:end, :3] = rotation_vector(made.C_bn @ np.swapaxes(C[at + 1 : end + 1], -1, -2))
-        d[at:end, 3:6], d[at:end, 6:] = made.velocity, made.displacement
+        # attitude to velocity and place by what gravity did: noise would seem to show the heading
+        F = motion.Phi.copy()
+        F[:, 3:6, :3] += cross_matrix(motion.velocity)
+        F[:, 6:, :3] += cross_matrix(motion.displacement)
+        Phi[at:end], Q[at:end] = F * STATE_SCALE / STATE_SCALE[:, None], motion.Q / STATE_SCALE / STATE_SCALE[:, None]
+        Psi[at:end] = motion.Psi / STATE_SCALE[:, None]
+        d[at:end, :3] = rotation_vector(motion.C_bn @ np.swapaxes(C[at + 1 : end + 1], -1, -2))
+        d[at:end, 3:6], d[at:end, 6:] = motion.velocity, motion.displacement
         at = end
     for k in np.flatnonzero(segments.pauses):
         Phi[k, 3:6, 3:6] = 0.0

@@ -70,10 +70,10 @@ def _sigma(p: Parameter) -> float:
 
 def _parameters_of(option: str, effect: str, axis: str, recording: Recording) -> list[Parameter]:
     if effect not in CATALOGUE:
-        near = get_close_matches(effect, CATALOGUE, 1)
+        similar = get_close_matches(effect, CATALOGUE, 1)
         if effect.isdigit():
             raise InputError(f"{option}: no list has {effect} states; write 30 or 51, or name the effects")
-        hint = f"did you mean {near[0]}?" if near else "`gimbalcal catalogue` lists them"
+        hint = f"did you mean {similar[0]}?" if similar else "`gimbalcal catalogue` lists them"
         raise InputError(f"{option}: no effect is called {effect!r}; {hint}")
     if effect in SAME:
         raise InputError(f"{option}: {effect} says what {SAME[effect]} says; write {SAME[effect]}")
