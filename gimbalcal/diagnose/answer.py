@@ -55,10 +55,10 @@ def in_print(channels: Sequence[tuple[str, str]], sigma: Array) -> tuple[Array, 
 
 def plotted_against(s: Stimulus) -> dict[str, Array]:
     """Return what a residual may follow, in printed units: temperature, other logged channels, readouts that move."""
-    told = {} if s.temperature is None else {"temperature [°C]": s.temperature}
-    told |= {f"{name.replace('_', ' ')} (as logged)": v for name, v in s.covariates.items()}
-    told |= {f"{name.replace('_', ' ')} [°]": np.degrees(s.readout[:, i]) for i, name in enumerate(s.axis_names)}
-    return {name: np.asarray(v) for name, v in told.items() if np.ptp(v) > 1e-6 * max(1.0, float(np.abs(v).max()))}
+    variables = {} if s.temperature is None else {"temperature [°C]": s.temperature}
+    variables |= {f"{name.replace('_', ' ')} (as logged)": v for name, v in s.covariates.items()}
+    variables |= {f"{name.replace('_', ' ')} [°]": np.degrees(s.readout[:, i]) for i, name in enumerate(s.axis_names)}
+    return {name: np.asarray(v) for name, v in variables.items() if np.ptp(v) > 1e-6 * max(1.0, float(np.abs(v).max()))}
 
 
 @dataclass(frozen=True, repr=False)

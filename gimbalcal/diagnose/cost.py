@@ -40,7 +40,7 @@ EAST_NORTH_UP = standing(("east", "north", "up"))  # how a unit stands on it
 class _Unit:
     """Effects that were found, the calibration with all and without one of them, and the base that it navigates on."""
 
-    found: Mapping[str, Effect]
+    effects: Mapping[str, Effect]
     whole: Calibration
     without: Callable[[str], Calibration]
     base: Recording
@@ -66,19 +66,19 @@ def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent
 
 def _unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
     """Return the unit of these recordings and what it navigates on; None where no navigator can be run."""
-    first, made = recordings[0], d.calibration
-    if made is None or d.without is None:
+    first, calibration = recordings[0], d.calibration
+    if calibration is None or d.without is None:
         return None
-    found = {e.id: e for e in made.effects if e.id in {f.effect for f in d.findings}}
+    effects = {e.id: e for e in calibration.effects if e.id in {f.effect for f in d.findings}}
     if len(recordings) == 1 and turned_in_place(first):
         base = _swung(still_unit(DAY + ROW / 3600, first.site, EAST_NORTH_UP), recordings)
-        return _Unit(found, made, d.without, base, False)
+        return _Unit(effects, calibration, d.without, base, False)
     located = [r for r in recordings if r.kind.at_rest and r.site.latitude is not None]
     runs = [r for r in recordings if r.kind.stabilised]
     if not located or first.platform.name != SPACE_STABLE.name or len(runs) > 1:
         return None
     base = runs[0] if runs else _swung(still_base(DAY, located[0].site), recordings)
-    return _Unit(found, made, d.without, base, bool(runs))
+    return _Unit(effects, calibration, d.without, base, bool(runs))
 
 
 def _costs(unit: _Unit) -> Mapping[str, Cost]:
@@ -114,9 +114,9 @@ def _run(unit: _Unit) -> tuple[Recording, tuple[str, ...]]:
     It is the static run that was diagnosed, or a still base whose sensors err as was found.
     """
     if unit.measured:
-        return unit.base, tuple(unit.found)
+        return unit.base, tuple(unit.effects)
     kind = unit.base.kind
     there = [e for e in unit.whole.effects if e.shows_in(kind) and not lacking(type(e), unit.base.has)]
     ids = {e.id for e in there}
-    shown = tuple(effect for effect in unit.found if effect in ids or not CATALOGUE[effect].shows_in(kind))
+    shown = tuple(effect for effect in unit.effects if effect in ids or not CATALOGUE[effect].shows_in(kind))
     return replace(unit.whole, effects=tuple(there)).corrupt(unit.base), shown

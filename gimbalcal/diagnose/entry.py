@@ -66,53 +66,52 @@ def diagnose(
         check_finite(r)
         if calibration is not None and r.platform.axes:
             refuse_other_gimbals(calibration.effects, r)
-    made = {id(r): completed(r) for r in recordings}  # one that is given twice stays one
-    recordings = [made[id(r)] for r in recordings]
+    complete = {id(r): completed(r) for r in recordings}  # one that is given twice stays one
+    recordings = [complete[id(r)] for r in recordings]
     request = DiagnosisRequest(tuple(recordings), calibration, tuple(baseline), seed, tell)
     date = when_recorded(recordings)
     provenance: dict[str, Any] = {"recorded": date} if date else {}
     if all(r.kind.sighting for r in recordings):
         refuse_for_mounts(grade)
-        found = _diagnosed(request)
+        diagnosis = _diagnosed(request)
     else:
         unit = graded(recordings, grade)
         tell(unit.in_words)
-        found = _with_question(_diagnosed(replace(request, recordings=tuple(unit.of(recordings)))), request, unit)
+        diagnosis = _with_question(_diagnosed(replace(request, recordings=tuple(unit.of(recordings)))), request, unit)
         provenance["grade"] = unit.origin.to_dict()
-    if known is not None and found.calibration is not None:
-        found = replace(found, calibration=with_fleet(found.calibration, known))
-    return _with_effect_files(replace(found, provenance={**found.provenance, **provenance}))
+    if known is not None and diagnosis.calibration is not None:
+        diagnosis = replace(diagnosis, calibration=with_fleet(diagnosis.calibration, known))
+    return _with_effect_files(replace(diagnosis, provenance={**diagnosis.provenance, **provenance}))
 
 
-def _with_effect_files(found: Diagnosis) -> Diagnosis:
+def _with_effect_files(diagnosis: Diagnosis) -> Diagnosis:
     """The diagnosis with the files of effects that were compared beside the catalogue's, and those that it holds."""
     if not (compared := outside()):
-        return found
-    made = found.calibration
-    if made is not None:
-        held = outside({p.effect for p in made.parameters}) or None
-        made = replace(made, provenance=replace(made.provenance, effects=held))
-    return replace(found, calibration=made, provenance={**found.provenance, "effects": plain(compared)})
+        return diagnosis
+    calibration = diagnosis.calibration
+    if calibration is not None:
+        files = outside({p.effect for p in calibration.parameters}) or None
+        calibration = replace(calibration, provenance=replace(calibration.provenance, effects=files))
+    return replace(diagnosis, calibration=calibration, provenance={**diagnosis.provenance, "effects": plain(compared)})
 
 
-def _with_question(found: Diagnosis, request: DiagnosisRequest, unit: Graded) -> Diagnosis:
+def _with_question(diagnosis: Diagnosis, request: DiagnosisRequest, unit: Graded) -> Diagnosis:
     """The diagnosis; where its refit has constants that no unit has, it asks whether that is so."""
-    if found.calibration is None:
-        return found
-    if found.outcome and found.verdict == "unexplained":  # positions that were not held leave constants of any size
-        return found
-    made = with_gravity(found.calibration, request.recordings)
-    doubted = with_question(
-        made, request.recordings, unit, _quick_calibration, {f.effect for f in found.findings}, found.outcome
-    )
-    question = doubted.provenance.options.question if doubted is not made else ""
+    if diagnosis.calibration is None:
+        return diagnosis
+    if diagnosis.outcome and diagnosis.verdict == "unexplained":
+        return diagnosis  # positions that were not held leave constants of any size
+    calibration = with_gravity(diagnosis.calibration, request.recordings)
+    causes = {f.effect for f in diagnosis.findings}
+    doubted = with_question(calibration, request.recordings, unit, _quick_calibration, causes, diagnosis.outcome)
+    question = doubted.provenance.options.question if doubted is not calibration else ""
     if not question:
-        return replace(found, calibration=made)
+        return replace(diagnosis, calibration=calibration)
     return replace(
-        found,
+        diagnosis,
         calibration=doubted,
-        outcome="; ".join(filter(None, [question, found.outcome])),
-        in_words=f"{found.in_words} But {question}.",
+        outcome="; ".join(filter(None, [question, diagnosis.outcome])),
+        in_words=f"{diagnosis.in_words} But {question}.",
     )
 
 
@@ -128,8 +127,8 @@ def _diagnosed(request: DiagnosisRequest) -> Diagnosis:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
-        found = _by_kind(request)
-        return found if request.calibration else with_caveats(found, request.recordings, request.baseline)
+        diagnosis = _by_kind(request)
+        return diagnosis if request.calibration else with_caveats(diagnosis, request.recordings, request.baseline)
 
 
 def with_caveats(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str]) -> Diagnosis:
@@ -167,36 +166,38 @@ def _by_kind(request: DiagnosisRequest) -> Diagnosis:
 
 def _sessions(request: DiagnosisRequest) -> Diagnosis:
     """Sessions of one unit turned by hand: their rests together, and whether they share their constants at all."""
-    made = _diagnosed_as_one(request)
+    diagnosis = _diagnosed_as_one(request)
     terms = by_triad(request.baseline)[0] or ACCELEROMETER_TERMS
     compare = partial(unit_of_sessions, request.recordings, terms)
-    return _with_agreement(made, "session", "agree on their constants", compare, request.tell)
+    return _with_agreement(diagnosis, "session", "agree on their constants", compare, request.tell)
 
 
 def _diagnosed_as_one(request: DiagnosisRequest) -> Diagnosis:
     """Sessions or nights as one recording, and how far apart in time they were taken to be."""
     both = join(request.recordings)
-    made = diagnose_recording(request.of(both))
+    diagnosis = diagnose_recording(request.of(both))
     if len(request.recordings) == 1:
-        return made
+        return diagnosis
     apart = both.remarks[-1]
-    return replace(made, in_words=f"{made.in_words} {capitalised(apart)}.")
+    return replace(diagnosis, in_words=f"{diagnosis.in_words} {capitalised(apart)}.")
 
 
 def _nights(request: DiagnosisRequest) -> Diagnosis:
     """Pointing runs of one mount: all nights together, and whether they share their terms at all."""
-    made = _diagnosed_as_one(request)
-    if made.calibration is None or sum(len(nights(r)) for r in request.recordings) == 1:
-        return made
-    held = dict.fromkeys(p.effect for p in made.calibration.parameters)
-    terms = tuple(e for e in held if not constants(CATALOGUE[e]))  # the same constants would be sought in every night
+    diagnosis = _diagnosed_as_one(request)
+    if diagnosis.calibration is None or sum(len(nights(r)) for r in request.recordings) == 1:
+        return diagnosis
+    effects = dict.fromkeys(p.effect for p in diagnosis.calibration.parameters)
+    terms = tuple(
+        e for e in effects if not constants(CATALOGUE[e])
+    )  # the same constants would be sought in every night
     compare = partial(pointing_calibration, [replace(r, noise={}) for r in request.recordings], terms)
-    made = _with_agreement(made, "night", "share their terms", compare, request.tell)
-    if not made.outcome:
-        return made
+    diagnosis = _with_agreement(diagnosis, "night", "share their terms", compare, request.tell)
+    if not diagnosis.outcome:
+        return diagnosis
     shape = Shape("pointing", "terms that differ from night to night")
-    verdict = "unexplained" if made.verdict == "adequate" else made.verdict
-    return replace(made, verdict=verdict, unexplained=(*made.unexplained, shape))
+    verdict = "unexplained" if diagnosis.verdict == "adequate" else diagnosis.verdict
+    return replace(diagnosis, verdict=verdict, unexplained=(*diagnosis.unexplained, shape))
 
 
 def _with_agreement(d: Diagnosis, each: str, alike: str, compare: Callable[[], Calibration], tell: Tell) -> Diagnosis:

@@ -29,7 +29,7 @@ def joint_diagnosis(
     """
     lead = max(parts, key=_rank)
     by_weight = [lead, *(p for p in parts if p is not lead)]
-    found = tuple(f for p in parts for f in p.findings)
+    findings = tuple(f for p in parts for f in p.findings)
     shapes = tuple(u for p in parts for u in p.unexplained)
     mismatch = tuple(m for p in by_weight for m in p.mismatch)
     outcome = joined([p.outcome.rstrip(".") for p in parts if p.outcome])
@@ -39,7 +39,7 @@ def joint_diagnosis(
     words = [*(x.in_words for x in contradictions), said, *(r for p in parts for r in p.remarks)]
     also = [
         diagnosis_sentences.limits_in_words(limits),
-        diagnosis_sentences.delays(found),
+        diagnosis_sentences.delays(findings),
         f"{outcome}." if outcome else "",
         *notes,
     ]
@@ -52,11 +52,11 @@ def joint_diagnosis(
         **({"notes": list(notes)} if notes else {}),
     }
     return Diagnosis(
-        "unexplained" if contradictions and lead.verdict == "adequate" else lead.verdict, mismatch, found,
+        "unexplained" if contradictions and lead.verdict == "adequate" else lead.verdict, mismatch, findings,
         (*shapes, *(u for x in contradictions for u in x.shapes)),
         replace(lead.fit, views={p.name: p.fit for p in parts}) if len(parts) > 1 else lead.fit, provenance,
         " ".join(filter(None, [*words, *also])), lead.curves,
-        calibration_of(parts, diagnosis_sentences.reservation(lead.verdict, found, shapes)),
+        calibration_of(parts, diagnosis_sentences.reservation(lead.verdict, findings, shapes)),
         joined([s.rstrip(".") for s in (*(x.in_words for x in contradictions), outcome) if s]),
         laws=tuple(law for p in parts for law in p.laws),
         recommend=next(filter(None, (p.recommend for p in by_weight)), ""), without=refit_without(parts),
@@ -101,12 +101,15 @@ def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
     causes = [f"{f.effect}:{f.axis}".rstrip(":") for p in parts if p.model is not None for f in p.findings]
     for v, model in fitted:
         if v.calibrate is not None:  # states of the navigator that the rows come from
-            found = _calibration_of_navigator(v.calibrate, model)
+            calibration = _calibration_of_navigator(v.calibrate, model)
             return replace(
-                found, method="diagnosis", outcome=outcome or found.outcome, provenance=origin(_views(parts), causes)
+                calibration,
+                method="diagnosis",
+                outcome=outcome or calibration.outcome,
+                provenance=origin(_views(parts), causes),
             )
-    seen = [
+    fitted_views = [
         FittedView((v,), m.effects, m.parameters, m.covariance, m.residual)
         for v, m in fitted if not v.measurement.timing  # time stamps are shifted, not calibrated
     ]  # fmt: skip
-    return calibrated_views(_views(parts), seen, causes, outcome, forces)
+    return calibrated_views(_views(parts), fitted_views, causes, outcome, forces)

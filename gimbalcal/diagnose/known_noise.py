@@ -40,7 +40,7 @@ from gimbalcal.diagnose.verdict.findings import findings_of_recordings
 from gimbalcal.diagnose.verdict.mismatch import LEFT, MAX_CELLS, Scan, scan, scanned_mismatches
 from gimbalcal.diagnose.verdict.pooled_sizes import RecordingCauses, causes_by_recording, common_sizes
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
-from gimbalcal.diagnose.verdict.refit_calibration import calibrated, calibrated_without, found_of
+from gimbalcal.diagnose.verdict.refit_calibration import calibrated, calibrated_without, sized_causes_of
 from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limits
 from gimbalcal.diagnose.verdict.verify import known_noise_shifts, residual_rows, verify
 from gimbalcal.diagnose.view_diagnosis import Contradiction, ViewDiagnosis
@@ -104,25 +104,25 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
     c = combine(searches)
     tell("sending simulated clean recordings of this design through the same comparison")
     clean, each = clean_evidence(c, rng)
-    held = without_single_walks(c)
-    d, walk = decide_with_walk(c, held, bar(clean))
+    without_walks = without_single_walks(c)
+    d, walk = decide_with_walk(c, without_walks, bar(clean))
     alone = [
         SeparateDecision(*decide_with_walk(s, without_single_walks(s), bar(x)), bar(x))
         for s, x in (zip(searches, each, strict=True) if len(views) > 1 else ())
     ]
     case = _Case(clean, tuple(alone), known, rng, seed, tell)
     if walk is not None and d.verdict == "adequate":  # unless a deterministic law is as probable as the random walk
-        none, law, odds = beyond_walk(held, walk, seed, tell)
-        return _report(case, held, none, law).against_walk(walk, odds)
-    made = _report(case, c, d)
+        none, law, odds = beyond_walk(without_walks, walk, seed, tell)
+        return _report(case, without_walks, none, law).against_walk(walk, odds)
+    diagnosis = _report(case, c, d)
     if walk is not None:
-        return made.with_walk(walk, only=False)
-    assert isinstance(made.fit, StatedNoiseFit)
-    if d.hypothesis is None or (made.fit.scan_p_after >= LEFT and strained(c, d.hypothesis.members) < CLAIM):
-        return made
+        return diagnosis.with_walk(walk, only=False)
+    assert isinstance(diagnosis.fit, StatedNoiseFit)
+    if d.hypothesis is None or (diagnosis.fit.scan_p_after >= LEFT and strained(c, d.hypothesis.members) < CLAIM):
+        return diagnosis
     none = unnamed(c)
     law = lawful(c, none, seed, tell, instead=True)
-    return _report(case, c, none, law) if law.laws else made
+    return _report(case, c, none, law) if law.laws else diagnosis
 
 
 def searched(view: View, known: Calibration | None, tell: Tell) -> Search:
@@ -150,8 +150,8 @@ def searched(view: View, known: Calibration | None, tell: Tell) -> Search:
 def _misfit(o: Fit) -> float:
     """Reduced chi^2 of the baseline alone."""
     Z, y = o.reduced(o.Z), o.reduced(o.residual[:, :, None])
-    left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
-    return float((left**2).sum() / max(len(y) - Z.shape[1], 1))
+    residual = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
+    return float((residual**2).sum() / max(len(y) - Z.shape[1], 1))
 
 
 def _report(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> ViewDiagnosis:
@@ -171,37 +171,37 @@ def _report(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> 
     if d.verdict == "adequate":
         fitted = replace(fitted, unseen=detection_limits([(s.library.candidates, s.projections) for s in c.searches]))
     case.tell("the model with what was found, as a calibration")
-    seen = [(s.part.search.fit, s.part.fit.projection.node, s.part.ordinals) for s in answers]
-    found = found_of(sizes)
-    calibration, between = calibrated(seen, found, "", case.known)
+    shown = [(s.part.search.fit, s.part.fit.projection.node, s.part.ordinals) for s in answers]
+    sized = sized_causes_of(sizes)
+    calibration, between = calibrated(shown, sized, "", case.known)
     curves, o = answers[lead].curves, c.searches[lead].fit
-    made = ViewDiagnosis(
+    diagnosis = ViewDiagnosis(
         o.view, d.verdict, mismatch, named, shapes, fitted, curves,
         np.broadcast_to(o.sigma, curves.after.shape), calibration=calibration, laws=law.laws,
         recommend=law.recommend, outcome=misheld(c, d.verdict), evidence=_evidence(c, d, case.clean),
         together=tuple(s.fit.view for s in c.searches),
-        without=partial(calibrated_without, seen=seen, found=found, known=case.known),
+        without=partial(calibrated_without, fits=shown, sized=sized, known=case.known),
     )  # fmt: skip
-    return made if between is None else _of_several(made, case, c, answers, between)
+    return diagnosis if between is None else _of_several(diagnosis, case, c, answers, between)
 
 
 def _of_several(
-    made: ViewDiagnosis, case: _Case, c: Ranking, answers: Sequence[RecordingAnswer], between: ConstantsAgreement
+    diagnosis: ViewDiagnosis, case: _Case, c: Ranking, answers: Sequence[RecordingAnswer], between: ConstantsAgreement
 ) -> ViewDiagnosis:
     """Return the diagnosis with what each recording says by itself, and how well they agree on the constants."""
     rows = tuple(_recording_entry(c, k, *both) for k, both in enumerate(zip(answers, case.alone, strict=True)))
-    sizes = [f.agreement.in_words for f in made.findings if f.agreement and f.agreement.in_words]
-    only = _shown_by_one(c, case.alone) if made.verdict == "adequate" else ()
+    sizes = [f.agreement.in_words for f in diagnosis.findings if f.agreement and f.agreement.in_words]
+    only = _shown_by_one(c, case.alone) if diagnosis.verdict == "adequate" else ()
     differing = (Shape("all", "constants that differ between the recordings"),)
     contradictions = (
         Contradiction(between.in_words, differing),
         Contradiction(diagnosis_sentences.CONTRADICTED if only else "", only),
     )
     return replace(
-        made, fit=replace(made.fit, recordings=rows, constants=between),
+        diagnosis, fit=replace(diagnosis.fit, recordings=rows, constants=between),
         contradictions=tuple(x for x in contradictions if x.in_words),
         remarks=(*sizes, diagnosis_sentences.separate_verdicts(rows)),
-        recommend=made.recommend or law_sentences.DIAGNOSE_SEPARATELY * bool(between.in_words),
+        recommend=diagnosis.recommend or law_sentences.DIAGNOSE_SEPARATELY * bool(between.in_words),
     )  # fmt: skip
 
 
@@ -239,8 +239,8 @@ def _answer_of(c: Ranking, d: Decision, k: int, part: RecordingCauses, rng: np.r
 def _with_law(answers: tuple[RecordingAnswer, ...], law: Lawful) -> tuple[RecordingAnswer, ...]:
     """Return the answers with what a law that no catalogue holds, if there is one, makes of their numbers."""
     each = zip(answers, law.each, strict=True) if law.each else ()
-    made = (replace(x, fit=law.summary(x.fit), curves=replace(x.curves, after=r)) for x, (law, r) in each)
-    return tuple(made) or answers
+    corrected = (replace(x, fit=law.summary(x.fit), curves=replace(x.curves, after=r)) for x, (law, r) in each)
+    return tuple(corrected) or answers
 
 
 def _mismatch(answers: Sequence[RecordingAnswer], lead: int) -> tuple[Mismatch, ...]:
@@ -261,9 +261,9 @@ def _shape(c: Ranking, i: int) -> Shape:
     channel = f"{of.channel} {of.axis}".strip()
     if len(c.searches) == 1:
         return Shape(channel, of.rival)
-    seen = [k + 1 for k in c.sees(i)]
-    where = f"recording {seen[0]}" if len(seen) == 1 else "every recording that could show it"
-    return Shape(f"{channel} of {where}", of.rival, recordings=tuple(seen))
+    ordinals = [k + 1 for k in c.sees(i)]
+    where = f"recording {ordinals[0]}" if len(ordinals) == 1 else "every recording that could show it"
+    return Shape(f"{channel} of {where}", of.rival, recordings=tuple(ordinals))
 
 
 def _joint_fit(answers: Sequence[RecordingAnswer], lead: int) -> StatedNoiseFit:

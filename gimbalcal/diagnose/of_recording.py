@@ -139,8 +139,8 @@ def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
             request.tell(f"{r.title}: {alone}")
     ids = [baseline_of(r, request.recordings, request.baseline) for r in request.recordings]
     views = [known_view(request.of(r), own) for r, own in zip(request.recordings, ids, strict=True)]
-    made = diagnose_known_noise(views, request.calibration, request.seed, request.tell)
-    return joint_diagnosis([made], [], [list(own) for own in ids], request.seed)
+    diagnosis = diagnose_known_noise(views, request.calibration, request.seed, request.tell)
+    return joint_diagnosis([diagnosis], [], [list(own) for own in ids], request.seed)
 
 
 def check_one_unit(request: DiagnosisRequest) -> None:
@@ -158,8 +158,8 @@ def check_one_unit(request: DiagnosisRequest) -> None:
                 "`diagnose` combines recordings of one unit; run it on each"
             )
     files = [s for r in recordings for s in r.source if not s.path.endswith(".toml")]  # headers may well be alike
-    seen = [s.sha256 for s in files]
-    twice = next((s.path for s in files if seen.count(s.sha256) > 1), "")
+    digests = [s.sha256 for s in files]
+    twice = next((s.path for s in files if digests.count(s.sha256) > 1), "")
     if twice or len({id(r) for r in recordings}) < len(recordings):
         raise InputError(f"{twice or first.title!r} is given twice: the same data are no more evidence; give it once")
 
@@ -210,8 +210,8 @@ def single_view(request: DiagnosisRequest) -> View:
         known = tuple(e for e in carried(calibration, ()) if e.id not in usual)
         return navigation_view(recording, usual, request.tell, known)
     # every term is fitted anew: a calibration says which the model holds
-    held = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
-    return recording.kind.view_of(recording, baseline or held)
+    effects = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
+    return recording.kind.view_of(recording, baseline or effects)
 
 
 def of_triads(request: DiagnosisRequest) -> Parts:
@@ -224,30 +224,32 @@ def of_triads(request: DiagnosisRequest) -> Parts:
     mine, gyro = by_triad(request.baseline)
     if gyro and not mine and recording.has(RATE) and recording.has(FORCE):
         recording = _at_one_attitude(recording)
-    told: list[ViewDiagnosis] = []
+    diagnoses: list[ViewDiagnosis] = []
     if recording.has(FORCE) and (mine or not request.baseline):
-        told.append(diagnose_view(norm(recording, mine), tell))
+        diagnoses.append(diagnose_view(norm(recording, mine), tell))
     if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not request.baseline)):
-        return told, []
-    made = calibration_of(told, "") if told else request.calibration
-    at_rest = view_at_rest(recording, gyro, made)
+        return diagnoses, []
+    calibration = calibration_of(diagnoses, "") if diagnoses else request.calibration
+    at_rest = view_at_rest(recording, gyro, calibration)
     if at_rest is None:
         note = diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)
         tell(note)
-        return told, [note]
+        return diagnoses, [note]
     still = diagnose_view(at_rest, tell)
-    told.append(still)
+    diagnoses.append(still)
     if gyro:
-        return told, []
-    if told[0].verdict == "unexplained" and told[0] is not still:
-        return told, [diagnosis_sentences.rate_not_analysed("no model explains the forces")]
-    moving = view_of_turns(recording, made, found_at_rest(still))
-    if moving is None or made is None:
-        return told, [diagnosis_sentences.motion_not_analysed("too few turns were logged to say how the unit turned")]
-    told.append(diagnose_view(moving, tell))
-    turns = told[-1].model
-    late, notes = of_slews(request, made, turns.effects if turns else ())
-    return [*told, *late], notes
+        return diagnoses, []
+    if diagnoses[0].verdict == "unexplained" and diagnoses[0] is not still:
+        return diagnoses, [diagnosis_sentences.rate_not_analysed("no model explains the forces")]
+    moving = view_of_turns(recording, calibration, found_at_rest(still))
+    if moving is None or calibration is None:
+        return diagnoses, [
+            diagnosis_sentences.motion_not_analysed("too few turns were logged to say how the unit turned")
+        ]
+    diagnoses.append(diagnose_view(moving, tell))
+    turns = diagnoses[-1].model
+    late, notes = of_slews(request, calibration, turns.effects if turns else ())
+    return [*diagnoses, *late], notes
 
 
 def _at_one_attitude(recording: Recording) -> Recording:
@@ -264,9 +266,9 @@ def _at_one_attitude(recording: Recording) -> Recording:
     return replace(means, channels={**means.channels, **level})
 
 
-def of_slews(request: DiagnosisRequest, made: Calibration, gyro: Sequence[Effect], means: bool = False) -> Parts:
+def of_slews(request: DiagnosisRequest, calibration: Calibration, gyro: Sequence[Effect], means: bool = False) -> Parts:
     """Diagnose delays between channels in the slews, or note why there are none to compare; see `view_of_slews`."""
-    v = view_of_slews(request.recording, made, gyro, means)
+    v = view_of_slews(request.recording, calibration, gyro, means)
     if isinstance(v, str):
         return [], [diagnosis_sentences.motion_not_analysed(v)]
     request.tell("the slews: do all channels agree in time")
@@ -290,9 +292,9 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool) -> Parts:
         parts.append(_known(request, mine))
     forces = parts[0].calibration if parts else None
     if recording.has(RATE) and not (mine and not gyro):
-        made = request.calibration if forces is None else _accelerometers(forces)
+        calibration = request.calibration if forces is None else _accelerometers(forces)
         explained = not parts or parts[0].verdict != "unexplained"
-        rates, notes = _gyroscopes(request, made, gyro, explained)
+        rates, notes = _gyroscopes(request, calibration, gyro, explained)
         parts += rates
     turns = next((p.model for p in parts if p.view.measurement is TURNS), None)
     both = recording.has(RATE) and recording.has(FORCE)
@@ -316,15 +318,17 @@ def _with_rests(request: DiagnosisRequest) -> DiagnosisRequest:
     return request.of(replace(recording, kind=MULTI_POSITION))
 
 
-def _accelerometers(made: Calibration) -> Calibration:
+def _accelerometers(calibration: Calibration) -> Calibration:
     """Return the accelerometers of a calibration of the forces, without the mount."""
-    kept = tuple(e for e in made.effects if e.stage in SENSOR_STAGES and e.channel == FORCE)
-    at = [i for i, p in enumerate(made.parameters) if p.effect in {e.id for e in kept}]
-    wanted = tuple(made.parameters[i] for i in at)
-    return replace(made, effects=kept, parameters=wanted, covariance=made.covariance[np.ix_(at, at)])
+    kept = tuple(e for e in calibration.effects if e.stage in SENSOR_STAGES and e.channel == FORCE)
+    at = [i for i, p in enumerate(calibration.parameters) if p.effect in {e.id for e in kept}]
+    wanted = tuple(calibration.parameters[i] for i in at)
+    return replace(calibration, effects=kept, parameters=wanted, covariance=calibration.covariance[np.ix_(at, at)])
 
 
-def _gyroscopes(request: DiagnosisRequest, made: Calibration | None, gyro: Sequence[str], explained: bool) -> Parts:
+def _gyroscopes(
+    request: DiagnosisRequest, calibration: Calibration | None, gyro: Sequence[str], explained: bool
+) -> Parts:
     """Diagnose the views of the gyroscopes, and note in sentences what was not analysed."""
     recording = request.recording
     rests = len(dwell_means(recording).time)
@@ -335,11 +339,11 @@ def _gyroscopes(request: DiagnosisRequest, made: Calibration | None, gyro: Seque
         recording = replace(
             recording, channels={**recording.channels, **{(FORCE, a): force[:, i] for i, a in enumerate("xyz")}}
         )
-        made = IDEAL_AT_GIMBALS
-    made = made or usual_accelerometers(recording)
-    turning = view_of_turns(without_earth_rate(recording), made) if explained and not gyro else None
+        calibration = IDEAL_AT_GIMBALS
+    calibration = calibration or usual_accelerometers(recording)
+    turning = view_of_turns(without_earth_rate(recording), calibration) if explained and not gyro else None
     linear = start(turning).effects if turning else ()
-    still = view_at_rest(without_earth_rate(recording, linear), gyro, made)
+    still = view_at_rest(without_earth_rate(recording, linear), gyro, calibration)
     if still is None:
         return [], [diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)]
     notes = []
@@ -351,10 +355,10 @@ def _gyroscopes(request: DiagnosisRequest, made: Calibration | None, gyro: Seque
         request.tell(f"the gyroscopes: {v.measurement.channels}")
         return diagnose_view(v, request.tell)
 
-    told = [looked(replace(still, missed_by_turns=None))]
-    if turning and (found := found_at_rest(told[0])):
-        turning = view_of_turns(without_earth_rate(recording), made, found)
-    return [*told, *([looked(turning)] if turning else [])], notes
+    diagnoses = [looked(replace(still, missed_by_turns=None))]
+    if turning and (at_rest := found_at_rest(diagnoses[0])):
+        turning = view_of_turns(without_earth_rate(recording), calibration, at_rest)
+    return [*diagnoses, *([looked(turning)] if turning else [])], notes
 
 
 def unfit(effect_id: str, recording: Recording) -> str:

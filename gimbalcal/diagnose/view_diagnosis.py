@@ -137,11 +137,11 @@ def diagnosis_as(
         v = v.finer()
         c = refined(v, c)
     model = with_constants(c.end, {j.cause.effect for j in verdicts})
-    found = drifts_as_one([finding_of_view(model, j) for j in verdicts])
+    findings = drifts_as_one([finding_of_view(model, j) for j in verdicts])
     shapes = tuple(Shape(f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), s.rival) for s in c.shapes)
     verdict = "adequate"
-    if found:
-        verdict = "missing-physics" if any(not f.twins for f in found) else "not-identifiable"
+    if findings:
+        verdict = "missing-physics" if any(not f.twins for f in findings) else "not-identifiable"
     elif shapes or walk is not None:
         verdict = "unexplained"
     sigma = row_sigma(c.described)
@@ -166,11 +166,11 @@ def diagnosis_as(
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
-    made = ViewDiagnosis(
-        v, verdict, mismatch, found, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
+    diagnosis = ViewDiagnosis(
+        v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
         recommend=lawful.recommend,
     )  # fmt: skip
-    return made if walk is None else made.against_walk(walk, odds)
+    return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
 
 
 def _walk_of_sensor(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:

@@ -186,7 +186,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.cost", "_costs", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
     ),
     "diagnose/test_cost.py::test_a_static_run_from_end_to_end": (
-        ("diagnose.verdict.refit_calibration", "Found.without", "if c.effect != effect_id]", "]"),
+        ("diagnose.verdict.refit_calibration", "SizedCauses.without", "if c.effect != effect_id]", "]"),
     ),
     "diagnose/verdict/test_agreement.py": (
         ("estimate.sharing", "agreement", "shared.dof - sum(s.dof for s in alone)", "shared.dof"),
@@ -209,8 +209,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "1 + np.exp(-self.ln_odds)"),
         ("diagnose.verdict.random_walk", "part_of_walk", "named_without and ln_odds <= CLAIM",
          "named_without and ln_odds <= -CLAIM"),
-        ("diagnose.verdict.random_walk", "single_walk", "clearest.ln_total - held.ln_total",
-         "held.ln_total - clearest.ln_total"),
+        ("diagnose.verdict.random_walk", "single_walk", "clearest.ln_total - without_walks.ln_total",
+         "without_walks.ln_total - clearest.ln_total"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "from_si(np.exp(mean)", "from_si(mean"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "spread * walk, ln_odds", "spread, ln_odds"),
         ("diagnose.search.single_axis_random_walk", "wandering", "s.ln_total >= CLAIM", "s.ln_total < CLAIM"),
@@ -248,8 +248,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.search.combine", "matched", "[k] if c.once", "[ABSENT] if c.once"),
     ),
     "diagnose/search/test_combine.py::test_a_recording_that_does_not_see_a_cause_says_what_it_does_without": (
-        ("diagnose.search.ranking", "Ranking.summed", "total[~seen] += otherwise[k]",
-         "total[~seen] -= otherwise[k]"),
+        ("diagnose.search.ranking", "Ranking.summed", "total[~present] += otherwise[k]",
+         "total[~present] -= otherwise[k]"),
     ),
     "report/test_calibration_page.py": (
         ("report.parameters", "as_printed", "zero + x / k", "zero - x / k"),

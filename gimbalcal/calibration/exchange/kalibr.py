@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.calibration.exchange.matrices import Found, matrices, parameters_of
+from gimbalcal.calibration.exchange.matrices import ParameterTable, matrices, parameters_of
 from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -53,7 +53,7 @@ def _yaml_matrix(name: str, M: Array) -> list[str]:
     return [f"    {name}:", *(f"      - {_row(row)}" for row in M)]
 
 
-def read(path: Path) -> Found:
+def read(path: Path) -> ParameterTable:
     """Return the value and sigma of each parameter in a YAML file; the places of the accelerometers are `rx_i`, `ry_i`,
     `rz_i`.
 

@@ -14,7 +14,7 @@ from gimbalcal.number import Array
 LINEAR = ("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment",
           "gyro_g_sensitivity_rate")  # fmt: skip
 QUADRATIC = ("scale_nonlinearity",)
-Found = dict[Parameter, tuple[float, float]]
+ParameterTable = dict[Parameter, tuple[float, float]]
 """Value and sigma [SI] of each parameter that a file holds."""
 
 
@@ -42,7 +42,7 @@ def matrices(effects: Sequence[Effect]) -> dict[str, Array]:
     }
 
 
-def parameters_of(m: Mapping[str, Array]) -> Found:
+def parameters_of(m: Mapping[str, Array]) -> ParameterTable:
     """Return parameters of the matrices, the inverse of `matrices`; sigma zero, as these formats state none.
 
     r (3, 3): where each accelerometer sits [m], one a row, where a format tells it.
@@ -60,7 +60,7 @@ def parameters_of(m: Mapping[str, Array]) -> Found:
         "gyro_g_sensitivity_rate": np.ravel(m["A"]),
         "accelerometer_lever_arm": np.ravel(m.get("r", np.zeros(9))),
     }
-    out: Found = {}
+    out: ParameterTable = {}
     for name, x in arrays.items():
         if np.any(np.asarray(x) != 0):
             out |= {p: (float(v), 0.0) for p, v in zip(parameters(CATALOGUE[name]), np.asarray(x), strict=True)}

@@ -11,7 +11,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import gimbals_of
-from gimbalcal.calibration.exchange.matrices import Found
+from gimbalcal.calibration.exchange.matrices import ParameterTable
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.units import from_si, parse, to_si
@@ -36,9 +36,9 @@ def content(calibration: Calibration, _: Sequence[str]) -> bytes:
     return file.getvalue().encode()
 
 
-def read(path: Path) -> tuple[Found, tuple[str, ...]]:
+def read(path: Path) -> tuple[ParameterTable, tuple[str, ...]]:
     """Return the value and sigma of each parameter, and the names of the gimbals that they are counted by."""
-    out: Found = {}
+    out: ParameterTable = {}
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as problem:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.calibration.exchange.matrices import Found, matrices, parameters_of
+from gimbalcal.calibration.exchange.matrices import ParameterTable, matrices, parameters_of
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, holds_real_numbers
 
@@ -45,7 +45,7 @@ def _column(v: Array) -> Array:
     return np.reshape(v, (3, 1))
 
 
-def read(path: Path) -> Found:
+def read(path: Path) -> ParameterTable:
     """Return the value and sigma of each parameter in a .mat file."""
     from gimbalcal.importers.sandboxed_reader import matlab_variables  # with it come all readers of other rigs' files
 

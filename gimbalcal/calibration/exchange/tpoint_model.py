@@ -46,7 +46,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.content_checks import MOUNT_AXES
-from gimbalcal.calibration.exchange.matrices import Found
+from gimbalcal.calibration.exchange.matrices import ParameterTable
 from gimbalcal.calibration.provenance import MountAxes, PrintedTerm
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
@@ -188,7 +188,7 @@ def _arcsec(x: float) -> float:
     return float(from_si(x, UNIT))
 
 
-def read(path: Path) -> tuple[Found, MountAxes]:
+def read(path: Path) -> tuple[ParameterTable, MountAxes]:
     """Return value and sigma of each parameter, and the mount, by whose axes they are counted."""
     terms, caption = _terms(path)
     upright = set(terms) & (NAMES - set(_equatorial(AXES[EQUATORIAL], 0.0))) or ALT_AZ in caption.lower()
@@ -210,7 +210,7 @@ def read(path: Path) -> tuple[Found, MountAxes]:
     return _parameters(kind, axes, radians(latitude or 0.0), terms), MountAxes(kind, axes, latitude)
 
 
-def _parameters(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, TpointTerm]) -> Found:
+def _parameters(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, TpointTerm]) -> ParameterTable:
     """Return our parameters of the terms: each of one, but for MA, which is a turn of the mount without one about its
     pole.
     """
@@ -219,7 +219,7 @@ def _parameters(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, Tp
     if kind == EQUATORIAL:
         rows["MA"] = {"base_tilt:north": sin(L), "base_tilt:down": cos(L)}
     by_label = {p.label: p for cls in CATALOGUE.values() for p in parameters(cls, axes)}
-    out: Found = {}
+    out: ParameterTable = {}
     for name, term in terms.items():
         for label, w in rows[name].items():
             out[by_label[label]] = (term.value * w, term.sigma * abs(w))

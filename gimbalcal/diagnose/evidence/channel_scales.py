@@ -92,8 +92,8 @@ def likeliest_scales(r: Array, J: Array, sample: Sequence[float] = ()) -> Array 
     for _ in range(ROUNDS):
         Q = basis((J / own[:, None]).reshape(r.size, -1))
         y = (r / own).ravel()
-        left, taken = (y - Q @ (Q.T @ y)).reshape(r.shape), (Q**2).sum(axis=1).reshape(r.shape)
-        misfit, dof = (left**2).sum(axis=0) * own**2, len(r) - taken.sum(axis=0)
+        residual, taken = (y - Q @ (Q.T @ y)).reshape(r.shape), (Q**2).sum(axis=1).reshape(r.shape)
+        misfit, dof = (residual**2).sum(axis=0) * own**2, len(r) - taken.sum(axis=0)
         if not distinguishable(misfit, dof):
             return None
         alike, before, own = alike or (misfit, dof), own, np.sqrt(misfit / dof)
@@ -222,20 +222,20 @@ def places(every: Sequence[ChannelProducts], scored: Callable[[Sequence[Place]],
     steps = [d for d in itertools.product((-1, 0, 1), repeat=C - 1) if sum(map(abs, d)) == 1]
     origin = (0,) * (C - 1)
     own = [e.node.channels and e.likeliest is not None for e in every]  # other memories, other scales
-    asked: list[Place] = [(k, at) for k, e in enumerate(every) for at in (None, origin)
+    pending: list[Place] = [(k, at) for k, e in enumerate(every) for at in (None, origin)
                           if (not own[k] if at is None else e.likeliest is not None)]  # fmt: skip
-    found, ln = list[Place](), np.zeros((0, 0))
-    while asked:
-        new = scored(asked)
-        found, ln = [*found, *asked], np.concatenate([ln.reshape(-1, new.shape[1]), new])
+    scored_places, ln = list[Place](), np.zeros((0, 0))
+    while pending:
+        new = scored(pending)
+        scored_places, ln = [*scored_places, *pending], np.concatenate([ln.reshape(-1, new.shape[1]), new])
         top = ln.max(axis=0)
         promising = top >= max(top[0], top.max() - PROMISING)
         behind = (top[promising] - ln[:, promising]).min(axis=1)
-        known, asked = set(found), []
-        for (k, at), lag in zip(found, behind, strict=True):
-            if at is not None and lag < ACTIVE and len(found) + len(asked) < MAX_NODES:
-                near = ((k, tuple(np.add(at, d).tolist())) for d in steps)
-                asked += [p for p in near if p not in known]
-                known |= set(asked)
-    kept = [p for p, lag in zip(found, behind, strict=True) if p[1] is None or lag < NEGLIGIBLE]
+        known, pending = set(scored_places), []
+        for (k, at), lag in zip(scored_places, behind, strict=True):
+            if at is not None and lag < ACTIVE and len(scored_places) + len(pending) < MAX_NODES:
+                neighbours = ((k, tuple(np.add(at, d).tolist())) for d in steps)
+                pending += [p for p in neighbours if p not in known]
+                known |= set(pending)
+    kept = [p for p, lag in zip(scored_places, behind, strict=True) if p[1] is None or lag < NEGLIGIBLE]
     return sorted(kept, key=lambda p: (p[0], p[1] is not None, p[1] or ()))

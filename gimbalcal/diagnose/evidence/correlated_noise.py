@@ -50,25 +50,25 @@ def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
     return tuple(every if C == 1 else (Node.of_channels(parts) for parts in itertools.product(every, repeat=C)))
 
 
-def noises_of_unknown_scale(n: int, C: int, seen: Array | None = None) -> tuple[Node, ...]:
+def noises_of_unknown_scale(n: int, C: int, rows: Array | None = None) -> tuple[Node, ...]:
     """Noises of unit variance in n rows of C channels that nobody states: each row remembers the one before.
 
-    Where sensors wander that are `seen` (n, C, m) in rows of white noise, either part may be the larger one.
+    Where sensors wander, of which `rows` (n, C, m) are the columns in white noise, either part may be the larger one.
     """
-    out, others = [], 1.0 if seen is None else 1 - WANDERS
+    out, others = [], 1.0 if rows is None else 1 - WANDERS
     for rho, prior in zip(MEMORY, MEMORY_PRIOR, strict=True):
         root = chain(first_order(rho), np.arange(float(n)))
         out.append(Node((("memory", rho),), {}, others * prior, C * root.log_determinant, root, 1 - rho**2))
-    return (*out, *(_wandering(seen, rho, share) for rho in WANDER for share in WANDER_SHARE if seen is not None))
+    return (*out, *(_wandering(rows, rho, share) for rho in WANDER for share in WANDER_SHARE if rows is not None))
 
 
-def _wandering(seen: Array, rho: float, share: float) -> Node:
-    r"""Sensors that wander, seen (n, C, m) in rows: :math:`V = (1 - a) I + a \, H K_\rho H^T`, a their share."""
-    n, _, m = seen.shape
+def _wandering(rows: Array, rho: float, share: float) -> Node:
+    r"""Sensors that wander, of columns `rows` (n, C, m): :math:`V = (1 - a) I + a \, H K_\rho H^T`, a their share."""
+    n, _, m = rows.shape
     process = first_order(rho)
     h, still = np.append(np.inf, np.ones(n - 1)), np.zeros(n, dtype=bool)  # all of it is new in the first row
     Phi, Q = (np.repeat(x, m, axis=1) for x in (process.transition(h, still), process.diffusion(h, still)))
-    root = whitening(Phi, Q, np.sqrt(share / (1 - share)) * seen).of_scale(np.sqrt(1 - share))
+    root = whitening(Phi, Q, np.sqrt(share / (1 - share)) * rows).of_scale(np.sqrt(1 - share))
     prior = WANDERS / len(WANDER) / len(WANDER_SHARE)
     return Node((("memory", rho), ("share", share)), {}, prior, root.log_determinant, root, 1 - share * rho**2)
 

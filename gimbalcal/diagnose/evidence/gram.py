@@ -45,10 +45,10 @@ class Gram:
         """Products (..., v, w) of columns i (..., v) with columns j (..., w)."""
         upper, lower = np.maximum(i[..., :, None], j[..., None, :]), np.minimum(i[..., :, None], j[..., None, :])
         at = upper * (upper + 1) // 2 + lower
-        found = self.triangle[at] if self.weights is None else np.tensordot(self.weights, self.triangle[:, at], 1)
+        gram = self.triangle[at] if self.weights is None else np.tensordot(self.weights, self.triangle[:, at], 1)
         if not self.taken.shape[1]:
-            return found
-        return np.asarray(found - self.taken[i] @ np.swapaxes(self.taken[j], -1, -2))
+            return gram
+        return np.asarray(gram - self.taken[i] @ np.swapaxes(self.taken[j], -1, -2))
 
     def block(self, index: Array) -> Array:
         """Products (..., w, w) of columns (..., w) with each other."""

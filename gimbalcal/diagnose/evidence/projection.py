@@ -95,26 +95,26 @@ def stack(Z: Array, X: Array, y: Array, low: int, scale: Stated | Free = STATED,
 def appended(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
     """`rows` of columns X (R, P) with `new` (R, p) behind them: what `stack` makes of both, in less time for a few."""
     q, P, low = rows.q, rows.P, len(rows.low)
-    left = _cleared(rows.Q, new)
-    seen = rows.low[:, q : q + P].any(axis=0) | (np.diag(rows.high)[q : q + P] > 0)
-    N = left[low:]
+    remainder = _cleared(rows.Q, new)
+    visible = rows.low[:, q : q + P].any(axis=0) | (np.diag(rows.high)[q : q + P] > 0)
+    N = remainder[low:]
     QN = rows.Q[low:].T @ N
-    XN = np.where(seen[:, None], X[low:].T @ N - (rows.Q.T @ X).T @ QN, 0.0)
+    XN = np.where(visible[:, None], X[low:].T @ N - (rows.Q.T @ X).T @ QN, 0.0)
     at, total = slice(q + P, q + P + N.shape[1]), len(rows.high) + N.shape[1]
     high = np.empty((total, total))
     old = np.r_[0 : at.start, at.stop : total]
     high[np.ix_(old, old)] = rows.high
     high[:, at] = np.concatenate([QN, XN, N.T @ N, rows.y[low:].T @ N])
     high[at] = high[:, at].T
-    columns = np.concatenate([rows.low[:, : at.start], left[:low], rows.low[:, at.start :]], axis=1)
+    columns = np.concatenate([rows.low[:, : at.start], remainder[:low], rows.low[:, at.start :]], axis=1)
     return ReducedRows(columns, high, q, P + N.shape[1], rows.Q, rows.y, rows.scale, rows.unit)
 
 
 def _cleared(Q: Array, X: Array) -> Array:
     """X (R, P) cleared of the calibration, and zero where that leaves nothing to speak of."""
-    left = X - Q @ (Q.T @ X)
-    seen = np.linalg.norm(left, axis=0) > ABSORBED * np.linalg.norm(X, axis=0)
-    return np.asarray(np.where(seen, left, 0.0))
+    remainder = X - Q @ (Q.T @ X)
+    visible = np.linalg.norm(remainder, axis=0) > ABSORBED * np.linalg.norm(X, axis=0)
+    return np.asarray(np.where(visible, remainder, 0.0))
 
 
 def projected(
@@ -139,19 +139,19 @@ def _of_channel_scales(
 ) -> tuple[Projection, ...]:
     """Return the projections of noises at the scales of channels that hold the evidence of any promising candidate."""
     every = products_of_noises(nodes, rows.low, rows.q, rows.P, channels)
-    made: dict[Place, Projection] = {}
+    projections: dict[Place, Projection] = {}
 
-    def scored(asked: Sequence[Place]) -> Array:
-        for k, at in asked:
+    def scored(wanted: Sequence[Place]) -> Array:
+        for k, at in wanted:
             node, log_scales = every[k].noise(at)
             G, b, misfit, penalty = every[k].projected(log_scales)
             scale = rows.scale.with_memory(node.fresh).of_channels(node.scales)
-            made[k, at] = Projection(node, G, b, misfit, node.logdet + penalty, scale)
-        new = [made[place] for place in asked]
+            projections[k, at] = Projection(node, G, b, misfit, node.logdet + penalty, scale)
+        new = [projections[place] for place in wanted]
         none = np.array([p.log_evidence() for p in new])[:, None]
         return none if layout is None else np.concatenate([none, gather(new, layout) + none], axis=1)
 
-    return tuple(made[place] for place in places(every, scored))
+    return tuple(projections[place] for place in places(every, scored))
 
 
 def project(node: Node, rows: ReducedRows, room: Array | None = None) -> Projection:

@@ -94,9 +94,9 @@ class Stated:
         """ln L that taking `gain` (...) away from a misfit adds."""
         return 0.5 * gain
 
-    def log_prior(self, left: Array) -> Array:
-        """ln of the prior share of each size (..., sizes), `left` (..., sizes) being left at each."""
-        return np.broadcast_to(np.log(SIZE_PRIOR), left.shape)
+    def log_prior(self, misfit: Array) -> Array:
+        """ln of the prior share of each size (..., sizes), at which `misfit` (..., sizes) remains."""
+        return np.broadcast_to(np.log(SIZE_PRIOR), misfit.shape)
 
 
 STATED = Stated()
@@ -152,9 +152,9 @@ class Free:
         """ln L that taking `gain` (...) away from a misfit adds."""
         return self.log_likelihood(misfit - gain) - self.log_likelihood(misfit)
 
-    def log_prior(self, left: Array) -> Array:
+    def log_prior(self, misfit: Array) -> Array:
         """ln of the prior share of each ratio (..., ratios): the density of the size that it is at this scale."""
-        size = np.log(self.sizes * self.sigma(left))
+        size = np.log(self.sizes * self.sigma(misfit))
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(np.interp(size, *_DENSITY, left=0.0, right=0.0) * np.log(RATIOS[1] / RATIOS[0])))
 

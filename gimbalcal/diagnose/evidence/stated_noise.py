@@ -55,15 +55,15 @@ def scale_to_scatter(o: Fit) -> Fit:
     kurtosis, weight = float(np.mean(_excess(fast / scale))), None
     if kurtosis > HEAVY:
         static = o.view.kind.stabilised
-        found = huber(o.residual, np.arange(len(o.residual)) // NEIGHBOURS if static else o.view.noise.block, scale)
+        robust = huber(o.residual, np.arange(len(o.residual)) // NEIGHBOURS if static else o.view.noise.block, scale)
         # what no level follows is physics: it makes no row noisier than the rows next to it show
-        weight = found.weight
-        scale = np.minimum(found.of_rows if static else found.of_means, plain)
+        weight = robust.weight
+        scale = np.minimum(robust.of_rows if static else robust.of_means, plain)
     else:
         scale = plain
-    made = over(o, scale)
-    noise = replace(made.view.noise, kurtosis=kurtosis, weights=weight)
-    return replace(made, view=replace(made.view, noise=noise))
+    scaled = over(o, scale)
+    noise = replace(scaled.view.noise, kurtosis=kurtosis, weights=weight)
+    return replace(scaled, view=replace(scaled.view, noise=noise))
 
 
 def _fast(o: Fit) -> Array:
@@ -139,11 +139,11 @@ def _blocks(o: Fit) -> _Blocks:
     )
 
 
-def _of_dwells(o: Fit, asked: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
+def _of_dwells(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
     """A noise for each setting, walk, prior probability and accelerometer that walks alone ("" for all of them)."""
     blocks = _blocks(o)
-    noises = [dwell_noise(o, setting, walk) for setting, walk, _, _ in asked]
-    states = [_states(o, blocks, noise, alone) for noise, (*_, alone) in zip(noises, asked, strict=True)]
+    noises = [dwell_noise(o, setting, walk) for setting, walk, _, _ in processes]
+    states = [_states(o, blocks, noise, alone) for noise, (*_, alone) in zip(noises, processes, strict=True)]
     roots: dict[int, Whitening] = {}
     for width in {H.shape[-1] for _, _, H in states}:  # those that are seen by the same states at once
         alike = [k for k, (_, _, H) in enumerate(states) if H.shape[-1] == width]
@@ -152,7 +152,7 @@ def _of_dwells(o: Fit, asked: Sequence[tuple[float, float, float, str]]) -> tupl
     return tuple(
         Node((("setting error", setting), (f"random walk {alone}".rstrip(), walk)), noises[k], prior,
              roots[k].log_determinant, roots[k], single_walk=alone)
-        for k, (setting, walk, prior, alone) in enumerate(asked)
+        for k, (setting, walk, prior, alone) in enumerate(processes)
     )  # fmt: skip
 
 
@@ -220,7 +220,7 @@ def slow_modes(o: Fit, walk: float) -> int:
     return min(n, max(SLOW, shown)) if shown < n / 2 else n  # the fastest modes show it more than 1 / k^2
 
 
-def _spectral(o: Fit, asked: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
+def _spectral(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
     """White noise and a walk in forces (or in the one `alone`) and in angles: diagonal in the cosine transform.
 
     Asked are the walks of forces and angles, the prior probability, and the accelerometer that walks alone, or "".
@@ -228,7 +228,7 @@ def _spectral(o: Fit, asked: Sequence[tuple[float, float, float, str]]) -> tuple
     n = len(o.residual)
     step = float(np.median(np.diff(o.view.stimulus.time)))
     out = []
-    for wf, wa, prior, alone in asked:
+    for wf, wa, prior, alone in processes:
         # an offset, which the calibration takes, stands for half a wave
         angle = np.pi * np.maximum(np.arange(slow_modes(o, wf)), 0.5) / n
         noise = {q: static_noise(o, wf if q == "specific_force" else wa) for q in dict(o.view.channels)}

@@ -44,14 +44,14 @@ def library(fit: Fit) -> Library:
     v, rows = fit.view, fit.rows
     search = _Columns(fit, rows, spans(rows.jacobian(fit.parameters)) if not v.noise.scale_known else np.zeros((0, 0)))
     blocks: list[Array] = []
-    found = [c for effect_id in available(v) for c in _of_effect(search, effect_id, blocks)]
+    candidates = [c for effect_id in available(v) for c in _of_effect(search, effect_id, blocks)]
     if v.noise.scale_known:
-        found += shapes_in_outputs(fit, blocks)
+        candidates += shapes_in_outputs(fit, blocks)
     else:
         blocks = [_clear_of_noise(v, X, search.misfit, search.taken) for X in blocks]
-        found += shapes_of(v, search.misfit, search.taken, blocks, free_rows(v, fit.parameters))
+        candidates += shapes_of(v, search.misfit, search.taken, blocks, free_rows(v, fit.parameters))
         blocks = [fit.reduced(np.concatenate(blocks, axis=-1))]
-    return Library(tuple(found), np.concatenate(blocks, axis=-1))
+    return Library(tuple(candidates), np.concatenate(blocks, axis=-1))
 
 
 def available(v: View) -> tuple[str, ...]:
@@ -167,9 +167,9 @@ def _clear_of_noise(v: View, X: Array, misfit: Array, taken: Array) -> Array:
     if not v.measurement.reads_force:
         return X
     A = X.reshape(len(taken), -1)
-    left = np.linalg.norm(A - taken @ (taken.T @ A), axis=0)
+    remainder = np.linalg.norm(A - taken @ (taken.T @ A), axis=0)
     noise = SHAKEN * float(np.sqrt(np.mean(misfit**2))) / v.stimulus.gravity
-    return np.asarray(X * (left > noise * np.linalg.norm(A, axis=0)))
+    return np.asarray(X * (remainder > noise * np.linalg.norm(A, axis=0)))
 
 
 def spans(J: Array) -> Array:
@@ -181,8 +181,8 @@ def spans(J: Array) -> Array:
 def _beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
     """Return which of the columns X (n, C, p) are more than what Q (n C, q) spans."""
     A = X.reshape(len(Q), -1)
-    left = np.linalg.norm(A - Q @ (Q.T @ A), axis=0)
-    return np.asarray(left > STILL * np.linalg.norm(A, axis=0))
+    remainder = np.linalg.norm(A - Q @ (Q.T @ A), axis=0)
+    return np.asarray(remainder > STILL * np.linalg.norm(A, axis=0))
 
 
 def _scanned(
@@ -196,8 +196,8 @@ def _scanned(
     if whole is None or len(every) <= len(tried):
         return tried, len(every)
     if cls.id not in v.cache:  # the same for all models of a course, but for their few per mille
-        made = (absent_effect(cls.id, v.stimulus, "", **{whole.name: m}) for m in every)
-        v.cache[cls.id] = np.stack([columns(m) for m in made]).astype(np.float32)
+        effects = (absent_effect(cls.id, v.stimulus, "", **{whole.name: m}) for m in every)
+        v.cache[cls.id] = np.stack([columns(m) for m in effects]).astype(np.float32)
     rough = v.of_scales(np.exp(np.round(np.log(v.noise.scales) / SCALE_STEP) * SCALE_STEP) if v.noise.scales else ())
     weight, at = rough.weight, (cls.id, rough.noise.scales)
     if at not in v.cache:
@@ -231,8 +231,8 @@ def spanned(X: Array) -> Array:
     """Orthonormal columns of what X (n, C, p) spans, zero where it spans less than p."""
     A = X.reshape(-1, X.shape[-1])
     lam, V = np.linalg.eigh(A.T @ A)
-    seen = lam > 1e-6 * max(float(lam.max(initial=0.0)), 1e-300)
-    return np.asarray((A @ V / np.sqrt(np.where(seen, lam, np.inf))).reshape(X.shape))
+    visible = lam > 1e-6 * max(float(lam.max(initial=0.0)), 1e-300)
+    return np.asarray((A @ V / np.sqrt(np.where(visible, lam, np.inf))).reshape(X.shape))
 
 
 def powers(Q: Array, misfit: Array) -> Array:

@@ -187,13 +187,13 @@ def of_effect(
 
     `columns` gives those (..., p) of an absent effect with these constants by the `wanted` parameters.
     """
-    made = [(c, columns(absent_effect(cls.id, s, source, **dict(c)))) for c in tried]
-    at = [appended_to(blocks, X) for _, X in made]
+    tables = [(c, columns(absent_effect(cls.id, s, source, **dict(c)))) for c in tried]
+    at = [appended_to(blocks, X) for _, X in tables]
     out = []
     for mechanism, axis, chosen in by_mechanism(wanted, cls):
         index = [wanted.index(p) for p in chosen]
-        if max(np.abs(X[..., index]).max(initial=0) for _, X in made) > 0:
+        if max(np.abs(X[..., index]).max(initial=0) for _, X in tables) > 0:
             spans = (tuple(here[i] for i in index) for here in at)
-            variants = tuple(Variant(named, span) for (named, _), span in zip(made, spans, strict=True))
+            variants = tuple(Variant(named, span) for (named, _), span in zip(tables, spans, strict=True))
             out.append(Candidate(cls.id, axis, chosen, variants, "", source, cls.channel, mechanism))
     return out

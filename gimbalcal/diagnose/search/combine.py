@@ -47,13 +47,13 @@ class CombinedRanking(Ranking):
 
 def matched(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
     """All candidates of all recordings, the same ones as one, and where each stands in each library."""
-    found: dict[tuple[tuple[str, ...], int], tuple[Candidate, dict[int, int]]] = {}
+    groups: dict[tuple[tuple[str, ...], int], tuple[Candidate, dict[int, int]]] = {}
     for k, s in enumerate(searches):
         for i, c in enumerate(s.library.candidates):
             owners = [k] if c.once else [k, ABSENT] if c.rival else [ABSENT]
             for owner in owners:
-                found.setdefault((c.key, owner), (c, {}))[1][k] = i
-    kept = [(c, at) for (_, owner), (c, at) in found.items() if not (c.rival and owner == ABSENT and len(at) == 1)]
+                groups.setdefault((c.key, owner), (c, {}))[1][k] = i
+    kept = [(c, at) for (_, owner), (c, at) in groups.items() if not (c.rival and owner == ABSENT and len(at) == 1)]
     place = np.full((len(kept), len(searches)), ABSENT)
     for j, (_, at) in enumerate(kept):
         place[j, list(at)] = list(at.values())
@@ -78,10 +78,10 @@ def combine(searches: Sequence[Search]) -> Ranking:
     def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
         return _with_second(c, members, seconds, keep, own)[list(seconds)]
 
-    found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
-    found += pairs(candidates, ln, prior, float((ln + prior).max()), gained)
-    found.sort(key=lambda h: -h.ln_weight)
-    return replace(c, hypotheses=tuple(found))
+    hypotheses = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
+    hypotheses += pairs(candidates, ln, prior, float((ln + prior).max()), gained)
+    hypotheses.sort(key=lambda h: -h.ln_weight)
+    return replace(c, hypotheses=tuple(hypotheses))
 
 
 def _with_second(
@@ -98,12 +98,12 @@ def _with_second(
             values.append(s.singles)
             without.append(np.zeros(()))
             continue
-        asked = sorted(set(c.within(seconds, k)))
+        partners = sorted(set(c.within(seconds, k)))
         ln = np.full(len(s.singles), -np.inf)
         if known := own[k].get(mine):
             ln[list(known)] = list(known.values())
         else:
-            ln[asked] = beside(s.projections, s.library, s.null, s.joint, mine, asked, keep)
+            ln[partners] = beside(s.projections, s.library, s.null, s.joint, mine, partners, keep)
         values.append(ln)
         without.append(np.asarray(_alone(s, mine, keep)))
     return c.summed(values, without)

@@ -122,9 +122,9 @@ def joint_covariance(s: Search, f: FittedCauses) -> JointCovariance:
     if k:
         G = project(f.projection.node, rows_like(s.rows, np.concatenate(columns, axis=1))).G.whole
         G[range(p, p + k), range(p, p + k)] += 1.0
-        joint, held = (inverse_of_information(A) for A in (G, G[:p, :p]))
+        joint, without_constants = (inverse_of_information(A) for A in (G, G[:p, :p]))
         C += joint
-        C[:p, :p] -= held
+        C[:p, :p] -= without_constants
     return JointCovariance(tuple(of), C * np.outer(scale, scale))
 
 

@@ -103,10 +103,10 @@ class Ranking:
         """
         total = np.zeros((len(self.place), *values[0].shape[1:]))
         for k, v in enumerate(values):
-            seen = self.place[:, k] != ABSENT
-            total[seen] += v[self.place[seen, k]]
+            present = self.place[:, k] != ABSENT
+            total[present] += v[self.place[present, k]]
             if otherwise is not None:
-                total[~seen] += otherwise[k]
+                total[~present] += otherwise[k]
         return total
 
     @property
@@ -243,21 +243,21 @@ def ranked(
     prior = log_priors(library.candidates, fit.view.kind)
     rival = np.array([bool(c.rival) for c in library.candidates])
     share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
-    found = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
+    hypotheses = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
 
     def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
         return beside(projections, library, null, joint, members, seconds, keep)
 
     floor = float(joint.max() - logsumexp(null)) + float(prior.min())
-    found += pairs(library.candidates, ln, prior, floor, gained)
-    found.sort(key=lambda h: -h.ln_weight)
-    return Search(library, tuple(found), share, fit, rows, projections, null, joint, ln)
+    hypotheses += pairs(library.candidates, ln, prior, floor, gained)
+    hypotheses.sort(key=lambda h: -h.ln_weight)
+    return Search(library, tuple(hypotheses), share, fit, rows, projections, null, joint, ln)
 
 
 def _visible(library: Library, p: Projection) -> Library:
     """Only candidates of which the calibration leaves something at ten times their plausible size."""
-    left = np.sqrt(p.G.diagonal)
-    kept = [c for c in library.candidates if max(left[list(v.index)].max() for v in c.variants) > VISIBLE]
+    norm = np.sqrt(p.G.diagonal)
+    kept = [c for c in library.candidates if max(norm[list(v.index)].max() for v in c.variants) > VISIBLE]
     return Library(tuple(kept), library.X)
 
 
@@ -303,9 +303,9 @@ def same(candidates: Sequence[Candidate], i: int, j: int) -> bool:
 
 
 def _thirds(
-    candidates: Sequence[Candidate], prior: Array, floor: float, gained: Gained, found: Sequence[Hypothesis]
+    candidates: Sequence[Candidate], prior: Array, floor: float, gained: Gained, hypotheses: Sequence[Hypothesis]
 ) -> list[Hypothesis]:
-    top = max((h for h in found if not h.unknown(candidates)), key=lambda h: h.ln_weight, default=None)
+    top = max((h for h in hypotheses if not h.unknown(candidates)), key=lambda h: h.ln_weight, default=None)
     if top is None or top.ln_weight < max(floor + np.log(SINGLE), 0.0):
         return []
     ln = gained(top.members, range(len(candidates)), KEEP)
@@ -325,15 +325,15 @@ def beside(
     """ln BF against nothing of `members` with each of `seconds` in turn, over the `keep` weightiest noises."""
     nominal = int(np.argmax([p.node.prior for p in projections]))
     weighty = weightiest(projections, joint[:, members[0]], keep - 1) | {nominal}
-    found, gains = [], []
+    hypotheses, gains = [], []
     for k, looser in itertools.product(sorted(weighty), projections[0].scale.looser):
         p, ln = projections[k], float(null[k])
         for i in members:
             p, gained = given(p, library.candidates[i], looser)
             ln += gained
-        found.append(p)
+        hypotheses.append(p)
         gains.append(ln)
-    rows = gather(found, library.layout)[:, seconds] + np.array(gains)[:, None]
+    rows = gather(hypotheses, library.layout)[:, seconds] + np.array(gains)[:, None]
     return np.asarray(logsumexp(rows, axis=0) - logsumexp(null))
 
 

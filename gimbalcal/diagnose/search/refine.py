@@ -41,9 +41,9 @@ def refine(
         if c.rival or total[i] < best - CLOSE - 0.2 * best:
             continue
         p = projections[int(np.argmax(joint[:, i]))]
-        made = _narrowed(o, c, p, rows) if _continuous(c) else _relinearised(o, c, stated)
+        refined = _narrowed(o, c, p, rows) if _continuous(c) else _relinearised(o, c, stated)
         variants = list(c.variants)
-        for v, X in made:
+        for v, X in refined:
             variants.append(replace(v, index=tuple(range(at, at + X.shape[1]))))
             at += X.shape[1]
             blocks.append(X)
@@ -65,7 +65,7 @@ def _narrowed(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tu
     here = dict(start.constants)
     fields = _continuous(c)
     ranges = {f.name: _cell(c, f.name, here[f.name]) for f in fields}
-    made: list[tuple[Variant, Array]] = []
+    refined: list[tuple[Variant, Array]] = []
     best, share = float(max(score)), start.weight
     for _ in range(ROUNDS):
         flat = True
@@ -75,7 +75,7 @@ def _narrowed(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tu
                 there = {**here, f.name: float(value)}
                 X = columns_at(o, c, tuple(there.items()))
                 ln = float(any_size(extended(p, rows, X), np.arange(X.shape[1])))
-                made.append((Variant(tuple(there.items()), (), share / FINE), X))
+                refined.append((Variant(tuple(there.items()), (), share / FINE), X))
                 tried.append(ln)
                 if ln > best:
                     best, here = ln, there
@@ -84,7 +84,7 @@ def _narrowed(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tu
         share /= 3
         if flat:
             break
-    return made
+    return refined
 
 
 def _cell(c: Candidate, name: str, value: float) -> tuple[float, float]:
@@ -154,17 +154,17 @@ def _bent(
             return None
         A = np.concatenate([Z, p.node.whiten(o.reduced(column[:, :, None]))], axis=1)
         x = np.linalg.lstsq(A, y[:, 0], rcond=1e-9)[0]
-        found = float(x[-1]) * sigma
-        if found == 0.0 or abs(found - size) < 0.01 * abs(size):
+        root = float(x[-1]) * sigma
+        if root == 0.0 or abs(root - size) < 0.01 * abs(size):
             break
-        size, s = found, restimulated(o, x[:-1], stage)
+        size, s = root, restimulated(o, x[:-1], stage)
     return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, flipped, _doubtful(s, c.axis, size), column)
 
 
 def _doubtful(s: Stimulus, axis: str, size: float) -> frozenset[int]:
     """Positions at which the force along an axis is within three sizes of null."""
-    near = np.abs(s.force[:, "xyz".index(axis)]) < 3 * abs(size) if axis in "xyz" else np.zeros(len(s.time), bool)
-    return frozenset(int(i) for i in np.unique(s.position[near]))
+    inside = np.abs(s.force[:, "xyz".index(axis)]) < 3 * abs(size) if axis in "xyz" else np.zeros(len(s.time), bool)
+    return frozenset(int(i) for i in np.unique(s.position[inside]))
 
 
 def _other_side(s: Stimulus, axis: str, flipped: frozenset[int], size: float) -> Stimulus:

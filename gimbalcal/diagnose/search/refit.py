@@ -79,17 +79,17 @@ def _minimum(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) ->
     r, J = v.linearised(effects, wanted)
     free = _seen(_left(alike(r), alike(J) * scale), alike(J) * scale)
     while True:
-        made, c = _descended(v, effects, wanted, x0, free * scale[:, None], np.resize(c, free.shape[1]))
-        r, J = v.linearised(made, wanted)
-        seen = _seen(alike(r), alike(J) * scale)
-        if seen.shape[1] == free.shape[1] or (again and seen.shape[1] > free.shape[1]):
+        model, c = _descended(v, effects, wanted, x0, free * scale[:, None], np.resize(c, free.shape[1]))
+        r, J = v.linearised(model, wanted)
+        visible = _seen(alike(r), alike(J) * scale)
+        if visible.shape[1] == free.shape[1] or (again and visible.shape[1] > free.shape[1]):
             break
-        free, c, again = seen, seen.T @ free @ c, True
-    A = (v.noise.weighted(J) * scale).reshape(r.size, -1) @ seen
-    unseen = np.eye(len(wanted)) - seen @ seen.T
-    variance = float((v.noise.weighted(r) ** 2).sum()) / max(r.size - seen.shape[1], 1)
-    C = seen @ np.linalg.inv(A.T @ A) @ seen.T * variance + unseen
-    return Fit(v, made, tuple(wanted), r, J, C * np.outer(scale, scale))
+        free, c, again = visible, visible.T @ free @ c, True
+    A = (v.noise.weighted(J) * scale).reshape(r.size, -1) @ visible
+    unseen = np.eye(len(wanted)) - visible @ visible.T
+    variance = float((v.noise.weighted(r) ** 2).sum()) / max(r.size - visible.shape[1], 1)
+    C = visible @ np.linalg.inv(A.T @ A) @ visible.T * variance + unseen
+    return Fit(v, model, tuple(wanted), r, J, C * np.outer(scale, scale))
 
 
 def _descended(
@@ -99,15 +99,15 @@ def _descended(
     names, n, (low, high) = v.stimulus.axis_names, len(v) * len(v.channels), _range(v, wanted)
 
     def at(c: Array, _: Array) -> tuple[Array, Array]:
-        made = with_values(effects, wanted, np.clip(x0 + free @ c[0], low, high), names)
+        model = with_values(effects, wanted, np.clip(x0 + free @ c[0], low, high), names)
         try:
-            r, J = v.linearised(made, wanted)
+            r, J = v.linearised(model, wanted)
         except InputError:  # no force reads what was read: further than the model goes
             return np.full((1, n), np.inf), np.zeros((1, n, free.shape[1]))
         return v.noise.weighted(r).reshape(1, -1), -(v.noise.weighted(J).reshape(r.size, -1) @ free)[None]
 
-    found = minimise(at, c0[None], SETTLED, gain=GAIN, damping=1e-9)
-    return with_values(effects, wanted, np.clip(x0 + free @ found.x[0], low, high), names), found.x[0]
+    minimum = minimise(at, c0[None], SETTLED, gain=GAIN, damping=1e-9)
+    return with_values(effects, wanted, np.clip(x0 + free @ minimum.x[0], low, high), names), minimum.x[0]
 
 
 def _range(v: View, wanted: Sequence[Parameter]) -> Array:
@@ -157,12 +157,13 @@ def with_columns(m: Fit, X: Array) -> Fit:
 
 def fitted_columns(m: Fit, X: Array) -> tuple[Fit, Array, Array]:
     """Return the same, the sizes x (q,) of the columns, and their covariance (q, q) from the remaining scatter."""
-    made = with_columns(m, X)
-    Q, A, y = basis(made.reduced(m.jacobian)), made.reduced(X), made.reduced(m.residual[..., None])[:, 0]
-    left = A - Q @ (Q.T @ A)
-    x = np.linalg.lstsq(left, y, rcond=1e-9)[0]
-    variance = float((made.reduced(made.residual[..., None]) ** 2).sum()) / max(len(y) - Q.shape[1] - X.shape[-1], 1)
-    return made, x, np.linalg.pinv(left.T @ left, rcond=1e-12, hermitian=True) * variance
+    extended = with_columns(m, X)
+    Q, A, y = basis(extended.reduced(m.jacobian)), extended.reduced(X), extended.reduced(m.residual[..., None])[:, 0]
+    remainder = A - Q @ (Q.T @ A)
+    x = np.linalg.lstsq(remainder, y, rcond=1e-9)[0]
+    dof = max(len(y) - Q.shape[1] - X.shape[-1], 1)
+    variance = float((extended.reduced(extended.residual[..., None]) ** 2).sum()) / dof
+    return extended, x, np.linalg.pinv(remainder.T @ remainder, rcond=1e-12, hermitian=True) * variance
 
 
 def with_constants(m: Fit, ids: Container[str]) -> Fit:
@@ -184,9 +185,9 @@ def constants_with_sigma(m: Fit, effect_id: str) -> list[tuple[Parameter, float,
     effect = next(e for e in m.effects if e.id == effect_id)
     X = m.view.evaluate(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.residual.shape, 0))
     Q, A, y = basis(m.reduced(m.jacobian)), m.reduced(X), m.reduced(m.residual[..., None])
-    left = A - Q @ (Q.T @ A)
-    left = np.where(np.linalg.norm(left, axis=0) > RANK * np.linalg.norm(A, axis=0), left, 0.0)
+    remainder = A - Q @ (Q.T @ A)
+    remainder = np.where(np.linalg.norm(remainder, axis=0) > RANK * np.linalg.norm(A, axis=0), remainder, 0.0)
     variance = float((y**2).sum()) / max(len(y) - Q.shape[1] - len(wanted), 1)
-    sigma = np.sqrt(variance * np.diag(covariance_at_minimum(left[None])[0]))
-    told = zip(wanted, sigma, strict=True)
-    return [(p, float(getattr(effect, p.field)), float(s)) for p, s in told if np.isfinite(s)]
+    sigma = np.sqrt(variance * np.diag(covariance_at_minimum(remainder[None])[0]))
+    with_sigma = zip(wanted, sigma, strict=True)
+    return [(p, float(getattr(effect, p.field)), float(s)) for p, s in with_sigma if np.isfinite(s)]

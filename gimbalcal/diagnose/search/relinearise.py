@@ -40,8 +40,8 @@ def about_settings(o: Fit) -> Fit:
         return o
     visit = np.unique(o.view.stimulus.visit, return_inverse=True)[1]
     for _ in range(ROUNDS):
-        x, delta, left = _settings(o, visit)
-        o = _at(o, x, delta[visit], left)
+        x, delta, remaining = _settings(o, visit)
+        o = _at(o, x, delta[visit], remaining)
     return o
 
 
@@ -59,18 +59,18 @@ def _settings(o: Fit, visit: Array) -> tuple[Array, Array, float]:
     q = o.Z.shape[-1]
     P = np.linalg.inv(A.T @ A + np.eye(A.shape[1]))
     x = P @ (A.T @ o.reduced(o.residual[:, :, None])[:, 0])
-    seen = E.T @ E  # a turn about the force is not observable, and does nothing
-    return x[:q], x[q:].reshape(v, -1) * sigma, float((P[q:, q:] * seen).sum() / np.trace(seen))
+    normal = E.T @ E  # a turn about the force is not observable, and does nothing
+    return x[:q], x[q:].reshape(v, -1) * sigma, float((P[q:, q:] * normal).sum() / np.trace(normal))
 
 
-def _at(o: Fit, x: Array, delta: Array, left: float) -> Fit:
+def _at(o: Fit, x: Array, delta: Array, remaining: float) -> Fit:
     """Return rows about corrected constants and readouts (delta (n, k) [rad]), its first order back in the residual."""
     names, scale = o.view.stimulus.axis_names, np.array([p.sigma for p in o.parameters])
     effects = with_values(o.effects, o.parameters, values(o.effects, o.parameters) + x * scale, names)
     shift = np.zeros_like(o.view.stimulus.readout)
     shift[:, read_gimbals(o.view)] = delta
     assert o.view.displaced is not None
-    there = replace(o.view.displaced(effects, shift), noise=replace(o.view.noise, setting_left=left))
+    there = replace(o.view.displaced(effects, shift), noise=replace(o.view.noise, setting_left=remaining))
     return linearised(there, effects, o.parameters)
 
 
@@ -79,12 +79,12 @@ def about_causes(s: Search) -> Fit:
     f = fit_causes(s, next((h.members for h in s.hypotheses if not h.unknown(s.library.candidates)), ()))
     _, shift, _ = calibration_fit(s, f)
     names = s.fit.view.stimulus.axis_names
-    found = []
+    causes = []
     for effect, c in fitted_effects(s, f):
         (none,) = with_values((effect,), c.parameters, np.zeros(len(c.parameters)), names)
-        found.append((none, c.parameters, values((effect,), c.parameters)))
-    bare = linearised_at(s.fit, shift, found)
-    return given_back(scale_to_scatter(bare), found)  # the scatter shows when they are gone
+        causes.append((none, c.parameters, values((effect,), c.parameters)))
+    bare = linearised_at(s.fit, shift, causes)
+    return given_back(scale_to_scatter(bare), causes)  # the scatter shows when they are gone
 
 
 def about_first_cause(c: SearchResult, tell: Tell) -> SearchResult:

@@ -38,8 +38,8 @@ def wandering(s: Search) -> tuple[Node, ...]:
     calls for a walk at all; outputs that wander between positions are told by their calibration. Where walks of all
     accelerometers are likelier there are none: what they leave keeps its shape.
     """
-    found = s.ln_total >= CLAIM
-    if not found and (not s.fit.view.kind.stabilised or not _walks(s)):
+    walking = s.ln_total >= CLAIM
+    if not walking and (not s.fit.view.kind.stabilised or not _walks(s)):
         return ()
     nodes = single_walks_of_stated_noise(s.fit)
     ln = weights(s, nodes)
@@ -47,9 +47,9 @@ def wandering(s: Search) -> tuple[Node, ...]:
     if not alone.any() or (not alone.all() and logsumexp(ln[~alone]) > logsumexp(ln[alone])):
         return ()
     others = np.append(s.null, ln[~alone])
-    if found and logsumexp(ln) - logsumexp(s.null) < s.ln_total - CLAIM:
+    if walking and logsumexp(ln) - logsumexp(s.null) < s.ln_total - CLAIM:
         return ()
-    if not found and logsumexp(ln[alone]) - logsumexp(others) < CLAIM:
+    if not walking and logsumexp(ln[alone]) - logsumexp(others) < CLAIM:
         return ()
     return tuple(nodes[k] for k in likeliest(ln))
 
@@ -91,9 +91,9 @@ def wandering_in(c: SearchResult) -> tuple[View, float, float]:
         ln[names[p.node.name]] = np.logaddexp(ln[names[p.node.name]], p.log_evidence())
     alone = np.array([bool(n.single_walk) for n in noises(with_walks)])
     total = float(logsumexp(ln[alone]) - logsumexp(ln[~alone]))
-    found = found_in(c)
-    odds = total - found
-    if total < (found - CLAIM if found >= CLAIM else CLAIM):
+    walks = found_in(c)
+    odds = total - walks
+    if total < (walks - CLAIM if walks >= CLAIM else CLAIM):
         return v, total, odds
     return with_single_walks(v, [SINGLE_WALKS[k] for k in likeliest(ln[alone])]), total, odds
 

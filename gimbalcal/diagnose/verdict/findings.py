@@ -112,9 +112,9 @@ def finding_of_view(m: Fit, j: Judgement) -> Finding:
     sigma = np.sqrt(np.diag(m.covariance))
     silent = keeps_prior(m.parameters, np.where(constant, 0.0, values(m.effects, m.parameters)), sigma)
     each = zip(m.parameters, values(m.effects, m.parameters), sigma, silent, strict=True)
-    told = [(p, Estimate.of(p, x, s)) for p, x, s, at_prior in each if not at_prior]
-    rows = [r for p, r in told if p.label in own]
-    rows += [replace(r, name=p.field, axis="") for p, r in told if p.effect == e and p.field in names]
+    estimates = [(p, Estimate.of(p, x, s)) for p, x, s, at_prior in each if not at_prior]
+    rows = [r for p, r in estimates if p.label in own]
+    rows += [replace(r, name=p.field, axis="") for p, r in estimates if p.effect == e and p.field in names]
     rows += [
         replace(Estimate.of(p, x, s), name=p.field, axis="")
         for p, x, s in constants_with_sigma(m, e)  # whole numbers, which no fit moves
@@ -163,8 +163,8 @@ def _sizes(by_recording: Sequence[RecordingCauses], ordinal: int) -> tuple[Recor
     return tuple(out)
 
 
-def _agreement(by_recording: Sequence[RecordingCauses], ordinal: int, found: Finding) -> SizeAgreement:
-    a, name = agreement_on_size(by_recording, ordinal), cause_in_words(found.effect, found.axis)
+def _agreement(by_recording: Sequence[RecordingCauses], ordinal: int, finding: Finding) -> SizeAgreement:
+    a, name = agreement_on_size(by_recording, ordinal), cause_in_words(finding.effect, finding.axis)
     return SizeAgreement(round(a.rise, 3), a.combinations, a.p_value, against(a, name))
 
 
@@ -220,10 +220,10 @@ def _estimates(parameters: Sequence[Parameter], size: Array, sigma: Array) -> li
     return [Estimate.of(p, x, s) for p, x, s in zip(parameters, size, sigma, strict=True) if s != 0]
 
 
-def drifts_as_one(found: Sequence[Finding]) -> tuple[Finding, ...]:
+def drifts_as_one(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """The findings, with courses of one bias in time as one: however they are described, they are one drift."""
     out: list[Finding] = []
-    for f in found:
+    for f in findings:
         same = next((i for i, first in enumerate(out) if _one_course(first, f)), None)
         if same is None:
             out.append(f)

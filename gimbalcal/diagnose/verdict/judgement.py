@@ -54,11 +54,11 @@ class Judgement:
         """Ids of the effects that these rows do not distinguish from it."""
         return tuple(c.effect for c in self.alike)
 
-    def instead(self, found: Sequence[Candidate]) -> bool:
+    def instead(self, candidates: Sequence[Candidate]) -> bool:
         """Return whether one of those that fit alike was found as well: then it stands beside this one."""
         return any(
             a.effect == c.effect and set(a.axis.split(", ")) & set(c.axis.split(", "))
-            for a in self.alike for c in found if c.key != self.cause.key
+            for a in self.alike for c in candidates if c.key != self.cause.key
         )  # fmt: skip
 
 
@@ -206,9 +206,9 @@ def judged_without(end: Fit, taken: Candidate) -> Judgement:
 def _significance(without: Fit, end: Fit, X: Array) -> float:
     """Return the significance of reduced columns X (R, p) that a model lacks, in the likeliest noise with them."""
     unit = rms_misfit(end)
-    left = max(projections_of(end, X[:, :0], unit=unit), key=Projection.log_evidence)
-    rows = reduced(without, X, (left.node,), unit)
+    best = max(projections_of(end, X[:, :0], unit=unit), key=Projection.log_evidence)
+    rows = reduced(without, X, (best.node,), unit)
     # without the cause the rows have been divided by other scales of the channels
     other = np.array(end.view.noise.scales or 1.0) / np.array(without.view.noise.scales or 1.0)
-    taken = project(left.node.rescaled(other), rows).explained(range(X.shape[-1]))
-    return float(np.sqrt(taken) / left.scale.sigma(left.misfit[0]))
+    taken = project(best.node.rescaled(other), rows).explained(range(X.shape[-1]))
+    return float(np.sqrt(taken) / best.scale.sigma(best.misfit[0]))

@@ -72,9 +72,9 @@ def scan(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, explai
     data -= fitted @ (fitted.T @ data)
     cells: list[Cell] = []
     scores, ranks = [np.zeros((0, 1 + DRAWS))], [np.zeros(0)]
-    for found, X in _cells(o):
-        score, rank = _scores(_cleared(node.whiten(X), fitted), data, len(found))
-        cells += found
+    for batch, X in _cells(o):
+        score, rank = _scores(_cleared(node.whiten(X), fitted), data, len(batch))
+        cells += batch
         scores.append(score)
         ranks.append(rank)
     all_scores, dof = np.concatenate(scores), np.concatenate(ranks)

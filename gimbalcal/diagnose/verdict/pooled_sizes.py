@@ -71,8 +71,8 @@ class RecordingCauses:
     @cached_property
     def joint(self) -> JointCovariance:
         """The covariance of sizes and continuous constants, of which those of each member go by its ordinal."""
-        made = joint_covariance(self.search, self.fit)
-        return replace(made, constants=tuple((self.ordinals[n], p) for n, p in made.constants))
+        covariance = joint_covariance(self.search, self.fit)
+        return replace(covariance, constants=tuple((self.ordinals[n], p) for n, p in covariance.constants))
 
     def spreads(self, ordinal: int) -> list[float]:
         """Return how far each constant of a member may be off among the values that were tried, SI."""
@@ -100,22 +100,22 @@ def _slots(c: Ranking, members: Sequence[int], recording: int) -> tuple[int, ...
 
 def _shared(c: Ranking, member: int) -> bool:
     """Return whether a cause has constants that several recordings determine."""
-    found = c.library.candidates[member]
-    return len(c.sees(member)) > 1 and bool(found.variants[0].constants) and CATALOGUE[found.effect].linear
+    candidate = c.library.candidates[member]
+    return len(c.sees(member)) > 1 and bool(candidate.variants[0].constants) and CATALOGUE[candidate.effect].linear
 
 
 def _common(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCauses]) -> Constants:
     """The constants of member j, of all that any recording tried, at which all together fit best."""
-    seen = c.sees(members[j])
-    tried = list(dict.fromkeys(v.constants for k in seen for v in _candidate(c, members[j], k).variants))
+    recordings = c.sees(members[j])
+    tried = list(dict.fromkeys(v.constants for k in recordings for v in _candidate(c, members[j], k).variants))
     total = np.zeros(len(tried))
-    for k in seen:
+    for k in recordings:
         s, n = c.searches[k], _slots(c, members, k).index(j)
         others = [i for o in range(len(own[k].members)) if o != n for i in _index(s, own[k], o)]
-        made = [columns_at(s.fit, _candidate(c, members[j], k), constants) for constants in tried]
-        X = np.concatenate([s.library.X[:, others], *made], axis=1)
+        columns = [columns_at(s.fit, _candidate(c, members[j], k), constants) for constants in tried]
+        X = np.concatenate([s.library.X[:, others], *columns], axis=1)
         p = project(own[k].projection.node, rows_like(s.rows, X))
-        beside, width = range(len(others)), made[0].shape[1]
+        beside, width = range(len(others)), columns[0].shape[1]
         starts = [len(others) + width * i for i in range(len(tried))]
         total += [p.explained(range(at, at + width), beside) / 2 for at in starts]
     return tried[int(np.argmax(total))]
@@ -132,19 +132,19 @@ def _index(s: Search, f: FittedCauses, n: int) -> tuple[int, ...]:
 
 def _columns(s: Search, f: FittedCauses, n: int, constants: Constants | None) -> tuple[Candidate, Variant, Array]:
     """The n-th fitted cause at the common constants, or as this recording alone has it."""
-    found = s.library.candidates[f.members[n]]
-    v = found.variants[f.variants[n]]
+    candidate = s.library.candidates[f.members[n]]
+    v = candidate.variants[f.variants[n]]
     if constants is None:
-        return found, v, s.library.X[:, list(v.index)]
-    return found, Variant(constants, ()), columns_at(s.fit, found, constants)
+        return candidate, v, s.library.X[:, list(v.index)]
+    return candidate, Variant(constants, ()), columns_at(s.fit, candidate, constants)
 
 
 def _only(s: Search, chosen: Sequence[tuple[Candidate, Variant, Array]]) -> Search:
     """The search with nothing in its library but these."""
     candidates, at = [], 0
-    for found, v, X in chosen:
+    for candidate, v, X in chosen:
         here = replace(v, index=tuple(range(at, at + X.shape[1])), weight=1.0)
-        candidates.append(replace(found, variants=(here,)))
+        candidates.append(replace(candidate, variants=(here,)))
         at += X.shape[1]
     few = Library(tuple(candidates), np.concatenate([X for *_, X in chosen], axis=1))
     nodes = [p.node for p in s.projections]
@@ -207,9 +207,9 @@ def _joint(by_recording: Sequence[RecordingCauses], causes: Sequence[Candidate])
 
 def agreement_on_size(by_recording: Sequence[RecordingCauses], ordinal: int) -> Agreement:
     """Return how well the recordings that see a member agree on its size."""
-    seen = [(p.fit.x[p.span(ordinal)], inverse_of(p.fit.covariance[p.span(ordinal), p.span(ordinal)]))
+    sizes = [(p.fit.x[p.span(ordinal)], inverse_of(p.fit.covariance[p.span(ordinal), p.span(ordinal)]))
             for p in by_recording if ordinal in p.ordinals]  # fmt: skip
-    return mean_of(seen)[2]
+    return mean_of(sizes)[2]
 
 
 def _constants(
@@ -219,10 +219,10 @@ def _constants(
 
     The sigma of a continuous constant is that of the fit with all else, of others that of the values that were tried.
     """
-    seen = [p for p in by_recording if ordinal in p.ordinals]
-    first, sigma = seen[0], joint.sigma_of(ordinal)
+    recordings = [p for p in by_recording if ordinal in p.ordinals]
+    first, sigma = recordings[0], joint.sigma_of(ordinal)
     variant = first.cause(ordinal).variants[first.fit.variants[first.ordinals.index(ordinal)]]
-    spread = [_sigma_of_mean(each) for each in zip(*(p.spreads(ordinal) for p in seen), strict=True)]
+    spread = [_sigma_of_mean(each) for each in zip(*(p.spreads(ordinal) for p in recordings), strict=True)]
     return tuple((name, float(x), sigma.get(name, s)) for (name, x), s in zip(variant.constants, spread, strict=True))
 
 

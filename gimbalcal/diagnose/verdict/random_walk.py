@@ -84,24 +84,24 @@ def part_of_walk(ln_odds: float, named: bool, shaped: bool, named_without: bool)
     return PartOfWalk.SHARED if named_without and ln_odds <= CLAIM else PartOfWalk.INSTEAD
 
 
-def decide_with_walk(s: Ranking, held: Ranking, needed: float) -> tuple[Decision, RandomWalkFinding | None]:
+def decide_with_walk(s: Ranking, without_walks: Ranking, needed: float) -> tuple[Decision, RandomWalkFinding | None]:
     """Return the verdict, and the accelerometer that walks alone where that has a part in it.
 
-    `held` is the same search, or those of several recordings, without such noises; `needed` the ln Bayes factor that
-    clean recordings of this design reach.
+    `without_walks` is the same search, or those of several recordings, without such noises; `needed` the ln Bayes
+    factor that clean recordings of this design reach.
     """
     d = decide(s, needed)
-    walk = None if d.hypothesis is not None else single_walk(s, held)
+    walk = None if d.hypothesis is not None else single_walk(s, without_walks)
     if walk is None:
         return d, None
-    other = decide(held, needed)
+    other = decide(without_walks, needed)
     part = part_of_walk(walk.ln_odds, False, d.verdict != "adequate", other.hypothesis is not None)
     if part is PartOfWalk.SHARED:
         return replace(other.scaled(walk.share_of), verdict="not-identifiable"), walk
     return (d, None) if part is PartOfWalk.NONE else (replace(d, verdict="adequate"), walk)
 
 
-def single_walk(s: Ranking, held: Ranking) -> RandomWalkFinding | None:
+def single_walk(s: Ranking, without_walks: Ranking) -> RandomWalkFinding | None:
     """Return the likeliest walk of a single accelerometer; of several recordings that of the one which shows it most.
 
     Walks of several recordings are independent, so that their ln Bayes factors add up.
@@ -111,9 +111,9 @@ def single_walk(s: Ranking, held: Ranking) -> RandomWalkFinding | None:
         return None
     k, clearest = max(shown.items(), key=lambda item: item[1].ln_total)
     if len(s.searches) == 1:
-        return replace(clearest, ln_odds=clearest.ln_total - held.ln_total)
+        return replace(clearest, ln_odds=clearest.ln_total - without_walks.ln_total)
     total = sum(max(w.ln_total, 0.0) for w in shown.values())
-    return replace(clearest, ln_total=total, ln_odds=total - held.ln_total, recording=k + 1)
+    return replace(clearest, ln_total=total, ln_odds=total - without_walks.ln_total, recording=k + 1)
 
 
 def _walk_in(s: Search) -> RandomWalkFinding | None:

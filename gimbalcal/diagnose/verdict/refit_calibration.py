@@ -41,7 +41,7 @@ FittedConstants = Sequence[tuple[str, float, float]]  # name, value and sigma in
 
 
 @dataclass(frozen=True)
-class Found:
+class SizedCauses:
     """Causes with their non-linear constants, and the values x (p,) and covariance (p, p) of `parameters`, SI.
 
     continuous: constants of each cause, by the ordinal of the cause, that are among the parameters.
@@ -54,13 +54,13 @@ class Found:
     continuous: tuple[tuple[int, Parameter], ...] = ()
     averaged: bool = True  # sizes are those averaged over the noises, which a refit keeps; else where it starts
 
-    def without(self, effect_id: str) -> Found:
+    def without(self, effect_id: str) -> SizedCauses:
         """Return the other causes, whose sizes take up of this one what they can."""
         kept = [i for i, c in enumerate(self.causes) if c.effect != effect_id]
         at = [k for k, p in enumerate(self.parameters) if p.effect != effect_id]
         continuous = tuple((kept.index(i), p) for i, p in self.continuous if i in kept)
         causes, constants = tuple(self.causes[i] for i in kept), tuple(self.constants[i] for i in kept)
-        return Found(causes, constants, self.x[at], self.covariance[np.ix_(at, at)], continuous, averaged=False)
+        return SizedCauses(causes, constants, self.x[at], self.covariance[np.ix_(at, at)], continuous, averaged=False)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -70,7 +70,7 @@ class Found:
     def differing(self) -> set[str]:
         """Effects that were found twice with other constants: one effect has one, so their sizes are fitted anew."""
         first: dict[str, tuple[float, ...]] = {}
-        values = [tuple(value for _, value, _ in told) for told in self.constants]
+        values = [tuple(value for _, value, _ in constants) for constants in self.constants]
         return {c.effect for c, v in zip(self.causes, values, strict=True) if v != first.setdefault(c.effect, v)}
 
     def wide(self) -> dict[Parameter, Parameter]:
@@ -81,14 +81,14 @@ class Found:
     def held(self, fitted: Sequence[Parameter]) -> dict[Parameter, tuple[float, float]]:
         """Non-linear constants of what was fitted, as parameters: value and sigma. An effect has each of them once."""
         out: dict[Parameter, tuple[float, float]] = {}
-        for c, told in zip(self.causes, self.constants, strict=True):
+        for c, constants in zip(self.causes, self.constants, strict=True):
             every = {p.field: p for p in parameters(CATALOGUE[c.effect], constants=True)}
-            for name, value, sigma in told if any(p.effect == c.effect for p in fitted) else ():
+            for name, value, sigma in constants if any(p.effect == c.effect for p in fitted) else ():
                 out.setdefault(every[name], (value, sigma))
         return out
 
 
-def found_of(sizes: CommonSizes) -> Found:
+def sized_causes_of(sizes: CommonSizes) -> SizedCauses:
     """Return causes as parameters in SI, their continuous constants among them."""
     causes, constants, x, joint = sizes.causes, sizes.constants, sizes.x, sizes.joint
     scale = np.array([p.sigma for c in causes for p in c.parameters])
@@ -97,24 +97,24 @@ def found_of(sizes: CommonSizes) -> Found:
     continuous = tuple(joint.constants[i] for i in kept)
     values = [value for j, p in continuous for name, value, _ in constants[j] if name == p.field]
     at = [*range(len(x)), *(len(x) + i for i in kept)]
-    return Found(causes, constants, np.append(x * scale, values), joint.covariance[np.ix_(at, at)], continuous)
+    return SizedCauses(causes, constants, np.append(x * scale, values), joint.covariance[np.ix_(at, at)], continuous)
 
 
 def calibrated(
-    seen: Sequence[tuple[Fit, Node, Sequence[int]]],
-    found: Found,
+    fits: Sequence[tuple[Fit, Node, Sequence[int]]],
+    sized: SizedCauses,
     outcome: str,
     known: Calibration | None = None,
 ) -> tuple[Calibration, ConstantsAgreement | None]:
     """The calibration that a diagnosis ends in, and how well several recordings agree on its constants.
 
-    seen: the rows of each recording, their noise, and which of the causes it shows; known: the calibration that the
+    fits: the rows of each recording, their noise, and which of the causes it shows; known: the calibration that the
     diagnosis started from, for what it holds and these recordings do not.
     """
-    here = [_RecordingRows(fit, node, found, tuple(which), alone=len(seen) == 1) for fit, node, which in seen]
-    solution, made, between = _refitted(here, found)
+    here = [_RecordingRows(fit, node, sized, tuple(which), alone=len(fits) == 1) for fit, node, which in fits]
+    solution, effects, between = _refitted(here, sized)
     mine = solution.parameters
-    held = {p: told for p, told in found.held(mine).items() if p not in mine}
+    held = {p: told for p, told in sized.held(mine).items() if p not in mine}
     kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in held]
     kept = [p for p in kept if p.effect in {e.id for s in here for e in s.fit.effects}]
     wanted, n = (*mine, *held, *kept), len(mine)
@@ -126,14 +126,14 @@ def calibrated(
         P[n + len(held) :, n + len(held) :] = known.covariance[np.ix_(at, at)]
     calibration = Calibration(
         method="diagnosis",
-        effects=tuple(e for e in made if e.id in {p.effect for p in wanted}),
+        effects=tuple(e for e in effects if e.id in {p.effect for p in wanted}),
         parameters=wanted,
         covariance=P,
         unobservable=solution.unobservable,
-        residual=Residual(solution.chi2, solution.dof, _rms(here, made)),
+        residual=Residual(solution.chi2, solution.dof, _rms(here, effects)),
         outcome=" ".join(filter(None, (outcome, between.in_words if between else ""))),
         provenance=replace(
-            origin([s.fit.view for s in here], [c.label for c in found.causes]),
+            origin([s.fit.view for s in here], [c.label for c in sized.causes]),
             agreement=between.to_dict() if between else None,
         ),
         readout=Readout(gimbals=here[0].fit.view.readout.gimbals),
@@ -142,12 +142,12 @@ def calibrated(
 
 
 def calibrated_without(
-    effect_id: str, seen: Sequence[tuple[Fit, Node, Sequence[int]]], found: Found, known: Calibration | None
+    effect_id: str, fits: Sequence[tuple[Fit, Node, Sequence[int]]], sized: SizedCauses, known: Calibration | None
 ) -> Calibration:
     """Return the calibration of the same rows, in the same noise, by a model without an effect that was found."""
-    kept = [i for i, c in enumerate(found.causes) if c.effect != effect_id]
-    rest = [(fit, node, [kept.index(i) for i in which if i in kept]) for fit, node, which in seen]
-    return calibrated(rest, found.without(effect_id), "", known)[0]
+    kept = [i for i, c in enumerate(sized.causes) if c.effect != effect_id]
+    rest = [(fit, node, [kept.index(i) for i in which if i in kept]) for fit, node, which in fits]
+    return calibrated(rest, sized.without(effect_id), "", known)[0]
 
 
 def origin(views: Sequence[View], causes: Sequence[str]) -> Provenance:
@@ -168,34 +168,34 @@ class _RecordingRows:
 
     fit: Fit
     node: Node
-    found: Found
+    sized: SizedCauses
     which: tuple[int, ...]
     alone: bool
 
     @property
     def wanted(self) -> tuple[Parameter, ...]:
         """The parameters that are fitted: constants of the model, and causes."""
-        causes = [p for i in self.which for p in self.found.causes[i].parameters]
-        causes += [p for i, p in self.found.continuous if i in self.which]
+        causes = [p for i in self.which for p in self.sized.causes[i].parameters]
+        causes += [p for i, p in self.sized.continuous if i in self.which]
         return tuple(dict.fromkeys([*self.fit.parameters, *causes]))
 
     @property
     def own(self) -> tuple[Parameter, ...]:
         """The parameters that are this recording's own and not carried."""
-        once = {self.found.causes[i].effect for i in self.which if self.found.causes[i].once}
+        once = {self.sized.causes[i].effect for i in self.which if self.sized.causes[i].once}
         stood = {p for p in self.fit.parameters if scope_of(p.effect) is Scope.INSTALLATION}
         return tuple(p for p in self.wanted if p.effect in once or p in stood)
 
     def model(self) -> tuple[Effect, ...]:
         """The model of the baseline with the causes at the sizes that were told."""
         effects, names = self.fit.effects, self.fit.view.stimulus.axis_names
-        at = np.cumsum([0, *(len(c.parameters) for c in self.found.causes)])
+        at = np.cumsum([0, *(len(c.parameters) for c in self.sized.causes)])
         for i in self.which:
-            c = self.found.causes[i]
+            c = self.sized.causes[i]
             if c.effect not in {e.id for e in effects}:
-                fixed = {name: value for name, value, _ in self.found.constants[i]}
+                fixed = {name: value for name, value, _ in self.sized.constants[i]}
                 effects = (*effects, absent_effect(c.effect, self.fit.view.stimulus, c.source, **fixed))
-            size = values(effects, c.parameters) + self.found.x[at[i] : at[i + 1]]
+            size = values(effects, c.parameters) + self.sized.x[at[i] : at[i + 1]]
             effects = with_values(effects, c.parameters, size, names)
         return effects
 
@@ -204,24 +204,24 @@ class _RecordingRows:
         rows = self.fit.view.evaluate(effects).over(self.fit.sigma)
         A = self.node.whiten(self.fit.reduced(rows.jacobian(self.wanted)))
         r = self.node.whiten(self.fit.reduced(rows.residual[:, :, None]))[:, 0]
-        wide = self.found.wide()
-        told = information(A, r + A @ values(effects, self.wanted), [wide.get(p, p) for p in self.wanted])
-        return told if self.alone else told.without([wide.get(p, p) for p in self.own])
+        wide = self.sized.wide()
+        info = information(A, r + A @ values(effects, self.wanted), [wide.get(p, p) for p in self.wanted])
+        return info if self.alone else info.without([wide.get(p, p) for p in self.own])
 
 
 def _refitted(
-    here: Sequence[_RecordingRows], found: Found
+    here: Sequence[_RecordingRows], sized: SizedCauses
 ) -> tuple[Solution, tuple[Effect, ...], ConstantsAgreement | None]:
     """Return constants and causes from all recordings, all effects with these values, and how recordings agree."""
     models = [s.model() for s in here]
-    told = dict(zip(found.parameters, values(_union(models), found.parameters), strict=True))
+    start = dict(zip(sized.parameters, values(_union(models), sized.parameters), strict=True))
     before: Array | float = np.inf
     for _ in range(ROUNDS):
         infos = [s.information(m) for s, m in zip(here, models, strict=True)]
         solution = solve(reduce(add, infos))
-        narrow = {w: p for p, w in found.wide().items()}
+        narrow = {w: p for p, w in sized.wide().items()}
         solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
-        solution = _limited_step(_with_sizes(solution, found, told), values(_union(models), solution.parameters))
+        solution = _limited_step(_with_sizes(solution, sized, start), values(_union(models), solution.parameters))
         names = here[0].fit.view.stimulus.axis_names
         models = [
             with_values(m, mine, values_of(solution, mine), names)
@@ -231,8 +231,8 @@ def _refitted(
         if np.all(np.abs(solution.x - before) <= SETTLED * solution.sigma):
             break
         before = solution.x
-    made = with_values(_union(models), solution.parameters, solution.x, names)
-    return solution, made, agreement_on_constants(infos) if len(infos) > 1 else None
+    effects = with_values(_union(models), solution.parameters, solution.x, names)
+    return solution, effects, agreement_on_constants(infos) if len(infos) > 1 else None
 
 
 def _limited_step(solution: Solution, start: Array) -> Solution:
@@ -246,18 +246,18 @@ def values_of(solution: Solution, wanted: Sequence[Parameter]) -> Array:
     return np.array([solution.x[solution.parameters.index(p)] for p in wanted])
 
 
-def _with_sizes(s: Solution, found: Found, told: Mapping[Parameter, float]) -> Solution:
+def _with_sizes(s: Solution, sized: SizedCauses, sizes: Mapping[Parameter, float]) -> Solution:
     """The solution with the causes at their sizes and covariance, the others as they go with it (module docstring)."""
-    mine = [p for p in found.parameters if p in s.parameters and p.effect not in found.differing()]
-    if not mine or not found.averaged:
+    mine = [p for p in sized.parameters if p in s.parameters and p.effect not in sized.differing()]
+    if not mine or not sized.averaged:
         return s
     c = [s.parameters.index(p) for p in mine]
-    at = [found.parameters.index(p) for p in mine]
+    at = [sized.parameters.index(p) for p in mine]
     P = s.covariance
     scale = s.sigma[c]  # of a covariance with its prior no direction is without variance
     K = np.linalg.solve(P[np.ix_(c, c)] / np.outer(scale, scale), (P[:, c] / scale).T).T / scale
-    new = found.covariance[np.ix_(at, at)]
-    x = s.x + K @ (np.array([told[p] for p in mine]) - s.x[c])
+    new = sized.covariance[np.ix_(at, at)]
+    x = s.x + K @ (np.array([sizes[p] for p in mine]) - s.x[c])
     covariance = P + K @ (new - P[np.ix_(c, c)]) @ K.T
     covariance[c, :], covariance[:, c] = new @ K.T, K @ new
     return replace(s, x=x, covariance=(covariance + covariance.T) / 2)
@@ -273,7 +273,7 @@ def _rms(here: Sequence[_RecordingRows], effects: Sequence[Effect]) -> dict[str,
     out: dict[str, float] = {}
     for s in here:
         mine = {p.effect for p in s.wanted} | {e.id for e in s.fit.effects}
-        left = s.fit.view.evaluate([e for e in effects if e.id in mine]).residual
-        for (quantity, axis), column in zip(s.fit.view.channels, left.T, strict=True):
+        residual = s.fit.view.evaluate([e for e in effects if e.id in mine]).residual
+        for (quantity, axis), column in zip(s.fit.view.channels, residual.T, strict=True):
             out.setdefault(f"{quantity}:{axis}", float(np.sqrt(np.mean(column**2))))
     return out

@@ -39,9 +39,9 @@ class Advice:
     hours: float
 
 
-def advise(o: Fit, found: Candidate, variant: int, size: Array, other: Candidate) -> Advice:
-    """The manoeuvre that separates `found`, at its fitted size in prior sigmas, from `other` fastest."""
-    return fastest(o, lambda planned: separation(planned, found, variant, size, other))
+def advise(o: Fit, cause: Candidate, variant: int, size: Array, other: Candidate) -> Advice:
+    """The manoeuvre that separates `cause`, at its fitted size in prior sigmas, from `other` fastest."""
+    return fastest(o, lambda planned: separation(planned, cause, variant, size, other))
 
 
 def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
@@ -58,14 +58,14 @@ def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
     return best
 
 
-def advice_in_words(a: Advice, found: Candidate, other: Candidate) -> str:
+def advice_in_words(a: Advice, cause: Candidate, other: Candidate) -> str:
     """Return the advice as one sentence."""
-    return separation_advice(a.words, a.hours, a.ln_bayes, spaced(found.effect), spaced(other.effect))
+    return separation_advice(a.words, a.hours, a.ln_bayes, spaced(cause.effect), spaced(other.effect))
 
 
-def separation(o: Fit, found: Candidate, variant: int, size: Array, other: Candidate) -> float:
+def separation(o: Fit, cause: Candidate, variant: int, size: Array, other: Candidate) -> float:
     """Expected log Bayes factor between the two causes in the nominal noise."""
-    signal = columns_at(o, found, found.variants[variant].constants) @ size[:, None]
+    signal = columns_at(o, cause, cause.variants[variant].constants) @ size[:, None]
     return expected_ln_bayes(o, signal, [columns_at(o, other, v.constants) for v in other.variants[:TRIED]])
 
 
@@ -79,6 +79,6 @@ def expected_ln_bayes(o: Fit, signal: Array, others: Iterable[Array]) -> float:
     for columns in others:
         X = node.whiten(columns)
         X = X - Q @ (Q.T @ X)
-        left = y - X @ np.linalg.lstsq(X, y, rcond=1e-9)[0]
-        least = min(least, float(left @ left))
+        residual = y - X @ np.linalg.lstsq(X, y, rcond=1e-9)[0]
+        least = min(least, float(residual @ residual))
     return least / 2

@@ -39,15 +39,15 @@ def verify(
     Z, X, y, fold, by = _whitened(s, f, physical)
     C = s.fit.residual.shape[1]
     A = np.concatenate([Z, X], axis=1)
-    (left, q, out), (rest, qx, out_with) = ((*_residual(B, y), held_out(B, y, fold)) for B in (Z, A))
+    (residual, q, out), (rest, qx, out_with) = ((*_residual(B, y), held_out(B, y, fold)) for B in (Z, A))
     series = rest.reshape(-1, C)
     same = fold.reshape(-1, C)[1:, 0] == fold.reshape(-1, C)[:-1, 0] if by != "time" else slice(None)
     pairs = (series[1:] * series[:-1])[same]
     lag = float(pairs.sum() / (series**2).sum()) if series.size else 0.0
     return StatedNoiseFit(
-        chi2_reduced_before=float(left @ left) / max(1, len(y) - q),
+        chi2_reduced_before=float(residual @ residual) / max(1, len(y) - q),
         chi2_reduced_after=float(rest @ rest) / max(1, len(y) - qx),
-        heldout_before=float(left @ out) / len(y),
+        heldout_before=float(residual @ out) / len(y),
         heldout_after=float(rest @ out_with) / len(y),
         heldout_by=by,
         autocorrelation_after=lag,  # of the whitened residual from one block to the next
@@ -113,11 +113,11 @@ def residual_rows(o: Fit, added: Array) -> tuple[Array, Array]:
 
 def _refitted(o: Fit, Z: Array, y: Array) -> Array:
     """y (n, C) less its calibration, which has the weighted columns Z (n C, q)."""
-    left, _ = _residual(Z, o.view.noise.weighted(y[:, :, None]).ravel())
+    residual, _ = _residual(Z, o.view.noise.weighted(y[:, :, None]).ravel())
     return (
-        left.reshape(y.shape)
+        residual.reshape(y.shape)
         if o.view.noise.weights is None
-        else np.asarray(left.reshape(y.shape) / np.sqrt(o.view.noise.weights))
+        else np.asarray(residual.reshape(y.shape) / np.sqrt(o.view.noise.weights))
     )
 
 
@@ -201,9 +201,9 @@ def _basis(m: Fit, sigma: Array) -> Array:
 
 def _held_out(m: Fit, sigma: Array) -> tuple[float, float]:
     """Return the mean square misfit of rows held out, in sigma, and the rms length of a row in the unit of print."""
-    left = held_out_misfit(m, sigma)
-    rms = float(np.sqrt(((left * sigma) ** 2).sum() / len(left)))
-    return float(np.mean(left**2)), float(from_si(rms, m.view.unit))
+    misfit = held_out_misfit(m, sigma)
+    rms = float(np.sqrt(((misfit * sigma) ** 2).sum() / len(misfit)))
+    return float(np.mean(misfit**2)), float(from_si(rms, m.view.unit))
 
 
 def held_out_misfit(m: Fit, sigma: Array) -> Array:
@@ -221,7 +221,7 @@ def view_shifts(before: Fit, after: Fit) -> tuple[Shift, ...]:
     visible = np.abs(before.jacobian).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
     old = values(before.effects, before.parameters)
     new = {p.label: k for k, p in enumerate(after.parameters)}
-    shown = [(p, k, new[p.label]) for k, (p, seen) in enumerate(zip(before.parameters, visible, strict=True)) if seen]
+    shown = [(p, k, new[p.label]) for k, p in enumerate(before.parameters) if visible[k]]
     at = [k for *_, k in shown]
     change = values(after.effects, after.parameters)[at] - old[[k for _, k, _ in shown]]
     return shifts_of([p for p, *_ in shown], change, np.sqrt(np.diag(after.covariance))[at])

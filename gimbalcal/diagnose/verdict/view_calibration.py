@@ -41,7 +41,7 @@ class FittedView:
 
 def calibrated_views(
     views: Sequence[View],
-    seen: Sequence[FittedView],
+    fits: Sequence[FittedView],
     causes: Sequence[str],
     outcome: str,
     forces: Calibration | None = None,
@@ -50,8 +50,8 @@ def calibrated_views(
 
     forces: the calibration of the accelerometers at known attitude.
     """
-    readout = _readout(views, seen)
-    blocks = [_block(s, readout.gimbals) for s in _joint(seen, readout.gimbals)]
+    readout = _readout(views, fits)
+    blocks = [_block(s, readout.gimbals) for s in _joint(fits, readout.gimbals)]
     if forces is not None:
         blocks.insert(0, (forces.effects, forces.parameters, forces.covariance))
     effects: tuple[Effect, ...] = ()
@@ -71,18 +71,18 @@ def calibrated_views(
         effects=tuple(e for e in effects if e.id in {p.effect for p in wanted}),
         parameters=wanted,
         covariance=P,
-        unobservable=(*(forces.unobservable if forces else ()), *_unseen(seen)),
-        residual=_residual(seen, forces),
+        unobservable=(*(forces.unobservable if forces else ()), *_unseen(fits)),
+        residual=_residual(fits, forces),
         outcome=outcome,
         provenance=origin(views, causes),
         readout=readout,
     )
 
 
-def _joint(seen: Sequence[FittedView], gimbals: Sequence[str]) -> list[FittedView]:
+def _joint(fits: Sequence[FittedView], gimbals: Sequence[str]) -> list[FittedView]:
     """Return the views, those that share linear parameters with the model of their joint fit."""
     out: list[FittedView] = []
-    for s in seen:
+    for s in fits:
         labels = {p.label for p in s.parameters}
         alike = [o for o in out if labels & {p.label for p in o.parameters}]
         if not alike:
@@ -93,17 +93,17 @@ def _joint(seen: Sequence[FittedView], gimbals: Sequence[str]) -> list[FittedVie
         sigma = {p.label: max(q.sigma for q in every if q.label == p.label) for p in every}
         wanted = tuple({p.label: replace(p, sigma=sigma[p.label]) for p in every}.values())
         effects = tuple({e.id: e for o in (*alike, s) for e in o.effects}.values())
-        found = fit(views, wanted, with_values(effects, wanted, _values(wanted, (*alike, s)), gimbals))
-        joint = FittedView(tuple(views), found.effects, found.parameters, found.covariance, s.residual)
+        fitted = fit(views, wanted, with_values(effects, wanted, _values(wanted, (*alike, s)), gimbals))
+        joint = FittedView(tuple(views), fitted.effects, fitted.parameters, fitted.covariance, s.residual)
         out = [*(o for o in out if o not in alike), joint]
     return out
 
 
 def _values(wanted: Sequence[Parameter], each: Sequence[FittedView]) -> Array:
     """Return the value of each parameter in the last model that holds it."""
-    found = {p.label: float(x) for s in each
+    values_by_label = {p.label: float(x) for s in each
              for p, x in zip(s.parameters, values(s.effects, s.parameters), strict=True)}  # fmt: skip
-    return np.array([found[p.label] for p in wanted])
+    return np.array([values_by_label[p.label] for p in wanted])
 
 
 def _block(s: FittedView, gimbals: Sequence[str]) -> tuple[tuple[Effect, ...], tuple[Parameter, ...], Array]:
@@ -111,17 +111,17 @@ def _block(s: FittedView, gimbals: Sequence[str]) -> tuple[tuple[Effect, ...], t
     linear = {p for e in s.effects for p in parameters(type(e), gimbals)}
     ids = {p.effect for p in s.parameters}
     every = (p for e in s.effects if e.id in ids for p in parameters(type(e), gimbals, constants=True))
-    held = tuple(p for p in every if p not in linear and p not in s.parameters)
-    n, m = len(s.parameters), len(held)
+    fixed = tuple(p for p in every if p not in linear and p not in s.parameters)
+    n, m = len(s.parameters), len(fixed)
     P = np.zeros((n + m, n + m))
     P[:n, :n] = s.covariance
-    return s.effects, (*s.parameters, *held), P
+    return s.effects, (*s.parameters, *fixed), P
 
 
-def _unseen(seen: Sequence[FittedView]) -> list[Unobservable]:
+def _unseen(fits: Sequence[FittedView]) -> list[Unobservable]:
     """Parameters of which these rows say nothing: they keep their prior; and what turns a triad as a whole."""
     out: list[Unobservable] = []
-    for s in seen:
+    for s in fits:
         sigma = np.sqrt(np.maximum(np.diag(s.covariance), 0.0))
         silent = keeps_prior(s.parameters, values(s.effects, s.parameters), sigma)
         labels = [p.label for p, at_prior in zip(s.parameters, silent, strict=True) if at_prior]
@@ -132,21 +132,21 @@ def _unseen(seen: Sequence[FittedView]) -> list[Unobservable]:
     return out
 
 
-def _residual(seen: Sequence[FittedView], forces: Calibration | None) -> Residual:
+def _residual(fits: Sequence[FittedView], forces: Calibration | None) -> Residual:
     """Misfit by channel, SI. Where nobody stated the noise it is the misfit, and chi^2 its degrees of freedom."""
     rms = dict(forces.residual.rms) if forces else {}
-    for s in seen:
-        left = np.sqrt(np.mean(s.residual**2, axis=0))
-        rms |= {f"{s.view.name} {' '.join(c)}".strip(): float(v) for c, v in zip(s.view.channels, left, strict=True)}
+    for s in fits:
+        scatter = np.sqrt(np.mean(s.residual**2, axis=0))
+        rms |= {f"{s.view.name} {' '.join(c)}".strip(): float(v) for c, v in zip(s.view.channels, scatter, strict=True)}
     if forces is not None:
         return replace(forces.residual, rms=rms)
-    dof = max(sum(s.residual.size - len(s.parameters) for s in seen), 0)
+    dof = max(sum(s.residual.size - len(s.parameters) for s in fits), 0)
     return Residual(float(dof), dof, rms)
 
 
-def _readout(views: Sequence[View], seen: Sequence[FittedView]) -> Readout:
+def _readout(views: Sequence[View], fits: Sequence[FittedView]) -> Readout:
     """Return nominal scales of what counts, as the first of the views that were seen had them, and the gimbals."""
-    each = [s.view.readout for s in seen]
+    each = [s.view.readout for s in fits]
     forces = next((r.accelerometers for r in each if r.accelerometers), None)
     rates = next((r.gyroscopes for r in each if r.gyroscopes), None)
     return Readout(forces, rates, views[0].readout.gimbals)

@@ -16,7 +16,7 @@ from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.search.fitted_causes import JointCovariance, fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search
 from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, causes_by_recording, common_sizes
-from gimbalcal.diagnose.verdict.refit_calibration import calibrated, found_of
+from gimbalcal.diagnose.verdict.refit_calibration import calibrated, sized_causes_of
 from gimbalcal.recording import Recording, Source
 from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
@@ -44,7 +44,7 @@ def observed_of(r: Recording, label: str) -> Search:
 def calibration_with(c: Ranking, members: list[int]) -> Calibration:
     """The calibration of all recordings of a ranking with these causes."""
     each = causes_by_recording(c, members)
-    found = found_of(common_sizes(each, [c.library.candidates[i] for i in members]))
+    found = sized_causes_of(common_sizes(each, [c.library.candidates[i] for i in members]))
     return calibrated([(p.search.fit, p.fit.projection.node, p.ordinals) for p in each], found, "")[0]
 
 
@@ -135,7 +135,7 @@ def test_an_effect_that_was_found_twice_with_other_constants_is_fitted_with_one(
     joint = JointCovariance((), f.covariance * np.outer(scale, scale))
     one, other = (("tau", 700.0, 10.0),), (("tau", 900.0, 10.0),)
     made = calibrated(
-        [(s.fit, f.projection.node, (0, 1))], found_of(CommonSizes(causes, f.x, (one, other), joint)), ""
+        [(s.fit, f.projection.node, (0, 1))], sized_causes_of(CommonSizes(causes, f.x, (one, other), joint)), ""
     )[0]
     values = dict(zip((p.label for p in made.parameters), made.values, strict=True))
     assert values["warm_up.tau"] == pytest.approx(700.0)
