@@ -129,6 +129,24 @@ def growth(row: int, column: int) -> float:
     return float(np.abs(difference * SCALE[j] / SCALE[i, None]).max())
 
 
+def ends_of_growth() -> float:
+    """Return how far the reference goes in one interval with a force of its own: a h in velocity, a h^2/2 in place.
+
+    The place is in metres north, east, down. The Coriolis force of 1 m/s leaves 1e-4 m/s after a second.
+    """
+    from gimbalcal.navigate.error_growth import transitions
+
+    g, push = float(nav.gravity(LATITUDE, HEIGHT)), np.array([0.3, -0.5, 0.2])
+    C, h = TURN @ attitude(), 1.0
+    force = C.T @ (np.array([0, 0, -g]) + push)
+    earth = C.T @ TURN @ nav.earth_in_n(np.float64(LATITUDE))
+    end = transitions(
+        np.array([0, 1]), np.array([False]), np.array([h]), (earth * h)[None], (force * h)[None], np.zeros((1, 6, 1)),
+        np.zeros((1, 6)), C[None], LATITUDE, HEIGHT, g,
+    )  # fmt: skip
+    return float(max(np.abs(end.velocity[0] - push * h).max(), np.abs(end.displacement[0] - push * h**2 / 2).max()))
+
+
 def all_growth() -> float:
     """Return all of F."""
     return max(growth(i, j) for i in (1, 2, 3) for j in (1, 2, 3))

@@ -30,6 +30,7 @@ for _i, _j in BLOCKS:
     checks(SOURCE, f"Eq. (23), F{_i}{_j}", where=navigator.GROWTH)(partial(navigator.growth, _i, _j))
 checks(SOURCE, "Eq. (17)", where=navigator.UNIT)(navigator.mechanised)
 checks(SOURCE, "Eq. (17)", "Eq. (23)", where=navigator.GROWTH)(navigator.all_growth)
+checks(SOURCE, "Eq. (17)", where=navigator.GROWTH, tolerance=2e-4)(navigator.ends_of_growth)
 checks(SOURCE, "Eq. (24)", *(f"Eq. (23), {b}" for b in dict.fromkeys(COLUMNS.values())), where=navigator.GROWTH)(
     navigator.driven
 )

@@ -20,7 +20,7 @@ from derivations.wu2018 import frames, positions, sensor, static_force, table1
 from derivations.wu2018.package import numbers
 from derivations.wu2018.package_rows import _day
 from derivations.wu2018.package_static import PHASES, SEPARATION, _derived_matrix
-from derivations.wu2018.symbols import BETA, G_NORMAL, LATITUDE, SOURCE, L, Rx, Ry, Rz, S_t, g, h, q
+from derivations.wu2018.symbols import BETA, G_NORMAL, LATITUDE, NUMBERS, RESIDUALS, SOURCE, L, Rx, Ry, Rz, S_t, g, h, q
 
 COARSE = "estimate.accelerometers.coarse"
 FINE = "estimate.accelerometers.fine"
@@ -387,3 +387,27 @@ def navigation_errors() -> float:
     error = static_run._errors(run, site, output)
     attitude = np.array([_attitude_of(LATITUDE + off[0], s + off[1], s) for s in phase])
     return float(np.abs(error - np.column_stack([np.tile(off, (5, 1)), attitude])).max())
+
+
+@checks(SOURCE, "Eq. (28)", "Eq. (29)", "Eq. (34)", where="navigate.static_run.half_apart", tolerance=1e-6)
+def halves_of_pairs() -> float:
+    """Half of what two runs of opposite errors differ by, against their own navigations, over the largest error.
+
+    The errors are those of Tables 2 and 3 with both signs; what is left is of the third order.
+    """
+    from gimbalcal.navigate.space_stable_navigator import Aids
+    from gimbalcal.navigate.static_run import half_apart, platform_navigated
+
+    phase = 0.2 + EARTH * 10.0 * np.arange(121)
+    error = G_NORMAL * _first_order_errors(phase)
+    pair = [_static(phase, force=G_NORMAL * _direction(phase) + sign * error) for sign in (1, -1)]
+    aids = Aids(alignment=60.0)
+    each = [platform_navigated(run, None, aids, "") for run in pair]
+    derived = (each[0].error - each[1].error) / 2
+    return float(np.abs((half_apart([tuple(pair)], aids)[..., 0] - derived) / np.abs(derived).max(axis=0)).max())
+
+
+def _first_order_errors(phase: Any) -> Any:
+    """Return Delta f over g (n, 3) of Tables 2 and 3 at S_t."""
+    error = static_force.force_error().subs({r: NUMBERS[r] for r in RESIDUALS}).subs({L: LATITUDE, g: G_NORMAL})
+    return np.stack([numbers(error, {S_t: t})[:, 0] for t in phase])

@@ -116,6 +116,8 @@ ERRORS = tuple(Error(*e) for e in (
     ("navigate.strapdown_unit", "U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt",
      "(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt).T"),
     ("navigate.strapdown_unit", "C = exponential(-phi) @ C", "C = exponential(phi) @ C"),
+    ("navigate.static_run", "site.latitude + L, site.phase", "site.latitude - L, site.phase"),
+    ("navigate.error_growth", "p[1] * RN * cL, place[4]", "p[1] * RN / cL, place[4]"),
     # uncertainty and budget
     ("navigate.uncertainty", "error(x + root @", "error(x + root.T @"),
     ("navigate.static_run", "(N + site.height) * np.cos(site.latitude) * error", "(N + site.height) * error"),
