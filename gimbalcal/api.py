@@ -23,6 +23,8 @@ from typing import Any
 from gimbalcal import methods
 from gimbalcal.at_rest import RestNoise, noise_at_rest, rest_noise
 from gimbalcal.calibration import Calibration, exchange
+from gimbalcal.design.next_step import NextPlan
+from gimbalcal.design.next_step import next_step as plan_next_step
 from gimbalcal.design.position_observability import Observability, observe_any
 from gimbalcal.design.turning_observability import TurningObservability, observe_turning
 from gimbalcal.diagnose.answer import Diagnosis
@@ -38,7 +40,7 @@ from gimbalcal.recording import Recording, read
 from gimbalcal.recording.frames import Entry
 from gimbalcal.recording.frames import from_frame as from_described_frame
 from gimbalcal.schedule import RotationSchedule, Schedule
-from gimbalcal.schedule.file import is_rotation
+from gimbalcal.schedule.file import is_rotation, read_schedule
 from gimbalcal.simulate.simulation import simulate as simulate_scenario
 
 __all__ = [
@@ -46,6 +48,7 @@ __all__ = [
     "diagnose",
     "from_frame",
     "navigate",
+    "next_step",
     "noise",
     "observe",
     "read_calibration",
@@ -128,6 +131,21 @@ def observe(
             raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
         return observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
     return observe_any(schedule, angle_sigma, force_sigma, latitude, candidates)
+
+
+def next_step(
+    recordings: Source | Sequence[Source], more: Sequence[str] = (), separate: Sequence[str] = (),
+    reach: str | Path = "", step: float = 45.0, most: int = 5, grade: str = "", tell: Tell = silent,
+) -> NextPlan:  # fmt: skip
+    """Return what to record next, so that the largest unknown shrinks most in its time, as `gimbalcal next`.
+
+    recordings: dwells of a unit, one or more, and static runs beside them. more: effects to estimate beside the usual
+    ones; separate: effects, EFFECT[:AXIS], to separate from each other; reach: a schedule of positions whose sigmas are
+    to be reached; step [deg] of the angles of a rig; most: how many steps are named; grade: as `--grade`. Raises
+    InputError for other kinds of recordings.
+    """
+    schedule = read_schedule(reach) if reach else None
+    return plan_next_step(load(_listed(recordings), tell), more, separate, schedule, step, most, grade)
 
 
 def simulate(scenario: Mapping[str, Any] | str | Path, seed: int | None = None) -> tuple[Recording, tuple[Effect, ...]]:

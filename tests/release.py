@@ -157,7 +157,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "dist")
     parser.add_argument("--python", nargs="*", default=PYTHONS)
     parser.add_argument(
-        "--oldest", action="store_true", help="with the oldest allowed dependencies, on the first Python"
+        "--oldest", action="store_true", help="with the oldest allowed dependencies, on the oldest Python"
     )
     parser.add_argument("--without-suite", action="store_true")
     asked = parser.parse_args()
@@ -179,7 +179,8 @@ def main() -> None:
                 say(f"Python {name}: not on this machine")
         tries = [(f"Python {name}", python, []) for name, python in found.items()]
         if asked.oldest and found:
-            name, python = next(iter(found.items()))
+            name = min(found, key=lambda version: tuple(map(int, version.split("."))))
+            python = found[name]  # newer ones have no wheels of such packages
             tries.append((f"Python {name} with the oldest dependencies: {', '.join(oldest())}", python, oldest()))
         for k, (what, python, extra) in enumerate(tries):
             say(what)

@@ -189,7 +189,7 @@ def test_recordings_and_results_print_themselves_and_calibrations_are_read_again
 def test_the_package_shows_its_names_and_each_has_complete_types() -> None:
     names = dir(gimbalcal)
     assert names == sorted(gimbalcal.__all__)
-    commands = ("calibrate", "diagnose", "navigate", "noise", "observe", "simulate")
+    commands = ("calibrate", "diagnose", "navigate", "next_step", "noise", "observe", "simulate")
     for name in names:
         assert getattr(gimbalcal, name) is not None
     for name in commands:
@@ -276,7 +276,18 @@ def test_plans_noise_and_navigation_are_functions_and_show_themselves() -> None:
     noise = gimbalcal.noise(static)
     assert noise.to_frame()["coefficient"][0] == "white_noise"
     assert "accelerometer = {" in str(noise)
-    shown = (simulated, made, navigation, schedule, turns, noise, gimbalcal.diagnose(DATA / "space_stable_concealed"))
+    following = gimbalcal.next_step(simulated)
+    assert following.to_frame()["seconds"][0] == following.steps[0].seconds
+    shown = (
+        simulated,
+        made,
+        navigation,
+        schedule,
+        turns,
+        noise,
+        following,
+        gimbalcal.diagnose(DATA / "space_stable_concealed"),
+    )
     for result in shown:
         page = result._repr_html_()
         assert page.startswith("<pre")

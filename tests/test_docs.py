@@ -118,6 +118,7 @@ WRITTEN = {
     "diagnosis": [["diagnose", str(DATA / "xsens_positions")]],
     "budget": [["budget", "wu2018-18", "--hours", "6"]],
     "truth": [["simulate", "demo"]],
+    "next": [["next", str(DATA / "xsens_positions")], ["next", str(DATA / "space_stable_18"), "--reach", "wu2018-18"]],
     "campaign": [["campaign", "demo", "-n", "2", "--workers", "1"]],
 }
 

@@ -28,7 +28,7 @@ from gimbalcal.cli.conversion import apply, export, import_, new
 from gimbalcal.cli.demonstration import demo
 from gimbalcal.cli.options import EFFECTS, example
 from gimbalcal.cli.plain_characters import print_plain_characters, say
-from gimbalcal.cli.planning import budget, campaign, design, observe, simulate
+from gimbalcal.cli.planning import budget, campaign, design, next_, observe, simulate
 from gimbalcal.errors import InputError, shortened
 
 GC_THRESHOLD = 50_000  # objects between collections, which at the default take a tenth of a short command
@@ -116,7 +116,7 @@ def _stop(sentence: str, status: int) -> None:
 
 GROUPS: dict[str, tuple[click.Command, ...]] = {
     "Start, in this order": (new, calibrate, diagnose, apply, export, compare),
-    "Plan before anything is recorded": (observe, design, simulate, budget),
+    "Plan": (observe, design, simulate, budget, next_),
     "Other commands": (batch, import_, noise, navigate, campaign, catalogue, demo),
 }
 

@@ -81,13 +81,14 @@ def effect_names() -> Iterable[str]:
     return CATALOGUE
 
 
-def names_option(name: str, help: str) -> Callable[[Any], Any]:  # noqa: A002  as click calls it
-    """Return an option of comma-separated names, which may be given several times."""
+def names_option(name: str, help: str, parameter: str = "") -> Callable[[Any], Any]:  # noqa: A002  as click calls it
+    """Return an option of comma-separated names, which may be given several times, as a parameter of a command."""
 
     def listed(_context: object, _option: object, given: Sequence[str]) -> tuple[str, ...]:
         return tuple(w.strip() for w in ",".join(given).split(",") if w.strip())
 
-    return click.option(name, multiple=True, callback=listed, metavar="NAME,...", help=help)
+    declared = (name, parameter) if parameter else (name,)
+    return click.option(*declared, multiple=True, callback=listed, metavar="NAME,...", help=help)
 
 
 def pairs(usage: str, settings: Sequence[str]) -> dict[str, str]:

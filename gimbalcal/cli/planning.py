@@ -11,9 +11,11 @@ import click
 
 from gimbalcal.cli.options import (
     DAMPING,
+    GRADE,
     LATITUDE,
     NOISE,
     POSITIVE,
+    RECORDINGS,
     RUNS,
     SCHEDULER,
     SEED,
@@ -191,6 +193,42 @@ def design(
 def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
     if criterion is not None and criterion not in known:
         raise InputError(f"--criterion {criterion} is not for --kind {kind}; write {' or '.join(known)}")
+
+
+@click.command(
+    "next",
+    epilog=example(
+        "gimbalcal next data/space_stable_18",
+        "gimbalcal next data/space_stable_18 --separate cubic_nonlinearity,odd_quadratic --step 15",
+        "gimbalcal next data/xsens_positions",
+    ),
+)
+@RECORDINGS
+@names_option("--with", "Effects of the catalogue to estimate besides.", "more")
+@names_option("--separate", "Effects, EFFECT[:AXIS], that are to be separated from each other.")
+@click.option(
+    "--reach", default="", metavar="SCHEDULE", shell_complete=completing(_schedules),
+    help="A schedule of positions whose sigmas are to be reached: its name or a schedule.toml.",
+)  # fmt: skip
+@click.option("--step", default=45.0, type=POSITIVE, show_default=True, help="Angles of an axis: multiples, deg.")
+@click.option("--most", type=click.IntRange(1, 100), default=5, show_default=True, help="How many steps to name.")
+@GRADE
+@output_options("next.json and report.html", "NAME-next, here")
+def next_(
+    recordings: tuple[Path, ...], more: tuple[str, ...], separate: tuple[str, ...], reach: str, step: float, most: int,
+    grade: str, output: Output,
+) -> None:  # fmt: skip
+    """State what to record next: the position, duration or temperature that shrinks the largest unknown most.
+
+    RECORDINGS: the dwells so far, one or more, and static runs beside them. It can be asked after every dwell.
+    """
+    from gimbalcal.api import next_step
+    from gimbalcal.report.plan_page import next_report
+
+    target = output.folder(recordings, "next", ("next.json", "report.html"))
+    plan = next_step(recordings, more, separate, reach, step, most, grade, output.tell)
+    title = recordings[-1].resolve().name
+    output.deliver(target, "next.json", plan.to_dict(), partial(next_report, plan, title), str(plan))
 
 
 @click.command(

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, Parameter, Stage, parameters
+from gimbalcal.effects import CATALOGUE, Parameter, Stage, Stimulus, parameters
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError
 from gimbalcal.forward import linearise
@@ -133,16 +133,26 @@ def distinct(settings: Array, rig: PositioningRig, wanted: Sequence[Parameter]) 
 
 def whitened_rows(settings: Array, rig: PositioningRig, wanted: Sequence[Parameter]) -> Array:
     """Return the rows (c, 3, p) of each setting, in units of its noise and of the priors, setting errors eliminated."""
-    s = stimulus_from_angles(_noiseless(settings, rig)).at(
-        move_force=np.zeros((len(settings), 3)),  # a design has no order yet: effects of the last move are absent
-        move_angle=np.zeros_like(settings),
-        earlier_move_force=np.zeros((len(settings), 3)),
-    )
+    s = stimulus_from_angles(_noiseless(settings, rig))
+    return rows_at_rest(s, rig.platform, wanted, rig.accelerometer, rig.setting)
+
+
+def rows_at_rest(
+    s: Stimulus, platform: Platform, wanted: Sequence[Parameter], accelerometer: float, setting: float,
+    weight: Array | None = None,
+) -> Array:  # fmt: skip
+    """Return the rows (n, 3, p) of dwells, whitened and in units of the priors, setting errors eliminated.
+
+    s: stimulus of each dwell (n); accelerometer [m/s^2]: one sigma of a mean of weight one; setting [rad]: of a
+    gimbal, infinite where no angle is known. A plan has no order: effects of the last move are absent.
+    """
+    n = len(s.force)
+    s = s.at(move_force=np.zeros((n, 3)), move_angle=np.zeros_like(s.readout), earlier_move_force=np.zeros((n, 3)))
     stages = dict.fromkeys((*(CATALOGUE[p.effect].stage for p in wanted), Stage.ENCODER))
-    rows = linearise(rig.platform, s, (), channels=tuple((FORCE, axis) for axis in "xyz"), stages=stages)
+    rows = linearise(platform, s, (), channels=tuple((FORCE, axis) for axis in "xyz"), stages=stages)
     J = rows.jacobian(wanted)
     # where no angle is known the force may be turned by any angle
-    G = cross_matrix(s.force) if np.isinf(rig.setting) else rows.sensitivity[Stage.ENCODER]
-    linear = VisitRows(J, 0 * s.force, G, np.ones(len(settings)), J[:0], s.force[:0])
-    w = eliminate(linear, rig.accelerometer**2, rig.setting**2)
+    G = cross_matrix(s.force) if np.isinf(setting) else rows.sensitivity[Stage.ENCODER]
+    linear = VisitRows(J, 0 * s.force, G, np.ones(n) if weight is None else weight, J[:0], s.force[:0])
+    w = eliminate(linear, accelerometer**2, setting**2)
     return np.where(np.isfinite(w.sigma)[..., None], w.J, 0.0) * np.array([p.sigma for p in wanted])

@@ -6,23 +6,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gimbalcal.design.next_step import NextPlan
 from gimbalcal.design.optimal import PositionsDesign
 from gimbalcal.design.position_observability import Observability, PredictedSigma
 from gimbalcal.design.turning_design import TurnsDesign
 from gimbalcal.design.turning_observability import PublishedDegrees, SigmaCurve, TurningObservability
+from gimbalcal.earth import HOUR
 from gimbalcal.errors import amount
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report import figures
-from gimbalcal.report.chart import Chart
+from gimbalcal.report.chart import BLUE, Bars, Chart
 from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.commands import RotationSchedule
+from gimbalcal.units import from_si
 from gimbalcal.views.positions import planned
 from gimbalcal.words import naming
-from gimbalcal.words.answers import plan_answer, positions_answer, turning_answer, turns_answer
+from gimbalcal.words.answers import next_answer, plan_answer, positions_answer, turning_answer, turns_answer
 from gimbalcal.words.naming import counted, label_in_words, unit_in_print
 from gimbalcal.words.rounding import lasting, minus, sensible_time, significant
 
@@ -33,6 +36,36 @@ MAX_RATIO = 0.9  # of sigma to its prior, below which a parameter is reported as
 
 
 # --- positions or a static run ----------------------------------------------------------------------------------------
+
+
+def next_report(plan: NextPlan, title: str) -> str:
+    """Return the page of what to record next."""
+    gains = np.array([s.reduction / s.seconds * HOUR for s in plan.steps])
+    chart = Chart(
+        (Bars(np.arange(len(gains), dtype=float)[::-1], np.zeros(len(gains)), gains, BLUE, 0.6, lying=True),),
+        "gain in an hour", "decrease of the sum of squares", y_names=[s.words for s in plan.steps][::-1],
+        height=24.0 * len(gains) + 60,
+    )  # fmt: skip
+    best = plan.steps[0] if plan.steps and not plan.reached else None
+    return render("next.html", {
+        "title": title, "answer": next_answer(plan), "verdict": "fits" if plan.reached else "reserved",
+        "facts": [(lasting(best.seconds), "for the next step")] if best else [],
+        "picture": picture([chart], "Gain of each step in an hour.") if plan.steps else None,
+        "targeted": plan.target is not None, "separating": bool(plan.separate),
+        "steps": [
+            {"words": s.words, "time": lasting(s.seconds), "parameter": naming.spaced(s.parameter),
+             "now": significant(s.sigma_now, 3), "after": significant(s.sigma_after, 3), "unit": unit_in_print(s.unit),
+             "gain": f"{100 * s.reduction:.3g} %", "separation": significant(s.separation or 0.0, 3)}
+            for s in plan.steps
+        ],
+        "rows": [
+            {"words": naming.named(p.name, p.axis), "first": not i or p.name != plan.parameters[i - 1].name,
+             "sigma": significant(float(from_si(s, p.unit)), 3), "unit": unit_in_print(p.unit),
+             "target": "" if plan.target is None else significant(float(from_si(plan.target[i], p.unit)), 3),
+             "prior": significant(float(from_si(p.sigma, p.unit)), 2)}
+            for i, (p, s) in enumerate(zip(plan.parameters, plan.sigma, strict=True))
+        ],
+    })  # fmt: skip
 
 
 def schedule_report(o: Observability | TurningObservability) -> str:

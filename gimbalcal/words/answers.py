@@ -17,14 +17,17 @@ from gimbalcal.words.naming import (
     listed,
     precision,
     sentence,
+    spaced,
     typeset,
+    unit_in_print,
     unobservable_leading,
 )
-from gimbalcal.words.rounding import lasting
+from gimbalcal.words.rounding import lasting, significant
 
 if TYPE_CHECKING:
     from gimbalcal.at_rest import RestNoise
     from gimbalcal.campaign.campaign_folder import CampaignSummary, ParameterErrors
+    from gimbalcal.design.next_step import NextPlan
     from gimbalcal.design.optimal import PositionsDesign
     from gimbalcal.design.position_observability import Observability, PredictedSigma
     from gimbalcal.design.turning_design import TurnsDesign
@@ -102,6 +105,38 @@ def turning_answer(o: TurningObservability) -> str:
         text += f" Hardly better known than before: {', '.join(low[:MAX_STATES])}"
         text += f" and {len(low) - MAX_STATES} more." if len(low) > MAX_STATES else "."
     return text if unseen or low else f"{text} Next: record it, then `gimbalcal calibrate` the recording."
+
+
+def next_answer(plan: NextPlan) -> str:
+    """Return what to record next, what it gains in which time, and how far away the goal is."""
+    goal = _goal(plan)
+    if plan.reached or not plan.steps:
+        return goal if plan.reached else f"{goal} No position, duration or temperature of this rig changes that."
+    best = plan.steps[0]
+    unit = unit_in_print(best.unit)
+    text = (
+        f"Next: {best.words}, {lasting(best.seconds)} with the turn. It reduces σ of {spaced(best.parameter)} from "
+        f"{significant(best.sigma_now, 3)} to {significant(best.sigma_after, 3)} {unit}, the largest gain in its time."
+    )
+    return f"{text} {goal}".strip()
+
+
+def _goal(plan: NextPlan) -> str:
+    """Return how far it is to what is to be reached or separated; empty without a goal."""
+    if plan.target is not None:
+        left = [f"{p.name} {p.axis}".strip() for p in plan.left]
+        if not left:
+            return f"All {counted(len(plan.parameters), 'parameter')} reach the σ that was asked for."
+        named = listed([spaced(name) for name in left[:MAX_NAMED]])
+        more = f" and {len(left) - MAX_NAMED} more" if len(left) > MAX_NAMED else ""
+        return f"{amount(len(left), 'parameter')} of {len(plan.parameters)} not yet at the σ asked for: {named}{more}."
+    if plan.separation is None:
+        return ""
+    named = listed([spaced(name.replace(":", " ")) for name in plan.separate])
+    size = f"ln Bayes factor {significant(plan.separation, 2)} expected at usual size"
+    if plan.reached:
+        return f"These recordings separate {named} ({size}): `gimbalcal diagnose` them."
+    return f"So far they do not separate {named} ({size}; 3 is a factor of 20)."
 
 
 # --- campaigns --------------------------------------------------------------------------------------------------------

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gimbalcal.words import naming
-from gimbalcal.words.rounding import significant
+from gimbalcal.words.rounding import lasting, significant
 
 if TYPE_CHECKING:
+    from gimbalcal.design.next_step import NextPlan, NextStep
     from gimbalcal.design.optimal import PositionsDesign
     from gimbalcal.design.position_observability import Observability
 
@@ -24,6 +25,18 @@ def bounds_table(plan: Observability | PositionsDesign) -> str:
         for r in plan.rows
     ]  # fmt: skip
     return "\n".join([*aligned(table), *([NOT_DETERMINED] if undetermined else [])])
+
+
+def steps_table(plan: NextPlan) -> str:
+    """Return what may be recorded next: in words, how long it takes, and what it changes of which parameter."""
+    table = [(s.words, lasting(s.seconds), _change(s)) for s in plan.steps]
+    words, time = (max(len(row[i]) for row in table) for i in range(2))
+    return "\n".join(f"  {row[0]:{words}s}  {row[1]:>{time}s}  σ of {row[2]}" for row in table)
+
+
+def _change(s: NextStep) -> str:
+    sigmas = f"{significant(s.sigma_now, 3)} → {significant(s.sigma_after, 3)}"
+    return f"{naming.spaced(s.parameter)} {sigmas} {naming.unit_in_print(s.unit)}"
 
 
 def aligned(table: Sequence[tuple[str, str, str, str, str]]) -> list[str]:

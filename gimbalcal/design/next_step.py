@@ -1,0 +1,442 @@
+r"""Sequential design: what to record next, so that the largest unknown shrinks most in the least time.
+
+The dwells and static runs that exist give the information of their attitudes, noise and setting errors,
+:math:`F = I + \sum A_i^T A_i` in units of the priors, and :math:`P = F^{-1}`; readings are not needed, so that the
+design can be asked after the first dwell. A candidate with whitened rows A (a position of the rig, for a duration, at a
+temperature; or some hours more of a static run) changes it by
+
+.. math:: P - P A^T (I + A P A^T)^{-1} A P ,
+
+and is worth the decrease of :math:`\sum_p P_{pp} / s_p^2` per hour, turning and waiting included. s is the usual size
+of a parameter, so that what is known worst in terms of it dominates; or the sigma that is to be reached. Of effects to
+separate only their own parameters count, all others being estimated too: their expected log Bayes factor against each
+other, at usual size b, is :math:`\tfrac12 b^T (P_{ii}^{-1} - I) b`, as in `diagnose.verdict.separation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gimbalcal.design.position_observability import STATIC_SENSORS, information_at_rest
+from gimbalcal.design.rig_positions import free_rig, rows_at_rest
+from gimbalcal.display import Displayed, data_frame, panels
+from gimbalcal.earth import HOUR
+from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
+from gimbalcal.effects.baseline_effects import BASELINE
+from gimbalcal.effects.effect import tied
+from gimbalcal.entries import Entry, Json, plain
+from gimbalcal.errors import InputError, alternatives
+from gimbalcal.estimate.grade import graded
+from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
+from gimbalcal.navigate.stationary_base import ideal_static_run
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording, completed, dwell_means
+from gimbalcal.recording.record import ANGLE, FORCE
+from gimbalcal.schedule import Schedule
+from gimbalcal.schedule.commands import Hold
+from gimbalcal.units import from_si
+from gimbalcal.views.norm import determined_terms, scaled_by_gravity
+from gimbalcal.views.positions import planned, position_parameters
+from gimbalcal.words.rounding import lasting
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DURATIONS = (1.0, 3.0)  # of the dwells so far
+WARMER_K, WARMING_S = 6.0, 7200.0  # a bench without a chamber: two hours for 6 K
+STATIC_HOURS = (6.0, 12.0, 24.0)
+TURN_BY_HAND_S = 10.0
+SETTING_RAD = np.deg2rad(1 / 3600)  # of a gimbal whose repeatability nobody states
+REACHED = 1.01  # times a sigma that is asked for
+SETTLED = 3.0  # nats: a factor 20
+SAME = 1e-6  # relative difference of what two candidates are worth
+MIN_SHARE = 1e-4  # of the criterion; a candidate that brings less changes nothing
+DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
+
+
+@dataclass(frozen=True)
+class NextStep(Entry):
+    """One thing to record: in words, how long it takes, and what it changes.
+
+    angles: of each axis [deg]; towards: of the vertical in the unit, a vector. parameter: the one that gains most, with
+    its sigma now and after in `unit`. reduction: share by which the criterion decreases. separation: expected ln Bayes
+    factor of the effects to separate, after.
+    """
+
+    words: str
+    seconds: float
+    parameter: str
+    sigma_now: float
+    sigma_after: float
+    unit: str
+    reduction: float
+    angles: Mapping[str, float] = field(default_factory=dict)
+    towards: tuple[float, ...] = ()
+    separation: float | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class NextPlan(Displayed):
+    """What to record next, the best first; how well everything is known now; and what is to be reached or separated."""
+
+    steps: tuple[NextStep, ...]
+    parameters: tuple[Parameter, ...]
+    sigma: Array  # (p,) SI, now
+    target: Array | None = None  # (p,) SI, to be reached
+    separate: tuple[str, ...] = ()
+    separation: float | None = None  # ln Bayes factor that the recordings are expected to bring already
+
+    @property
+    def left(self) -> tuple[Parameter, ...]:
+        """Return the parameters whose sigma is not yet what is to be reached."""
+        if self.target is None:
+            return ()
+        return tuple(p for p, s, t in zip(self.parameters, self.sigma, self.target, strict=True) if s > REACHED * t)
+
+    @property
+    def reached(self) -> bool:
+        """Return whether nothing remains to be done for the target, or for the separation."""
+        if self.target is not None:
+            return not self.left
+        return self.separation is not None and self.separation >= SETTLED
+
+    def __str__(self) -> str:
+        """Return the steps and the answer, as the console has them."""
+        from gimbalcal.words.answers import next_answer
+        from gimbalcal.words.tables import steps_table
+
+        return f"{steps_table(self)}\n\n{next_answer(self)}" if self.steps else next_answer(self)
+
+    __repr__ = __str__
+
+    def to_dict(self) -> Json:
+        """Return the content of next.json."""
+        from gimbalcal.words.answers import next_answer
+
+        rows = [
+            {"name": p.name, "axis": p.axis, "sigma": float(from_si(s, p.unit)), "unit": p.unit}
+            | ({} if self.target is None else {"target": float(from_si(self.target[i], p.unit))})
+            for i, (p, s) in enumerate(zip(self.parameters, self.sigma, strict=True))
+        ]
+        return {
+            "format": 1, "in_words": next_answer(self), "reached": self.reached, "steps": plain(self.steps),
+            "parameters": rows, "separate": list(self.separate), "separation": self.separation,
+        }  # fmt: skip
+
+    def to_frame(self, kind: str = "polars") -> Any:
+        """Return a row for each step; "polars" or "pandas"."""
+        names = ("words", "seconds", "parameter", "sigma_now", "sigma_after", "unit", "reduction")
+        text = ("words", "parameter", "unit")
+        return data_frame({n: [getattr(s, n) for s in self.steps] for n in names}, kind, text)
+
+    def plot(self) -> Figure:
+        """Return a matplotlib figure of the decrease per hour of each step."""
+        figure, (ax,) = panels(["decrease of the criterion per hour"], width=8, height=0.6 + 0.25 * len(self.steps))
+        ax.barh([s.words for s in self.steps], [s.reduction / s.seconds * HOUR for s in self.steps])
+        ax.invert_yaxis()
+        return figure
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Things to record: words, seconds with turning and waiting (c,), rows (c, k, p), and the setting of each.
+
+    angles: of the axes [deg]; towards: of the vertical in the unit; empty where there are none.
+    """
+
+    words: tuple[str, ...]
+    seconds: Array
+    rows: Array
+    angles: tuple[Mapping[str, float], ...]
+    towards: tuple[tuple[float, ...], ...]
+
+
+def next_step(
+    recordings: Sequence[Recording], more: Sequence[str] = (), separate: Sequence[str] = (),
+    reach: Schedule | None = None, step: float = 45.0, most: int = 5, grade: str = "",
+) -> NextPlan:  # fmt: skip
+    """Return what to record next, of dwells and static runs of a unit.
+
+    more: effects to estimate beside the baseline; separate: effects, EFFECT[:AXIS], to be separated from each other,
+    which are then estimated too; reach: a schedule whose sigmas are to be reached, at the noise and duration of these
+    dwells; step [deg] of the angles of a rig; most: how many steps; grade: of the unit, by which usual sizes are, else
+    its noise tells it. Raises InputError for other kinds of recordings.
+    """
+    complete = [replace(completed(r), other_sensors=()) for r in recordings]
+    recordings = graded(complete, grade).of(complete)
+    dwelling = [r for r in recordings if r.kind.in_positions]
+    at_rest = [r for r in recordings if r.kind.stabilised]
+    if len(dwelling) + len(at_rest) < len(recordings) or not dwelling:
+        other = next((r for r in recordings if not (r.kind.in_positions or r.kind.stabilised)), recordings[0])
+        raise InputError(
+            f"{other.title!r} is a {other.kind} recording; `next` plans dwells in positions, with static runs beside "
+            "them: give a multi-position recording"
+        )
+    bench = _Bench.of(dwelling, tuple(dict.fromkeys((*more, *(s.partition(":")[0] for s in separate)))))
+    F = np.eye(len(bench.wanted)) + _squared(bench.rows_of(dwelling))
+    for run in at_rest:
+        F += _squared(bench.rows_of_run(run))
+    interest = np.array([not separate or _named(p, separate) for p in bench.wanted])
+    target = None if reach is None else bench.sigmas_of(reach)
+    candidates = bench.candidates(dwelling, step)
+    if at_rest:
+        candidates = _with(candidates, bench.longer_runs(at_rest[-1]))
+    return _plan(bench.wanted, np.linalg.inv(F), candidates, interest, target, tuple(separate), most)
+
+
+def _plan(
+    wanted: Sequence[Parameter], P: Array, candidates: Candidates, interest: Array, target: Array | None,
+    separate: tuple[str, ...], most: int,
+) -> NextPlan:  # fmt: skip
+    """Return the plan from the covariance P (p, p) in units of the priors."""
+    prior = np.array([p.sigma for p in wanted])
+    scale = np.ones(len(wanted)) if target is None else target / prior
+    now = np.diag(P)
+    weight = interest / scale**2
+    if target is not None:
+        weight = weight * (now > (REACHED * scale) ** 2)  # what is reached does not count
+    less = decreases(candidates.rows, P)
+    worth = less @ weight
+    total = float(now @ weight) or 1.0  # nothing counts any more
+    rate = worth / candidates.seconds
+    ranked = np.argsort(-np.round(rate / (rate.max() or 1.0), 6), kind="stable")  # not by rounding errors
+    order = [i for i in ranked if worth[i] > MIN_SHARE * total]
+    labels = tuple(f"{p.name} {p.axis}".strip() for p in wanted)
+    steps: list[NextStep] = []
+    for i in order:
+        if any(abs(s.reduction * total - worth[i]) < SAME * worth[i] for s in steps):
+            continue  # another attitude of the same information
+        k = int(np.argmax(less[i] * weight))
+        sigma = [float(from_si(np.sqrt(v) * prior[k], wanted[k].unit)) for v in (now[k], now[k] - less[i, k])]
+        after = None
+        if separate:
+            after = separation(_after(P, candidates.rows[i]), wanted, separate)
+        steps.append(NextStep(
+            candidates.words[i], float(candidates.seconds[i]), labels[k], sigma[0], sigma[1], wanted[k].unit,
+            float(worth[i] / total), candidates.angles[i], candidates.towards[i], after,
+        ))  # fmt: skip
+        if len(steps) == most:
+            break
+    known = separation(P, wanted, separate) if separate else None
+    return NextPlan(tuple(steps), tuple(wanted), np.sqrt(now) * prior, target, separate, known)
+
+
+def decreases(rows: Array, P: Array) -> Array:
+    """Return the decrease (c, p) of each variance by each candidate's rows (c, k, p)."""
+    M = rows @ P
+    S = np.eye(rows.shape[1]) + M @ np.swapaxes(rows, 1, 2)
+    return np.asarray(np.einsum("ckp,ckp->cp", M, np.linalg.solve(S, M)))
+
+
+def _after(P: Array, rows: Array) -> Array:
+    """Return the covariance with the rows (k, p) of a candidate."""
+    return np.asarray(np.linalg.inv(np.linalg.inv(P) + rows.T @ rows))
+
+
+def separation(P: Array, wanted: Sequence[Parameter], effects: Sequence[str]) -> float:
+    """Return the least expected ln Bayes factor of the effects, EFFECT[:AXIS], at usual size, all others estimated."""
+    own = np.flatnonzero([_named(p, effects) for p in wanted])
+    return float(max(((1 / np.diag(P)[own] - 1) / 2).min(), 0.0))
+
+
+def _named(p: Parameter, effects: Sequence[str]) -> bool:
+    return p.effect in effects or f"{p.effect}:{p.axis}" in effects
+
+
+def _squared(rows: Array) -> Array:
+    A = rows.reshape(-1, rows.shape[-1])
+    return np.asarray(A.T @ A)
+
+
+def _with(one: Candidates, other: Candidates) -> Candidates:
+    """Return the candidates of both, rows filled up with zeros."""
+    k = max(one.rows.shape[1], other.rows.shape[1])
+    rows = [np.pad(c.rows, ((0, 0), (0, k - c.rows.shape[1]), (0, 0))) for c in (one, other)]
+    return Candidates(
+        (*one.words, *other.words), np.concatenate([one.seconds, other.seconds]), np.concatenate(rows),
+        (*one.angles, *other.angles), (*one.towards, *other.towards),
+    )  # fmt: skip
+
+
+_Settings = tuple[Recording, list[str], tuple[Mapping[str, float], ...], tuple[tuple[float, ...], ...], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class _Bench:
+    """What plans need of a unit and its rig: parameters, noise of a sample and of a setting, and usual dwells."""
+
+    wanted: tuple[Parameter, ...]
+    accelerometer: float  # m/s^2, one sample
+    setting: float  # rad, infinite where no angle is known
+    seconds: float  # of a dwell
+    weight: float  # samples of a dwell
+    like: Recording  # means of the dwells of the last recording
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording], more: Sequence[str]) -> _Bench:
+        """Return the bench of recordings in positions. Raises InputError for effects that dwells do not show."""
+        last = recordings[-1]
+        if any(r.platform != last.platform for r in recordings):
+            raise InputError(
+                f"{recordings[0].title!r} and {last.title!r} are on different platforms; give those of one"
+            )
+        known = bool(last.platform.axes) and last.has(ANGLE)
+        means = dwell_means(last) if known else scaled_by_gravity(dwell_means(last))[0]
+        _refuse_effects(more, means)
+        if known:
+            wanted = position_parameters(last.platform, (*BASELINE["multi-position"], *more), last.grade)
+        else:
+            terms = (*determined_terms(means.triad(FORCE)), *more)
+            wanted = tied([last.grade.usual(p) for t in dict.fromkeys(terms) for p in parameters(CATALOGUE[t])])
+        sample = means.sigma("accelerometer")
+        if not sample:
+            raise InputError(f"{last.title!r} states no noise of its accelerometers, and none shows; add it to [noise]")
+        weight = float(np.median(means.weight))
+        step = float(np.median(np.diff(last.time))) if len(last.time) > len(means.time) else 0.0
+        lasting = np.median(np.diff(means.time)) if len(means.time) > 1 else 600.0
+        seconds = weight * step / float(np.median(last.weight)) if step else float(lasting)
+        setting = means.sigma("gimbal_angle")
+        return cls(wanted, sample, (SETTING_RAD if setting is None else setting) if known else np.inf,
+                   max(seconds, 1.0), weight, means)  # fmt: skip
+
+    def rows(self, s: Stimulus, weight: Array) -> Array:
+        """Return the whitened rows (n, 3, p) of dwells."""
+        return rows_at_rest(s, self.like.platform, self.wanted, self.accelerometer, self.setting, weight)
+
+    def rows_of(self, recordings: Sequence[Recording]) -> Array:
+        """Return the rows of the dwells that exist."""
+        out = []
+        for r in recordings:
+            means = dwell_means(r)
+            if np.isinf(self.setting):
+                means = scaled_by_gravity(means)[0]
+            out.append(self.rows(self.stimulus(means), means.weight))
+        return np.concatenate(out)
+
+    def stimulus(self, means: Recording) -> Stimulus:
+        """Return what dwells feel: by their angles, or as they read, as long as gravity."""
+        if np.isfinite(self.setting):
+            return stimulus_from_angles(means)
+        y = means.triad(FORCE)
+        s = stimulus_from_readings(means)
+        return s.at(force=means.site.gravity * y / np.linalg.norm(y, axis=1)[:, None], rate=np.zeros_like(y))
+
+    def sigmas_of(self, schedule: Schedule) -> Array:
+        """Return the sigmas (p,) of a published schedule in this noise, for dwells as long as these; SI."""
+        plan = planned(schedule, site=self.like.site)
+        if np.isfinite(self.setting) and schedule.platform.axis_names != self.like.platform.axis_names:
+            raise InputError(
+                f"{schedule.name} is of the platform {schedule.platform.name} and these dwells are on "
+                f"{self.like.platform.name}; give a schedule of the same axes"
+            )
+        if temperatures := self._temperature():
+            plan = replace(
+                plan, channels={**plan.channels, **{k: np.full(len(plan.time), v) for k, v in temperatures.items()}}
+            )
+        s = stimulus_from_angles(plan) if np.isfinite(self.setting) else self.stimulus(plan)
+        F = np.eye(len(self.wanted)) + _squared(self.rows(s, np.full(len(plan.time), self.weight)))
+        return np.sqrt(np.diag(np.linalg.inv(F))) * np.array([p.sigma for p in self.wanted])
+
+    def rows_of_run(self, *parts: Recording) -> Array:
+        """Return the rows (q, p) of a static run, in one part or several, about these parameters.
+
+        Its own unknowns, base tilt and polar axis, are the same in all parts, and are eliminated.
+        """
+        run = parts[0]
+        own = [p for i in BASELINE["static-run"] for p in parameters(CATALOGUE[i], run.platform.axis_names)]
+        shared = {p.label: i for i, p in enumerate(self.wanted)}
+        noise = {k: s for k in STATIC_SENSORS if (s := run.sigma(k))}
+        each = [information_at_rest(part, own, noise) for part in parts]
+        whole = each[0] if len(each) == 1 else each[0] + each[1]
+        info = whole.without([p for p in own if p.label not in shared])
+        at = [shared[p.label] for p in info.parameters]
+        rows = np.zeros((len(info.rows), len(self.wanted)))
+        prior = np.array([p.sigma for p in info.parameters])
+        rows[:, at] = info.rows[:, :-1] / prior * np.array([self.wanted[i].sigma for i in at])
+        return rows
+
+    def longer_runs(self, run: Recording) -> Candidates:
+        """Return some hours more of a static run: its unknowns and the phase of the platform go on."""
+        latitude, sample = run.site.latitude, float(np.median(np.diff(run.time)) / np.median(run.weight))
+        assert latitude is not None  # a static run has one
+        now = _squared(self.rows_of_run(run))
+        rows = []
+        for hours in STATIC_HOURS:
+            more = ideal_static_run(hours, latitude, sample)
+            turned = {(ANGLE, "platform"): more.channels[ANGLE, "platform"] + run.channels[ANGLE, "platform"][-1]}
+            more = replace(more, time=more.time + run.time[-1], channels={**more.channels, **turned})
+            size, direction = np.linalg.eigh(_squared(self.rows_of_run(run, more)) - now)
+            rows.append((direction * np.sqrt(np.clip(size, 0.0, None))).T)
+        words = tuple(f"let the static run go on for {hours:g} h" for hours in STATIC_HOURS)
+        none: tuple[Any, ...] = ((),) * len(words)
+        return Candidates(words, HOUR * np.array(STATIC_HOURS), np.array(rows), ({},) * len(words), none)
+
+    def candidates(self, recordings: Sequence[Recording], step: float) -> Candidates:
+        """Return the positions of the rig, or attitudes by hand, for each duration and temperature."""
+        plan, words, angles, towards, turning = self._by_angles(step) if np.isfinite(self.setting) else self._by_hand()
+        out: Candidates | None = None
+        for warmer, duration in product(self._temperatures(), DURATIONS):
+            felt = {key: np.full(len(plan.time), value + warmer) for key, value in self._temperature().items()}
+            warm = replace(plan, channels={**plan.channels, **felt}, time=plan.time + recordings[-1].time[-1])
+            rows = self.rows(self.stimulus(warm), np.full(len(plan.time), self.weight * duration))
+            waiting = WARMING_S if warmer else 0.0
+            extra = f" for {lasting(self.seconds * duration)}" + (f", {warmer:+g} K warmer" if warmer else "")
+            each = Candidates(
+                tuple(w + extra for w in words), turning + waiting + self.seconds * duration, rows, angles, towards
+            )
+            out = each if out is None else _with(out, each)
+        assert out is not None
+        return out
+
+    def _temperature(self) -> dict[tuple[str, str], float]:
+        """Return the last temperatures."""
+        return {key: float(x[-1]) for key, x in self.like.channels.items() if key[0] == "temperature"}
+
+    def _temperatures(self) -> tuple[float, ...]:
+        """Return changes of temperature to try: none where no effect follows it."""
+        needed = any("temperature" in CATALOGUE[p.effect].requires for p in self.wanted)
+        return (0.0, WARMER_K) if needed and self._temperature() else (0.0,)
+
+    def _by_angles(self, step: float) -> _Settings:
+        """Return the positions of the rig, one row each, words, angles, and the time of the turn there [s]."""
+        platform = self.like.platform
+        if not 0 < step <= 180 or abs(360 / step - round(360 / step)) > 1e-9:
+            raise InputError(f"--step must divide 360 deg into equal parts, got {step:g} deg")
+        rig = free_rig(platform, np.deg2rad(step))
+        angles = rig.candidates()
+        schedule = Schedule("next", platform, tuple(Hold(tuple(map(float, a)), self.seconds) for a in angles))
+        plan = planned(schedule, site=self.like.site)
+        far = np.abs(np.angle(np.exp(1j * (angles - self.like.angles()[-1])))).max(axis=1)
+        named = [
+            {n: round(float(np.rad2deg(x)), 6) + 0.0 for n, x in zip(platform.axis_names, a, strict=True)}
+            for a in angles
+        ]
+        words = [", ".join(f"{n} {x:g}°" for n, x in each.items() if n in rig.grid) for each in named]
+        return plan, words, tuple(named), ((),) * len(named), far / schedule.slew_rate
+
+    def _by_hand(self) -> _Settings:
+        """Return attitudes of a unit in the hand: faces, edges and corners up."""
+        up = DIRECTIONS / np.linalg.norm(DIRECTIONS, axis=1)[:, None]
+        n = len(up)
+        channels = {(FORCE, a): self.like.site.gravity * up[:, i] for i, a in enumerate("xyz")}
+        plan = replace(self.like, time=600.0 * np.arange(n), position=np.arange(1, n + 1), channels=channels,
+                       weight=np.ones(n))  # fmt: skip
+        words = [" and ".join(f"{'+' if x > 0 else '−'}{a}" for a, x in zip("xyz", d, strict=True) if x) + " up"
+                 for d in DIRECTIONS]  # fmt: skip
+        return plan, words, ({},) * n, tuple(tuple(map(float, d)) for d in up), np.full(n, TURN_BY_HAND_S)
+
+
+def _refuse_effects(effects: Sequence[str], means: Recording) -> None:
+    for effect in effects:
+        if effect not in CATALOGUE:
+            raise InputError(f"no effect is called {effect!r}; `gimbalcal catalogue` lists them")
+        cls = CATALOGUE[effect]
+        needs = [need for need in cls.requires if need != "temperature" or not means.has("temperature")]
+        if cls.channel != "specific_force" or needs:
+            need = f" and needs {alternatives(needs)}" if needs else ""
+            raise InputError(f"{effect} shows in {cls.channel}{need}: dwells in positions do not show it")
