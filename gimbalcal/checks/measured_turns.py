@@ -48,6 +48,14 @@ class MeasuredTurns:
     def _of_factor(self) -> dict[float, Array]:
         return {}
 
+    @cached_property
+    def vectors(self) -> Array:
+        """Rotation vectors (m, n, 3) [reading times s] of the steps of each turn, zeros behind the shorter ones."""
+        out = np.zeros((len(self.reading), max(map(len, self.step)), 3))
+        for row, w, dt in zip(out, self.reading, self.step, strict=True):
+            row[: len(dt)] = w * dt[:, None]
+        return out
+
     def deviation(self, C: Array) -> Array:
         """Return the angle (m,) [rad] by which turns C (m, 3, 3) miss the reference."""
         off = np.linalg.norm(C @ self.before - self.after, axis=(1, 2)) / np.sqrt(self.before.shape[-1])
@@ -141,14 +149,10 @@ def _means(time: Array, y: Array) -> tuple[Array, Array]:
 
 def rotations(turns: MeasuredTurns, factor: Array) -> Array:
     """Return C (m, 3, 3) of every turn for readings times `factor` (3,)."""
-    out = np.empty((len(turns.reading), 3, 3))
-    for i, (w, dt) in enumerate(zip(turns.reading, turns.step, strict=True)):
-        C = exponential(factor * w * dt[:, None])
-        while len(C) > 1:  # in pairs: later ones stand on the left
-            tail = C[-1:] if len(C) % 2 else C[:0]
-            C = np.concatenate([C[1::2] @ C[: len(C) - len(C) % 2 : 2], tail])
-        out[i] = C[0]
-    return out
+    C = exponential(factor * turns.vectors)
+    while (n := C.shape[1]) > 1:  # in pairs: later ones stand on the left
+        C = np.concatenate([C[:, 1::2] @ C[:, : n - n % 2 : 2], C[:, n - n % 2 :]], axis=1)
+    return np.asarray(C[:, 0])
 
 
 def agree(turns: MeasuredTurns, C: Array) -> int:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.number import Array
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import to_si
 
 
@@ -82,9 +83,28 @@ class Log:
         """Return the log without the guesses of these quantities; their columns stay."""
         return replace(self, guesses={n: g for n, g in self.guesses.items() if g.quantity not in quantities})
 
+    def thinned(self, rows: int, most: int) -> Log:
+        """Return so many rows, or every `most`-th: means of forces and rates, and the first value of all else."""
+        n = len(self.columns[self.clock])
+        size = min(-(-n // rows), most)
+        if size <= 1:
+            return self
+        means = {name: _means(self.columns[name], size) for name in self.names(FORCE, RATE)}
+        return replace(self, columns={name: means.get(name, x[: n // size * size : size])
+                                      for name, x in self.columns.items()})  # fmt: skip
+
     def rows(self, chosen: Array) -> Log:
         """Return some of the rows."""
         return replace(self, columns={name: x[chosen] for name, x in self.columns.items()})
+
+
+def _means(x: Array, size: int) -> Array:
+    """Return the means of `size` successive rows of x (n,), those without a value left out."""
+    blocks = x[: len(x) // size * size].reshape(-1, size)
+    known = np.isfinite(blocks)
+    count = known.sum(axis=1)
+    total = np.where(known, blocks, 0.0).sum(axis=1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def _without(mapping: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -61,6 +61,7 @@ MAX_PHYSICAL_COST = 30.0  # nats, of turns none of which fits gravity
 BLOCK_S, MAX_CHANGE_RAD_S = 0.5, np.radians(0.5)  # means of gyroscopes at rest change by less from one to the next
 FACTOR_COST = 5.0  # nats, of turns that fit gravity at some factor of all rates
 FACTORS = np.geomspace(1 / 3, 3, 89)  # of all rates, in steps of 2.5 %
+MAX_TRIAL_ROWS, MAX_TRIAL_MEAN = 300_000, 5  # rows of a log that is tried in several units, and in one mean of it
 GUESSED_UNITS = ("time", FORCE, RATE)
 NOISE_FROM_ROWS = "taken from the rows, where nothing is stated"
 
@@ -290,17 +291,20 @@ def _beside_reference(log: Log, context: _Context, above: Sequence[str]) -> Prop
 def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Proposal:
     """Return the recording of a unit at rest in several attitudes, in the units that numbers and turns make likeliest.
 
-    Raises InputError where the likeliest units are refused and no others are nearly as likely.
+    A log of more rows than `MAX_TRIAL_ROWS` is tried in each choice of units by means over successive rows. Raises
+    InputError where the likeliest units are refused and no others are nearly as likely.
     """
     refused: list[tuple[float, InputError]] = []
     best: tuple[float, Proposal, Log] | None = None
-    runner_up = np.inf, "", log
-    for candidate in unit_candidates(log, above):
+    runner_up, of_means = (np.inf, "", log), False
+    candidates = unit_candidates(log, above)
+    for candidate in candidates:
         if best and candidate.cost > best[0] + MIN_MARGIN:
             break
-        cost = candidate.cost + (motion_cost(candidate.log) if log.has_open_unit(RATE) else 0.0)
+        trial = candidate.log.thinned(MAX_TRIAL_ROWS, MAX_TRIAL_MEAN) if len(candidates) > 1 else candidate.log
+        cost = candidate.cost + (motion_cost(trial) if log.has_open_unit(RATE) else 0.0)
         try:
-            proposal = _in_units(candidate.log, context)
+            proposal, used = _tried(trial, candidate.log, context)
         except InputError as problem:
             moving = isinstance(problem, _MovingUnitError)
             refused.append((cost + (MIN_MARGIN - MAX_EXCESS if moving else 0.0), problem))
@@ -308,7 +312,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         cost += _physical_cost(proposal.recording, log.has_open_unit("time"))
         if best is None or cost < best[0]:
             runner_up = (best[0], _units_in_words(best[2]), best[2]) if best else runner_up
-            best = cost, proposal, candidate.log
+            best, of_means = (cost, proposal, candidate.log), used is not candidate.log
         elif cost < runner_up[0]:
             runner_up = cost, _units_in_words(candidate.log), candidate.log
     least, likeliest = min(refused, key=lambda each: each[0], default=(np.inf, InputError("")))
@@ -316,7 +320,9 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         if "the clock jumps back" in str(likeliest) or "the clock stands still" in str(likeliest):
             raise InputError(f"{likeliest}; or --rate HZ counts the rows, where none are missing") from None
         raise likeliest
-    cost, proposal, _ = best
+    cost, proposal, chosen = best
+    if of_means:
+        proposal = _in_units(chosen, context)
     notes = dict(proposal.notes)
     if runner_up[0] < cost + MIN_MARGIN:
         notes["unit"] = f"the numbers hardly distinguish it from {runner_up[1]}: state it, {_as_options(runner_up[2])}"
@@ -334,6 +340,16 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         }
         proposal = replace(proposal, guesses={**proposal.guesses, **fitting})
     return replace(proposal, notes=notes)
+
+
+def _tried(trial: Log, whole: Log, context: _Context) -> tuple[Proposal, Log]:
+    """Return the recording of a log of means, or of the whole log where that is refused, and which of them it is."""
+    try:
+        return _in_units(trial, context), trial
+    except InputError:
+        if trial is whole:
+            raise
+        return _in_units(whole, context), whole  # dwells of a second are too short for means
 
 
 def _physical_cost(recording: Recording, clock_is_open: bool) -> float:

@@ -11,7 +11,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from gimbalcal.guess import proposal
 from gimbalcal.guess.column_names import by_name, plain
+from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.proposal import propose
 from gimbalcal.number import Array
 from gimbalcal.recording import dwells, read
@@ -110,6 +112,29 @@ def test_the_turns_tell_a_unit_that_numbers_do_not(tmp_path: Path) -> None:
     found = propose([table(tmp_path / "slow.csv", slow)])
     assert {g.unit for g in found.guesses.values() if g.quantity == "angular_rate"} == {"deg/s"}
     golden_text(found.guesses["gyro_x"].why)
+
+
+def test_a_long_log_is_tried_by_means_and_proposed_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    t, f, w = turned()
+    path = table(tmp_path / "log.csv", {"t": 1000 * t, "ax": f[:, 0], "ay": f[:, 1], "az": f[:, 2], "gx": w[:, 0],
+                                        "gy": w[:, 1], "gz": w[:, 2]})  # fmt: skip
+    whole = propose([path])
+    monkeypatch.setattr(proposal, "MAX_TRIAL_ROWS", len(t) // 3)
+    again = propose([path])
+    assert again.guesses == whole.guesses
+    assert again.notes == whole.notes
+    assert len(again.recording.time) == len(t)
+    np.testing.assert_array_equal(again.recording.position, whole.recording.position)
+
+
+def test_means_of_successive_rows_leave_out_what_is_not_there() -> None:
+    guesses = {"t": Guess("time", "", "s", ""), "f": Guess("specific_force", "x", "g", "")}
+    log = Log({"t": np.arange(7.0), "f": np.array([1.0, np.nan, 3.0, np.nan, np.nan, np.nan, 9.0])}, guesses)
+    few = log.thinned(3, 5)
+    np.testing.assert_array_equal(few.columns["t"], [0.0, 3.0])
+    np.testing.assert_array_equal(few.columns["f"], [2.0, np.nan])
+    assert log.thinned(7, 5) is log
+    assert len(log.thinned(1, 2).columns["t"]) == 3
 
 
 def test_a_log_without_a_clock_is_asked_for_its_rate(tmp_path: Path) -> None:
