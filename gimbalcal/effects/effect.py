@@ -82,17 +82,20 @@ class Grid(Enum):
         return self in (Grid.EPOCH, Grid.POSITION)
 
 
-def parameter(axes: Sequence[str], *, unit: str, sigma: float, name: str = "", mechanism: str = "") -> Any:
+def parameter(
+    axes: Sequence[str], *, unit: str, sigma: float, name: str = "", mechanism: str = "", order: int = 1
+) -> Any:
     """Declare a linear parameter of an effect: one value per axis, nominal zero, prior scale `sigma` in `unit`.
 
     Values are SI inside; `unit` is what people read. `name` is the public name if it is not the field's. Parameters of
-    another `mechanism` of the same effect are looked for by themselves.
+    another `mechanism` of the same effect are looked for by themselves; those of a higher `order` are terms of a series
+    and are candidates only together with all terms of lower order.
     """
     axes = tuple(axes)
     value = 0.0 if axes == SCALAR else np.zeros(4 if axes == GIMBALS else len(axes))
     return dataclasses.field(
         default_factory=lambda: value,
-        metadata={"axes": axes, "unit": unit, "sigma": sigma, "name": name, "mechanism": mechanism},
+        metadata={"axes": axes, "unit": unit, "sigma": sigma, "name": name, "mechanism": mechanism, "order": order},
     )
 
 
@@ -206,6 +209,12 @@ def constants(cls: type[Effect]) -> tuple[dataclasses.Field[float], ...]:
 def tied(wanted: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Return the parameters without those that only turn a frame to which nothing is tied."""
     return tuple(p for p in wanted if p.axis not in CATALOGUE[p.effect].gauge)
+
+
+def order_of(p: Parameter) -> int:
+    """Return the order of a parameter among the terms of a series, 1 where its effect is no series."""
+    fields = CATALOGUE[p.effect].__dataclass_fields__
+    return int(fields[p.field].metadata.get("order", 1))
 
 
 def lacking(cls: type[Effect], carries: Callable[[str], bool]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from gimbalcal.effects.effect import (
     EVERY_KIND,
     GIMBALS,
@@ -116,12 +118,15 @@ class EncoderCyclicError(Effect):
 
 @effect
 class PeriodicWormError(Effect):
-    r"""A worm that runs out of true pushes its wheel to and fro once per turn of the worm.
+    r"""A worm that runs out of true pushes its wheel to and fro, in the same way in each turn of the worm.
 
-    .. math:: \delta\theta = A \sin N\theta + B \cos N\theta
+    .. math:: \delta\theta = A \sin N\theta + B \cos N\theta + A_2 \sin 2N\theta + B_2 \cos 2N\theta
+              + A_3 \sin 3N\theta + B_3 \cos 3N\theta + A_4 \sin 4N\theta + B_4 \cos 4N\theta
+              + A_5 \sin 5N\theta + B_5 \cos 5N\theta
 
-    with N the teeth of the wheel. Source: Wallace, TPOINT manual. Magnitude: 1 to 30 arcsec. Seen by: tracking over
-    one tooth. Confounded with: encoder_cyclic_error with as many lines as teeth.
+    with N the teeth of the wheel: the error has the period of a tooth and need not be a sinusoid, as the flanks of the
+    worm and the gears that drive it add harmonics. Source: Wallace, TPOINT manual. Magnitude: 1 to 30 arcsec. Seen by:
+    tracking over one tooth. Confounded with: encoder_cyclic_error with as many lines as teeth.
     """
 
     id = "periodic_worm_error"
@@ -132,8 +137,18 @@ class PeriodicWormError(Effect):
     sources = ("wallace_tpoint",)
     A: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="worm_sin")
     B: Array = parameter(GIMBALS, unit="arcsec", sigma=10, name="worm_cos")
+    A_2: Array = parameter(GIMBALS, unit="arcsec", sigma=5, name="worm_2_sin", order=2)
+    B_2: Array = parameter(GIMBALS, unit="arcsec", sigma=5, name="worm_2_cos", order=2)
+    A_3: Array = parameter(GIMBALS, unit="arcsec", sigma=3, name="worm_3_sin", order=3)
+    B_3: Array = parameter(GIMBALS, unit="arcsec", sigma=3, name="worm_3_cos", order=3)
+    A_4: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="worm_4_sin", order=4)
+    B_4: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="worm_4_cos", order=4)
+    A_5: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="worm_5_sin", order=5)
+    B_5: Array = parameter(GIMBALS, unit="arcsec", sigma=2, name="worm_5_cos", order=5)
     teeth: float = constant(360.0, unit="1", low=30.0, high=2000.0, grid=Grid.WHOLE)
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the angle minus readout [rad], (n, k)."""
-        return self.A * sin(self.teeth * s.angle) + self.B * cos(self.teeth * s.angle)
+        each = (self.A, self.B), (self.A_2, self.B_2), (self.A_3, self.B_3), (self.A_4, self.B_4), (self.A_5, self.B_5)
+        phase = self.teeth * s.angle
+        return np.asarray(sum(a * sin(k * phase) + b * cos(k * phase) for k, (a, b) in enumerate(each, 1)))

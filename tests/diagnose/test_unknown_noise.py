@@ -174,6 +174,34 @@ def test_a_worm_is_found_by_the_number_of_its_teeth() -> None:
     assert d.fit["rms_after"] < 1.1 * np.sqrt(2) < d.fit["rms_before"]
 
 
+def test_a_weak_worm_shows_by_the_harmonics_of_one_tooth() -> None:
+    """Each line is hardly above noise with memory; together they are a worm of 180 teeth, not of 540."""
+    rng = np.random.default_rng(5)
+    n = 300
+    t = 9.0 * np.arange(n)
+    E, A = np.full(n, 0.3), t * 2 * np.pi / 86164.0 - 0.8
+    slow = np.zeros((n, 2))
+    for k in range(1, n):
+        slow[k] = 0.85 * slow[k - 1] + 0.5 * rng.standard_normal(2)
+    lines = ((1, 1.2, 0.4), (3, 0.8, 1.0), (4, 0.7, 2.0), (5, 0.5, 0.1))
+    worm = sum(a * np.sin(180 * k * A + phase) for k, a, phase in lines)
+    noise = slow + 0.3 * rng.standard_normal((n, 2))
+    channels = {
+        ("gimbal_angle", "elevation"): E,
+        ("gimbal_angle", "azimuth"): A,
+        ("true_angle", "elevation"): E + ARCSEC * 3 * noise[:, 1],
+        ("true_angle", "azimuth"): A + ARCSEC * (worm + noise[:, 0]),
+    }
+    r = Recording("pointing", "worm", KNOWN["alt-az"], Site(0.9, 0.0, G), {}, t, None, channels)
+    d = diagnose([r], baseline=("gimbal_zero", "gimbal_zero_drift"))
+    (found,) = d.findings
+    assert (found["effect"], found["axis"]) == ("periodic_worm_error", "azimuth")
+    (number,) = (p for p in found["parameters"] if p["name"] == "teeth")
+    assert abs(number["value"] - 180) <= 3 * number["sigma"] < 12
+    sizes = {p["name"]: p["value"] for p in found["parameters"]}
+    assert np.hypot(sizes["worm_3_sin"], sizes["worm_3_cos"]) == pytest.approx(0.8, abs=0.3)
+
+
 def test_turns_during_which_the_clock_pauses_are_left_out_and_not_refused() -> None:
     """A logger that is switched off after each rest and on again for the turn."""
     r = unknown_hand.record(3, unknown_hand.Setup(rests=12, gyroscopes=True, minutes=1.0))

@@ -112,7 +112,16 @@ GIMBAL: dict[str, tuple[str, Law]] = {
     "encoder_scale_factor": ("a readout that counts too little", lambda s, p: np.einsum("k,nk->nk", p.s, s.angle)),
     "encoder_harmonic": ("n times a turn", lambda s, p: wave(p.A, p.B, p.order * s.angle)),
     "encoder_cyclic_error": ("once a line", lambda s, p: wave(p.A, p.B, p.lines * s.angle)),
-    "periodic_worm_error": ("Wallace, TPOINT: once a tooth", lambda s, p: wave(p.A, p.B, p.teeth * s.angle)),
+    "periodic_worm_error": (
+        "Wallace, TPOINT: the period of a tooth, with harmonics",
+        lambda s, p: (
+            wave(p.A, p.B, p.teeth * s.angle)
+            + wave(p.A_2, p.B_2, 2 * p.teeth * s.angle)
+            + wave(p.A_3, p.B_3, 3 * p.teeth * s.angle)
+            + wave(p.A_4, p.B_4, 4 * p.teeth * s.angle)
+            + wave(p.A_5, p.B_5, 5 * p.teeth * s.angle)
+        ),
+    ),
     "bearing_wobble": ("a lean that turns m times", _wobble),
     "gimbal_flexure": ("torque of a mass off its axis", _flexure),
     "gimbal_friction": ("stiction; the sign passes zero over 1 mrad", lambda s, p: p.h * side(s.move_angle, 1e-3)),

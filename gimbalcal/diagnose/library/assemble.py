@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from gimbalcal.diagnose.library.candidates import (
 )
 from gimbalcal.diagnose.library.shapes import shapes_in_outputs, shapes_of
 from gimbalcal.effects import CATALOGUE, Effect, Parameter
-from gimbalcal.effects.effect import Grid, constants
+from gimbalcal.effects.effect import Grid, constants, order_of
 from gimbalcal.effects.grids import Constant, kind, resolved
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import orthonormal
@@ -100,7 +100,12 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
     v, cls, modelled = search.fit.view, CATALOGUE[effect_id], search.fit.parameters
     there = next((e for e in search.rows.effects if e.id == effect_id), None)
     had = {(p.effect, p.field, p.axis) for p in modelled}
-    wanted = tuple(p for p in v.parameters_of(effect_id) if (p.effect, p.field, p.axis) not in had)
+    begun = {(p.effect, p.axis) for p in modelled}  # series, of which another number of terms is another candidate
+    terms = v.noise.own_memories  # only where rows follow the angle do they show the harmonics of a pattern in it
+    wanted = tuple(
+        p for p in v.parameters_of(effect_id) if (p.effect, p.field, p.axis) not in had
+        and (order_of(p) == 1 or (terms and (p.effect, p.axis) not in begun))
+    )  # fmt: skip
     if not v.noise.scale_known and there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
         first = absent_effect(effect_id, v.stimulus, "", **dict(choices(cls, v.stimulus)[0]))
         own = _beyond(np.nan_to_num(search.rows.columns(first, wanted)), search.taken)
@@ -111,11 +116,15 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
     def columns(made: Effect) -> Array:
         return search.of(made if there is None else there, wanted)
 
+    def leading(made: Effect) -> Array:
+        return search.of(made, [p for p in wanted if order_of(p) == 1])
+
     scan = every_number(v, cls)[1]
     out: list[Candidate] = []
     for source in sources(cls, v.stimulus):
         if there is None:
-            tried, count = _tried(search, cls, source, columns)
+            last = max(order_of(p) for p in wanted)
+            tried, count = _tried(search, cls, source, columns if last == 1 else leading, last)
         elif source == (getattr(there, "covariate", "") if source else ""):
             # its constants were chosen among as many, unless another axis has told them
             held = any(p.effect == effect_id for p in modelled)
@@ -128,13 +137,16 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
 
 
 def _tried(
-    search: _Columns, cls: type[Effect], source: str, columns: Callable[[Effect], Array]
+    search: _Columns, cls: type[Effect], source: str, columns: Callable[[Effect], Array], orders: int
 ) -> tuple[list[Constants], int]:
-    """Return the choices of constants that are weighed, and of how many they are the best, 0 for all of them."""
+    """Return the choices of constants that are weighed, and of how many they are the best, 0 for all of them.
+
+    columns: those of the lowest of several `orders`.
+    """
     v = search.fit.view
     every = choices(cls, v.stimulus)
     if not v.noise.scale_known:
-        return _scanned(v, cls, search.misfit, columns, every)
+        return _scanned(v, cls, search.misfit, columns, every, orders)
     if len(every) > MOST:
         return _likeliest(search.fit, cls, source, every, columns), len(every)
     return every, 0
@@ -186,11 +198,12 @@ def _beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
 
 
 def _scanned(
-    v: View, cls: type[Effect], misfit: Array, columns: Callable[[Effect], Array], tried: list[Constants]
+    v: View, cls: type[Effect], misfit: Array, columns: Callable[[Effect], Array], tried: list[Constants], orders: int
 ) -> tuple[list[Constants], int]:
     """Whole numbers about those that explain most of a misfit (n, C), of all that the readouts tell apart; how many.
 
-    What was `tried` without them, and none, for an effect without a whole number or with few.
+    Of a series of harmonics also those that explain most with all their `orders`. What was `tried` without them, and
+    none, for an effect without a whole number or with few.
     """
     whole, every = every_number(v, cls)
     if whole is None or len(every) <= len(tried):
@@ -202,12 +215,16 @@ def _scanned(
     weight, at = rough.weight, (cls.id, rough.noise.scales)
     if at not in v.cache:
         v.cache[at] = np.stack([spanned(X * weight[..., None]) for X in v.cache[cls.id]]).astype(np.float32)
-    power, above = powers(v.cache[at], misfit * weight), list[int]()
+    power = powers(v.cache[at], misfit * weight)
     if v.noise.own_memories:
         level = np.array([np.median(power[max(i - NEAR, 0) : i + NEAR + 1]) for i in range(len(power))])
-        above = peaks(power / np.maximum(level, 1e-300), PEAKS)
-    best = every[sorted({*peaks(power, PEAKS), *above})]
-    return [((whole.name, float(m)),) for m in between_scanned(best, float(every[1] - every[0]))], len(every)
+        power = power / np.maximum(level, 1e-300)
+    step = float(every[1] - every[0])
+    chosen = set(between_scanned(every[peaks(power, PEAKS)], step))
+    if orders > 1:
+        numbers, of_series = power_of_harmonics(power, every, orders)
+        chosen |= set(between_scanned(numbers[peaks(of_series, PEAKS)], 1 + np.ceil(step / orders)))
+    return [((whole.name, m),) for m in sorted(chosen)], len(every)
 
 
 def every_number(v: View, cls: type[Effect]) -> tuple[Constant | None, Array]:
@@ -219,12 +236,15 @@ def every_number(v: View, cls: type[Effect]) -> tuple[Constant | None, Array]:
 def weighed(variants: Sequence[Variant], scanned: int, every: Array) -> tuple[Variant, ...]:
     """Return variants of a scan with weights by which the logarithm of the number is uniform, as of any period.
 
-    The weights of all that were scanned add up to their count.
+    Each stands for the numbers nearest to it, up to half a step of the scan on either side; the weights of all that
+    were scanned add up to their count.
     """
     if scanned <= len(variants) or scanned != len(every):
         return tuple(variants)
-    mean = float(np.mean(1 / every))
-    return tuple(replace(x, weight=1 / x.constants[-1][1] / mean) for x in variants)
+    x, step = np.array([v.constants[-1][1] for v in variants]), float(every[1] - every[0])
+    gap = np.minimum(np.diff(x, prepend=-np.inf, append=np.inf), step) / step
+    weight = (gap[:-1] + gap[1:]) / 2 / x / float(np.mean(1 / every))
+    return tuple(replace(v, weight=float(w)) for v, w in zip(variants, weight, strict=True))
 
 
 def spanned(X: Array) -> Array:
@@ -240,6 +260,19 @@ def powers(Q: Array, misfit: Array) -> Array:
     return np.asarray(((misfit.ravel() @ Q.reshape(len(Q), misfit.size, -1)) ** 2).sum(axis=1))
 
 
+def power_of_harmonics(power: Array, every: Array, orders: int) -> tuple[Array, Array]:
+    """Return whole numbers (m,), and the power (m,) in the lines at each and its multiples up to `orders`.
+
+    power (k,) is that at the numbers `every` (k,), a third of a line apart: a multiple is resolved by as many more
+    numbers between these. Beyond them there is none.
+    """
+    step = float(every[1] - every[0])
+    numbers = np.arange(every[0], every[-1] + 0.5, max(1.0, step // orders))
+    at = np.round((numbers[:, None] * np.arange(1, orders + 1) - every[0]) / step).astype(int)
+    padded = np.append(power, 0.0)
+    return numbers, np.asarray(padded[np.minimum(at, len(power))].sum(axis=1))
+
+
 def peaks(power: Array, count: int) -> list[int]:
     """Ordinals of the highest local maxima, in order."""
     padded = np.concatenate([[-np.inf], power, [-np.inf]])
@@ -247,7 +280,7 @@ def peaks(power: Array, count: int) -> list[int]:
     return sorted(int(i) for i in top[np.argsort(-power[top])][:count])
 
 
-def between_scanned(best: Array, step: float) -> list[float]:
+def between_scanned(best: Iterable[float], step: float) -> list[float]:
     """Whole numbers about the best of a scan, up to the next that it looked at; `ABOUT` of each where they are many."""
     near = np.unique(np.round(np.linspace(1 - step, step - 1, int(min(2 * step - 1, ABOUT)))))
     return sorted({float(m + d) for m in best for d in near if m + d >= 1})

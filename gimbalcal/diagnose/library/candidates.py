@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
-from gimbalcal.effects.effect import constants, follows, lacking
+from gimbalcal.effects.effect import constants, follows, lacking, order_of
 from gimbalcal.effects.grids import grid, kind
 from gimbalcal.number import Array
 from gimbalcal.views.core import absent_effect
@@ -143,7 +143,8 @@ def sources(cls: type[Effect], s: Stimulus) -> tuple[str, ...]:
 def by_mechanism(wanted: Sequence[Parameter], cls: type[Effect]) -> list[tuple[str, str, tuple[Parameter, ...]]]:
     """Mechanism, axis and parameters of each candidate of an effect.
 
-    "xy" belongs to x, "equatorial_x" to equatorial. All axes together if there are several: of the first mechanism.
+    "xy" belongs to x, "equatorial_x" to equatorial. All axes together if there are several: of the first mechanism. Of
+    a series one candidate ends with each order.
     """
     if cls.role.indivisible:
         return [("", "", tuple(wanted))]
@@ -156,7 +157,10 @@ def by_mechanism(wanted: Sequence[Parameter], cls: type[Effect]) -> list[tuple[s
             axes.setdefault(_axis(p), []).append(p)
         if len(axes) > 1 and not mechanism:
             axes[", ".join(axes)] = own
-        out += [(mechanism, axis, tuple(ps)) for axis, ps in axes.items()]
+        for axis, ps in axes.items():
+            for last in sorted({order_of(p) for p in ps}):
+                name = f"{mechanism} to order {last}".strip() if last > 1 else mechanism
+                out.append((name, axis, tuple(p for p in ps if order_of(p) <= last)))
     return out
 
 

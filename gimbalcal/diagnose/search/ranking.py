@@ -298,8 +298,10 @@ def pairs(candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float
 
 
 def same(candidates: Sequence[Candidate], i: int, j: int) -> bool:
-    """Return whether two candidates are one effect on all its axes and on one of them."""
-    return candidates[i].effect == candidates[j].effect and ("," in candidates[i].axis or "," in candidates[j].axis)
+    """Return whether two candidates are one effect on all its axes and on one of them, or with more and fewer terms."""
+    one, other = candidates[i], candidates[j]
+    shared = {p.label for p in one.parameters} & {p.label for p in other.parameters}
+    return one.effect == other.effect and ("," in one.axis or "," in other.axis or bool(shared))
 
 
 def _thirds(

@@ -116,7 +116,7 @@ def finding_of_view(m: Fit, j: Judgement) -> Finding:
     rows = [r for p, r in estimates if p.label in own]
     rows += [replace(r, name=p.field, axis="") for p, r in estimates if p.effect == e and p.field in names]
     rows += [
-        replace(Estimate.of(p, x, s), name=p.field, axis="")
+        replace(Estimate.of(p, x, max(s, j.spread)), name=p.field, axis="")
         for p, x, s in constants_with_sigma(m, e)  # whole numbers, which no fit moves
     ]
     axis = j.cause.axis if m.view.added is None else _element(j.cause.axis, rows)

@@ -13,9 +13,9 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import LIKELY, SURE, TOGETHER, UNSURE
-from gimbalcal.diagnose.evidence.projection import Projection, at_best, log_bayes, project
+from gimbalcal.diagnose.evidence.projection import Projection, any_size, at_best, log_bayes, project
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.library.assemble import every_number, library
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.ranking import (
     Ranking,
@@ -30,24 +30,28 @@ from gimbalcal.diagnose.search.ranking import (
 )
 from gimbalcal.diagnose.search.refit import refit
 from gimbalcal.diagnose.search.stepwise import needed_evidence
-from gimbalcal.effects import with_values
+from gimbalcal.effects import CATALOGUE, with_values
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 from gimbalcal.words.diagnosis_sentences import MAX_ALTERNATIVES
+
+CENTRAL = (0.16, 0.84)  # shares of the evidence below the ends of the interval of one sigma
 
 
 @dataclass(frozen=True)
 class Judgement:
     """A claimed cause, the probability of it and of those that fit alike, and its significance [sigma].
 
-    significance: beyond all else in the model; None where the fit of the causes tells it.
+    significance: beyond all else in the model; None where the fit of the causes tells it. spread: one sigma of a whole
+    number that was scanned, over all numbers and terms by their evidence; 0 for a cause without one.
     """
 
     cause: Candidate
     probability: float
     alike: tuple[Candidate, ...]
     significance: float | None = None
+    spread: float = 0.0
 
     @property
     def confounded(self) -> tuple[str, ...]:
@@ -192,6 +196,9 @@ def judged_without(end: Fit, taken: Candidate) -> Judgement:
     wanted = [p for p in end.parameters if (p.effect, p.field, p.axis) not in own]
     names = end.view.stimulus.axis_names
     none = with_values(end.effects, taken.parameters, np.zeros(len(taken.parameters)), names)
+    number = every_number(end.view, CATALOGUE[taken.effect])[0]
+    if number and taken.effect not in {p.effect for p in wanted}:  # it is open again
+        none = tuple(e for e in none if e.id != taken.effect)
     without = refit(end.view, none, wanted)
     s = search(without, library(without), noises(without))
     known = s.library.candidates
@@ -200,7 +207,28 @@ def judged_without(end: Fit, taken: Candidate) -> Judgement:
     probability = 0.0 if s.ln_total < needed_evidence(end, taken) else j.probability
     (variant,) = likeliest_variants(s, (at,))
     sigma = _significance(without, end, s.library.X[:, list(known[at].variants[variant].index)])
-    return Judgement(taken, probability, j.alike, sigma)
+    return Judgement(taken, probability, j.alike, sigma, spread_of_number(s, known[at]) if number else 0.0)
+
+
+def spread_of_number(s: Search, cause: Candidate) -> float:
+    """Return one sigma of the whole number of a cause that was scanned: half of the central interval of 68 %.
+
+    Several peaks of a scan may explain a misfit alike, as the teeth of a worm and three times as many, so that the
+    curvature at one of them says too little. Whatever the terms of a series, the number is the same.
+    """
+    values, ln = list[float](), list[float]()
+    for c in s.library.candidates:
+        if c.effect == cause.effect and c.axis == cause.axis and c.source == cause.source:
+            each = np.array([v.index for v in c.variants])
+            nodes = zip(s.projections, s.null, strict=True)
+            joint = logsumexp(np.stack([any_size(p, each) + null for p, null in nodes]), axis=0)
+            ln += (joint + np.log([v.weight for v in c.variants])).tolist()
+            values += [v.constants[-1][1] for v in c.variants]
+    order = np.argsort(values)
+    share = np.exp(np.array(ln) - max(ln))[order]
+    below = np.cumsum(share) - share / 2
+    low, high = np.interp(np.array(CENTRAL) * share.sum(), below, np.array(values)[order])
+    return float(high - low) / 2
 
 
 def _significance(without: Fit, end: Fit, X: Array) -> float:

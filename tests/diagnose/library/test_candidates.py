@@ -7,8 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.assemble import available, columns_at, library
-from gimbalcal.diagnose.library.candidates import Candidate, by_mechanism, choices, eligible, of_effect, sources
+from gimbalcal.diagnose.library.assemble import available, columns_at, library, power_of_harmonics, weighed
+from gimbalcal.diagnose.library.candidates import (
+    Candidate,
+    Variant,
+    by_mechanism,
+    choices,
+    eligible,
+    of_effect,
+    sources,
+)
 from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
@@ -42,6 +50,35 @@ def test_a_second_mechanism_is_a_candidate_of_its_own() -> None:
     assert ("", "inner", ["kappa_1:inner", "kappa_2:inner"]) in found
     assert ("carried", "inner", ["kappa_3:inner", "kappa_4:inner"]) in found
     assert [axis for mechanism, axis, _ in found if mechanism == "carried"] == list(GIMBALS)
+
+
+def test_terms_of_a_series_are_candidates_with_all_of_lower_order() -> None:
+    """A worm on one axis: its fundamental alone, and with harmonics up to the second, third, fourth and fifth."""
+    cls = CATALOGUE["periodic_worm_error"]
+    own = [(m, [p.label for p in ps]) for m, _, ps in by_mechanism(parameters(cls, ("hour",)), cls)]
+    assert [m for m, _ in own] == ["", "to order 2", "to order 3", "to order 4", "to order 5"]
+    assert [len(labels) for _, labels in own] == [2, 4, 6, 8, 10]
+    assert own[1][1] == ["worm_sin:hour", "worm_cos:hour", "worm_2_sin:hour", "worm_2_cos:hour"]
+
+
+def test_numbers_of_a_scan_stand_for_those_nearest_to_them() -> None:
+    """Every tenth number was scanned: nine about a peak weigh as the 18 numbers and a half step that they stand for."""
+    every = np.arange(30.0, 2000.0, 10.0)
+    near = np.linspace(171.0, 189.0, 9)
+    variants = [Variant((("teeth", m),), (0,)) for m in near]
+    weight = np.array([v.weight for v in weighed(variants, len(every), every)]) * near * np.mean(1 / every)
+    assert weight.sum() == pytest.approx((18 + 10) / 10, rel=1e-9)
+    assert weight[4] == pytest.approx(0.225, rel=1e-9)
+
+
+def test_harmonics_are_summed_at_the_multiples_of_a_number() -> None:
+    every = np.arange(30.0, 1000.0, 6.0)
+    power = np.zeros(len(every))
+    for k in (1, 2, 3, 4):
+        power[round((180 * k - 30) / 6)] = 1.0
+    numbers, total = power_of_harmonics(power, every, 5)
+    assert numbers[np.argmax(total)] == 180
+    assert total.max() == 4
 
 
 def test_one_vector_is_one_candidate() -> None:
