@@ -260,3 +260,54 @@ def inverted() -> float:
     effects: list[Effect] = [CATALOGUE[name](**value) for name, value in values.items()]
     ours = invert_readings(replace(s, rows=rows), effects)
     return float(np.abs(ours - true).max())
+
+
+# --- what is made of the passes
+
+
+def stated_calibration() -> float:
+    """Biases of the calibration over their true size, and its sigmas over those of the information of the data."""
+    from gimbalcal.effects import values
+    from gimbalcal.estimate.systematic.calibrate import calibrated
+
+    fit = _fitted()
+    c = calibrated(fit)
+    off = np.abs(np.asarray(values(c.effects, fit.wanted)) - fit.theta).max() / np.abs(BIASES).min()
+    scale = np.array([p.sigma for p in fit.wanted])
+    P = (fit.last.factor @ fit.last.factor.T) * np.outer(scale, scale)  # beside a prior of ten times the usual sigmas
+    return float(max(off, np.abs(np.sqrt(np.diag(c.covariance) / np.diag(P)) - 1).max()))
+
+
+def joint_information() -> float:
+    """Information of three recordings less its sum over each, about values between theirs, over the largest."""
+    from gimbalcal.estimate.systematic.filter_pass import data_information
+    from gimbalcal.estimate.systematic.joint_recordings import _joint
+
+    fit, about = _fitted(), 0.3 * BIASES
+    scale = [p.sigma for p in fit.wanted]
+    n = len(BIASES)
+    each = [replace(fit, unregularised=fit.unregularised + k * BIASES) for k in range(3)]
+    total = np.zeros((n, n + 1))
+    for m in each:
+        rows = data_information(m.wanted, m.last.factor, m.unregularised - about, scale).rows
+        total += rows[:, :n].T @ rows[:, : n + 1]
+    rows = _joint(fit.wanted, each, about).rows
+    return float(np.abs(rows[:, :n].T @ rows[:, : n + 1] - total).max() / np.abs(total).max())
+
+
+def mean_readings() -> float:
+    """Integrals of the readings over all intervals of means, over those of the rows: nothing may be lost or doubled."""
+    from gimbalcal.navigate.mean_intervals import thinned
+
+    r = _recording(np.zeros(6))
+    keys = list(r.channels)
+    rows, dt = thinned(r, 5.0), np.diff(r.time, prepend=2 * r.time[0] - r.time[1])
+    if not 1 < len(rows.dt) < len(dt):
+        return 1.0  # means of everything, or of nothing, test nothing
+    worst = abs(rows.dt.sum() / dt.sum() - 1)
+    for key in keys[:6]:
+        whole = (r.channels[key] * dt).sum()
+        size = (np.abs(r.channels[key]) * dt).sum()
+        worst = max(worst, abs((rows.rows.channels[key] * rows.dt).sum() - whole) / size)
+    middle = (r.time - dt / 2) @ dt
+    return float(max(worst, abs(rows.rows.time @ rows.dt / middle - 1)))

@@ -95,6 +95,9 @@ ERRORS = tuple(Error(*e) for e in (
     ("estimate.systematic.filter_pass", "s**2 - WIDE_PRIOR_SIGMAS**-2", "s**2 + WIDE_PRIOR_SIGMAS**-2"),
     ("estimate.systematic.iterate", "step = share * last.regularised_step", "step = -share * last.regularised_step"),
     ("estimate.systematic.sensor_inversion", "np.subtract(y, step, out=step)", "np.subtract(step, y, out=step)"),
+    ("estimate.systematic.calibrate", "wanted, m.prior_mean + solution.x)", "wanted, m.prior_mean - solution.x)"),
+    ("estimate.systematic.joint_recordings", "whole = whole + _information", "whole = whole - _information"),
+    ("navigate.mean_intervals", "np.add.reduceat(x * dt, begin) / length", "np.add.reduceat(x, begin) / length"),
     # gyroscopes
     ("estimate.gyroscopes.inter_triad", "apply_matrix(turns @ C, before)",
      "apply_matrix(np.swapaxes(turns, -1, -2) @ C, before)"),
