@@ -30,7 +30,7 @@ class Curves:
     """Residuals of one recording for a picture: time (n,) s, position (n,), channels, residual in sigma (n, C).
 
     sigma (n, C) in `units` of each channel makes them physical; `against` is what a person would plot them over, a name
-    with its unit to (n,).
+    with its unit to (n,); `words` names the channels where their quantity and axis do not.
     """
 
     time: Array
@@ -41,6 +41,7 @@ class Curves:
     sigma: Array | None = None
     units: tuple[str, ...] = ()
     against: Mapping[str, Array] = field(default_factory=dict)
+    words: tuple[str, ...] = ()
 
 
 PRINTED = {"specific_force": "ug", "angular_rate": "deg/h"}  # units of residuals; angles are in arcsec
@@ -78,6 +79,7 @@ class Diagnosis(Displayed):
     laws: tuple[LawResult, ...] = ()  # where nothing known explains it
     recommend: str = ""  # what would determine a law, where these data do not
     without: Callable[[str], Calibration] | None = field(default=None, compare=False)  # the refit without an effect
+    other_curves: tuple[Curves, ...] = field(default=(), compare=False)  # of the views that do not lead
     printer: Callable[[Diagnosis], str] | None = field(default=None, compare=False)  # how it prints itself
 
     def __str__(self) -> str:

@@ -60,6 +60,7 @@ def joint_diagnosis(
         joined([s.rstrip(".") for s in (*(x.in_words for x in contradictions), outcome) if s]),
         laws=tuple(law for p in parts for law in p.laws),
         recommend=next(filter(None, (p.recommend for p in by_weight)), ""), without=refit_without(parts),
+        other_curves=tuple(p.curves for p in by_weight[1:]),
     )  # fmt: skip
 
 

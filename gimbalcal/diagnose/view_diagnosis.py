@@ -192,4 +192,8 @@ def curves_of(c: SearchResult, sigma: Array) -> Curves:
     before, after = c.start.residual / sigma, c.described.residual / sigma
     against = plotted_against(v.stimulus) if len(v.stimulus.time) == n else {}
     in_print = np.asarray(from_si(sigma, v.unit))
-    return Curves(v.time, number, v.channels, before, after, in_print, (v.unit,) * len(v.channels), against)
+    words = tuple(
+        v.measurement.channel.format(axis=axis).removeprefix("the ").removeprefix("direction of ")
+        for _, axis in v.channels
+    )
+    return Curves(v.time, number, v.channels, before, after, in_print, (v.unit,) * len(v.channels), against, words)

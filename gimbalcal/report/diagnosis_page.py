@@ -37,6 +37,7 @@ MIN_P_VALUE = 0.01  # of the residuals; below it they are reported to have a pat
 ARROWS = " On the sky: an arrow from each star to its observed direction, seen from below (east on the left)."
 MAX_POINTS = 240  # of a panel; more overlap on a page
 
+MAX_OTHER_PANELS = 2  # of each measurement that does not lead
 LOOKS = {"adequate": "fits", "missing-physics": "found", "unexplained": "misfit", "not-identifiable": "misfit"}
 
 
@@ -53,6 +54,10 @@ def diagnosis_report(d: Diagnosis, title: str = "") -> str:
         "findings": [_finding_section(f) for f in d.findings],
         "laws": [_law(law) for law in d.laws],
         "picture": _before_after(panels(d.curves, d.mismatch), d.findings, on_the_sky(d.curves)) if d.curves else None,
+        "others": [
+            replace(_before_after(panels(c, d.mismatch, MAX_OTHER_PANELS), d.findings, on_the_sky(c)), caption="")
+            for c in d.other_curves
+        ],
         "mismatch": mismatch,
         "places": any(m.where for m in d.mismatch),
         "unexplained": [
@@ -67,13 +72,16 @@ def diagnosis_report(d: Diagnosis, title: str = "") -> str:
     return render("diagnosis.html", context)
 
 
-def panels(curves: Curves, mismatch: Sequence[Mismatch]) -> tuple[Panel, ...]:
-    """Return panels of the channel with the largest misfit, by position, over time and over its possible causes."""
+def panels(curves: Curves, mismatch: Sequence[Mismatch], most: int = 0) -> tuple[Panel, ...]:
+    """Return panels of the channel with the largest misfit, by position, over time and over its possible causes.
+
+    most: of them, those that the misfit follows most; 0 for all.
+    """
     worst = next(((m.channel, m.axis) for m in mismatch), None)
     if worst not in curves.channels:
         worst = curves.channels[int(np.argmax((np.nan_to_num(curves.before) ** 2).sum(axis=0)))]
     i = curves.channels.index(worst)
-    name = _channel(*worst)
+    name = curves.words[i] if curves.words else _channel(*worst)
     scale = np.ones_like(curves.before) if curves.sigma is None else curves.sigma
     unit = naming.unit_in_print(curves.units[i]) if curves.units else "σ"
     ok = np.isfinite(curves.before[:, i]) & np.isfinite(curves.after[:, i])
@@ -89,7 +97,7 @@ def panels(curves: Curves, mismatch: Sequence[Mismatch]) -> tuple[Panel, ...]:
         out.insert(0, replace(_panel(name, unit, place, at, position.astype(float), rows), names=named))
     for label, x in curves.against.items():
         out.append(_panel(name, unit, label, _grouped(x[ok]), x[ok], rows))
-    return tuple(out)
+    return tuple(sorted(out, key=_explained, reverse=True)[:most] if most else out)
 
 
 def _grouped(x: Array) -> list[Array]:

@@ -7,20 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.calibration import AssumedNoise, Provenance, Readout
+from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Readout
 from gimbalcal.calibration.readout import in_si
 from gimbalcal.earth import G0
 from gimbalcal.effects import Effect, Stage
+from gimbalcal.effects.effect import GYROSCOPE_STAGES
+from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest, view_of_turns
 from gimbalcal.estimate.static_run.system import static_readings
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inversion import invert
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.record import RATE
 from gimbalcal.report.figures import Curve
 from gimbalcal.units import from_si, to_si
+from gimbalcal.views.core import View
 from gimbalcal.words.naming import unit_in_print
 
+AT_REST = ("gyro_bias", "gyro_g_sensitivity_rate")  # by which the dwells give the level of a turn
 MAX_POINTS = 288  # of a curve over time; more overlap on a page
 STATIC_RUN_STAGES = (Stage.BASE, Stage.PLATFORM)  # attitude of base and platform in one static run
 
@@ -92,6 +97,33 @@ def by_position(
         angles=np.rad2deg(s.readout),
         axis_names=s.axis_names,
         gravity=-s.force / _norm(s.force),
+    )
+
+
+def of_gyroscopes(recording: Recording, c: Calibration) -> dict[str, ByPosition]:
+    """Return the residuals of gyroscopes in words: mean rates of dwells, and directions of gravity after turns.
+
+    Empty where the calibration has no gyroscopes, or the recording does not show one of them. The Earth's rate, where
+    its direction is not known, is eliminated from the rates. Turns start from the level of the dwells, so that effects
+    that show at rest are no part of them.
+    """
+    if not recording.has(RATE) or not any(e.stage in GYROSCOPE_STAGES for e in c.effects):
+        return {}
+    rotating = [e for e in c.effects if e.id not in AT_REST]
+    views = {
+        "rate at rest": (view_at_rest(recording, (), c), c.effects, "deg/h"),
+        "direction of gravity after a turn": (view_of_turns(recording, c), rotating, "arcsec"),
+    }
+    return {what: _of_view(v, effects, unit) for what, (v, effects, unit) in views.items() if v is not None}
+
+
+def _of_view(v: View, effects: Sequence[Effect], unit: str) -> ByPosition:
+    """Return the residuals of a view of dwells or turns by the number of the dwell, in `unit`."""
+    before, after = (np.asarray(from_si(v.evaluate(e).residual, unit)) for e in ((), effects))
+    labels = range(1, len(before) + 1) if v.label is None else v.label
+    none = np.zeros((len(before), 0))
+    return ByPosition(
+        tuple(map(str, labels)), tuple(axis for _, axis in v.channels), before, after, None, unit, none, (), none
     )
 
 

@@ -60,13 +60,29 @@ def position_pictures(r: Recording, c: Calibration) -> Pictures:
         f"calibration (each with its own scale{circled}).",
     )
     if not r.platform.axes:
-        return [residuals], []
+        return [residuals, *gyroscope_pictures(r, c)], []
     motion = picture(
         figures.schedule(e.labels, e.angles, e.axis_names, e.gravity),
         f"Gimbal angles at {count}, and the direction of gravity in platform axes.",
         "Motion of the platform: gimbal angles by position, and the direction of gravity in platform axes, along z.",
     )
     return [residuals], [motion]
+
+
+def gyroscope_pictures(r: Recording, c: Calibration) -> list[Picture]:
+    """Return the residuals of gyroscopes: of the rates at rest, and of gravity after the turns between dwells."""
+    from gimbalcal.report.residuals import of_gyroscopes
+
+    out = []
+    for what, e in of_gyroscopes(r, c).items():
+        unit = unit_in_print(e.unit)
+        out.append(picture(
+            figures.residuals_by_position(e.labels, e.before, e.after, e.sigma, e.axes, unit),
+            f"Residuals of {what} by axis: {rms(e.before)} {unit} rms before, {rms(e.after)} {unit} rms after.",
+            f"{what.capitalize()}, measured minus model at each position: before, against perfect gyroscopes, and "
+            "after, with the calibration.",
+        ))  # fmt: skip
+    return out
 
 
 def run_pictures(r: Recording, c: Calibration) -> Pictures:
