@@ -115,8 +115,7 @@ def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None
     frame, skipped = _rows(path, layout, head, lines)
     frame = _one_stamp(frame)
     clock = dates or Dates()
-    texts = ((n, frame[n].str.strip_chars().str.strip_chars("\"'").str.strip_chars()) for n in frame.columns)
-    table = table_of_columns((name, *values_of(name, text, layout.separator, clock)) for name, text in texts)
+    table = table_of_columns((n, *values_of(n, frame[n], layout.separator, clock)) for n in frame.columns)
     if len(table.columns) < MIN_COLUMNS:
         raise InputError(
             f"{path} holds {len(table.columns)} columns of numbers: no log of a unit, or in a form that is not text"
@@ -208,9 +207,13 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
     import polars as pl
 
     assert isinstance(text, pl.Series)
+    numbers = text.cast(pl.Float64, strict=False)
+    all_numbers = numbers.null_count() == text.null_count()  # as they stand: nothing else is searched cell by cell
+    if not all_numbers:
+        text = text.str.strip_chars().str.strip_chars("\"'").str.strip_chars()
     filled = text.drop_nulls()
-    filled = filled.filter(filled != "")
-    first = str(filled[0]) if len(filled) else ""
+    filled = filled if all_numbers else filled.filter(filled != "")
+    first = str(filled[0]).strip() if len(filled) else ""
     guess = by_name(name)
     if date_formats.is_stamp(first):
         text = pl.Series(name, date_formats.in_iso(*date_formats.split([str(cell or "") for cell in text.to_list()])))
@@ -226,6 +229,8 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
         return np.array([_in_first_unit(cell) for cell in text.to_list()]), "angle"
     if guess and guess.quantity == "position" and not _NUMBER.fullmatch(first):
         return _labels([str(cell or "") for cell in text.to_list()]), ""
+    if all_numbers:
+        return numbers.to_numpy().astype(float), ""
     for mark, decimal in ((".", ","), (",", ".")):  # 1.000,5 and 1,000.5
         if text.str.contains(rf"^[-+]?\d{{1,3}}(\{mark}\d{{3}})+\{decimal}\d*$").any():
             text = text.str.replace_all(mark, "", literal=True)

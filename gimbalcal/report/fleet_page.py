@@ -65,7 +65,7 @@ def _row(p: FleetParameter, before: FleetParameter | None) -> Context:
 
 def _of_others(f: FleetSummary, name: str, axis: str) -> str:
     p = next(p for p in f.parameters if (p.name, p.axis) == (name, axis))
-    return f"{significant(p.mean, 3)} ± {significant(p.spread, 2)}".replace("-", "−")
+    return plus_minus(p.mean, p.spread)
 
 
 def _picture(p: FleetParameter, d: Distribution) -> Picture:

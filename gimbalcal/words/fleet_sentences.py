@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gimbalcal.errors import amount
-from gimbalcal.words.naming import listed, named
+from gimbalcal.words.naming import capitalised, listed, named
 
 if TYPE_CHECKING:
     from gimbalcal.fleet.fleet_summary import FleetSummary
@@ -26,19 +27,23 @@ def fleet_in_words(f: FleetSummary) -> str:
     outside = list(dict.fromkeys(o.unit for o in f.outside))
     if outside:
         first = f.outside[0]
-        more = f" and {len(outside) - MAX_NAMED} more" if len(outside) > MAX_NAMED else ""
         are = "is" if len(outside) == 1 else "are"
         text += (
-            f" {', '.join(outside[:MAX_NAMED])}{more} {are} outside the distribution of the others, most clearly "
+            f" {_few(outside)} {are} outside the distribution of the others, most clearly "
             f"{named(first.name, first.axis)} of {first.unit}."
         )
     else:
         text += " No unit is outside the distribution of the others."
     drifting = [named(p.name, p.axis) for p in f.parameters if p.drifts]
     if drifting:
-        more = f" and {len(drifting) - MAX_NAMED} more" if len(drifting) > MAX_NAMED else ""
-        text += f" {', '.join(drifting[:MAX_NAMED])}{more} changed with the date of the units."
+        text += f" {capitalised(_few(drifting))} changed with the date of the units."
     return text + _next_step(f)
+
+
+def _few(names: Sequence[str]) -> str:
+    """Return the first of some names in a list, and how many others there are."""
+    others = len(names) - MAX_NAMED
+    return listed([*names[:MAX_NAMED], f"{others} more"] if others > 0 else names)
 
 
 def _next_step(f: FleetSummary) -> str:

@@ -16,6 +16,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -25,6 +26,8 @@ import numpy as np
 
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, write
+from gimbalcal.simulate import simulate
+from gimbalcal.simulate.scenario import find
 from tests.benchmarks.bench_reading import make as static_run
 from tests.benchmarks.collecting import say
 
@@ -85,6 +88,13 @@ def log(folder: Path, rows: int) -> None:
     np.savetxt(folder / "log.csv", table, fmt="%.6f", delimiter=",", header=head, comments="")
 
 
+def turned(folder: Path, sweeps: int) -> None:
+    """The 18 turns of Cai et al. (2016) at 100 Hz, an hour for each sweep."""
+    scenario = tomllib.loads(find("cai2016-18").read_text(encoding="utf-8"))
+    scenario["schedule"]["sweeps"] = sweeps
+    write(simulate(scenario, 5)[0], folder, "samples.parquet")
+
+
 @dataclass(frozen=True)
 class Row:
     """One line of the table: what is made, what is run and the peer, with {of} for the folder that was made."""
@@ -117,6 +127,7 @@ ROWS = (
     Row("diagnose, 125 positions", positions, (12_500, 125), command("diagnose", "{of}", "--quiet", "--out", "{of}/d")),
     Row("diagnose, 1000 positions", positions, (20_000, 1000),
         command("diagnose", "{of}", "--quiet", "--out", "{of}/d")),
+    Row("systematic, 7 h", turned, (7,), command("calibrate", "{of}", "--quiet", "--out", "{of}/c")),
     Row("campaign, 20 runs", None, (),
         command("campaign", "wu2018-18", "-n", "20", "--workers", "1", "--quiet", "--out", "{of}/c")),
 )  # fmt: skip
