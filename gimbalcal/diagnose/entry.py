@@ -30,6 +30,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.caveats import caveats, input_errors, too_few_attitudes
 from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
+from gimbalcal.estimate.pointing.fit import usual_terms
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.sessions import unit_of_sessions
 from gimbalcal.estimate.unit import inertial_unit
@@ -39,7 +40,7 @@ from gimbalcal.recording import Recording, completed, join, when_recorded
 from gimbalcal.recording.columns import SPARSE
 from gimbalcal.unusual_constants import with_question
 from gimbalcal.views.core import by_triad
-from gimbalcal.views.pointing import nights
+from gimbalcal.views.pointing import nights, read_axes
 from gimbalcal.words.naming import capitalised
 
 
@@ -183,13 +184,18 @@ def _diagnosed_as_one(request: DiagnosisRequest) -> Diagnosis:
 
 
 def _nights(request: DiagnosisRequest) -> Diagnosis:
-    """Pointing runs of one mount: all nights together, and whether they share their terms at all."""
+    """Pointing runs of one mount: all nights together, and whether they share their terms at all.
+
+    The terms are those of the result and those of `calibrate`: one that differs between nights need not show in all of
+    them together.
+    """
     diagnosis = _diagnosed_as_one(request)
     if diagnosis.calibration is None or sum(len(nights(r)) for r in request.recordings) == 1:
         return diagnosis
-    effects = dict.fromkeys(p.effect for p in diagnosis.calibration.parameters)
+    effects = (p.effect for p in diagnosis.calibration.parameters)
+    usual = (term.partition(":")[0] for term in usual_terms(read_axes(request.recording)))
     terms = tuple(
-        e for e in effects if not constants(CATALOGUE[e])
+        e for e in dict.fromkeys((*effects, *usual)) if not constants(CATALOGUE[e])
     )  # the same constants would be sought in every night
     compare = partial(pointing_calibration, [replace(r, noise={}) for r in request.recordings], terms)
     diagnosis = _with_agreement(diagnosis, "night", "share their terms", compare, request.tell)
@@ -207,8 +213,10 @@ def _with_agreement(d: Diagnosis, each: str, alike: str, compare: Callable[[], C
         shared = compare()
     except InputError as problem:
         return replace(d, in_words=f"{d.in_words} Whether the {each}s {alike} cannot be told: {problem}.")
-    words = (shared.outcome or f"the {each}s {alike}").rstrip(".")
-    listed = plain(shared.provenance.nights or shared.provenance.options.sessions or ())
+    compared = shared.provenance.nights or shared.provenance.options.sessions or ()
+    unknown = f"whether the {each}s {alike} cannot be told: fewer than two of them determine the terms"
+    words = (shared.outcome or (f"the {each}s {alike}" if compared else unknown)).rstrip(".")
+    listed = plain(compared)
     return replace(
         d,
         in_words=f"{d.in_words} {capitalised(words)}.",

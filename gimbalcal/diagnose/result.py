@@ -249,6 +249,11 @@ class FitSummary(Entry):
         """The rms misfit where the noise was estimated from the residual, so that chi^2 does not test the fit."""
         return None
 
+    @property
+    def excess_scatter(self) -> tuple[float, str]:
+        """How many times the noise of the samples the residual of a view is, and the view; 0 where nothing tells it."""
+        return 0.0, ""
+
 
 @dataclass(frozen=True, kw_only=True)
 class StatedNoiseFit(FitSummary):
@@ -280,6 +285,12 @@ class ViewFit(FitSummary):
     def misfit(self) -> RmsMisfit | None:
         """The rms misfit of the view in its unit."""
         return RmsMisfit(self.rms_before, self.rms_after, self.noise.unit)
+
+    @property
+    def excess_scatter(self) -> tuple[float, str]:
+        """The rms residual over the standard error from the scatter of the samples, and the view."""
+        chi2 = list((self.chi2_of_samples_after or {}).values())
+        return (sum(chi2) / max(len(chi2), 1)) ** 0.5, self.noise.of
 
 
 @dataclass(frozen=True)

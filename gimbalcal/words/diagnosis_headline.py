@@ -16,7 +16,12 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Stage
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants
-from gimbalcal.words.diagnosis_sentences import DELAYS, MAX_ALTERNATIVES
+from gimbalcal.words.diagnosis_sentences import (
+    DELAYS,
+    GYROSCOPES_NOT_ANALYSED,
+    MAX_ALTERNATIVES,
+    MAX_EXCESS_SCATTER,
+)
 from gimbalcal.words.law_sentences import laws_in_words, next_of_laws
 from gimbalcal.words.naming import (
     as_sentence,
@@ -64,7 +69,7 @@ def headline(d: Diagnosis) -> str:
 
 def _headline(d: Diagnosis) -> str:
     if d.verdict == "adequate":
-        return f"Nothing is missing: the model explains these data{_residuals(d.fit)}. The calibration can be used."
+        return _adequate(d)
     if d.verdict == "unexplained":
         return _unexplained(d)
     if d.verdict == "not-identifiable":
@@ -81,6 +86,26 @@ def _headline(d: Diagnosis) -> str:
     elif d.unexplained:
         text += " A further misfit has no known cause."
     return f"{text} {_next_of_findings(d.findings)}"
+
+
+def _adequate(d: Diagnosis) -> str:
+    """Return what an adequate fit shows, of the sensors that were analysed, and an unexplained scatter."""
+    omitted = next((n for n in d.provenance.get("notes", ()) if n.startswith(GYROSCOPES_NOT_ANALYSED)), "")
+    if omitted:
+        return (f"Nothing is missing in the model of the accelerometers{_residuals(d.fit)}, whose calibration can be "
+                f"used. {omitted}")  # fmt: skip
+    if excess := _excess_scatter(d.fit):
+        return (f"No known physics is missing, but outputs change from one position to the next: {excess}. The sigmas "
+                "of the calibration include that scatter.")  # fmt: skip
+    return f"Nothing is missing: the model explains these data{_residuals(d.fit)}. The calibration can be used."
+
+
+def _excess_scatter(fit: FitSummary) -> str:
+    """Return which residuals exceed the standard error from their samples most, and by how much; or ""."""
+    ratio, name = max(f.excess_scatter for f in (fit.views or {"": fit}).values())
+    if ratio < MAX_EXCESS_SCATTER:
+        return ""
+    return f"the residuals of the {name} are {ratio:.2g} times the standard error from the scatter of the samples"
 
 
 def _outcome(outcome: str) -> str:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
 MAX_ALTERNATIVES = 3  # confounded causes up to which each of them may be named
+GYROSCOPES_NOT_ANALYSED = "The gyroscopes were not analysed"
 MAX_EXCESS_SCATTER = 1.5  # of residuals over the standard error from their samples; more has a reason
 MAX_HELDOUT_RATIO = 5.0  # of held-out rms to fitted rms; above it the data do not test the model
 
@@ -122,7 +123,7 @@ def rate_not_analysed(why: str) -> str:
 
 def gyroscopes_not_analysed(why: str) -> str:
     """Return that the gyroscopes were not analysed, and why."""
-    return f"The gyroscopes were not analysed: {why}."
+    return f"{GYROSCOPES_NOT_ANALYSED}: {why}."
 
 
 COUNTS_WITHOUT_SCALE = "they output counts, and no turn gives the size of a count"
@@ -295,7 +296,7 @@ def residuals(v: View, fit: ViewFit) -> str:
     start = f"The residual of {v.measurement.channels} is {digits(fit.rms_after)} {v.unit} rms without a pattern"
     if fit.chi2_of_samples_after is None:
         return f"{start}."
-    ratio = float(np.sqrt(np.mean(list(fit.chi2_of_samples_after.values()))))
+    ratio, _ = fit.excess_scatter
     if ratio < MAX_EXCESS_SCATTER:
         return f"{start}, {ratio:.2g} times the standard error from the scatter of the samples."
     return (

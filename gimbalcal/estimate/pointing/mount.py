@@ -121,8 +121,10 @@ def _misfit(fitted: ViewsFit, stated: float | None) -> str:
 
 
 def _differ(several: Nights | None) -> str:
-    if several is None or not several.moved:
+    if several is None or several.probability >= SIGNIFICANCE:
         return ""
+    if not several.moved:
+        return f"the terms differ between {amount(len(several.fits), 'night')}, no single one by three sigma."
     words = []
     for p, _, x, s in several.moved[:MAX_TERMS_NAMED]:
         name = p.label.replace(":", " ").replace("_", " ")
