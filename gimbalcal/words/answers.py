@@ -116,7 +116,8 @@ def next_answer(plan: NextPlan) -> str:
     unit = unit_in_print(best.unit)
     text = (
         f"Next: {best.words}, {lasting(best.seconds)} with the turn. It reduces σ of {spaced(best.parameter)} from "
-        f"{significant(best.sigma_now, 3)} to {significant(best.sigma_after, 3)} {unit}, the largest gain in its time."
+        f"{significant(best.sigma_now, 3)} to {significant(best.sigma_after, 3)} {unit}; of all parameters together no "
+        "other step gains more in its time."
     )
     return f"{text} {goal}".strip()
 
