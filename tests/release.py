@@ -59,15 +59,15 @@ def run(*words: str | Path, where: Path = ROOT, expect: Sequence[int] = (0,), **
     return done.stdout
 
 
-def built(place: Path) -> list[Path]:
-    """Return wheel and sdist (in this order) of the last commit, built in a new folder within `place`."""
+def built(commit: str, place: Path) -> list[Path]:
+    """Return wheel and sdist (in this order) of a commit, built in a new folder within `place`."""
     source = place / "source"
     source.mkdir(parents=True)
     archive = place / "source.tar"
-    run("git", "archive", "--output", archive, "HEAD")
+    run("git", "archive", "--output", archive, commit)
     with tarfile.open(archive) as tar:
         tar.extractall(source, filter="data")
-    epoch = run("git", "log", "-1", "--format=%ct").strip()
+    epoch = run("git", "log", "-1", "--format=%ct", commit).strip()
     run(sys.executable, "-m", "hatchling", "build", "-d", place / "dist", where=source, SOURCE_DATE_EPOCH=epoch)
     return sorted((place / "dist").iterdir(), key=lambda file: file.suffix != ".whl")
 
@@ -162,7 +162,8 @@ def main() -> None:
     parser.add_argument("--without-suite", action="store_true")
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        first, second = (built(Path(folder) / name) for name in ("one", "another"))
+        commit = run("git", "rev-parse", "HEAD").strip()
+        first, second = (built(commit, Path(folder) / name) for name in ("one", "another"))
         for a, b in zip(first, second, strict=True):
             say(f"{digest(a)}  {a.name}")
             if digest(a) != digest(b):
