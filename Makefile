@@ -29,11 +29,12 @@ demo: $(VENV)/.run-ready  ## calibrate the recordings that ship with the project
 test: lint  ## everything that a change has to pass
 	$(BIN)/python -m pytest -q -n 2 --doctest-modules tests gimbalcal
 
-lint: $(VENV)/.dev-ready  ## style, types, and the direction of imports
+lint: $(VENV)/.dev-ready  ## style, types, the direction of imports, and spelling
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/mypy $(CHECKED)
 	$(BIN)/lint-imports
+	$(BIN)/codespell $(CHECKED) tests docs notebooks data $(wildcard *.md)
 
 mutate: $(VENV)/.dev-ready  ## whether the tests fail where effects and equations are falsified
 	$(BIN)/python -m tests.mutate
