@@ -45,6 +45,7 @@ def _elementwise(name: str, numeric: Callable[[Array], Array]) -> Callable[[Arra
 sin = _elementwise("sin", np.sin)
 cos = _elementwise("cos", np.cos)
 exp = _elementwise("exp", np.exp)
+log = _elementwise("log", np.log)
 sqrt = _elementwise("sqrt", np.sqrt)
 absolute = _elementwise("Abs", lambda x: np.where(x.real < 0, -x, x))
 sign = _elementwise("sign", lambda x: np.sign(x.real))

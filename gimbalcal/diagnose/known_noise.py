@@ -19,7 +19,15 @@ from gimbalcal.diagnose.answer import Curves, in_print, plotted_against
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
-from gimbalcal.diagnose.laws.law_claims import Lawful, beyond_walk, lawful, misheld
+from gimbalcal.diagnose.laws.law_claims import (
+    DOUBTED,
+    MOST_OF_IT,
+    Lawful,
+    beyond_walk,
+    lawful,
+    ln_beside,
+    misheld,
+)
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import (
     Evidence,
@@ -118,11 +126,21 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
     if walk is not None:
         return diagnosis.with_walk(walk, only=False)
     assert isinstance(diagnosis.fit, StatedNoiseFit)
-    if d.hypothesis is None or (diagnosis.fit.scan_p_after >= LEFT and strained(c, d.hypothesis.members) < CLAIM):
+    if d.hypothesis is None or not _challenged(c, d.hypothesis.members, diagnosis.fit):
         return diagnosis
     none = unnamed(c)
     law = lawful(c, none, seed, tell, instead=True)
-    return _report(case, c, none, law) if law.laws else diagnosis
+    if law.laws:
+        return _report(case, c, none, law)
+    doubted = law.outdoes or diagnosis.fit.explained < MOST_OF_IT
+    return diagnosis.with_probabilities_below(DOUBTED) if doubted else diagnosis
+
+
+def _challenged(c: Ranking, members: Sequence[int], fit: StatedNoiseFit) -> bool:
+    """Return whether causes leave something that a formula may explain: more than noise, or what a formula follows."""
+    if fit.scan_p_after < LEFT or strained(c, members) >= CLAIM:
+        return True
+    return ln_beside(c, members) >= CLAIM
 
 
 def searched(view: View, known: Calibration | None, tell: Tell) -> Search:

@@ -265,6 +265,12 @@ class StatedNoiseFit(FitSummary):
     scan_p_before: float
     scan_p_after: float
 
+    @property
+    def explained(self) -> float:
+        """The share of the misfit beyond noise that what was added to the model explains."""
+        excess = self.chi2_reduced_before - 1
+        return (self.chi2_reduced_before - self.chi2_reduced_after) / excess if excess > 0 else 1.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class ViewFit(FitSummary):

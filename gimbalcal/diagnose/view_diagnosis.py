@@ -14,7 +14,14 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, plotted_against
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.laws.law_claims import Lawful, against_walk, laws_of_view, with_heldout
+from gimbalcal.diagnose.laws.law_claims import (
+    DOUBTED,
+    Lawful,
+    against_walk,
+    laws_of_view,
+    outdone,
+    with_heldout,
+)
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import Evidence, Finding, FitSummary, LawResult, Mismatch, Shape
 from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
@@ -82,6 +89,11 @@ class ViewDiagnosis:
         """The view as diagnosis.json calls it."""
         return "forces" if self.view.measurement.known_attitude else self.view.name
 
+    def with_probabilities_below(self, most: float) -> ViewDiagnosis:
+        """Return the diagnosis with findings no surer than `most`, as a formula says it better or much is left."""
+        doubted = tuple(replace(f, probability=min(f.probability, most)) for f in self.findings)
+        return replace(self, findings=doubted, verdict="not-identifiable")
+
     def with_walk(self, walk: RandomWalkFinding, only: bool) -> ViewDiagnosis:
         """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""
         return replace(
@@ -125,12 +137,24 @@ def diagnosis_of(c: SearchResult, tell: Tell) -> ViewDiagnosis:
 
 
 def diagnosis_as(
-    c: SearchResult, verdicts: Sequence[Judgement], tell: Tell, walk: RandomWalkFinding | None = None
-) -> ViewDiagnosis:
-    """Return the diagnosis of a search whose causes have been judged; where there is none, formulas are sought.
+    c: SearchResult, verdicts: Sequence[Judgement], tell: Tell, walk: RandomWalkFinding | None = None,
+    refused: bool = False,
+) -> ViewDiagnosis:  # fmt: skip
+    """Return the diagnosis of a search whose causes have been judged, with formulas for what has no known cause.
 
-    walk: that of a sensor which the formulas compete with; then something is missing even if it has no shape.
+    A cause gives way to a formula that is much likelier. walk: that of a sensor which the formulas compete with; then
+    something is missing even if it has no shape. refused: whether a cause has been removed for a formula.
     """
+    doubted = False
+    if verdicts and not refused and walk is None and not c.start.exact:
+        tell("comparing the causes with formulas in what was recorded")
+        if names := {cause.key for cause in outdone(c, [j.cause for j in verdicts])}:
+            rest = [this for this in c.causes if this[0].key not in names]
+            without = result_of(c.start, rest, [x for x in c.standard if x in rest], refused=True)
+            kept = [j for j in verdicts if j.cause.key not in names]
+            if (by_formula := diagnosis_as(without, kept, tell, refused=True)).laws:
+                return by_formula
+            doubted = True
     v = c.start.view
     if v.finer is not None:
         tell("refitting at the full resolution")
@@ -146,21 +170,24 @@ def diagnosis_as(
         verdict = "unexplained"
     sigma = row_sigma(c.described)
     fit, lawful, odds = view_fit(c, sigma), Lawful(), np.inf
-    if verdict == "adequate" and not c.start.exact:
-        remaining = library(c.end)
-        fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
-    if verdict == "unexplained":
+    if not c.start.exact and (shapes or not findings or refused):
         tell(law_sentences.SEARCHING)
-        lawful, with_law = laws_of_view(c.end, sigma)
-        if lawful.laws:
-            c_law, sigma_law = replace(c, described=with_law), row_sigma(with_law)
-            fit_law = view_fit(c_law, sigma_law)
-            lawful = with_heldout(lawful, fit_law)
+        lawful, with_law = laws_of_view(c.end, sigma, [f"{f.effect}:{f.axis}".rstrip(":") for f in findings])
+        c_law = replace(c, described=with_law)
+        fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
+        lawful = with_heldout(lawful, fit_law)
         if walk is not None:
             advice = diagnosis_sentences.repeat_advice(v.kind.stabilised, by_hand=not v.stimulus.axis_names)
             lawful, odds = against_walk(lawful, walk, advice)
         if lawful.laws:
-            c, fit, sigma = c_law, fit_law, sigma_law
+            c, fit, sigma = c_law, fit_law, row_sigma(with_law)
+            shapes = shapes or tuple(Shape(f"{w.channel} {w.axis}", law_sentences.shape_of_law(w)) for w in lawful.laws)
+            verdict = "unexplained" if not findings else verdict
+        elif findings or verdict == "adequate":
+            lawful = Lawful()
+    if verdict == "adequate" and not c.start.exact:
+        remaining = library(c.end)
+        fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
     if verdict == "missing-physics" and fit.heldout_rms_after > max(
         fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after
     ):
@@ -170,6 +197,7 @@ def diagnosis_as(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
         recommend=lawful.recommend,
     )  # fmt: skip
+    diagnosis = diagnosis.with_probabilities_below(DOUBTED) if doubted else diagnosis
     return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
 
 

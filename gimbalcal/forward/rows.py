@@ -85,8 +85,13 @@ class Rows:
         return np.asarray(np.einsum("ncm,nm->nc", S, added.reshape(len(S), -1)))
 
     def added(self, stage: Stage, index: int, basis: Array) -> Array:
-        """Return the effect of each column of a basis (n, p), added to one number of a stage, on the channels."""
-        return self._mapped(self.sensitivity[stage][:, :, index, None] * basis[:, None, :])
+        """Return the effect of each column of a basis, added to one number of a stage, on the channels (n, C, p).
+
+        basis (n, p), or (n k, p) where each row sums what was added in k steps before it.
+        """
+        S, p = self.sensitivity[stage], basis.shape[1]
+        n, C, k = *S.shape[:2], len(basis) // len(S)
+        return self._mapped(np.einsum("nck,nkp->ncp", S.reshape(n, C, k, -1)[..., index], basis.reshape(n, k, p)))
 
     def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
         """Return derivative (n, C, p) of the channels by the wanted parameters of one effect, at its present values."""

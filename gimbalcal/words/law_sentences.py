@@ -38,6 +38,11 @@ KNOWN_CAUSE = "take {more}: {names}, which is known, explains these data as well
 SEVERAL_FORMULAS = "take {more} in which {names} vary independently of each other: several formulas fit alike, {alike}"
 
 
+def shape_of_law(law: LawResult) -> str:
+    """Return what a law follows, as the shape of a misfit."""
+    return f"a function of {listed([spaced(v) for v in law.variables])}"
+
+
 def laws_in_words(laws: Sequence[LawResult]) -> str:
     """Return which sensor is off by which formula, of all laws one after the other."""
     parts = []

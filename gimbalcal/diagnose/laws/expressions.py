@@ -1,19 +1,25 @@
-"""The small expressions of which a law that no catalogue holds may consist, in what was recorded.
+r"""The small expressions of which a law that no catalogue holds may consist, in what was recorded.
 
-A term is a function of one variable: a power, a size, waves, a decay, a saturation, a threshold. A law is one term or
-the product of two in different variables, each column of it with a coefficient that is fitted beside the calibration.
-Constants inside a term (an order, a time constant, a limit) start from a grid.
+A term is a form of one variable: powers, waves, decays, logarithms, steps, knees, bumps, pulses, or a table. A law is
+one term, or the product of two or three in different variables, and each of its columns has a coefficient that is
+fitted alongside the calibration. Variables without a natural zero (time, temperature, logged channels) have a free
+origin: lower powers stand with the higher ones, so that the columns span the same functions whatever the origin,
+
+.. math:: \mathrm{span}\{x, x^2, x^3\} = \mathrm{span}\{x - c, (x - c)^2, (x - c)^3\} \text{ up to a constant,}
+
+and whatever the unit. Constants inside a term (an order, a time constant, a threshold, a width) start from a grid.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from gimbalcal.diagnose.library.variables import Variable, variables
+from gimbalcal.diagnose.library.variables import CENTRED, Variable, variables
 from gimbalcal.effects import Stimulus
 from gimbalcal.effects.grids import highest_order
 from gimbalcal.number import Array
@@ -22,91 +28,187 @@ from gimbalcal.units import to_si
 LEVELS, STEPS = 12, 25  # thresholds of a variable at the most, and about one of them
 INSTANTS = 40  # of a threshold in time
 CYCLES, FAST = 30, 150  # waves over the recording, in half turns: in products, and alone
+SLOW_WAVES = 16  # half turns over the range of a variable other than time
 ORDERS = 8  # harmonics of an angle at the most
+PLACES, WIDTHS = 9, (0.04, 0.12, 0.35)  # of steps and bumps, in shares of the range of a variable
+KNOTS = (4, 6, 9)  # of a table
+COEFFICIENTS = 8  # of a law at the most
+PULSES, PHASES = (-0.6, 0.0, 0.6), 24  # levels above which a cosine is a pulse, and its phases
 VARIED = (0.25, 0.5, 0.8, 1.25, 2.0, 4.0)  # times a constant: where else a law may be
 
 
 @dataclass(frozen=True)
-class Form:
-    """A function of one variable: of x, its columns (n, m) by constant; in print and as code, {x} being the variable.
+class Constant:
+    """A constant of a form: its letter, its unit ("x" that of the variable, "1/x", or none), and how it is refined.
 
-    power: of x, which the unit of a coefficient is divided by; constant: its letter and which unit it has ("" none,
-    "x" that of the variable, "1/x", or a whole number).
+    kind: "size" of a positive number, "place" on the axis of the variable, "number", or "fixed": as on the grid.
+    """
+
+    letter: str
+    of: str = ""
+    kind: str = "size"
+
+
+@dataclass(frozen=True)
+class Form:
+    """A function of one variable: of x and its constants, its columns (n, m); in print, {x} being the variable.
+
+    words: of each column, with {0}, {1}, ... for the constants; powers: of x of each column, by which the unit of its
+    coefficient is divided; whole: whether the columns go together, as sine and cosine do.
     """
 
     key: str
-    columns: Callable[[Array, float], list[Array]]
+    columns: Callable[..., list[Array]]
     words: tuple[str, ...]
-    power: int = 0
-    constant: str = ""
-    of: str = ""
+    powers: tuple[int, ...]
+    constants: tuple[Constant, ...] = ()
+    whole: bool = False
 
     @property
     def smooth(self) -> bool:
-        """Return whether the constant can be refined between the values of its grid."""
-        return bool(self.constant) and self.of != "whole" and self.key != "above"
+        """Return whether a constant can be refined between the values of its grid."""
+        return any(c.kind != "fixed" for c in self.constants)
 
 
-WAVES = ("cos({c}*{x})", "sin({c}*{x})")
+def _power(x: Array, p: float) -> list[Array]:
+    return [np.abs(x) ** p, np.sign(x) * np.abs(x) ** p]
+
+
+def _step(x: Array, c: float, w: float) -> list[Array]:
+    return [np.tanh((x - c) / w)]
+
+
+def _ring(x: Array, k: float, tau: float) -> list[Array]:
+    return [np.exp(-x / tau) * np.cos(k * x), np.exp(-x / tau) * np.sin(k * x)]
+
+
+def _table(x: Array, *knots: float) -> list[Array]:
+    return [np.clip(x, a, b) - a for a, b in itertools.pairwise(knots)]
+
+
+WAVES = ("cos({0}*{x})", "sin({0}*{x})")
+PLACE, WIDTH, TAU, K = Constant("x0", "x", "place"), Constant("w", "x"), Constant("tau", "x"), Constant("k", "1/x")
+PHASE = Constant("phi", "", "number")
 FORMS = {
     form.key: form
     for form in (
-        Form("x", lambda x, _: [x], ("{x}",), 1),
-        Form("x^2", lambda x, _: [x**2], ("{x}**2",), 2),
-        Form("x^3", lambda x, _: [x**3], ("{x}**3",), 3),
-        Form("|x|", lambda x, _: [np.abs(x)], ("Abs({x})",), 1),
-        Form("harmonic", lambda x, n: [np.cos(n * x), np.sin(n * x)], WAVES, 0, "n", "whole"),
-        Form("wave", lambda x, k: [np.cos(k * x), np.sin(k * x)], WAVES, 0, "k", "1/x"),
-        Form("fade", lambda x, tau: [np.exp(-x / tau)], ("exp(-{x}/{c})",), 0, "tau", "x"),
-        Form("bounded", lambda x, b: [x / (1 + np.abs(x) / b)], ("{x}/(1 + Abs({x})/{c})",), 1, "b", "x"),
-        Form("above", lambda x, c: [(x > c).astype(float)], ("Heaviside({x} - {c})",), 0, "x0", "x"),
+        Form("x", lambda x: [x], ("{x}",), (1,)),
+        Form("x^2", lambda x: [x**2], ("{x}**2",), (2,)),
+        Form("x^3", lambda x: [x**3], ("{x}**3",), (3,)),
+        Form("to x^2", lambda x: [x, x**2], ("{x}", "{x}**2"), (1, 2)),
+        Form("to x^3", lambda x: [x, x**2, x**3], ("{x}", "{x}**2", "{x}**3"), (1, 2, 3)),
+        Form("|x|", lambda x: [np.abs(x)], ("Abs({x})",), (1,)),
+        Form("power", _power, ("Abs({x})**{0}", "sign({x})*Abs({x})**{0}"), (0, 0), (Constant("p"),)),
+        Form("harmonic", lambda x, n: [np.cos(n * x), np.sin(n * x)], WAVES, (0, 0),
+             (Constant("n", "", "fixed"),), True),
+        Form("wave", lambda x, k: [np.cos(k * x), np.sin(k * x)], WAVES, (0, 0), (K,), True),
+        Form("fade", lambda x, tau: [np.exp(-x / tau)], ("exp(-{x}/{0})",), (0,), (TAU,)),
+        Form("log", lambda x, tau: [np.log1p(x / tau)], ("log(1 + {x}/{0})",), (0,), (TAU,)),
+        Form("ring", _ring, tuple(f"exp(-{{x}}/{{1}})*{w}" for w in WAVES), (0, 0), (K, TAU), True),
+        Form("above", lambda x, c: [(x > c).astype(float)], ("Heaviside({x} - {0})",), (0,),
+             (Constant("x0", "x", "fixed"),)),
+        Form("step", _step, ("tanh(({x} - {0})/{1})",), (0,), (PLACE, WIDTH)),
+        Form("knee", lambda x, c: [x, np.maximum(x - c, 0.0)], ("{x}", "Max(0, {x} - {0})"), (1, 1), (PLACE,)),
+        Form("bump", lambda x, c, w: [np.exp(-(((x - c) / w) ** 2))], ("exp(-(({x} - {0})/{1})**2)",), (0,),
+             (PLACE, WIDTH)),
+        Form("pulse", lambda x, k, p, q: [np.sign(np.cos(k * x + p) - q)], ("sign(cos({0}*{x} + {1}) - {2})",), (0,),
+             (K, PHASE, Constant("level", "", "number"))),
+        Form("sawtooth", lambda x, k, p: [np.arctan2(np.sin(k * x + p), np.cos(k * x + p))],
+             ("atan2(sin({0}*{x} + {1}), cos({0}*{x} + {1}))",), (0,), (K, PHASE)),
+        Form("rectified", lambda x, k, p: [np.cos(k * x + p), np.abs(np.cos(k * x + p))],
+             ("cos({0}*{x} + {1})", "Abs(cos({0}*{x} + {1}))"), (0, 0), (K, PHASE)),
+        Form("table", _table, (), ()),
     )
-}
-OF = {
-    "force": ("x", "x^2", "x^3", "|x|", "wave", "bounded", "above"),
-    "angle": ("harmonic", "above"),
-    "rate": ("x", "x^2", "x^3", "|x|", "bounded", "above"),
-    "time": ("x", "x^2", "x^3", "wave", "fade", "above"),
-    "since": ("x", "fade"),
-    "logged": ("x", "x^2", "x^3", "|x|", "above"),
+}  # fmt: skip
+ALONE = {
+    "force": ("x", "x^2", "x^3", "|x|", "power", "wave", "above", "step", "knee"),
+    "angle": ("harmonic", "above", "step", "bump"),
+    "rate": ("x", "x^2", "x^3", "|x|", "power", "above", "step", "knee"),
+    "time": ("x", "to x^2", "to x^3", "wave", "fade", "log", "ring", "above", "step", "knee", "bump"),
+    "since": ("x", "fade", "log"),
+    "logged": ("x", "to x^2", "to x^3", "wave", "above", "step", "knee", "bump"),
     "course": ("x", "x^2", "x^3", "|x|", "above"),
-}
+    "move": ("x", "|x|"),
+}  # of a variable of each group by itself
+MULTIPLIED = {
+    "force": ("x", "x^2", "x^3", "|x|", "wave", "above"),
+    "angle": ("harmonic", "above"),
+    "rate": ("x", "x^2", "x^3", "|x|", "above"),
+    "time": ("x", "to x^2", "wave", "fade", "log", "above"),
+    "since": ("x", "fade"),
+    "logged": ("x", "to x^2", "to x^3", "wave", "above"),
+    "course": ("x", "x^2", "|x|", "above"),
+    "move": ("x",),
+}  # and in products
 
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """A form of a variable with its constant (SI), its columns (n, m), and on how long a grid it stands."""
+    """A form of a variable with its constants (SI), and on how long a grid they stand."""
 
     variable: Variable
     form: Form
-    constant: float
-    columns: Array
+    constants: tuple[float, ...]
     tried: int
 
-    @property
+    @cached_property
+    def columns(self) -> Array:
+        """The columns (n, m)."""
+        v = self.variable
+        x = v.x - v.origin if any(self.form.powers) and self.form.key != "knee" else v.x
+        return np.stack(self.form.columns(x, *self.constants), axis=-1)
+
+    @cached_property
+    def factors(self) -> Array:
+        """The columns as they stand in a product, behind a constant where the origin is free."""
+        one = np.ones((len(self.columns), int(self.free_origin)))
+        return np.concatenate([one, self.columns], axis=1)
+
+    @cached_property
     def family(self) -> str:
-        """The term whatever its constant."""
-        return f"{self.form.key} of {self.variable.name}"
+        """The term whatever its constants, but for the order of a rare wave of an angle."""
+        order = f" {self.constants[0]:.3g}" if self.form.key in ("pulse", "sawtooth", "rectified") else ""
+        return f"{self.form.key}{order * (self.variable.group == 'angle')} of {self.variable.name}"
 
-    def at(self, constant: float) -> Term:
-        """The same form with another constant."""
-        return replace(self, constant=constant, columns=_columns(self.variable, self.form, constant))
+    @property
+    def free_origin(self) -> bool:
+        """Return whether a constant stands with the columns in a product, since the variable has no natural zero."""
+        powers = self.form.key in ("x", "to x^2", "to x^3", "knee") and self.variable.group in CENTRED
+        return powers or self.form.key == "table"
 
-    def printed(self, x: float) -> float:
-        """A value of the constant, or its sigma, in its unit."""
-        return x / float(to_si(1.0, self.unit_of_constant())) if self.unit_of_constant() else x
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The columns in print, with {x} for the variable."""
+        if self.form.key != "table":
+            return self.form.words
+        c = [float(self.variable.printed(k)) for k in self.constants]
+        return tuple(f"(Abs({{x}} - {a:.6g}) - Abs({{x}} - {b:.6g}))" for a, b in itertools.pairwise(c))
 
-    def unit_of_constant(self) -> str:
-        """In print."""
-        unit = self.variable.unit
-        return "" if self.form.of == "whole" or not unit else unit if self.form.of == "x" else f"1/{whole(unit)}"
+    def at(self, *constants: float) -> Term:
+        """The same form with other constants."""
+        return replace(self, constants=constants)
+
+    def refined(self, i: int) -> bool:
+        """Return whether constant i may lie between the values of its grid; waves of an angle come round."""
+        c = self.form.constants[i]
+        return c.kind != "fixed" and not (c.of == "1/x" and self.variable.group == "angle")
+
+    def printed(self, i: int, x: float) -> float:
+        """A value of constant i, or its sigma, in its unit."""
+        return x / float(to_si(1.0, self.unit_of(i))) if self.unit_of(i) else x
+
+    def unit_of(self, i: int) -> str:
+        """The unit of constant i in print."""
+        unit, of = self.variable.unit, self.form.constants[i].of
+        return "" if not of or not unit else unit if of == "x" else f"1/{whole(unit)}"
 
 
 @dataclass(frozen=True, eq=False)
 class Expression:
-    """A law: one term, or the product of two or three."""
+    """A law: one term, or the product of two or three; `kept` are the ordinals of its columns, None for all."""
 
     terms: tuple[Term, ...]
+    kept: tuple[int, ...] | None = None
 
     @property
     def family(self) -> str:
@@ -114,9 +216,44 @@ class Expression:
         return " * ".join(t.family for t in self.terms)
 
     @property
+    def _ones(self) -> tuple[bool, ...]:
+        """Whether a constant stands before the columns of each term."""
+        return tuple(len(self.terms) > 1 and t.free_origin for t in self.terms)
+
+    @cached_property
     def columns(self) -> Array:
         """Columns (n, m) of which each has a coefficient."""
-        return multiplied(*(t.columns for t in self.terms))
+        X = multiplied(*(t.factors if len(self.terms) > 1 else t.columns for t in self.terms))
+        X = X[:, int(all(self._ones)) :]
+        return X if self.kept is None else X[:, list(self.kept)]
+
+    @property
+    def factors(self) -> list[tuple[int, ...]]:
+        """Of each column the ordinal of the column of each term; -1 where that is a constant."""
+        each = [range(-int(one), t.columns.shape[1]) for t, one in zip(self.terms, self._ones, strict=True)]
+        every = list(itertools.product(*each))[int(all(self._ones)) :]
+        return every if self.kept is None else [every[i] for i in self.kept]
+
+    @property
+    def groups(self) -> list[list[int]]:
+        """Ordinals of columns that go together: those that differ by sine and cosine."""
+        out: dict[tuple[int, ...], list[int]] = {}
+        for i, own in enumerate(self.factors):
+            key = tuple(-2 if t.form.whole and k >= 0 else k for t, k in zip(self.terms, own, strict=True))
+            out.setdefault(key, []).append(i)
+        return list(out.values())
+
+    @property
+    def simpler(self) -> bool:
+        """Return whether no column needs the last one of a form, so that a simpler form says the same."""
+        last = {"to x^2": 1, "to x^3": 2, "knee": 1, "rectified": 1}
+        return any(all(own[i] != last[t.form.key] for own in self.factors)
+                   for i, t in enumerate(self.terms) if t.form.key in last)  # fmt: skip
+
+    def without(self, dropped: Sequence[int]) -> Expression:
+        """Return the law without these of its columns."""
+        kept = self.kept or tuple(range(self.columns.shape[1]))
+        return Expression(self.terms, tuple(k for i, k in enumerate(kept) if i not in dropped))
 
     @property
     def tried(self) -> int:
@@ -128,20 +265,43 @@ class Expression:
         """The variables that it follows."""
         return tuple(t.variable for t in self.terms)
 
+    def of(self, named: Mapping[str, Variable]) -> Expression:
+        """Return the same law of other rows of the variables. Raises KeyError for what is not logged there."""
+        moved = (replace(t, variable=replace(named[t.variable.name], origin=t.variable.origin)) for t in self.terms)
+        return Expression(tuple(moved), self.kept)
+
+    def referred(self) -> Expression:
+        """Return the same law with powers of the difference from the reference of each variable."""
+        at = (replace(t, variable=replace(t.variable, origin=t.variable.reference)) for t in self.terms)
+        return Expression(tuple(at), self.kept)
+
     def on(self, s: Stimulus) -> Expression:
-        """The same law where something else is felt. Raises KeyError for what is not logged there."""
-        there = {v.name: v for v in variables(s, still=True)}
-        moved = ((t, replace(t.variable, x=there[t.variable.name].x)) for t in self.terms)
-        return Expression(tuple(replace(t, variable=v, columns=_columns(v, t.form, t.constant)) for t, v in moved))
+        """Return the same law of another stimulus. Raises KeyError for what is not logged there."""
+        return self.of({v.name: v for v in variables(s, still=True)})
 
     def varied(self) -> list[Expression]:
-        """The law, and with each of its smooth constants a quarter to four times as large."""
+        """The law, and with each of its sizes a quarter to four times as large."""
         out = [self]
-        for i, t in enumerate(self.terms):
-            if t.form.smooth:
-                moved = (t.at(t.constant * by) for by in VARIED)
-                out += [Expression((*self.terms[:i], m, *self.terms[i + 1 :])) for m in moved]
+        for i, j, value in self.smooth():
+            if self.terms[i].form.constants[j].kind == "size":
+                out += [self.at([(i, j, value * by)]) for by in VARIED]
         return out
+
+    def smooth(self) -> list[tuple[int, int, float]]:
+        """Ordinals of term and constant, and values, of the constants that can be refined."""
+        return [(i, j, t.constants[j]) for i, t in enumerate(self.terms)
+                for j in range(len(t.form.constants)) if t.refined(j)]  # fmt: skip
+
+    def at(self, values: Sequence[tuple[int, int, float]]) -> Expression:
+        """Return the law with these values of some constants, by the ordinals of term and constant."""
+        each = [list(t.constants) for t in self.terms]
+        for i, j, value in values:
+            each[i][j] = value
+        return self.replaced([t.at(*own) for t, own in zip(self.terms, each, strict=True)])
+
+    def replaced(self, terms: Sequence[Term]) -> Expression:
+        """Return the law of other terms of as many columns."""
+        return Expression(tuple(terms), self.kept)
 
 
 def multiplied(A: Array, *others: Array) -> Array:
@@ -151,39 +311,40 @@ def multiplied(A: Array, *others: Array) -> Array:
     return A
 
 
-def terms(v: Variable, s: Stimulus) -> list[Term]:
-    """Every term of a variable, with every constant of its grid."""
+def terms(v: Variable, s: Stimulus, keys: Sequence[str], rows: Array | slice = slice(None)) -> list[Term]:
+    """Return every term of a variable in these forms, with every constant of its grid, at some `rows`."""
     out = []
-    for key in OF[v.group]:
-        form = FORMS[key]
-        grid = _grid(v, form, s) if form.constant else [0.0]
-        made = [Term(v, form, c, _columns(v, form, c), len(grid)) for c in grid]
+    here = replace(v, x=v.x[rows])
+    for key in keys:
+        grid = _grid(v, FORMS[key], s)
+        made = [Term(here, FORMS[key], c, len(grid)) for c in grid]
         out += [t for t in made if np.ptp(t.columns, axis=0).max() > 1e-9 * np.abs(t.columns).max()]
     return out
 
 
-def _columns(v: Variable, form: Form, constant: float) -> Array:
-    x = v.x - v.origin if form.power else v.x
-    return np.stack(form.columns(x, constant), axis=-1)
-
-
-def _grid(v: Variable, form: Form, s: Stimulus) -> list[float]:
+def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
     """Constants from which a search starts, SI."""
     low, high = float(v.x.min()), float(v.x.max())
-    size = max(abs(low - v.origin), abs(high - v.origin))
-    if form.key == "harmonic":
-        return [float(n) for n in range(1, max(1, min(ORDERS, int(highest_order(s)))) + 1)]
-    if form.key == "wave":
-        span = high - low
-        return [
-            np.pi * k / span for k in range(1, (min(FAST, len(v.x) // 4) if v.group == "time" else CYCLES // 4) + 1)
-        ]
-    if form.key == "fade":
-        step = float(np.median(np.diff(np.unique(v.x))))
-        return list(np.geomspace(max(2 * step, (high - low) / 50), 1.5 * (high - low), 7))
-    if form.key == "bounded":
-        return list(size * np.array([0.1, 0.3, 1.0, 3.0]))
-    return _levels(v, s)
+    span, places = high - low, np.linspace(low, high, PLACES + 2)[1:-1]
+    levels = len(np.unique(np.round((v.x - low) / (span or 1.0), 3)))
+    waves = min(FAST, len(v.x) // 4) if v.group == "time" else min(SLOW_WAVES, levels // 2)
+    grids: dict[str, Callable[[], Sequence[tuple[float, ...]]]] = {
+        "harmonic": lambda: [(float(n),) for n in range(1, max(1, min(ORDERS, int(highest_order(s)))) + 1)],
+        "wave": lambda: [(np.pi * k / span,) for k in range(1, waves + 1)],
+        "ring": lambda: [(np.pi * k / span, span * part) for k in range(2, CYCLES + 1) for part in (0.08, 0.2, 0.5)],
+        "fade": lambda: [(tau,) for tau in np.geomspace(max(2 * _spacing(v.x), span / 50), 1.5 * span, 7)],
+        "log": lambda: [(tau,) for tau in np.geomspace(span / 300, span, 6)],
+        "power": lambda: [(p,) for p in (0.5, 1.5, 2.5, 4.0)],
+        "knee": lambda: [(c,) for c in places],
+        "step": lambda: [(c, span * w) for c in places for w in WIDTHS],
+        "bump": lambda: [(c, span * w) for c in places for w in WIDTHS],
+        "above": lambda: [(c,) for c in _levels(v, s)],
+    }
+    return list(grids[form.key]()) if form.key in grids else [()]
+
+
+def _spacing(x: Array) -> float:
+    return float(np.median(np.diff(np.unique(x))))
 
 
 def _levels(v: Variable, s: Stimulus) -> list[float]:
@@ -219,12 +380,55 @@ def partners(every: Sequence[Sequence[Term]]) -> list[tuple[Term, list[Term]]]:
 
 def triples(every: Sequence[Sequence[Term]]) -> list[Expression]:
     """Products of three variables as they are, of angles the first harmonic."""
-    plain = [t for own in every for t in own if t.form.key == "x" or (t.form.key == "harmonic" and t.constant == 1)]
+    plain = [t for own in every for t in own if t.variable.group != "move"
+             and (t.form.key == "x" or (t.form.key == "harmonic" and t.constants == (1,)))]  # fmt: skip
     return [Expression(three) for three in itertools.combinations(plain, 3)]
 
 
+def tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[Expression]:
+    """Return free functions of each variable, as tables between knots; where asked for, times a force or a rate too.
+
+    They stand for what no closed form says. Knots are even in the ranks of the values, so that each has data.
+    """
+    out = list[Expression]()
+    for v in vs:
+        if v.group == "move":
+            continue
+        here = replace(v, x=v.x[rows])
+        own = []
+        for n in KNOTS:
+            knots = np.unique(np.quantile(v.x, np.linspace(0, 1, n)))
+            if len(knots) == n and np.diff(knots).min() > 1e-3 * np.ptp(v.x):
+                own.append(Term(here, FORMS["table"], tuple(knots.tolist()), len(KNOTS)))
+        out += [Expression((t,)) for t in own]
+        if products and v.group in CENTRED:
+            plain = [Term(replace(u, x=u.x[rows]), FORMS["x"], (), 1) for u in vs if u.group in ("force", "rate")]
+            out += [Expression((t, u)) for t in own if len(t.constants) < KNOTS[-1] for u in plain]
+    return out
+
+
+def relatives(e: Expression) -> list[Expression]:
+    """Return laws with a richer form in the place of one of a law: what a wave, a threshold or a size may really be."""
+    out = []
+    for i, t in enumerate(e.terms):
+        span = float(np.ptp(t.variable.x))
+        made = list[Term]()
+        if t.form.key in ("wave", "harmonic"):
+            k = t.constants[0]
+            phases = 2 * np.pi * np.arange(PHASES) / PHASES
+            made += [Term(t.variable, FORMS["pulse"], (k, p, q), PHASES * 3) for p in phases for q in PULSES]
+            made += [Term(t.variable, FORMS["sawtooth"], (k, p), PHASES) for p in phases]
+            made += [Term(t.variable, FORMS["rectified"], (k / n, p), PHASES) for p in phases for n in (1, 2)]
+        elif t.form.key == "above" and t.variable.group != "course":
+            made += [Term(t.variable, FORMS["step"], (*t.constants, span * w), t.tried * 3) for w in WIDTHS]
+        elif t.form.key == "|x|" and t.variable.group in ("force", "rate"):
+            made += [Term(t.variable, FORMS["power"], (p,), 4) for p in (0.5, 1.5, 2.5)]
+        out += [Expression((*e.terms[:i], m, *e.terms[i + 1 :])) for m in made]
+    return out
+
+
 def _fast(t: Term) -> bool:
-    return t.form.key == "wave" and t.constant * float(np.ptp(t.variable.x)) > (CYCLES + 0.5) * np.pi
+    return t.form.key == "wave" and t.constants[0] * float(np.ptp(t.variable.x)) > (CYCLES + 0.5) * np.pi
 
 
 def between(t: Term) -> list[Term]:
@@ -232,7 +436,7 @@ def between(t: Term) -> list[Term]:
     if t.form.key != "above" or t.variable.group == "course":
         return []
     step = float(np.ptp(t.variable.x)) / (INSTANTS if t.variable.group == "time" else LEVELS)
-    made = (t.at(c) for c in t.constant + step * np.linspace(-1, 1, STEPS))
+    made = (t.at(c) for c in t.constants[0] + step * np.linspace(-1, 1, STEPS))
     return [m for m in made if np.ptp(m.columns) > 0]
 
 

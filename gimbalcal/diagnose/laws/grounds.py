@@ -19,7 +19,6 @@ from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.effects import Stage
 from gimbalcal.inference.algebra import block_diagonal, orthonormal
 from gimbalcal.number import Array
-from gimbalcal.recording.record import RATE
 from gimbalcal.views.core import Fit
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
@@ -66,8 +65,8 @@ def _places(fit: Fit) -> list[Place]:
         s, gimbals = rows.seen[stage], stage is Stage.ENCODER
         block = v.noise.block if len(v.noise.block) else stretches(len(s.time))
         names = v.stimulus.axis_names if gimbals else tuple("xyz")
-        # a turn shows no gyroscope by itself; the norm of the force shows each accelerometer
-        own = {a for q, a in v.channels if q == quantity and (q == RATE or a in names)} or set(names)
+        # the norm of the force shows each accelerometer, gravity after a turn each gyroscope
+        own = {a for q, a in v.channels if q == quantity and a in names} or set(names)
         for i, axis in enumerate(names):
             if axis in own and not (gimbals and np.ptp(v.stimulus.readout[:, i]) <= MIN_TRAVEL_RAD):
                 out.append(Place(quantity, axis, variables(s), s, block, partial(rows.added, stage, i)))

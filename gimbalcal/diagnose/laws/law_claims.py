@@ -14,24 +14,27 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.noises import noises
-from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
+from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER, UNKNOWN
 from gimbalcal.diagnose.laws.expressions import Expression
-from gimbalcal.diagnose.laws.grounds import with_law
+from gimbalcal.diagnose.laws.grounds import ground, together, with_law
 from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
-from gimbalcal.diagnose.laws.law_search import Ground, Law, same
-from gimbalcal.diagnose.laws.model_comparison import compared
+from gimbalcal.diagnose.laws.law_search import RARE, Ground, Law, laws_of, same, trimmed
+from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared, with_cause
 from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
-from gimbalcal.diagnose.search.ranking import Ranking, Search, search
+from gimbalcal.diagnose.search.ranking import Ranking, Search, is_usual, search
 from gimbalcal.diagnose.search.refit import fitted_columns
+from gimbalcal.diagnose.search.stepwise import SearchResult, with_causes
 from gimbalcal.diagnose.verdict.agreement import against, inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
 from gimbalcal.diagnose.verdict.mismatch import LEFT, scan
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
 from gimbalcal.diagnose.verdict.separation import expected_ln_bayes, fastest
-from gimbalcal.diagnose.verdict.verify import residual_rows, verify
+from gimbalcal.diagnose.verdict.verify import residual_rows, row_sigma, verify
 from gimbalcal.effects import Stage
+from gimbalcal.inference.algebra import basis
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit
@@ -40,7 +43,11 @@ from gimbalcal.words.diagnosis_sentences import misheld_positions, repeat_advice
 from gimbalcal.words.naming import spaced
 
 MOST = 3  # laws of one view
-MANY = 4  # laws that fit as well and are others: with more of them none is named
+AS_GOOD = 1.5  # nats within which the law of the fewest numbers is taken
+MOST_OF_IT = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
+MORE_THAN_NOISE = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
+SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
+DOUBTED = 0.45  # the probability, at the most, of a cause that explains less or that a law outdoes
 
 
 @dataclass(frozen=True)
@@ -50,25 +57,31 @@ class Lawful:
     laws: tuple[LawResult, ...] = ()
     recommend: str = ""
     each: tuple[tuple[LawFit, Array], ...] = ()
+    outdoes: bool = False  # whether a formula is likelier than all causes, though it is not good enough to be reported
 
 
 def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
-    """The law that these data determine, and those that fit as well; none where no law, or too many, come near.
+    """The law of most evidence, a closed form before a table, and those that fit as well; none where no law comes near.
 
     shape: ln evidence of the best shape without a cause.
     """
     if not laws or laws[0].evidence < max(CLAIM, shape - TOGETHER):
         return None, []
-    best = laws[0]
-    near = [law for law in laws[1:] if law.evidence > best.evidence - TOGETHER]
+    near = [trimmed(law) for law in laws if law.evidence > laws[0].evidence - TOGETHER]
+    near = [law for law in near if not law.expression.simpler] or near
+    first = [law for law in near if not law.table] or near
+    first = [law for law in first if law.evidence > first[0].evidence - AS_GOOD]
+    best = min(first, key=lambda law: (free(law), len(printed(law)), -law.evidence))
+    near = [law for law in near if law is not best]
     alike = [same(g, best, law) for law in near]
     others = [law for law, one in zip(near, alike, strict=True) if not one or free(law) <= free(best)]
-    return (None if sum(not one for one in alike) > MANY else best), others
+    return best, others
 
 
 def free(law: Law) -> int:
-    """Return the fitted numbers of a law: of two that are one in a recording, the one with more is no other law."""
-    return law.expression.columns.shape[1] + sum(t.form.smooth for t in law.expression.terms)
+    """Return the fitted numbers of a law, rare forms counting as one: of two that are one, that with more is none."""
+    e = law.expression
+    return e.columns.shape[1] + len(e.smooth()) + sum(t.form.key in RARE for t in e.terms)
 
 
 def undetermined(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: str) -> str:
@@ -138,15 +151,15 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     """Seek a law in recordings of known attitude of one unit that nothing known explains.
 
     nodes: the likeliest noise of each; ranked: all other hypotheses. instead: of causes that leave a rest; the law then
-    has to be 20 times as likely as these.
+    has to be 1000 times as likely as these.
     """
     searches = ranked.searches
     b = compared(searches, nodes, ranked, alone=instead)
     assert b is not None  # every recording of known attitude has outputs
     g, every = b.ground, b.laws
-    best_else = max(h.ln_weight for h in ranked.hypotheses) + (TOGETHER + CLAIM) * instead
+    best_else = max(h.ln_weight for h in ranked.hypotheses) + (TOGETHER + NAMED) * instead
     best, others = chosen(g, every, best_else - b.ln_known)
-    if best is not None and (as_likely := _known(ranked, b.total)):
+    if best is not None and not instead and (as_likely := _known(ranked, b.total)):
         return Lawful(
             (),
             law_sentences.KNOWN_CAUSE.format(more=_more(searches[0].fit.view.kind), names=as_likely, law=printed(best)),
@@ -165,14 +178,32 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
         return Lawful((), law_sentences.DIFFERENT_SIZES.format(law=printed(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in fits], weights=[len(s.rows.Q) for s in searches]))
                      for w in ("heldout_before", "heldout_after"))  # fmt: skip
-    # once in 1 / LEFT by chance, of the scan as of another noise; in the place of causes no more than these may leave
-    most = CLAIM if instead else -np.log(LEFT)
-    if any(h.left < LEFT or h.strained >= most for h in fits) or after >= before:
-        return Lawful((), law_sentences.LACK_OF_FIT.format(law=printed(best)))
+    if after >= before or any(h.checked.explained < MOST_OF_IT for h in fits):
+        return Lawful((), law_sentences.LACK_OF_FIT.format(law=printed(best)), outdoes=True)
+    # once in 1 / LEFT by chance, of the scan as of another noise
+    if any(h.left < LEFT or h.strained >= -np.log(LEFT) for h in fits):
+        advice = advice or law_sentences.LACK_OF_FIT.format(law=printed(best))
     title = " and ".join(s.fit.view.source.title for s in searches)
     law = found(best, x, C, (before, after), others, title, beside=b.name)
     left = (residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
     return Lawful((law,), advice, tuple(zip(fits, left, strict=True)))
+
+
+def ln_beside(ranked: Ranking, members: Sequence[int]) -> float:
+    """Return ln evidence of the best formula beside causes in the model, where these leave more than noise."""
+    own, nodes, excess = [], [], []
+    for k, s in enumerate(ranked.searches):
+        f = fit_causes(s, ranked.within(members, k))
+        own.append(with_cause(s, f.members))
+        nodes.append(f.projection.node)
+        dof = len(s.rows.Q) - s.rows.q - len(f.index)
+        left = float(f.projection.misfit[0]) - f.projection.explained(f.index)
+        excess.append((left - dof) / np.sqrt(2 * max(dof, 1)))
+    each = [g for s, node in zip(own, nodes, strict=True) if (g := ground(s, node)) is not None]
+    if not each or max(excess) < MORE_THAN_NOISE:
+        return -np.inf
+    laws = laws_of(together(each))
+    return laws[0].evidence if laws else -np.inf
 
 
 def _known(ranked: Ranking, ln_evidence: float) -> str:
@@ -220,30 +251,70 @@ def _law_in_recording(bare: Search, s: Search, columns: Array, rng: np.random.Ge
     return LawFit(f.x * scale, weight, left.p_value, strained(made, (0,)), checked)
 
 
-def laws_of_view(m: Fit, sigma: Array) -> tuple[Lawful, Fit]:
+def outdone(c: SearchResult, causes: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Return the causes in the place of which a formula of the same rows is much likelier than anything known, or none.
+
+    Two neighbours may imitate a formula together, so all are asked at once, then one after the other. What every rig of
+    the kind has is not asked.
+    """
+    special = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind))
+    for own in dict.fromkeys([special, *((cause,) for cause in special)]):
+        names = {cause.key for cause in own}
+        without = with_causes(c.start, [this for this in c.causes if this[0].key not in names])
+        s = search(without, library(without), noises(without))
+        b = _compared_in(without, s)
+        if b is None or not b.laws or b.laws[0].evidence < max(h.ln_weight for h in s.hypotheses) + CLAIM:
+            continue
+        at = [i for o in s.library.candidates if o.key in names for v in o.variants for i in v.index]
+        if _remainder(without, b.laws[0].columns, s.library.X[:, at]) > SAME_RESPONSE:
+            return own
+    return ()
+
+
+def _remainder(m: Fit, columns: Array, X: Array) -> float:
+    """Return the share of the squared response that fitted columns (n, C, q) add and reduced columns X do not hold."""
+    Q = basis(m.reduced(m.jacobian))
+    A, X, y = (B - Q @ (Q.T @ B) for B in (m.reduced(columns), X, m.reduced(m.residual[:, :, None])))
+    added = A @ np.linalg.lstsq(A, y, rcond=1e-9)[0]
+    left = added - X @ np.linalg.lstsq(X, added, rcond=1e-9)[0]
+    return float((left**2).sum() / max((added**2).sum(), 1e-300))
+
+
+def _compared_in(m: Fit, s: Search) -> Beside | None:
+    """Return the laws of a view in the likeliest noise, none beside a known cause."""
+    one = float(np.sqrt(np.mean(m.view.noise.weighted(row_sigma(m)) ** 2)))
+    return compared([s], noises(m, memory=False), s, alone=True, sigma=one)
+
+
+def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawful, Fit]:
     """Seek laws in a view that nothing known explains, in noise of `sigma` (n, C); return the model with them too.
 
-    One law after the other, until nothing is left: all of them, or none. What is held out is told by the caller, who
-    has the numbers of the view.
+    One law after the other, until nothing is left or what is left has no formula. Where nothing is missing as far as
+    shapes tell, a formula may: it then pays for being unknown. What is held out is told by the caller, who has the
+    numbers of the view. known: causes in the model, as --with takes them.
     """
     v, laws, with_them, left = m.view, list[LawResult](), m, search(m, library(m), noises(m))
     one = float(np.sqrt(np.mean(v.noise.weighted(sigma) ** 2)))
-    while left.ln_total >= (1 + bool(laws)) * CLAIM:
-        b = compared([left], noises(m, memory=False), left, alone=bool(laws), sigma=one)
+    hidden = left.ln_total < CLAIM
+    while not laws or (left.ln_total >= 2 * CLAIM and len(laws) < MOST):
+        b = compared([left], noises(m, memory=False), left, alone=bool(laws) or hidden, sigma=one)
         if b is None:
-            return Lawful((), law_sentences.REPEAT_TURNS), m
+            return Lawful((), "" if hidden else law_sentences.REPEAT_TURNS), m
         g, every = b.ground, b.laws
         best, others = chosen(g, every, max(h.ln_weight for h in left.hypotheses) - b.ln_known)
+        if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
+            return Lawful(), m
         if not laws and best is not None and (as_likely := _known(left, b.total)):
-            known = law_sentences.KNOWN_CAUSE.format(more=_more(v.kind), names=as_likely, law=printed(best))
-            return Lawful((), known), m
-        if laws and (best is None or len(laws) == MOST):
-            return Lawful((), law_sentences.LACK_OF_FIT.format(law=laws[0].expression)), m
+            return Lawful(
+                (), law_sentences.KNOWN_CAUSE.format(more=_more(v.kind), names=as_likely, law=printed(best))
+            ), m
         if best is None:
-            return Lawful((), undetermined(every, others, g, v.kind)), m
+            if not laws:
+                return Lawful((), undetermined(every, others, g, v.kind)), m
+            return Lawful(tuple(laws), law_sentences.LACK_OF_FIT.format(law=laws[0].expression)), with_them
         with_them, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
         number = sum(o.axis == best.place.axis for o in laws) + 1
-        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.title, number, v, b.name))
+        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.title, number, v, (*known, *b.name)))
         left = search(with_them, library(with_them), noises(with_them))
     return Lawful(tuple(laws)), with_them
 

@@ -21,14 +21,14 @@ from gimbalcal.views.core import View
 
 TOLD = 6  # alternatives in print
 STAGES = {"specific_force": "ACCELEROMETER", "angular_rate": "GYROSCOPE", "gimbal_angle": "ENCODER"}
-SIGMAS, FARTHEST = 3.0, 5.0  # of a constant that a fit may look through, and times its value at the most
+SIGMAS, FARTHEST = 3.0, 5.0  # of a constant that a fit may look through, and times its size at the most
 HEAD = '''"""Laws that no catalogue holds, as `gimbalcal diagnose` found them: any command takes --effects law.py."""
 
 import numpy as np
 
 from gimbalcal.effects.effect import Effect, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import smoothed_rate
-from gimbalcal.number import Array, absolute, cos, exp, sign, sin
+from gimbalcal.number import Array, absolute, arctan2, cos, exp, log, sign, sin
 
 
 def angle(s: Stimulus, name: str) -> Array:
@@ -36,9 +36,25 @@ def angle(s: Stimulus, name: str) -> Array:
     return s.angle[:, s.axis_names.index(name)] if name in s.axis_names else 0 * s.time
 
 
-def above(x: Array, limit: float) -> Array:
-    """One where x is above the limit, else zero."""
-    return (1 + sign(x - limit)) / 2
+def moved(s: Stimulus, name: str) -> Array:
+    """Angle (n,) [rad] by which a gimbal was turned before a dwell; zero on a platform without it."""
+    return s.move_angle[:, s.axis_names.index(name)] if name in s.axis_names else 0 * s.time
+
+
+def above(x: Array) -> Array:
+    """One where x is positive, else zero."""
+    return (1 + sign(x)) / 2
+
+
+def positive(x: Array) -> Array:
+    """x where it is positive, else zero."""
+    return (x + absolute(x)) / 2
+
+
+def tanh(x: Array) -> Array:
+    """Hyperbolic tangent."""
+    decay = exp(-2 * absolute(x))
+    return sign(x) * (1 - decay) / (1 + decay)
 
 '''
 CLASS = '''
@@ -67,54 +83,83 @@ class {name}(Effect):
 
 
 LETTERS = "abcdefgh"
+CODED = (("Abs(", "absolute("), ("Heaviside(", "above("), ("Max(0, ", "positive("), ("atan2(", "arctan2("))
 
 
 @dataclass(frozen=True, eq=False)
 class Stated:
-    """A law with letters: in print, as code in SI, its coefficients with the unit they divide by, its constants."""
+    """A law with letters: in print, as code in SI, its coefficients with the unit they divide by, its constants.
+
+    constants: letter, and ordinals of the term and of its constant.
+    """
 
     text: str
     code: str
     coefficients: tuple[tuple[str, str], ...]
-    constants: tuple[tuple[str, Term], ...]
+    constants: tuple[tuple[str, int, int], ...]
 
 
 def stated(e: Expression) -> Stated:
     """A law as it is written down; whole numbers and thresholds as numbers, what can be fitted as letters."""
-    shown, codes, divided, named = [""], [""], "", list[tuple[str, Term]]()
+    named, each = list[tuple[str, int, int]](), list[tuple[list[str], list[str]]]()
     for i, t in enumerate(e.terms):
-        v, letter = t.variable, t.form.constant + (str(i + 1) if len(e.terms) > 1 else "")
-        centred = bool(t.form.power and v.origin)
-        x = f"({v.name} - {float(v.printed(v.origin)):.6g})" if centred else v.name
-        code, constant = f"({v.code} - {v.origin!r})" if centred else v.code, f"self.{letter}"
-        if t.form.of == "whole":
-            letter = constant = f"{t.constant:.0f}"
-        elif t.form.key == "above":
-            letter, constant = f"{float(v.printed(t.constant)):.6g}", repr(float(t.constant))
-        elif t.form.constant:
-            named.append((letter, t))
-        words = [w.replace("{c}*", "") if letter == "1" else w for w in t.form.words]
-        shown = ["*".join(filter(None, (a, w.format(x=x, c=letter)))) for a in shown for w in words]
-        codes = [" * ".join(filter(None, (a, _coded(w, code, constant)))) for a in codes for w in words]
-        if t.form.power and v.unit:
-            divided += f"/{whole(v.unit)}" + (f"^{t.form.power}" if t.form.power > 1 else "")
-    letters = LETTERS[: len(shown)]
-    text = " + ".join(f"{a}*{w}" for a, w in zip(letters, shown, strict=True)).replace("- -", "+ ")
-    lines = " + ".join(f"self.{a}[0] * {w}" for a, w in zip(letters, codes, strict=True))
-    return Stated(text, lines, tuple((a, divided) for a in letters), tuple(named))
+        letters, codes = [], []
+        for j, c in enumerate(t.form.constants):
+            value = t.constants[j]
+            if not t.refined(j):
+                letters.append(f"{t.printed(j, value) if c.of == '1/x' else float(t.variable.printed(value)):.6g}")
+                codes.append(repr(float(value)))
+            else:
+                letter = c.letter + (str(i + 1) if len(e.terms) > 1 else "")
+                letters.append(letter)
+                codes.append(f"self.{letter}")
+                named.append((letter, i, j))
+        each.append(_words(t, letters, codes))
+    shown, lines, divided = list[str](), list[str](), list[str]()
+    for own in e.factors:
+        parts = [(t, *each[i], k) for i, (t, k) in enumerate(zip(e.terms, own, strict=True)) if k >= 0]
+        shown.append("*".join(words[k] for _, words, _, k in parts))
+        lines.append(" * ".join(code[k] for _, _, code, k in parts))
+        divided.append("".join(_per(t, k) for t, _, _, k in parts))
+    names = LETTERS[: len(shown)]
+    text = " + ".join(f"{a}*{w}" for a, w in zip(names, shown, strict=True)).replace("- -", "+ ")
+    code = " + ".join(f"self.{a}[0] * {w}" for a, w in zip(names, lines, strict=True))
+    return Stated(text, code, tuple(zip(names, divided, strict=True)), tuple(named))
 
 
-def _coded(words: str, x: str, c: str) -> str:
-    """A form as Python, arguments in SI."""
-    if words.startswith("Heaviside"):
-        return f"above({x}, {c})"
-    return words.replace("Abs(", "absolute(").format(x=x, c=c)
+def _words(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The columns of a term in print and as Python with arguments in SI."""
+    v, at = t.variable, t.variable.origin
+    centred = bool(any(t.form.powers) and at and t.form.key != "knee")
+    x = f"({v.name} - {float(v.printed(at)):.6g})" if centred else v.name
+    x = x.replace("- -", "+ ")
+    unity = letters[:1] == ["1"] and bool(t.form.constants) and t.form.constants[0].kind in ("fixed", "size")
+    words = [w.replace("{0}*", "") if unity else w for w in t.words]
+    code = f"({v.code} - {at!r})" if centred else v.code
+    if t.form.key == "table":
+        coded = [f"(absolute({code} - {a!r}) - absolute({code} - {b!r}))" for a, b in itertools.pairwise(t.constants)]
+    else:
+        coded = [_coded(w).format(*codes, x=code) for w in t.words]
+    return [w.format(*letters, x=x) for w in words], coded
+
+
+def _per(t: Term, k: int) -> str:
+    """The unit of a column by which its coefficient is divided."""
+    power = 1 if t.form.key == "table" else t.form.powers[k]
+    return f"/{whole(t.variable.unit)}" + (f"^{power}" if power > 1 else "") if power and t.variable.unit else ""
+
+
+def _coded(words: str) -> str:
+    """A form as Python."""
+    for of, to in CODED:
+        words = words.replace(of, to)
+    return words
 
 
 def printed(law: Law) -> str:
     """The form of a law with letters for its coefficients, constants told."""
-    told = stated(law.expression)
-    return _with(told.text, {letter: t.printed(t.constant) for letter, t in told.constants})
+    e, told = law.expression, stated(law.expression)
+    return _with(told.text, {a: e.terms[i].printed(j, e.terms[i].constants[j]) for a, i, j in told.constants})
 
 
 def _with(text: str, values: Mapping[str, float]) -> str:
@@ -137,7 +182,7 @@ def found(
     rows = _parameters(law, told, x, covariance)
     filtered = view is not None and view.added is not None
     effect = _identity(law, number, view.measurement.law_suffix if view is not None else "")
-    stating = {letter for letter, _ in told.constants if filtered}
+    stating = {letter for letter, _, _ in told.constants if filtered}
     asked = ",".join([effect, *(f"{r.name}={r.value:.9g}" for r in rows if r.name in stating)])
     units = {v.name: v.unit or "as logged" for v in e.variables}
     made = LawResult(
@@ -169,9 +214,11 @@ def _parameters(law: Law, told: Stated, x: Array, covariance: Array) -> tuple[Es
     for (name, by), value, spread in zip(told.coefficients, x, sigma, strict=True):
         u = f"{unit}{by}"
         rows.append(Estimate(name, None, float(from_si(value, u)), float(from_si(spread, u)), u))
-    for letter, t in told.constants:
-        value, spread = t.printed(t.constant), t.printed(law.spread(t))
-        rows.append(Estimate(letter, None, value, spread, t.unit_of_constant() or "1"))
+    spreads = law.spreads()
+    for letter, i, j in told.constants:
+        t = law.expression.terms[i]
+        spread = t.printed(j, spreads[i, j])
+        rows.append(Estimate(letter, None, t.printed(j, t.constants[j]), spread, t.unit_of(j) or "1"))
     return tuple(rows)
 
 
@@ -199,10 +246,13 @@ def _class(law: Law, told: Stated, made: LawResult, title: str) -> str:
         f'sigma={max(abs(per[name].value), per[name].sigma):.6g}, name="{i}_{name}")'
         for name, _ in told.coefficients
     ]
-    for letter, t in told.constants:
-        c, spread = t.constant, SIGMAS * law.spread(t)
-        low, high = max(c - spread, c / FARTHEST), min(c + spread, c * FARTHEST)
-        unit = t.unit_of_constant() or "1"
+    spreads = law.spreads()
+    for letter, k, j in told.constants:
+        t = law.expression.terms[k]
+        c, spread, unit = t.constants[j], SIGMAS * spreads[k, j], t.unit_of(j) or "1"
+        low, high = c - spread, c + spread
+        if t.form.constants[j].kind == "size":
+            low, high = max(low, c / FARTHEST), min(high, c * FARTHEST)
         fields.append(f'    {letter}: float = constant({c:.9g}, unit="{unit}", low={low:.9g}, high={high:.9g})')
     of_gimbal = f"np.array([float(name == {axis!r}) for name in s.axis_names])"
     of_sensor = f"np.array([{', '.join(str(float(a == axis)) for a in 'xyz')}])"

@@ -1,27 +1,35 @@
 r"""A law that nobody has written down: every small expression of what was recorded, by its evidence.
 
 All terms, all products of two and plain products of three are looked at by what they take away of the misfit,
-calibration profiled out, in the likeliest noise; those that take away most are refined in their constants and weighed
-over all noises and sizes, as every cause is. An expression pays for its number: a third of the prior is for single
-terms, for products of two and of three, alike in each; and a constant pays for its grid.
+calibration profiled out, in the likeliest noise. Those that take away most are refined in their constants, together
+with richer forms in the place of theirs and with tables, and weighed over all noises and sizes, as every cause is. An
+expression pays for its number: a third of the prior is for single terms, for products of two and of three, alike in
+each; and a constant pays for its grid.
 
 .. math:: \ln E = \ln BF - \ln n_{grid} - \ln (3 n_{expressions})
+
+The prior of sizes is that of the functions which its columns span, so that neither origins nor units matter.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gimbalcal.diagnose.laws.expressions import (
+    ALONE,
+    COEFFICIENTS,
+    MULTIPLIED,
     Expression,
     Term,
     between,
-    multiplied,
     partners,
+    relatives,
     singles,
+    tables,
     terms,
     triples,
 )
@@ -31,13 +39,20 @@ from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 
 WEIGHED = 60  # expressions whose evidence is worked out in full
-REFINED = 12  # of these, the best are refined in their constants
-ROUNDS = 60  # steps of a refinement
+REFINED = 10  # of these, the best of one, two and three terms are refined in their constants
+EXTENDED = 6  # of these, richer forms are tried in the place of theirs
+ROUNDS = 70  # steps of a refinement for each constant
 CHUNK = 400  # columns at a time
+ROWS = 900  # rows of a recording on which expressions are compared
 ABSORBED = 3e-2  # of a column: less left by the calibration is nothing to speak of
+DEAF = 1.0  # sigmas that one m/s^2, rad/s or rad answers by: rows that answer less are those of no fit
+CARRIED = 2.5  # stretches of a recording, at the least, that a law has to act in: what acts in one is an outlier
 RIDGE = 1e-4  # of a unit column: two that are alike count as one
 SAME = 0.999  # correlation from which two expressions are one in this recording
-UNUSUAL = 1.5  # nats against a law of an output in gimbal angles, or of a gimbal in forces
+UNUSUAL = 1.5  # nats against a law of an output in gimbal angles, or of a gimbal in forces, and against a rare form
+RARE = ("pulse", "sawtooth", "rectified", "ring")
+NEEDED = 3.0  # nats that a column of a law has to explain to be kept
+FAR = 2.0  # ranges of a variable from its middle, beyond which powers are not printed from its reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +94,11 @@ class Ground:
 class Screen:
     """A place as seen through blocks: a column b (blocks,) takes away (v.b)^2 / 2 b'K b, of b'K0 b before calibration.
 
-    root (r, blocks) and before (r, blocks): K = root' root, K0 = before' before; y (r,): root' y = v.
+    rows (m,): of the variables at which expressions are worked out; block (m,): the block of each. root (r, blocks) and
+    before (r, blocks): K = root' root, K0 = before' before; y (r,): root' y = v.
     """
 
+    rows: Array
     block: Array
     count: Array
     root: Array
@@ -89,21 +106,32 @@ class Screen:
     y: Array
 
     def seen(self, columns: Array) -> Array:
-        """Means (blocks, m) of columns (n, m)."""
+        """Means (blocks, q) of columns (m, q)."""
         return np.asarray(np.add.reduceat(columns, np.flatnonzero(np.diff(self.block, prepend=-1))) / self.count)
 
 
 def screen(g: Ground, place: Place) -> Screen:
     """Return the response of the whitened rows, calibration removed, to even additions over blocks."""
-    count = np.bincount(place.block).astype(float)
-    M = g.whiten(place.columns((place.block[:, None] == np.arange(len(count))).astype(float)))
+    blocks = int(place.block[-1]) + 1
+    M = g.whiten(place.columns((place.block[:, None] == np.arange(blocks)).astype(float)))
     left = M - g.Q @ (g.Q.T @ M)
     lam, V = np.linalg.eigh(left.T @ left)
     keep = lam > 1e-12 * max(float(lam.max(initial=0.0)), 1e-300)
     root = np.sqrt(lam[keep])[:, None] * V[:, keep].T
     lam0, V0 = np.linalg.eigh(M.T @ M)
     before = np.sqrt(np.maximum(lam0, 0.0))[:, None] * V0.T
-    return Screen(place.block, count[:, None], root, before, (V[:, keep].T @ (left.T @ g.y)) / np.sqrt(lam[keep]))
+    y = (V[:, keep].T @ (left.T @ g.y)) / np.sqrt(lam[keep])
+    rows = _thinned(place.block, blocks)
+    return Screen(rows, place.block[rows], np.bincount(place.block[rows])[:, None], root, before, y)
+
+
+def _thinned(block: Array, blocks: int) -> Array:
+    """Return the ordinals of at most some `ROWS` rows, evenly within each block."""
+    each = max(ROWS // blocks, 1)
+    ends = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
+    spans = itertools.pairwise(ends)
+    return np.concatenate([np.arange(i, j) if j - i <= each else np.linspace(i, j - 1, each).round().astype(int)
+                           for i, j in spans])  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,17 +148,32 @@ class Law:
         """The rows (n', C, m) that a unit of each coefficient adds."""
         return self.place.columns(self.expression.columns)
 
-    def spread(self, term: Term) -> float:
-        """One sigma [SI] of the constant of a term, by the curvature of the likelihood; itself where none is told."""
-        terms, i = self.expression.terms, self.expression.terms.index(term)
-        h = 0.1 * _step(terms[i])
+    @property
+    def table(self) -> bool:
+        """Return whether the law is no closed form."""
+        return any(t.form.key == "table" for t in self.expression.terms)
 
-        def at(u: float) -> float:
-            tried = Expression((*terms[:i], terms[i].at(terms[i].constant * float(np.exp(u))), *terms[i + 1 :])).columns
-            return float(gains(self.seen, tried, tried.shape[1])[0])
+    def spreads(self) -> dict[tuple[int, int], float]:
+        """One sigma [SI] of each constant that was refined, by the curvature of the likelihood in all of them.
 
-        curvature = (2 * at(0.0) - at(h) - at(-h)) / h**2
-        return float(terms[i].constant / np.sqrt(curvature)) if curvature > 1.0 else float(terms[i].constant)
+        By ordinals of term and constant; the value, or the range of the variable, where nothing tells it.
+        """
+        e = _at_rows(self.expression, self.seen)
+        moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
+        h = np.array([m.step / 4 for m in moves])
+
+        def at(u: Array) -> float:
+            return _worth(self.seen, _moved(e, moves, u * h))
+
+        H, one = np.zeros((len(h), len(h))), np.eye(len(h))
+        for a in range(len(h)):
+            for b in range(a + 1):
+                H[a, b] = H[b, a] = -sum(
+                    p * q * at(p * one[a] + q * one[b]) for p in (1, -1) for q in (1, -1)
+                ) / (4 * h[a] * h[b])  # fmt: skip
+        lam, V = np.linalg.eigh(H)
+        C = (V / np.maximum(lam, 1.0)) @ V.T
+        return {(m.i, m.j): float(np.sqrt(C[k, k]) * m.unit) for k, m in enumerate(moves)}
 
 
 def laws_of(g: Ground, products: bool = True) -> list[Law]:
@@ -138,55 +181,137 @@ def laws_of(g: Ground, products: bool = True) -> list[Law]:
 
     products: whether to look at products too, or at single terms alone.
     """
-    found: list[tuple[float, Place, Expression]] = []
-    number, screens = [0, 0, 0], dict[int, Screen]()
-    for place in g.places:
-        every = [terms(v, place.stimulus) for v in place.variables]
-        ones, pairs, threes = singles(every), partners(every), triples(every) if products else []
-        number[0] += len({e.family for e in ones})
-        number[1] += len({f"{t.family}{o.family}" for t, others in pairs for o in others})
-        number[2] += len(threes)
-        seen = screen(g, place)
-        found += _best(place, _screened(seen, [*ones, *threes]), _paired(seen, pairs) if products else [])
-        screens[id(place)] = seen
+    found, number = list[tuple[float, Seat, Expression]](), np.zeros(3)
+    for seats in _alike(g):
+        own, count = _compared(seats, products)
+        found += own
+        number += len(seats) * count
     if not found:
         return []  # nothing is left that any would take away
     found.sort(key=lambda f: -f[0])
-    refined = [_refined(screens[id(place)], place, e) for _, place, e in found[:REFINED]]
-    chosen = [*refined, *((place, e) for _, place, e in found[REFINED:WEIGHED])]
-    ln = g.evidence([place.columns(e.columns) for place, e in chosen])
-    costs = [
-        np.log(len(number) * number[len(e.terms) - 1]) + np.log(e.tried) + _unusual(place, e) for place, e in chosen
-    ]
-    made = [Law(place, e, float(b - c), screens[id(place)]) for (place, e), b, c in zip(chosen, ln, costs, strict=True)]
+    for _, seat, e in found[:EXTENDED]:
+        found += _best([(seat, _screened([seat], relatives(e))[0])])
+    found.sort(key=lambda f: -f[0])
+    chosen, number_of = list[tuple[Seat, Expression]](), [0, 0, 0]
+    for _, seat, e in found:
+        number_of[len(e.terms) - 1] += 1
+        best = number_of[len(e.terms) - 1] <= REFINED
+        if best or len(chosen) < WEIGHED:
+            chosen.append((seat, _refined(seat.seen, e) if best else e))
+    chosen = [(seat, e) for seat, e in chosen if _carried(seat.seen, e)]
+    if not chosen:
+        return []
+    chosen = [(seat, e.of({v.name: v for v in seat.place.variables})) for seat, e in chosen]
+    ln = g.evidence([seat.place.columns(spanned(e.columns)) for seat, e in chosen])
+    made = []
+    for (seat, e), gained in zip(chosen, ln, strict=True):
+        cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _unusual(seat.place, e)
+        made.append(Law(seat.place, e, float(gained - cost), seat.seen))
     return sorted(made, key=lambda law: -law.evidence)
 
 
+@dataclass(frozen=True, eq=False)
+class Seat:
+    """A place with its screen."""
+
+    place: Place
+    seen: Screen
+
+
+def _alike(g: Ground) -> list[list[Seat]]:
+    """Return the places with their screens, those together in which the same variables stand."""
+    out: dict[tuple[int, int, int], list[Seat]] = {}
+    for place in g.places:
+        key = id(place.stimulus), len(place.block), len(place.variables)
+        out.setdefault(key, []).append(Seat(place, screen(g, place)))
+    heard = ([x for x in seats if np.abs(x.seen.before).max() > DEAF] for seats in out.values())
+    return [seats for seats in heard if seats]
+
+
+def _compared(seats: Sequence[Seat], products: bool) -> tuple[list[tuple[float, Seat, Expression]], Array]:
+    """Return the best expressions at places of the same variables, and the number of families of each length (3,)."""
+    place, rows = seats[0].place, seats[0].seen.rows
+    every = [terms(v, place.stimulus, ALONE[v.group], rows) for v in place.variables]
+    ones = [*singles(every), *tables(place.variables, rows, products)]
+    count, pairs = np.zeros(3), list[tuple[Term, list[Term]]]()
+    if products:
+        slow = [terms(v, place.stimulus, MULTIPLIED[v.group], rows) for v in place.variables]
+        ones, pairs = [*ones, *triples(slow)], partners(slow)
+    for e in {e.family: e for e in ones}.values():
+        count[len(e.terms) - 1] += 1
+    count[1] += len({(t.family, o.family) for t, others in pairs for o in others})
+    each = zip(seats, _screened(seats, ones), _paired(seats, pairs), strict=True)
+    return _best([(seat, [*one, *two]) for seat, one, two in each]), count
+
+
+def spanned(X: Array) -> Array:
+    """Return columns (n, q) of rms one that span those of X (n, m) and are orthogonal to each other."""
+    U, S, _ = np.linalg.svd(X / np.maximum(np.sqrt((X**2).mean(axis=0)), 1e-300), full_matrices=False)
+    return np.asarray(U[:, S > 1e-6 * S[0]] * np.sqrt(len(X)))
+
+
+def _at_rows(e: Expression, seen: Screen) -> Expression:
+    """The expression at the rows of a screen."""
+    return e.of({v.name: replace(v, x=v.x[seen.rows]) for v in e.variables})
+
+
+def trimmed(law: Law) -> Law:
+    """Return the law with powers from the references of its variables, without columns that explain next to nothing.
+
+    What the calibration takes up has no size, and a lower power may be none of the law.
+    """
+    e = _at_rows(law.expression, law.seen)
+    e = e.referred() if all(_near_reference(t.variable) for t in law.expression.terms) else e
+    while len(groups := e.groups) > 1:
+        worth = _worth(law.seen, e)
+        least, drop = min(((worth - _worth(law.seen, e.without(own)), own) for own in groups), key=lambda x: x[0])
+        if least > NEEDED:
+            break
+        e = e.without(drop)
+    full = e.of({v.name: v for v in law.expression.variables})
+    return replace(law, expression=full)
+
+
+def _near_reference(v: Variable) -> bool:
+    return bool(abs(v.reference - v.origin) <= FAR * max(float(np.ptp(v.x)), 1e-300))
+
+
 def _unusual(place: Place, e: Expression) -> float:
-    """Nats against what stands for another: angles of what is felt in an output, forces in a gimbal."""
+    """Nats against what stands for another: angles of what is felt in an output, forces in a gimbal; and rare forms."""
     of = "force" if place.channel in ("gimbal_angle", "pointing") else "angle"
-    return UNUSUAL * sum(v.group == of for v in e.variables)
+    return UNUSUAL * (sum(v.group == of for v in e.variables) + sum(t.form.key in RARE for t in e.terms))
 
 
 Gains = list[tuple[float, Expression]]
 
 
-def _best(place: Place, *of: Gains) -> list[tuple[float, Place, Expression]]:
-    """The best constant of each family, the best families."""
-    best: dict[str, tuple[float, Expression]] = {}
-    for gain, e in (x for gains in of for x in gains):
-        if gain > best.get(e.family, (0.0, e))[0]:
-            best[e.family] = gain, e
-    top = sorted(best.values(), key=lambda b: -b[0])[:WEIGHED]
-    return [(gain, place, e) for gain, e in top]
+def _best(each: Sequence[tuple[Seat, Gains]]) -> list[tuple[float, Seat, Expression]]:
+    """The best constant of each family at each place, the best families."""
+    out = []
+    for seat, every in each:
+        best: dict[str, tuple[float, Expression]] = {}
+        for gain, e in every:
+            if gain > best.get(e.family, (0.0, e))[0]:
+                best[e.family] = gain, e
+        top = sorted(best.values(), key=lambda b: -b[0])[:WEIGHED]
+        out += [(gain, seat, e) for gain, e in top]
+    return out
 
 
-def _screened(seen: Screen, every: Sequence[Expression]) -> Gains:
-    """Return what each expression explains of the misfit, less the cost of its coefficients and its grid."""
-    out: Gains = []
+def _screened(seats: Sequence[Seat], every: Sequence[Expression]) -> list[Gains]:
+    """Return what each expression explains at each place of the misfit, less the cost of coefficients and grid."""
+    out: list[Gains] = [[] for _ in seats]
+    by_width: dict[int, list[Expression]] = {}
     for e in every:
-        width = e.columns.shape[1]
-        out.append((float(gains(seen, e.columns, width)[0]) - _paid(width, e.tried), e))
+        by_width.setdefault(e.columns.shape[1], []).append(e)
+    for width, own in by_width.items():
+        paid = np.array([_paid(width, e.tried) for e in own])
+        for k in range(0, len(own) if width <= COEFFICIENTS else 0, CHUNK):
+            part = own[k : k + CHUNK]
+            B = seats[0].seen.seen(np.concatenate([e.columns for e in part], axis=1))
+            for seat, mine in zip(seats, out, strict=True):
+                worth = gains(seat.seen, B, width) - paid[k : k + CHUNK]
+                mine.extend(zip(worth.tolist(), part, strict=True))
     return out
 
 
@@ -194,29 +319,38 @@ def _paid(coefficients: int, tried: int) -> float:
     return float(2.0 * coefficients + np.log(tried))
 
 
-def _paired(seen: Screen, pairs: Sequence[tuple[Term, list[Term]]]) -> Gains:
+def _paired(seats: Sequence[Seat], pairs: Sequence[tuple[Term, list[Term]]]) -> list[Gains]:
     """Return the same for products: for each term the best partner of each family."""
-    out: Gains = []
+    out: list[Gains] = [[] for _ in seats]
+    stacks: dict[tuple[int, ...], tuple[Array, Array]] = {}
     for t, others in pairs:
-        for width in {o.columns.shape[1] for o in others}:
-            own = [o for o in others if o.columns.shape[1] == width]
-            each = t.columns.shape[1] * width
-            for k in range(0, len(own), CHUNK // each):
-                part = own[k : k + CHUNK // each]
-                B = np.concatenate([multiplied(t.columns, o.columns) for o in part], axis=1)
-                gain = gains(seen, B, each)
-                worth = [float(x) - _paid(each, t.tried * o.tried) for x, o in zip(gain, part, strict=True)]
-                best: dict[str, int] = {}
-                for i, o in enumerate(part):
-                    if worth[i] > worth[best.setdefault(o.family, i)]:
-                        best[o.family] = i
-                out += [(worth[i], Expression((t, part[i]))) for i in best.values()]
+        by_width: dict[tuple[int, bool], list[Term]] = {}
+        for o in others:
+            by_width.setdefault((o.factors.shape[1], o.free_origin), []).append(o)
+        for (_, free), own in by_width.items():
+            both = int(free and t.free_origin)
+            key = tuple(id(o) for o in own)
+            if key not in stacks:
+                stacks[key] = np.stack([o.factors for o in own], axis=1), np.log([o.tried for o in own])
+            S, tried = stacks[key]
+            width = t.factors.shape[1] * S.shape[2] - both
+            if width > COEFFICIENTS:
+                continue
+            first: dict[str, list[int]] = {}
+            for i, o in enumerate(own):
+                first.setdefault(o.family, []).append(i)
+            X = (t.factors[:, None, :, None] * S[:, :, None, :]).reshape(*S.shape[:2], -1)[:, :, both:]
+            B = seats[0].seen.seen(X.reshape(len(X), -1))
+            for seat, mine in zip(seats, out, strict=True):
+                worth = gains(seat.seen, B, width) - _paid(width, t.tried) - tried
+                for at in first.values():
+                    i = at[int(np.argmax(worth[at]))]
+                    mine.append((float(worth[i]), Expression((t, own[i]))))
     return out
 
 
-def gains(seen: Screen, columns: Array, width: int) -> Array:
-    """ln likelihood (K,) that columns (n, K width) added there, so many at a time, take away of the misfit."""
-    B = seen.seen(columns)
+def gains(seen: Screen, B: Array, width: int) -> Array:
+    """ln likelihood (K,) that additions (blocks, K width), so many at a time, take away of the misfit."""
     X = seen.root @ B
     norm = np.sqrt((X**2).sum(axis=0))
     shown = norm > ABSORBED * np.sqrt(((seen.before @ B) ** 2).sum(axis=0))
@@ -230,41 +364,87 @@ def gains(seen: Screen, columns: Array, width: int) -> Array:
     return np.asarray(np.einsum("ki,ki->k", b, np.linalg.solve(G, b[..., None])[..., 0]) / 2)
 
 
-def _refined(seen: Screen, place: Place, e: Expression) -> tuple[Place, Expression]:
+def _carried(seen: Screen, e: Expression) -> bool:
+    """Return whether what a law adds is spread over several stretches and not an outlier of one or two."""
+    B = seen.seen(e.columns)
+    X = seen.root @ B
+    added = B @ np.linalg.lstsq(X, seen.y, rcond=1e-6)[0]
+    square = (added - np.median(added)) ** 2
+    return bool(square.sum() ** 2 > CARRIED * (square**2).sum())
+
+
+def _worth(seen: Screen, e: Expression) -> float:
+    """ln likelihood that an expression at the rows of a screen takes away of the misfit."""
+    return float(gains(seen, seen.seen(e.columns), e.columns.shape[1])[0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Move:
+    """A constant that is refined: constant j of term i, in steps of the logarithm of a size, or of a range."""
+
+    e: Expression
+    i: int
+    j: int
+
+    @property
+    def kind(self) -> str:
+        return self.e.terms[self.i].form.constants[self.j].kind
+
+    @property
+    def value(self) -> float:
+        return self.e.terms[self.i].constants[self.j]
+
+    @property
+    def span(self) -> float:
+        return float(np.ptp(self.e.terms[self.i].variable.x)) or 1.0
+
+    @property
+    def unit(self) -> float:
+        """The change of the constant [SI] for a small change of what is moved."""
+        return {"size": abs(self.value), "place": self.span}.get(self.kind, 1.0)
+
+    @property
+    def step(self) -> float:
+        """First step: a third of that of its grid."""
+        c = self.e.terms[self.i].form.constants[self.j]
+        if c.of == "1/x":
+            return float(np.log1p(np.pi / self.span / max(self.value, 1e-300) / 3))
+        return {"size": 0.3, "place": 0.03}.get(self.kind, 0.2)
+
+    def at(self, u: float) -> tuple[int, int, float]:
+        """The constant moved by u, within what its variable may tell."""
+        if self.kind == "size":
+            return self.i, self.j, self.value * float(np.exp(np.clip(u, -3.4, 3.4)))
+        x = self.value + u * self.unit
+        if self.kind == "place":
+            seen = self.e.terms[self.i].variable.x
+            x = float(np.clip(x, seen.min(), seen.max()))
+        return self.i, self.j, float(x)
+
+
+def _moved(e: Expression, moves: Sequence[_Move], u: Array) -> Expression:
+    return e.at([m.at(float(x)) for m, x in zip(moves, u, strict=True)])
+
+
+def _refined(seen: Screen, e: Expression) -> Expression:
     """The expression with its smooth constants where they take away most."""
     from scipy.optimize import minimize
 
-    def worth(tried: Expression) -> float:
-        return float(gains(seen, tried.columns, tried.columns.shape[1])[0])
-
     for i, t in enumerate(e.terms):
-        others = [Expression((*e.terms[:i], moved, *e.terms[i + 1 :])) for moved in between(t)]
-        e = max([e, *others], key=worth)
-    free = [i for i, t in enumerate(e.terms) if t.form.smooth]
-    if not free:
-        return place, e
-
-    def at(u: Array) -> Expression:
-        moved = dict(zip(free, np.exp(u).tolist(), strict=True))
-        return Expression(tuple(t.at(moved[i]) if i in moved else t for i, t in enumerate(e.terms)))
+        others = [e.replaced((*e.terms[:i], moved, *e.terms[i + 1 :])) for moved in between(t)]
+        e = max([e, *others], key=lambda tried: _worth(seen, tried))
+    moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
+    if not moves:
+        return e
+    begun, steps = np.zeros(len(moves)), np.array([m.step for m in moves])
 
     def cost(u: Array) -> float:
-        return -worth(at(u))
+        return -_worth(seen, _moved(e, moves, u))
 
-    begun = np.log([e.terms[i].constant for i in free])
-    steps = np.array([_step(e.terms[i]) for i in free])
-    simplex = np.concatenate([begun[None], begun + np.diag(steps)])
-    found = minimize(cost, begun, method="Nelder-Mead", options={"maxfev": ROUNDS, "initial_simplex": simplex})
-    bounded = np.clip(found.x, begun - np.log(30.0), begun + np.log(30.0))
-    return place, at(bounded) if cost(bounded) < cost(begun) else e
-
-
-def _step(t: Term) -> float:
-    """First step of the logarithm of a constant: a third of that of its grid."""
-    if t.form.key == "wave":
-        span = float(np.ptp(t.variable.x))
-        return float(np.log1p(np.pi / span / t.constant / 3))
-    return 0.3
+    simplex = np.concatenate([begun[None], np.diag(steps)])
+    found = minimize(cost, begun, method="Nelder-Mead", options={
+        "maxfev": ROUNDS * len(moves), "initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-2})  # fmt: skip
+    return _moved(e, moves, found.x) if found.fun < cost(begun) else e
 
 
 def same(g: Ground, one: Law, other: Law) -> bool:

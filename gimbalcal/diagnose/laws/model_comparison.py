@@ -73,7 +73,7 @@ def compared(
     best = Beside(g, laws_of(g), searches=tuple(searches))
     for h in () if alone else _likely(ranked):
         member = h.members[0]
-        own = tuple(_with_cause(s, ranked.within((member,), k)) for k, s in enumerate(searches))
+        own = tuple(with_cause(s, ranked.within((member,), k)) for k, s in enumerate(searches))
         if (g := common_ground(own)) is not None:
             c = ranked.library.candidates[member]
             best = _better(best, Beside(g, laws_of(g, products=False), c, h.ln_weight, own), ranked)
@@ -102,15 +102,13 @@ def _likely(ranked: Ranking) -> list[Hypothesis]:
     return list(out.values())[:FIRST]
 
 
-def _with_cause(s: Search, members: Sequence[int]) -> Search:
+def with_cause(s: Search, members: Sequence[int]) -> Search:
     """The search with these causes, at their likeliest constants, as part of its model and nothing in its library."""
     if not members:
         return s
     X = columns_of_causes(s, fit_causes(s, members))
-    scale_known = s.fit.view.noise.scale_known
-    fit = (
-        replace(s.fit, jacobian=np.concatenate([s.fit.jacobian, X], axis=2)) if scale_known else with_columns(s.fit, X)
-    )
+    known = s.fit.view.noise.scale_known
+    fit = replace(s.fit, jacobian=np.concatenate([s.fit.jacobian, X], axis=2)) if known else with_columns(s.fit, X)
     none, nodes = Library((), np.zeros((len(s.rows.Q), 0))), [p.node for p in s.projections]
     rows = reduced(fit, none.X, nodes)
     each = projected(nodes, rows)

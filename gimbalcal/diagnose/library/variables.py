@@ -14,21 +14,27 @@ from gimbalcal.effects.history import smoothed_rate
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-LEAST = {"force": 0.1, "angle": 1e-2, "rate": 1e-2}  # SI: what varies less stands still
+CENTRED = ("time", "logged")  # groups without a natural zero: powers are of the difference from the middle
+LEAST = {"force": 0.1, "angle": 1e-2, "rate": 1e-2, "move": 0.1}  # SI: what varies less stands still
 RESERVED = frozenset(("S", "N", "I", "E", "O", "Q", "pi", "beta", "gamma", "zeta"))  # names that sympy reads otherwise
-LETTER = re.compile("([a-z]|tau|x0)[0-9]?")  # what coefficients and constants are called
+LETTER = re.compile("([a-z]|tau|x0|phi|level)[0-9]?")  # what coefficients and constants are called
 
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """What a law may follow: its name and unit in print, values (n,) in SI, how law.py takes it from a stimulus `s`."""
+    """What a law may follow: its name and unit in print, values (n,) in SI, how law.py takes it from a stimulus `s`.
+
+    group: force, angle, rate, time, since, logged, course (of the temperature) or move. origin: of which powers are
+    taken, SI; reference: from which they are printed.
+    """
 
     name: str
     unit: str
     x: Array
     code: str
-    group: str  # force, angle, rate, time, since or logged
-    origin: float = 0.0  # SI; powers are of the difference
+    group: str
+    origin: float = 0.0
+    reference: float = 0.0
     needs: str = ""  # the channel that a recording has to have
 
     def printed(self, x: Array | float) -> Array | float:
@@ -53,8 +59,13 @@ def joined(each: Sequence[Sequence[Variable]]) -> tuple[Variable, ...]:
     out = []
     for vs in (vs for vs in shared if len({(v.unit, v.group) for v in vs}) == 1):
         x = np.concatenate([v.x for v in vs])
-        out.append(replace(vs[0], x=x, origin=vs[0].origin if len({v.origin for v in vs}) == 1 else float(x.mean())))
+        at = vs[0].reference if len({v.reference for v in vs}) == 1 else float(x.mean())
+        out.append(replace(vs[0], x=x, origin=_middle(x) if vs[0].group in CENTRED else 0.0, reference=at))
     return tuple(v for v in out if varies(v))
+
+
+def _middle(x: Array) -> float:
+    return float(x.min() + x.max()) / 2
 
 
 def _every(s: Stimulus) -> list[Variable]:
@@ -64,16 +75,35 @@ def _every(s: Stimulus) -> list[Variable]:
     out += [Variable(_plain(name), "rad", s.angle[:, i], f"angle(s, {name!r})", "angle")
             for i, name in enumerate(s.axis_names)]  # fmt: skip
     out += [Variable(f"rate_{a}", "deg/s", s.rate[:, i], f"s.rate[:, {i}]", "rate") for i, a in enumerate("xyz")]
-    out += [Variable("time", "s", s.time, "s.time", "time")]
+    out += [Variable("time", "s", s.time, "s.time", "time", _middle(s.time))]
     if s.visit[-1] > s.visit[0]:
         out += [Variable("since_move", "s", s.since_move, "s.since_move", "since")]
+        out += _of_moves(s)
     if s.temperature is not None:
         needs, code = "temperature", "smoothed_rate(s.temperature, s.time, max(s.time) / 100)"
-        origin, course = s.reference_temperature, smoothed_rate(s.temperature, s.time, float(np.max(s.time)) / 100)
-        out.append(Variable("temperature", "degC", s.temperature, "s.temperature", "logged", origin, needs))
-        out.append(Variable("temperature_rate", "degC/h", course, code, "course", 0.0, needs))
-    out += [Variable(_plain(name), "", x, f"s.covariates[{name!r}]", "logged", float(x.mean()), f"covariate:{name}")
-            for name, x in s.covariates.items()]  # fmt: skip
+        T, course = s.temperature, smoothed_rate(s.temperature, s.time, float(np.max(s.time)) / 100)
+        at = s.reference_temperature
+        out.append(Variable("temperature", "degC", T, "s.temperature", "logged", _middle(T), at, needs))
+        out.append(Variable("temperature_rate", "degC/h", course, code, "course", needs=needs))
+    out += [
+        Variable(_plain(name), "", x, f"s.covariates[{name!r}]", "logged", _middle(x), float(x.mean()),
+                 f"covariate:{name}")
+        for name, x in s.covariates.items()
+    ]  # fmt: skip
+    return out
+
+
+def _of_moves(s: Stimulus) -> list[Variable]:
+    """Return what the last move before a dwell was: its direction about each gimbal, and the force that it changed."""
+    out = [
+        Variable(f"approach_{_plain(name)}", "", np.sign(np.round(s.move_angle[:, i], 6)),
+                 f"sign(moved(s, {name!r}))", "move")
+        for i, name in enumerate(s.axis_names)
+        if len(np.unique(np.sign(np.round(s.move_angle[:, i], 6)))) > 1
+    ]  # fmt: skip
+    if s.true_angle is None:
+        out += [Variable(f"force_change_{a}", "g", s.move_force[:, i], f"s.move_force[:, {i}]", "move")
+                for i, a in enumerate("xyz")]  # fmt: skip
     return out
 
 

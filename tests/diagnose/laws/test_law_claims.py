@@ -160,8 +160,8 @@ def test_what_tells_a_law_from_the_next_is_taken_from_the_menu() -> None:
     x, *follows = (next(v for v in place.variables if v.name == n) for n in ("force_x", "time", "temperature"))
 
     def law(v: Variable) -> Law:
-        plain = [next(t for t in terms(v, o.view.stimulus) if t.form.key == "x") for v in (x, v)]
-        return Law(place, Expression(tuple(plain)), 50.0, None)  # type: ignore[arg-type]
+        plain = [terms(v, o.view.stimulus, ("x",))[0] for v in (x, v)]
+        return Law(place, Expression(tuple(plain)).referred().without([0]), 50.0, None)  # type: ignore[arg-type]
 
     time, warm = map(law, follows)
     told = separating_manoeuvre(o, warm, np.array([30 * plant.UG / plant.G]), time)

@@ -1,0 +1,256 @@
+"""Six rigs with a law that no catalogue holds, each at a strength in sigmas, and what a law leaves of a second run.
+
+The recordings come from the plants of the other benchmarks, which share no line with the package. Each rig says what a
+law may follow under the name that the package prints, taken from the plant and not from the package.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gimbalcal import calibrate
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from tests.benchmarks import unknown_hand, unknown_mount
+from tests.diagnose import plant, static_plant, turned_plant
+from tests.estimate.gyroscopes import test_rate_table
+
+UG, ARCSEC, DEG, HOUR = plant.UG, plant.ARCSEC, turned_plant.DEG, np.pi / 648000
+SECOND = 5000  # added to a seed for the second recording
+
+Variables = Mapping[str, Array]
+Value = Callable[[Any], Array]
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A law: its rig, where it acts ("y", "gyro z", an axis of a gimbal), its value of what the rig goes through.
+
+    follows: sets of variables, separated by |, any of which is right; same: ids of effects that say the same;
+    determined: whether the design of the rig determines it; options: of the recording.
+    """
+
+    rig: str
+    where: str
+    value: Value
+    follows: str
+    same: tuple[str, ...] = ()
+    determined: bool = True
+    options: tuple[tuple[str, Any], ...] = ()
+
+
+NONE = Hidden("", "x", lambda b: 0.0, "")
+
+
+def _sensor(where: str) -> tuple[int, bool]:
+    return "xyz".index(where[-1]), where.startswith("gyro")
+
+
+def positions(seed: int, law: Hidden, size: float) -> Recording:
+    """18 positions on a space-stable platform, a noisy thermometer; size in ug or arcsec."""
+    gimbals = ("platform", "inner", "middle")
+
+    def error(b: plant.Bench) -> dict[str, Array]:
+        value = np.broadcast_to(law.value(b), b.t.shape)
+        if law.where in gimbals:
+            return plant.turned(gimbals.index(law.where), value)
+        return plant.on("xyz".index(law.where), value)
+
+    unit = ARCSEC if law.where in gimbals else UG
+    return plant.record(np.random.default_rng(seed), error, size * unit, **dict(law.options))
+
+
+def static(seed: int, law: Hidden, size: float) -> Recording:
+    """48 hours at rest in inertial space; size in ug."""
+    rng = np.random.default_rng(seed)
+    return static_plant.record(rng, lambda r: np.outer(law.value(r), np.eye(3)["xyz".index(law.where)]), size * UG)
+
+
+def _of_hand(law: Hidden) -> tuple[unknown_hand.Setup, unknown_hand.Error]:
+    i, gyro = _sensor(law.where)
+    made = unknown_hand.Setup(**{"thermometer": True, "gyroscopes": gyro, "rests": 44, **dict(law.options)})
+    return made, lambda h: {"rate" if gyro else "force": np.outer(law.value(h), np.eye(3)[i])}
+
+
+def hand(seed: int, law: Hidden, size: float) -> Recording:
+    """44 rests by hand in any attitude, sensors that wander; size in g or rad/s."""
+    made, error = _of_hand(law)
+    return unknown_hand.record(seed, made, ((error, size),))
+
+
+def _of_mount(law: Hidden) -> tuple[unknown_mount.Setup, unknown_mount.Error]:
+    part = {"azimuth": [1.0, 0.0], "elevation": [0.0, 1.0], "up": [0.0, 1.0]}[law.where]
+    key = "sky" if law.where == "up" else "readout"
+    return unknown_mount.Setup(**{"stars": 90, **dict(law.options)}), lambda k: {key: np.outer(law.value(k), part)}
+
+
+def mount(seed: int, law: Hidden, size: float) -> Recording:
+    """90 stars on an alt-azimuth mount; size in arcsec."""
+    made, error = _of_mount(law)
+    return unknown_mount.record(seed, made, ((error, size * ARCSEC),))
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """Force [g], rate [rad/s], temperature and time of a unit that is turned."""
+
+    f: Array
+    w: Array
+    T: Array
+    t: Array
+
+
+def _temperature(t: Array) -> Array:
+    return np.asarray(23 + 4 * np.sin(2 * np.pi * t / (0.8 * t[-1]) + 0.4))
+
+
+def rotation(seed: int, law: Hidden, size: float) -> Recording:
+    """26 rests by hand and the turns between them at 30 Hz; size in g or rad/s."""
+    i, gyro = _sensor(law.where)
+    unit = 1.0 if gyro else turned_plant.G
+
+    def error(f: Array, w: Array, T: Array, t: Array) -> Array:
+        return np.outer(unit * size * law.value(Moving(f / turned_plant.G, w, T, t)), np.eye(3)[i])
+
+    made = turned_plant.Unit(**{"rate" if gyro else "force": error, "temperature": _temperature})
+    return turned_plant.turned(seed, made, rests=40)
+
+
+def table(seed: int, law: Hidden, size: float) -> Recording:
+    """Ten seconds at each of eight rates about z, up and down, twice; size in rad/s."""
+    r, again = (test_rate_table.run("z", seed + 7000 * k) for k in range(2))
+    both = {key: np.concatenate([x, again.channels[key] + (x[-1] if key[1] == "table" else 0.0)])
+            for key, x in r.channels.items()}  # fmt: skip
+    time = np.arange(2 * len(r.time)) * r.time[1]
+    r = replace(r, time=time, channels=both, weight=np.ones(len(time)))
+    w = np.gradient(r.channels["gimbal_angle", "table"], r.time)
+    felt = np.outer(w, [0.0, 0.0, 1.0])
+    T = _temperature(r.time)
+    i, _ = _sensor(law.where)
+    added = size * law.value(Moving(0 * felt, felt, T, r.time))
+    key = ("angular_rate", "xyz"[i])
+    still = np.abs(w) < 1e-6
+    number = np.cumsum(np.diff(still.astype(int), prepend=0) > 0) * still
+    channels = {**r.channels, key: r.channels[key] + added, ("temperature", ""): T}
+    return replace(r, channels=channels, position=number, instant=True)
+
+
+RIGS: dict[str, Callable[[int, Hidden, float], Recording]] = {
+    "positions": positions, "static": static, "hand": hand, "rotation": rotation, "mount": mount, "rate table": table,
+}  # fmt: skip
+
+
+def misfit(r: Recording, with_: tuple[str, ...] = ()) -> tuple[float, float]:
+    """Square of the misfit in sigmas of the noise, and its degrees of freedom; of unstated noise in its own units."""
+    if r.kind.stabilised or (r.has("gimbal_angle") and not r.kind.sighting and not r.kind.rotating):
+        from gimbalcal.diagnose.evidence.stated_noise import nominal
+        from gimbalcal.inference.algebra import orthonormal
+
+        o = fit_baseline(view_at_known_attitude(r))
+        node = nominal(o)
+        Q, y = orthonormal(node.whiten(o.reduced(o.Z))), node.whiten(o.reduced(o.residual[:, :, None]))[:, 0]
+        y = y - Q @ (Q.T @ y)
+        return float(y @ y), float(len(y) - Q.shape[1])
+    made = calibrate(r, more=list(with_)) if with_ else calibrate(r)
+    return _sum(made.residual.rms), float(max(made.residual.dof, 1))
+
+
+def _sum(rms: Mapping[str, float]) -> float:
+    return float(sum((x / _UNIT[re.split("[: ]", key)[0]]) ** 2 for key, x in rms.items()))
+
+
+_UNIT = {"specific_force": 1e-4, "rate_at_rest": 1e-6, "gravity_direction": 1e-4, "pointing": ARCSEC,
+         "angular_rate": 1e-4}  # fmt: skip
+
+
+def excess(r: Recording, clean: Recording, with_: tuple[str, ...] = ()) -> float:
+    """Sigmas by which a recording is worse than the same noise without a law."""
+    if clean.title == "hand":
+        return _of_norms(r, clean)
+    (a, _), (b, dof) = misfit(r, with_), misfit(clean, with_)
+    if a < b:
+        return 0.0
+    return float(np.sqrt(a - b if clean.noise and not clean.kind.sighting else (a / b - 1) * dof))
+
+
+def _of_norms(r: Recording, clean: Recording) -> float:
+    """Sigmas by which the norms of the force at rest differ, calibration removed, in the noise of the plant."""
+    rest = np.asarray(clean.position)
+    at = [np.flatnonzero(rest == k) for k in np.unique(rest[rest > 0])]
+    f = np.array([[clean.channels["specific_force", a][i].mean() for a in "xyz"] for i in at]) / unknown_hand.G
+    x = np.array([[r.channels["specific_force", a][i].mean() for a in "xyz"] for i in at]) / unknown_hand.G
+    grade, m = unknown_hand.MEMS, len(f)
+    d = unknown_hand.G * ((x - f) * f).sum(axis=1)
+    V = (f @ f.T) * unknown_hand.wanders(m, grade.wander) + np.eye(m) * grade.white**2 / len(at[0])
+    Z = np.concatenate([f, (f[:, :, None] * f[:, None, :]).reshape(m, 9)], axis=1)
+    return float(np.sqrt(unknown_hand._left(d, Z, V)))
+
+
+def size_of(seed: int, law: Hidden, sigmas: float) -> float:
+    """The size at which a law stands so many sigmas above the noise after the calibration."""
+    if law.rig == "hand":
+        made, error = _of_hand(law)
+        return sigmas / unknown_hand.strength(seed, made, error)
+    if law.rig == "mount":
+        sky, error = _of_mount(law)
+        return sigmas / unknown_mount.strength(seed, sky, error)
+    rig = RIGS[law.rig]
+    clean, size = rig(seed, law, 0.0), {"rotation": 1e-3, "rate table": 1e-3}.get(law.rig, 10.0)
+    for _ in range(2):  # a probe well above the noise
+        size *= 100.0 / max(excess(rig(seed, law, size), clean), 1e-3)
+    return size * sigmas / 100.0
+
+
+def variables(r: Recording) -> Variables:
+    """What a law may follow in a recording, by the names and in the units that the package prints."""
+    out: dict[str, Array] = {"time": r.time}
+    for a in "xyz":
+        if r.has("specific_force"):
+            out[f"force_{a}"] = r.channels["specific_force", a] / 9.80665
+        if r.has("angular_rate"):
+            out[f"rate_{a}"] = r.channels["angular_rate", a] / DEG
+    for (quantity, axis), x in r.channels.items():
+        if quantity in ("gimbal_angle", "covariate"):
+            out[axis] = x
+        if quantity == "temperature":
+            out["temperature"] = x
+            out["temperature_rate"] = np.gradient(x, r.time) * 3600
+    if r.position is not None:
+        starts = np.flatnonzero(np.diff(r.position, prepend=-1))
+        dwell = np.searchsorted(starts, np.arange(len(r.time)), side="right") - 1
+        out["since_move"] = r.time - r.time[starts][dwell]
+        for name, x in list(out.items()):
+            if name in ("platform", "inner", "middle") or name.startswith("force"):
+                held = np.array([x[i : i + 10].mean() for i in starts])
+                change = np.diff(held, prepend=held[0])[dwell]
+                out |= {f"approach_{name}": np.sign(np.round(change, 6)), f"{name[:5]}_change_{name[6:]}": change}
+    return out
+
+
+PRINTED = {"specific_force": 9.80665e-6, "angular_rate": HOUR, "gimbal_angle": ARCSEC}
+
+
+def corrected(r: Recording, laws: list[dict[str, Any]]) -> Recording:
+    """The recording with what laws of a diagnosis say taken away."""
+    import sympy
+
+    values, channels = variables(r), dict(r.channels)
+    for law in laws:
+        key = (law["channel"], law["axis"])
+        x = {name: values[name] for name in law["variables"]}
+        if law["expression"] == "table":
+            p = law["parameters"]
+            added = np.interp(x[law["variables"][0]], [k["knot"] for k in p], [k["value"] for k in p])
+        else:
+            symbols = {name: sympy.Symbol(name, real=True) for name in x}
+            f = sympy.lambdify(list(symbols.values()), sympy.sympify(law["expression"], locals=symbols), "numpy")
+            added = np.broadcast_to(np.asarray(f(*x.values()), dtype=float), r.time.shape)
+        sign = -1 if law["channel"] == "gimbal_angle" else 1  # the true angle is the readout plus its error
+        channels[key] = channels[key] - sign * PRINTED[law["channel"]] * added
+    return replace(r, channels=channels)

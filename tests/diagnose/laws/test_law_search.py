@@ -1,0 +1,106 @@
+"""What the search for laws promises: no dependence on origins, a formula before a neighbouring cause, nothing in one
+place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy
+
+from gimbalcal.diagnose.entry import diagnose
+from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Term, terms
+from gimbalcal.diagnose.laws.law_search import spanned
+from gimbalcal.diagnose.library.variables import Variable
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from gimbalcal.views.known_attitude import view_at_known_attitude
+from tests.benchmarks import unknown_hand
+from tests.diagnose import plant, turned_plant
+
+pytestmark = pytest.mark.usefixtures("own_catalogue")
+
+
+def shifted(r: Recording, by: float) -> Recording:
+    """The recording of a thermometer that reads so much more."""
+    return replace(r, channels={**r.channels, ("temperature", ""): r.channels["temperature", ""] + by})
+
+
+def test_a_law_does_not_depend_on_the_zero_of_the_thermometer() -> None:
+    r = plant.record(np.random.default_rng(8), lambda b: plant.on(1, np.tanh((b.body - 23.2) / 0.6)), 50 * plant.UG)
+    one, other = (diagnose([x]).laws[0] for x in (r, shifted(r, -37.5)))
+    assert one.evidence == pytest.approx(other.evidence, abs=0.1)
+    T = sympy.Symbol("temperature")
+    at = np.linspace(*one.domain["temperature"], 50)
+    values = [sympy.lambdify(T, sympy.sympify(w.expression))(at - s) for w, s in ((one, 0.0), (other, 37.5))]
+    assert np.abs(values[0] - values[1]).max() < 0.01 * np.abs(values[0]).max()
+
+
+def test_columns_of_powers_span_the_same_functions_whatever_the_origin() -> None:
+    x = np.linspace(19.0, 26.0, 40)
+
+    def columns(shift: float) -> Array:
+        v = Variable("temperature", "degC", x + shift, "", "logged", float(x.mean()) + shift)
+        f = Variable("force_x", "g", np.cos(x), "", "force")
+        cubic, plain = Term(v, FORMS["to x^3"], (), 1), Term(f, FORMS["x"], (), 1)
+        return spanned(Expression((cubic, plain)).columns)
+
+    A, B = columns(0.0), columns(273.15)
+    np.testing.assert_allclose(A @ A.T, B @ B.T, atol=1e-9 * len(x))
+
+
+def test_a_free_origin_stands_in_products_alone() -> None:
+    x = np.linspace(0.0, 1.0, 20)
+    T = Variable("temperature", "degC", x, "", "logged", 0.5)
+    f = Variable("force_x", "g", 1 - x, "", "force")
+    pair = Expression((Term(T, FORMS["x"], (), 1), Term(f, FORMS["x"], (), 1)))
+    assert pair.factors == [(-1, 0), (0, 0)]
+    assert Expression((Term(T, FORMS["x"], (), 1),)).factors == [(0,)]
+    assert set(MULTIPLIED) == {"force", "angle", "rate", "time", "since", "logged", "course", "move"}
+
+
+def test_a_formula_comes_before_a_cause_that_is_much_like_it() -> None:
+    """A knee at 0.35 g is the size of the force but for a tenth, which no other cause explains."""
+    made = unknown_hand.Setup(thermometer=True, rests=44)
+
+    def knee(h: unknown_hand.Hand) -> dict[str, Array]:
+        return {"force": np.outer(np.maximum(h.f[:, 0] - 0.35, 0.0), [1.0, 0, 0])}
+
+    size = 40 / unknown_hand.strength(7, made, knee)
+    d = diagnose([unknown_hand.record(7, made, ((knee, size),))])
+    assert not [f for f in d.findings if f["probability"] >= 0.5]
+    (law,) = d.laws
+    assert (law.axis, law.variables) == ("x", ("force_x",))
+    f = np.linspace(-1, 1, 101)
+    said = sympy.lambdify(sympy.Symbol("force_x"), sympy.sympify(law.expression))(f) * plant.UG / unknown_hand.G
+    rest = said - size * np.maximum(f - 0.35, 0.0)
+    Z = np.column_stack([1 + 0 * f, f])  # bias and scale take these
+    rest -= Z @ np.linalg.lstsq(Z, rest, rcond=None)[0]
+    assert np.sqrt(np.mean(rest**2)) < 0.1 * size
+
+
+def test_what_shows_only_while_the_unit_turns_has_a_formula_too() -> None:
+    unit = turned_plant.Unit(rate=lambda f, w, T, t: np.outer(0.01 * w[:, 0] * w[:, 1], [0, 0, 1.0]))
+    d = diagnose([turned_plant.turned(1, unit, rests=36)])
+    (law,) = d.laws
+    assert (law.channel, law.axis, law.form) == ("angular_rate", "z", "a*rate_x*rate_y")
+    (size,) = law.parameters
+    truth = 0.01 * (np.pi / 180) ** 2 / (np.pi / 648000)  # deg/h per (deg/s)^2
+    assert abs(size.value - truth) < 4 * size.sigma + 0.02 * truth
+
+
+def test_what_acts_in_one_dwell_alone_is_no_law() -> None:
+    r = plant.record(np.random.default_rng(12), lambda b: plant.on(0, 1.0 * (b.visit == 7)), 4e-4)
+    assert diagnose([r]).laws == ()
+
+
+def test_every_form_has_as_many_words_as_columns() -> None:
+    x = np.linspace(0.1, 3.0, 30)
+    v = Variable("time", "s", x, "s.time", "time", 1.5)
+    for form in FORMS.values():
+        n = len(form.constants) or (4 if form.key == "table" else 0)
+        t = Term(v, form, tuple(np.linspace(0.5, 2.5, n).tolist()), 1)
+        assert t.columns.shape == (30, len(t.words))
+    s = view_at_known_attitude(plant.record(np.random.default_rng(1), dwell=5)).stimulus
+    assert len(terms(v, s, ("fade", "log"))) == 13
