@@ -145,7 +145,7 @@ def of_formula(v: Verdict) -> str:
     printed, derived = (latex(f) for f in v.formulas)
     size = "" if v.size in ("0", "not quantified") else f", {text(v.size)}"
     lines = [f"## {text(v.item)}: {v.verdict}{size}", "", f"`{v.printed.replace('`', chr(39))}`", ""]
-    if printed and (not derived or printed == derived):
+    if printed and (v.formulas[1] is None or printed == derived):
         lines += [f"$${printed}$$", ""]
     elif printed and derived and max(len(printed), len(derived)) <= SHORT:
         columns = " | ".join(f"$\\displaystyle {f.replace('|', chr(92) + 'vert ')}$" for f in (printed, derived))

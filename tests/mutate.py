@@ -4,7 +4,7 @@
     python -m tests.mutate effects                zero, sign, size, axes, powers, and one changed term in every equation
     python -m tests.mutate readings ...           one module of the estimators, or several (--help lists them)
     python -m tests.mutate history ...            the mistakes of `tests/mutation/chosen.py` in a room, or in several
-    python -m tests.mutate derivations            sixty errors that the derivations ought to notice
+    python -m tests.mutate derivations            errors that the derivations ought to notice
     python -m tests.mutate --terms 9 ...          not one changed term in every statement but up to nine
     python -m tests.mutate --at-once 1 ...        one process of tests at a time, not as many as there are cores
 

@@ -1,4 +1,4 @@
-"""Of sixty errors anywhere between a recording and a budget the derivations let at most three pass."""
+"""Of the listed errors anywhere between a recording and a budget the derivations let at most three pass."""
 
 from __future__ import annotations
 

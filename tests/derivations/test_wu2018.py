@@ -12,7 +12,7 @@ import pytest
 import sympy as sp
 
 from derivations import comparison, errata, wu2018
-from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, WRONG, judge
+from derivations.verdict import AGREES, APPROXIMATION, MISPRINT, NOT_DETERMINED, WRONG, Verdict, judge
 from derivations.wu2018 import (
     attitude_error,
     fine_norm,
@@ -437,3 +437,15 @@ def test_the_page_of_the_paper_has_every_item_with_its_formulas(wu2018_list):
         assert page.count(whole) == 1, v.item
     assert r"\beta_{yz}" in page
     assert page.count("$$") % 2 == 0
+
+
+def test_a_formula_too_long_for_the_page_is_named_and_the_other_is_labelled():
+    builder = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "build_errata.py"))
+    long = sum(sp.Symbol(f"x_{i}") ** i for i in range(400))
+    v = Verdict("001", "Eq. (99)", WRONG, "x", "long", "1", "Because.", formulas=(sp.Symbol("x"), long))
+    shown = builder["of_formula"](v)
+    assert "printed:\n\n$$x$$" in shown
+    assert 'In full with `python -m derivations wu2018 "Eq. (99)"`.' in shown
+    definition = builder["of_formula"](replace(v, formulas=(sp.Symbol("x"), None)))
+    assert "$$x$$" in definition
+    assert "printed:" not in definition
