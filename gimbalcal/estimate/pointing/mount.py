@@ -11,6 +11,7 @@ from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Residua
 from gimbalcal.calibration.exchange.tpoint_model import mount_axes, printed, tpoint_terms
 from gimbalcal.calibration.provenance import Night, NightTerm
 from gimbalcal.effects import Parameter
+from gimbalcal.effects.effect import order_of
 from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fit import ViewsFit
@@ -54,8 +55,12 @@ def pointing_calibration(
     chosen = terms or usual_terms(axes)
     stated = _stated([r.noise.get("gimbal_angle") for r in recordings])
     also = extra_effects(more, recordings, chosen)
-    sizes = tuple(p for e in also for p in wanted_parameters(platform, axes, _named(e)))
-    wanted = wanted_parameters(platform, axes, chosen)
+    follows = all(v.noise.own_memories for v in runs)  # stars show the first term of a series alone
+
+    def of_terms(names: Sequence[str]) -> tuple[Parameter, ...]:
+        return tuple(p for p in wanted_parameters(platform, axes, names) if follows or order_of(p) == 1)
+
+    sizes, wanted = tuple(p for e in also for p in of_terms(_named(e))), of_terms(chosen)
     fitted = fit_terms(runs, wanted, stated)
     extra = NO_EXTENSION
     if also:

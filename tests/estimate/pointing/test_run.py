@@ -132,3 +132,15 @@ def test_the_picture_of_a_mount_that_tracks_has_the_directions_of_its_view() -> 
     drawn = pointing_picture([r], pointing_calibration([r], ("gimbal_zero:hour_angle",)))
     assert "each star, across the plane of the innermost axis: with the zeros alone" in drawn.caption
     assert len(drawn.charts) == 2  # the one direction over both axes, and no chart of the sky
+
+
+def test_stars_show_the_first_term_of_a_worm_and_a_log_of_guiding_all_of_them() -> None:
+    """Harmonics of a tooth are sought only where rows follow the angle: sixty stars cannot show ten sizes of one."""
+    stars = pointing_calibration(
+        [run(ALT_AZ, sky(ALT_AZ), (), noise=5.0)], more=["periodic_worm_error:azimuth,teeth=144"]
+    )
+    assert [p.field for p in stars.parameters if p.effect == "periodic_worm_error"] == ["A", "B", "teeth"]
+    guided = pointing_calibration(
+        [tracking()], terms=["gimbal_zero"], more=["periodic_worm_error:hour_angle,teeth=144"]
+    )
+    assert len([p for p in guided.parameters if p.effect == "periodic_worm_error"]) == 11  # with teeth
