@@ -87,8 +87,8 @@ class Budget:
         )
 
     def to_list(self) -> list[Json]:
-        """Return the content of budget.json, the largest part first."""
-        return [
+        """Return the content of budget.json: the largest part first, and the whole at the end, as `total`."""
+        rows: list[Json] = [
             {
                 "parameter": self.parameters[i].label,
                 "sigma": float(from_si(self.sigma[i], self.parameters[i].unit)),
@@ -101,6 +101,8 @@ class Budget:
             }
             for i in map(int, self.order)
         ]
+        whole = {f"{h:g}": float(m) for h, m in zip(self.hours, self.whole, strict=True)}
+        return [*rows, {"parameter": "total", "position_error_m_after_h": whole, "share": 1.0}]
 
 
 def length(metres: float) -> str:

@@ -56,7 +56,12 @@ def test_budget_writes_the_contract_and_a_page(command, capsys, tmp_path) -> Non
     assert command("budget", "wu2018-18", "--hours", 12, "--out", tmp_path / "out", "--json", "--quiet") == 0
     told = json.loads(capsys.readouterr().out)
     assert told == json.loads((tmp_path / "out" / "budget.json").read_text())
-    for row in told:
+    *rows, total = told
+    assert total["parameter"] == "total"
+    parts = [row["position_error_m_after_h"]["12"] for row in rows]
+    assert max(parts) < total["position_error_m_after_h"]["12"] < sum(parts)
+    assert sum(row["share"] for row in rows) > 0.3  # the rest is covariance between parameters
+    for row in rows:
         assert {"parameter", "sigma", "unit", "position_error_m_after_h", "share", "reduce_by"} == set(row)
         assert list(row["position_error_m_after_h"]) == ["12"]
     page = (tmp_path / "out" / "report.html").read_text()
@@ -67,8 +72,9 @@ def test_a_budget_of_turns_has_the_same_contract_and_says_whose_navigator_it_is(
     options = ("--states", "30", "--hours", 6, "--out", tmp_path / "out", "--json", "--quiet")
     assert command("budget", "wei2022-30", "wei2022-static", *options) == 0
     told = json.loads(capsys.readouterr().out)
-    assert len(told) == 21
-    for row in told:
+    assert len(told) == 22
+    assert told[-1]["parameter"] == "total"
+    for row in told[:-1]:
         assert {"parameter", "sigma", "unit", "position_error_m_after_h", "share", "reduce_by"} == set(row)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "The strapdown navigator of" in page
