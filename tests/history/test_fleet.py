@@ -72,12 +72,27 @@ def test_units_outside_are_named_and_take_no_part() -> None:
     assert found[LABELS[2]].mean == pytest.approx(100 * SIGMA[2], abs=3 * SIGMA[2])
 
 
-def test_two_kinds_of_units_are_no_exceptions() -> None:
-    """Where more than a quarter lie elsewhere the fleet is as wide as both kinds."""
+def test_where_more_than_a_quarter_lie_elsewhere_they_are_no_exceptions() -> None:
+    """Eight of twenty at ever larger distances, of which each is far off those before it."""
     made = units(4, 20, spread=0.5)
     for k in range(8):
-        made[f"u{k}"] = replace(made[f"u{k}"], calibration=calibration(np.full(6, 300.0), k))
+        made[f"u{k}"] = replace(made[f"u{k}"], calibration=calibration(100 + np.full(6, 30.0 * 4**k), k))
     assert all(d.inside.all() for d in fleet(made).distributions.values())
+
+
+def test_the_spread_is_integrated_over_with_the_mean() -> None:
+    """Expectations by sums over a plain grid of mean and spread."""
+    x, sigma = np.array([1.0, 2.5, 0.3, 4.0, 2.2]), np.array([0.5, 0.8, 0.4, 1.0, 0.6])
+    posterior, mean, variance, tau = posterior_of_spread(x, sigma)
+    mu, spread = np.meshgrid(np.linspace(-30, 34, 1601), np.linspace(0, 60, 3001))
+    log = np.zeros_like(mu)
+    for value, own in zip(x, sigma, strict=True):
+        log -= np.log(spread**2 + own**2) / 2 + (value - mu) ** 2 / 2 / (spread**2 + own**2)
+    density = np.exp(log - log.max())
+    expected = [float((density * f).sum() / density.sum()) for f in (mu, spread, (mu - 2) ** 2)]
+    assert posterior @ mean == pytest.approx(expected[0], abs=0.01)
+    assert posterior @ tau == pytest.approx(expected[1], rel=0.02)
+    assert posterior @ (variance + (mean - 2) ** 2) == pytest.approx(expected[2], rel=0.05)
 
 
 def test_the_prior_is_that_of_the_joint_normal_distribution() -> None:
