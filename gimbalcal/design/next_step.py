@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gimbalcal.design.position_observability import STATIC_SENSORS, information_at_rest
-from gimbalcal.design.rig_positions import free_rig, rows_at_rest
+from gimbalcal.design.rig_positions import rows_at_rest, stepped_rig
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import HOUR
 from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
@@ -32,10 +32,10 @@ from gimbalcal.effects.effect import tied
 from gimbalcal.entries import Entry, Json, plain
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.estimate.grade import graded
-from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
+from gimbalcal.kinematics import sidereal_phase, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.navigate.stationary_base import ideal_static_run
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording, completed, dwell_means
+from gimbalcal.recording import SENSORS, Recording, completed, dwell_means
 from gimbalcal.recording.record import ANGLE, FORCE
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.commands import Hold
@@ -171,16 +171,19 @@ def next_step(
     recordings = graded(complete, grade).of(complete)
     dwelling = [r for r in recordings if r.kind.in_positions]
     at_rest = [r for r in recordings if r.kind.stabilised]
+    if reach is not None and separate:
+        raise InputError("--reach and --separate are two goals, and each orders the steps otherwise: give one of them")
     if len(dwelling) + len(at_rest) < len(recordings) or not dwelling:
         other = next((r for r in recordings if not (r.kind.in_positions or r.kind.stabilised)), recordings[0])
         raise InputError(
             f"{other.title!r} is a {other.kind} recording; `next` plans dwells in positions, with static runs beside "
             "them: give a multi-position recording"
         )
-    bench = _Bench.of(dwelling, tuple(dict.fromkeys((*more, *(s.partition(":")[0] for s in separate)))))
+    bench = _Bench.of(dwelling, at_rest, tuple(dict.fromkeys((*more, *(s.partition(":")[0] for s in separate)))))
     F = np.eye(len(bench.wanted)) + _squared(bench.rows_of(dwelling))
     for run in at_rest:
         F += _squared(bench.rows_of_run(run))
+    _refuse_axes(separate, bench.wanted)
     interest = np.array([not separate or _named(p, separate) for p in bench.wanted])
     target = None if reach is None else bench.sigmas_of(reach)
     candidates = bench.candidates(dwelling, step)
@@ -268,24 +271,23 @@ _Settings = tuple[Recording, list[str], tuple[Mapping[str, float], ...], tuple[t
 
 @dataclass(frozen=True, eq=False)
 class _Bench:
-    """What plans need of a unit and its rig: parameters, noise of a sample and of a setting, and usual dwells."""
+    """What plans need of a unit and its rig: parameters, usual dwells, and the last recording with its noise."""
 
     wanted: tuple[Parameter, ...]
-    accelerometer: float  # m/s^2, one sample
-    setting: float  # rad, infinite where no angle is known
+    known: bool  # whether gimbals determine the attitude
     seconds: float  # of a dwell
     weight: float  # samples of a dwell
     like: Recording  # means of the dwells of the last recording
 
     @classmethod
-    def of(cls, recordings: Sequence[Recording], more: Sequence[str]) -> _Bench:
-        """Return the bench of recordings in positions. Raises InputError for effects that dwells do not show."""
+    def of(cls, recordings: Sequence[Recording], at_rest: Sequence[Recording], more: Sequence[str]) -> _Bench:
+        """Return the bench of recordings in positions, and of static runs on the same platform.
+
+        Raises InputError for recordings that do not go together, and for effects that dwells do not show.
+        """
         last = recordings[-1]
-        if any(r.platform != last.platform for r in recordings):
-            raise InputError(
-                f"{recordings[0].title!r} and {last.title!r} are on different platforms; give those of one"
-            )
         known = bool(last.platform.axes) and last.has(ANGLE)
+        _refuse_other_platforms(recordings, at_rest)
         means = dwell_means(last) if known else scaled_by_gravity(dwell_means(last))[0]
         _refuse_effects(more, means)
         if known:
@@ -293,34 +295,34 @@ class _Bench:
         else:
             terms = (*determined_terms(means.triad(FORCE)), *more)
             wanted = tied([last.grade.usual(p) for t in dict.fromkeys(terms) for p in parameters(CATALOGUE[t])])
-        sample = means.sigma("accelerometer")
-        if not sample:
-            raise InputError(f"{last.title!r} states no noise of its accelerometers, and none shows; add it to [noise]")
         weight = float(np.median(means.weight))
         step = float(np.median(np.diff(last.time))) if len(last.time) > len(means.time) else 0.0
         lasting = np.median(np.diff(means.time)) if len(means.time) > 1 else 600.0
         seconds = weight * step / float(np.median(last.weight)) if step else float(lasting)
-        setting = means.sigma("gimbal_angle")
-        return cls(wanted, sample, (SETTING_RAD if setting is None else setting) if known else np.inf,
-                   max(seconds, 1.0), weight, means)  # fmt: skip
+        return cls(wanted, known, max(seconds, 1.0), weight, means)
 
-    def rows(self, s: Stimulus, weight: Array) -> Array:
-        """Return the whitened rows (n, 3, p) of dwells."""
-        return rows_at_rest(s, self.like.platform, self.wanted, self.accelerometer, self.setting, weight)
+    def rows(self, s: Stimulus, weight: Array, like: Recording) -> Array:
+        """Return the rows (n, 3, p) of dwells, whitened by the noise of a recording."""
+        sample = like.sigma("accelerometer")
+        if not sample:
+            raise InputError(f"{like.title!r} states no noise of its accelerometers, and none shows; add it to [noise]")
+        setting = like.sigma("gimbal_angle")
+        setting = (SETTING_RAD if setting is None else setting) if self.known else np.inf
+        return rows_at_rest(s, self.like.platform, self.wanted, sample, setting, weight)
 
     def rows_of(self, recordings: Sequence[Recording]) -> Array:
         """Return the rows of the dwells that exist."""
         out = []
         for r in recordings:
             means = dwell_means(r)
-            if np.isinf(self.setting):
+            if not self.known:
                 means = scaled_by_gravity(means)[0]
-            out.append(self.rows(self.stimulus(means), means.weight))
+            out.append(self.rows(self.stimulus(means), means.weight, means))
         return np.concatenate(out)
 
     def stimulus(self, means: Recording) -> Stimulus:
         """Return what dwells feel: by their angles, or as they read, as long as gravity."""
-        if np.isfinite(self.setting):
+        if self.known:
             return stimulus_from_angles(means)
         y = means.triad(FORCE)
         s = stimulus_from_readings(means)
@@ -329,7 +331,7 @@ class _Bench:
     def sigmas_of(self, schedule: Schedule) -> Array:
         """Return the sigmas (p,) of a published schedule in this noise, for dwells as long as these; SI."""
         plan = planned(schedule, site=self.like.site)
-        if np.isfinite(self.setting) and schedule.platform.axis_names != self.like.platform.axis_names:
+        if self.known and schedule.platform.axis_names != self.like.platform.axis_names:
             raise InputError(
                 f"{schedule.name} is of the platform {schedule.platform.name} and these dwells are on "
                 f"{self.like.platform.name}; give a schedule of the same axes"
@@ -338,8 +340,8 @@ class _Bench:
             plan = replace(
                 plan, channels={**plan.channels, **{k: np.full(len(plan.time), v) for k, v in temperatures.items()}}
             )
-        s = stimulus_from_angles(plan) if np.isfinite(self.setting) else self.stimulus(plan)
-        F = np.eye(len(self.wanted)) + _squared(self.rows(s, np.full(len(plan.time), self.weight)))
+        s = stimulus_from_angles(plan) if self.known else self.stimulus(plan)
+        F = np.eye(len(self.wanted)) + _squared(self.rows(s, np.full(len(plan.time), self.weight), self.like))
         return np.sqrt(np.diag(np.linalg.inv(F))) * np.array([p.sigma for p in self.wanted])
 
     def rows_of_run(self, *parts: Recording) -> Array:
@@ -350,7 +352,11 @@ class _Bench:
         run = parts[0]
         own = [p for i in BASELINE["static-run"] for p in parameters(CATALOGUE[i], run.platform.axis_names)]
         shared = {p.label: i for i, p in enumerate(self.wanted)}
-        noise = {k: s for k in STATIC_SENSORS if (s := run.sigma(k))}
+        noise = {k: s for k in STATIC_SENSORS if run.has(SENSORS[k]) and (s := run.sigma(k))}
+        if not noise:
+            raise InputError(
+                f"{run.title!r} states no noise of a sensor that it logs, and none shows; add it to [noise]"
+            )
         each = [information_at_rest(part, own, noise) for part in parts]
         whole = each[0] if len(each) == 1 else each[0] + each[1]
         info = whole.without([p for p in own if p.label not in shared])
@@ -364,11 +370,11 @@ class _Bench:
         """Return some hours more of a static run: its unknowns and the phase of the platform go on."""
         latitude, sample = run.site.latitude, float(np.median(np.diff(run.time)) / np.median(run.weight))
         assert latitude is not None  # a static run has one
-        now = _squared(self.rows_of_run(run))
+        now, phase = _squared(self.rows_of_run(run)), sidereal_phase(run, run.angles())[-1]
         rows = []
         for hours in STATIC_HOURS:
             more = ideal_static_run(hours, latitude, sample)
-            turned = {(ANGLE, "platform"): more.channels[ANGLE, "platform"] + run.channels[ANGLE, "platform"][-1]}
+            turned = {(ANGLE, "platform"): more.channels[ANGLE, "platform"] + phase}
             more = replace(more, time=more.time + run.time[-1], channels={**more.channels, **turned})
             size, direction = np.linalg.eigh(_squared(self.rows_of_run(run, more)) - now)
             rows.append((direction * np.sqrt(np.clip(size, 0.0, None))).T)
@@ -378,12 +384,12 @@ class _Bench:
 
     def candidates(self, recordings: Sequence[Recording], step: float) -> Candidates:
         """Return the positions of the rig, or attitudes by hand, for each duration and temperature."""
-        plan, words, angles, towards, turning = self._by_angles(step) if np.isfinite(self.setting) else self._by_hand()
+        plan, words, angles, towards, turning = self._by_angles(step) if self.known else self._by_hand()
         out: Candidates | None = None
         for warmer, duration in product(self._temperatures(), DURATIONS):
             felt = {key: np.full(len(plan.time), value + warmer) for key, value in self._temperature().items()}
             warm = replace(plan, channels={**plan.channels, **felt}, time=plan.time + recordings[-1].time[-1])
-            rows = self.rows(self.stimulus(warm), np.full(len(plan.time), self.weight * duration))
+            rows = self.rows(self.stimulus(warm), np.full(len(plan.time), self.weight * duration), self.like)
             waiting = WARMING_S if warmer else 0.0
             extra = f" for {lasting(self.seconds * duration)}" + (f", {warmer:+g} K warmer" if warmer else "")
             each = Candidates(
@@ -405,9 +411,7 @@ class _Bench:
     def _by_angles(self, step: float) -> _Settings:
         """Return the positions of the rig, one row each, words, angles, and the time of the turn there [s]."""
         platform = self.like.platform
-        if not 0 < step <= 180 or abs(360 / step - round(360 / step)) > 1e-9:
-            raise InputError(f"--step must divide 360 deg into equal parts, got {step:g} deg")
-        rig = free_rig(platform, np.deg2rad(step))
+        rig = stepped_rig(platform, step)
         angles = rig.candidates()
         schedule = Schedule("next", platform, tuple(Hold(tuple(map(float, a)), self.seconds) for a in angles))
         plan = planned(schedule, site=self.like.site)
@@ -429,6 +433,32 @@ class _Bench:
         words = [" and ".join(f"{'+' if x > 0 else '−'}{a}" for a, x in zip("xyz", d, strict=True) if x) + " up"
                  for d in DIRECTIONS]  # fmt: skip
         return plan, words, ({},) * n, tuple(tuple(map(float, d)) for d in up), np.full(n, TURN_BY_HAND_S)
+
+
+def _refuse_other_platforms(recordings: Sequence[Recording], at_rest: Sequence[Recording]) -> None:
+    """Raise InputError for recordings on different platforms, and where angles are known of some of them only."""
+    last = recordings[-1]
+    chain = [(a.name, a.direction) for a in last.platform.axes]  # a static run may count its angles in another sense
+    other = [r for r in recordings if r.platform != last.platform]
+    other += [r for r in at_rest if [(a.name, a.direction) for a in r.platform.axes] != chain]
+    if other:
+        raise InputError(f"{other[0].title!r} and {last.title!r} are on different platforms; give those of one")
+    without = next((r for r in recordings if not r.has(ANGLE)), None)
+    others = [*at_rest, *(r for r in recordings if r.has(ANGLE))]
+    if without is not None and others:
+        raise InputError(
+            f"{without.title!r} has no gimbal angles, so that {others[0].title!r} cannot be combined with it; leave "
+            "one of them out"
+        )
+
+
+def _refuse_axes(separate: Sequence[str], wanted: Sequence[Parameter]) -> None:
+    """Raise InputError for effects to separate of which no parameter is estimated, as of an axis that they lack."""
+    for name in separate:
+        if not any(_named(p, [name]) for p in wanted):
+            effect = name.partition(":")[0]
+            axes = alternatives([f"{effect}:{p.axis}" for p in wanted if p.effect == effect and p.axis])
+            raise InputError(f"--separate {name}: no such axis is estimated; write {axes or effect}")
 
 
 def _refuse_effects(effects: Sequence[str], means: Recording) -> None:

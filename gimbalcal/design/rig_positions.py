@@ -59,6 +59,16 @@ def grid(low: float, high: float, step: float) -> Array:
     return np.asarray(low + step * np.arange(n if full else n + 1))
 
 
+def stepped_rig(platform: Platform, step: float, **options: Any) -> PositioningRig:
+    """Return `free_rig` with steps of `step` [deg]. Raises InputError for one that is too fine or divides no circle."""
+    if not 0 < step <= 180 or abs(360 / step - round(360 / step)) > 1e-9:
+        raise InputError(f"--step must divide 360 deg into equal parts, got {step:g} deg")
+    rig = free_rig(platform, np.deg2rad(step), **options)
+    if (360 / step) ** len(rig.grid) > MAX_CANDIDATES:
+        raise InputError(f"--step {step:g} deg on {len(rig.grid)} axes makes too many attitudes: take a coarser step")
+    return rig
+
+
 def free_rig(platform: Platform, step: float = np.pi / 4, **options: Any) -> PositioningRig:
     """Return a rig whose axes turn freely in steps of `step` [rad]; a vertical last axis is fixed."""
     turning = platform.axes[:-1] if platform.axes[-1].direction == "z" else platform.axes
@@ -75,17 +85,12 @@ def rig_of(name: str, step: float, setting: float | None, force: float = 2.0) ->
     if platform is None or not platform.axes:
         with_axes = ", ".join(n for n, p in KNOWN.items() if p.axes)
         raise InputError(f"no rig is called {name!r}; known are {with_axes}")
-    if not 0 < step <= 180 or abs(360 / step - round(360 / step)) > 1e-9:
-        raise InputError(f"--step must divide 360 deg into equal parts, got {step:g} deg")
     if setting is not None and not 0 <= setting < np.inf:
         raise InputError(f"--angle-sigma must be a finite number of arcsec from 0, got {setting:g}")
     if not 0 < force < np.inf:
         raise InputError(f"--force-sigma must be a finite number of ug above 0, got {force:g}")
     noise = {"setting": np.inf if setting is None else to_si(setting, "arcsec"), "accelerometer": to_si(force, "ug")}
-    rig = free_rig(platform, np.deg2rad(step), **noise)
-    if (360 / step) ** len(rig.grid) > MAX_CANDIDATES:
-        raise InputError(f"--step {step:g} deg on {len(rig.grid)} axes makes too many attitudes: take a coarser step")
-    return rig
+    return stepped_rig(platform, step, **noise)
 
 
 def design_parameters(rig: PositioningRig, terms: Sequence[str]) -> tuple[Parameter, ...]:

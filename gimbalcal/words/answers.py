@@ -133,11 +133,12 @@ def _goal(plan: NextPlan) -> str:
         return f"{amount(len(left), 'parameter')} of {len(plan.parameters)} not yet at the σ asked for: {named}{more}."
     if plan.separation is None:
         return ""
+    verb = "separate" if len(plan.separate) > 1 else "show"
     named = listed([spaced(name.replace(":", " ")) for name in plan.separate])
     size = f"ln Bayes factor {significant(plan.separation, 2)} expected at usual size"
     if plan.reached:
-        return f"These recordings separate {named} ({size}): `gimbalcal diagnose` them."
-    return f"So far they do not separate {named} ({size}; 3 is a factor of 20)."
+        return f"These recordings {verb} {named} ({size}): `gimbalcal diagnose` them."
+    return f"So far they do not {verb} {named} ({size}; 3 is a factor of 20)."
 
 
 # --- campaigns --------------------------------------------------------------------------------------------------------

@@ -37,6 +37,19 @@ def test_sigmas_now_are_those_of_the_calibration() -> None:
     np.testing.assert_allclose(plan.sigma, made.sigmas, rtol=0.02)
 
 
+def test_each_recording_counts_with_its_own_noise() -> None:
+    """The information of several recordings is the sum of each, in whichever order they are given."""
+    good = read(DEVICE)
+    bad = replace(good, noise={k: 10 * v for k, v in good.noise.items()})
+    pairs = ([bad, good], [good, bad], [good], [good, good])
+    first, last, alone, twice = (next_step(each, grade="navigation").sigma for each in pairs)
+    np.testing.assert_allclose(first, last, rtol=1e-9)
+    assert np.all(first <= alone)
+    assert np.all(first >= twice)
+    scale = [p.label for p in next_step([good]).parameters].index("scale_factor:x")
+    assert first[scale] == pytest.approx(alone[scale], rel=0.02)  # a hundredth of the information more
+
+
 def test_the_promised_sigma_is_that_of_the_next_calibration() -> None:
     angles = list(EIGHTEEN_POSITIONS.angles[:12])
     plan = next_step([dwells(angles)])
@@ -99,6 +112,38 @@ def test_a_static_run_and_its_continuation_count() -> None:
         next_step([run])
 
 
+def test_a_static_run_without_readouts_goes_on_by_the_turn_of_the_earth() -> None:
+    device, run = read(DEVICE), read(DATA / "space_stable_static", average_s=60.0)
+    silent = replace(run, channels={key: x for key, x in run.channels.items() if key[0] != "gimbal_angle"})
+    plan, read_out = next_step([device, silent], most=1000), next_step([device, run])
+    fused = gimbalcal.calibrate([device, silent])
+    stated = dict(zip([p.label for p in fused.parameters], fused.sigmas, strict=True))
+    now = {p.label: s for p, s in zip(plan.parameters, plan.sigma, strict=True)}
+    for label in ("bias:x", "scale_factor:y", "misalignment:zx"):
+        assert now[label] == pytest.approx(stated[label], rel=0.1)
+    assert np.all(plan.sigma >= read_out.sigma * (1 - 1e-9))
+    assert np.any(plan.sigma > 1.01 * read_out.sigma)  # angles that nobody logged do not count
+    assert any(s.words.startswith("let the static run go on") for s in plan.steps)
+
+
+def test_a_static_run_of_another_unit_is_refused() -> None:
+    run, hand, device = (
+        read(DATA / "space_stable_static", average_s=600.0),
+        read(DATA / "xsens_positions"),
+        read(DEVICE),
+    )
+    blind = replace(device, channels={key: x for key, x in device.channels.items() if key[0] != "gimbal_angle"})
+    for recordings in ([hand, run], [blind, run], [blind, device]):
+        with refused():
+            next_step(recordings)
+
+
+def test_one_effect_is_shown_and_not_separated() -> None:
+    plan = next_step([dwells(list(EIGHTEEN_POSITIONS.angles))], separate=["cubic_nonlinearity:z"])
+    assert "show cubic nonlinearity z" in str(plan)
+    assert "separate" not in str(plan)
+
+
 def test_a_temperature_is_proposed_where_the_model_depends_on_it() -> None:
     device = read(DATA / "space_stable_concealed")
     plan = next_step([device], more=["bias_temperature"], separate=["bias_temperature"], most=100)
@@ -157,6 +202,9 @@ def test_the_command_writes_its_files_and_sentences(
         (str(DEVICE), "--with", "gyro_bias"),
         (str(DEVICE), "--with", "phlogiston"),
         (str(DEVICE), "--step", "50"),
+        (str(DEVICE), "--step", "0.5"),
+        (str(DEVICE), "--separate", "cubic_nonlinearity:w"),
+        (str(DEVICE), "--separate", "cubic_nonlinearity:z,odd_quadratic:z", "--reach", "wu2018-18"),
         (str(DEVICE), "--reach", "wang2019-15"),
         (str(DEVICE), "--reach", "wei2022-30"),
         (str(DEVICE), str(DATA / "xsens_positions")),
