@@ -156,7 +156,13 @@ class Term:
         """The columns (n, m)."""
         v = self.variable
         x = v.x - v.origin if any(self.form.powers) and self.form.key != "knee" else v.x
+        x = x / self.unit_of_power
         return np.stack(self.form.columns(x, *self.constants), axis=-1)
+
+    @property
+    def unit_of_power(self) -> float:
+        """What a variable is divided by, SI: its unit of print where its power is no whole number, else one."""
+        return float(to_si(1.0, self.variable.unit)) if self.form.key == "power" and self.variable.unit else 1.0
 
     @cached_property
     def factors(self) -> Array:
@@ -182,7 +188,7 @@ class Term:
         if self.form.key != "table":
             return self.form.words
         c = [float(self.variable.printed(k)) for k in self.constants]
-        return tuple(f"(Abs({{x}} - {a:.6g}) - Abs({{x}} - {b:.6g}))" for a, b in itertools.pairwise(c))
+        return tuple(f"(Abs({{x}} - {a:.6g}) - Abs({{x}} - {b:.6g}) + {b - a:.6g})/2" for a, b in itertools.pairwise(c))
 
     def at(self, *constants: float) -> Term:
         """The same form with other constants."""

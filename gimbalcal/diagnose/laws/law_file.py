@@ -136,8 +136,12 @@ def _words(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tuple[list[
     unity = letters[:1] == ["1"] and bool(t.form.constants) and t.form.constants[0].kind in ("fixed", "size")
     words = [w.replace("{0}*", "") if unity else w for w in t.words]
     code = f"({v.code} - {at!r})" if centred else v.code
+    code = code if t.unit_of_power == 1 else f"({code} / {t.unit_of_power!r})"
     if t.form.key == "table":
-        coded = [f"(absolute({code} - {a!r}) - absolute({code} - {b!r}))" for a, b in itertools.pairwise(t.constants)]
+        coded = [
+            f"(absolute({code} - {a!r}) - absolute({code} - {b!r}) + {b - a!r}) / 2"
+            for a, b in itertools.pairwise(t.constants)
+        ]
     else:
         coded = [_coded(w).format(*codes, x=code) for w in t.words]
     return [w.format(*letters, x=x) for w in words], coded

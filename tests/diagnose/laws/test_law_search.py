@@ -10,11 +10,14 @@ import pytest
 import sympy
 
 from gimbalcal.diagnose.entry import diagnose
-from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Term, terms
+from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Form, Term, terms
+from gimbalcal.diagnose.laws.law_file import _with as printed_form
+from gimbalcal.diagnose.laws.law_file import stated
 from gimbalcal.diagnose.laws.law_search import spanned
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.benchmarks import unknown_hand
 from tests.diagnose import plant, turned_plant
@@ -104,3 +107,22 @@ def test_every_form_has_as_many_words_as_columns() -> None:
         assert t.columns.shape == (30, len(t.words))
     s = view_at_known_attitude(plant.record(np.random.default_rng(1), dwell=5)).stimulus
     assert len(terms(v, s, ("fade", "log"))) == 13
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
+def test_a_form_is_printed_in_the_units_of_its_coefficients(form: Form) -> None:
+    """The formula in printed units is the column in SI, with the unit by which its coefficient is divided."""
+    unit = "rad" if form.key == "harmonic" else "deg/s"  # of angles alone
+    x = np.linspace(0.1, 3.0, 41) if form.key in ("log", "fade", "ring") else np.linspace(-3.0, 3.0, 41)
+    n = len(form.constants) or (4 if form.key == "table" else 0)
+    constants = tuple(np.linspace(0.5, 2.5, n).tolist())
+    t = Term(Variable("rate_z", unit, x, "", "rate"), form, constants, 1)
+    e, told = Expression((t,)), stated(Expression((t,)))
+    text = printed_form(told.text, {a: e.terms[i].printed(j, constants[j]) for a, i, j in told.constants})
+    in_print = np.asarray(t.variable.printed(x))
+    for k, (letter, by) in enumerate(told.coefficients):
+        others = {name: float(name == letter) for name, _ in told.coefficients}
+        f = sympy.lambdify("rate_z", sympy.sympify(text, locals={"rate_z": sympy.Symbol("rate_z")}).subs(others))
+        power = by.count(unit) * (int(by.rpartition("^")[2]) if "^" in by else 1)
+        per = float(to_si(1.0, unit)) ** power
+        np.testing.assert_allclose(f(in_print) * per * np.ones(41), t.columns[:, k], atol=1e-4)
