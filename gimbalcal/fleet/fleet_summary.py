@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -89,6 +89,7 @@ class FleetSummary(Entry):
     parameters: tuple[FleetParameter, ...]
     outside: tuple[OutsideUnit, ...]
     reports: tuple[UnitReport, ...]
+    readout: Mapping[str, Any]  # as in calibration.json: the nominal counts that the parameters are errors of
 
     @property
     def ordinary(self) -> bool:
@@ -122,6 +123,7 @@ def fleet_summary(each: Mapping[str, Sequence[StoredResult]]) -> tuple[FleetSumm
         parameters=parameters,
         outside=tuple(sorted(outside, key=lambda o: o.p_value)),
         reports=reports,
+        readout=known.readout.to_dict(),
     )
     return replace(summary, in_words=fleet_in_words(summary)), known, _table(found, known)
 

@@ -5,19 +5,21 @@ Two calibrations with estimates x_k and covariances C_k of their common paramete
 .. math:: \chi^2 = (x_2 - x_1)^T (C_1 + C_2)^{-1} (x_2 - x_1).
 
 Calibrations at the same place share the error of gravity, which affects every scale factor and no difference: it is
-removed from both covariances.
+removed from both covariances. Calibrations of a unit that outputs counts are brought to one nominal scale and offset.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from math import nan
 from typing import Any
 
 import numpy as np
 
+from gimbalcal.calibration import Readout
+from gimbalcal.calibration.common_readout import common_readout, counted, in_readout
 from gimbalcal.calibration.gravity_uncertainty import common_gravity, without_gravity
 from gimbalcal.earth import YEAR
 from gimbalcal.effects import Parameter
@@ -95,6 +97,9 @@ class PrintedComparison(Entry):
     calibrations: tuple[ComparedCalibration, ...]
     steps: tuple[CalibrationStep, ...]
     parameters: tuple[PrintedHistory, ...]
+    readout: Mapping[str, Any] = field(
+        default_factory=Readout().to_dict
+    )  # as in calibration.json: the nominal counts that the parameters are errors of
 
     def to_dict(self) -> Json:
         """Return the content of compare.json."""
@@ -121,6 +126,7 @@ class UnitComparison:
     steps: tuple[CalibrationStep, ...]
     histories: tuple[ParameterHistory, ...]
     gravity: float = 0.0  # relative sigma of gravity that all of them share
+    readout: Readout = field(default_factory=Readout)  # that all of them are brought to
 
     @property
     def agree(self) -> bool:
@@ -163,6 +169,7 @@ class UnitComparison:
             ),
             steps=self.steps,
             parameters=tuple(_printed(c) for c in self.histories),
+            readout=self.readout.to_dict(),
         )  # fmt: skip
 
 
@@ -176,13 +183,14 @@ def compare(
     """
     if len(calibrations) < 2:
         raise InputError(f"to compare takes two calibrations, and {len(calibrations)} was given")
-    ordered = tuple(sorted(calibrations, key=lambda d: d.date))
+    ordered, readout = _about_one_readout(sorted(calibrations, key=lambda d: d.date))
     estimated_in: dict[str, list[int]] = {}
     named: dict[str, Parameter] = {}
     for k, d in enumerate(ordered):
         each = zip(d.calibration.parameters, d.calibration.values, d.calibration.sigmas, strict=True)
         for p, x, sigma in each:
-            if sigma > 0 and abs(x) > FIXED_VALUE_SIGMAS * sigma:  # unobservable parameters keep zero
+            zero = abs(x) <= FIXED_VALUE_SIGMAS * sigma and not counted(p, d.calibration.readout)
+            if sigma > 0 and not zero:  # unobservable parameters keep zero
                 estimated_in.setdefault(p.label, []).append(k)
                 named[p.label] = p
     common = {label: at for label, at in estimated_in.items() if len(at) > 1}
@@ -204,7 +212,26 @@ def compare(
         limit = limits.get(label, limits.get(p.name, np.inf))
         histories.append(parameter_history(p, at, time[at], x, sigma, tried, independent, limit))
     steps = tuple(_step(ordered, k, not own) for k, own in enumerate(independent))
-    return UnitComparison(unit, ordered, steps, tuple(histories), gravity)
+    return UnitComparison(unit, ordered, steps, tuple(histories), gravity, readout)
+
+
+def _about_one_readout(ordered: Sequence[DatedCalibration]) -> tuple[tuple[DatedCalibration, ...], Readout]:
+    """Return calibrations with their parameters about a common nominal scale and offset, and these.
+
+    Raises InputError where a triad outputs counts in some of them and SI in others.
+    """
+    outputs: dict[str, dict[bool, str]] = {}
+    for d in ordered:
+        for p in d.calibration.parameters:
+            outputs.setdefault(p.label, {}).setdefault(counted(p, d.calibration.readout), d.name)
+    for label, names in outputs.items():
+        if len(names) > 1:
+            raise InputError(
+                f"{names[True]} was calibrated in counts and {names[False]} in SI units, so {label} has no common "
+                "scale; compare calibrations of recordings that are logged alike"
+            )
+    readout = common_readout([d.calibration for d in ordered])
+    return tuple(replace(d, calibration=in_readout(d.calibration, readout)) for d in ordered), readout
 
 
 def _date(seconds: float) -> datetime:

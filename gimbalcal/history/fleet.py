@@ -28,14 +28,15 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import sqrt
 from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration
+from gimbalcal.calibration import Calibration, Readout
+from gimbalcal.calibration.common_readout import common_readout, counted, in_readout
 from gimbalcal.calibration.gravity_uncertainty import scaled, without_gravity
 from gimbalcal.calibration.provenance import AssumedGrade
 from gimbalcal.effects import Parameter, with_values
@@ -88,17 +89,21 @@ class Distribution:
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """Distributions by label of a parameter; source: the file, in words; units: how many there are in all."""
+    """Distributions by label of a parameter; source: the file, in words; units: how many there are in all.
+
+    readout: the nominal scale and offset that the parameters are errors of, where the units output counts.
+    """
 
     distributions: Mapping[str, Distribution]
     source: str
     units: int
+    readout: Readout = field(default_factory=Readout)
 
     @property
     def identity(self) -> str:
         """Return the SHA-256 of all that a calibration takes from it."""
         rows = [(label, d.mean, d.sigma, d.spread) for label, d in self.distributions.items()]
-        return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
+        return hashlib.sha256(json.dumps([rows, self.readout.to_dict()]).encode()).hexdigest()
 
 
 def fleet_of_store(path: Path) -> Fleet:
@@ -135,23 +140,28 @@ def rests_on_fleet(c: Calibration) -> bool:
 
 
 def fleet(by_unit: Mapping[str, DatedCalibration], source: str = "") -> Fleet:
-    """Return the distribution of every parameter that the data of `MIN_UNITS` units or more determine."""
+    """Return the distribution of every parameter that the data of `MIN_UNITS` units or more determine.
+
+    Units that output counts are brought to their median nominal scale and offset. Where some output counts and others
+    SI, the parameters of that output are taken from the kind that is more frequent.
+    """
+    readout = common_readout([d.calibration for d in by_unit.values()])
     found: dict[str, list[tuple[str, float, float, float]]] = {}
     named: dict[str, Parameter] = {}
     for unit, d in by_unit.items():
-        c = d.calibration
+        c = in_readout(d.calibration, readout)
         undetermined = unobservable_leading(c.null_directions)
         own = np.sqrt(np.diag(without_gravity(c, gravity_of(c))))
         time = d.date.timestamp() if c.provenance.recorded else np.nan
         for p, x, sigma in zip(c.parameters, c.values, own, strict=True):
-            if p.label not in undetermined and 0 < sigma < np.inf:
+            determined = p.label not in undetermined and 0 < sigma < np.inf
+            if determined and counted(p, c.readout) == counted(p, readout):
                 found.setdefault(p.label, []).append((unit, time, float(x), float(sigma)))
                 named[p.label] = p
     enough = {label: rows for label, rows in found.items() if len(rows) >= MIN_UNITS}
     tried = sum(map(len, enough.values()))
-    return Fleet(
-        {label: _distribution(named[label], rows, tried) for label, rows in enough.items()}, source, len(by_unit)
-    )
+    distributions = {label: _distribution(named[label], rows, tried) for label, rows in enough.items()}
+    return Fleet(distributions, source, len(by_unit), readout)
 
 
 def gravity_of(c: Calibration) -> float:
@@ -230,9 +240,13 @@ def with_fleet(c: Calibration, known: Fleet) -> Calibration:
 
     A parameter that is unusual for the fleet keeps the estimate of its own data alone, and `outcome` names it.
     """
-    found = [known.distributions.get(p.label) for p in c.parameters]
+    own_readout, c = c.readout, in_readout(c, known.readout)
+    found = [
+        known.distributions.get(p.label) if counted(p, c.readout) == counted(p, known.readout) else None
+        for p in c.parameters
+    ]
     if not any(found):
-        return c
+        return in_readout(c, own_readout)
     e, own = gravity_of(c), without_gravity(c, gravity_of(c))
     e = 0.0 if own is c.covariance else e
     scale, x, sigma = np.array([p.sigma for p in c.parameters]), c.values, np.sqrt(np.diag(own))
@@ -262,7 +276,7 @@ def with_fleet(c: Calibration, known: Fleet) -> Calibration:
     u = scaled(c)
     few = min(len(d.units) for d in prior if d is not None) if used.any() else 0
     origin = f"{few} units or more of {known.source} are the prior of {used.sum()} of {len(used)} parameters"
-    return replace(
+    combined = replace(
         c,
         effects=with_values(c.effects, parameters, z * scale, c.readout.gimbals),
         parameters=parameters,
@@ -270,6 +284,7 @@ def with_fleet(c: Calibration, known: Fleet) -> Calibration:
         outcome=". ".join(filter(None, [c.outcome, *words])),
         provenance=c.provenance.with_options(grade=AssumedGrade(FLEET, origin)),
     )
+    return in_readout(combined, own_readout)
 
 
 def tail(off: float, sigma: float) -> float:

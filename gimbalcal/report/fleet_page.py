@@ -12,7 +12,7 @@ from gimbalcal.fleet.fleet_summary import FleetParameter, FleetSummary
 from gimbalcal.history.fleet import Distribution, Fleet
 from gimbalcal.report.chart import BLUE, VERMILION, Bars, Chart, Line, Mark, Points, Rule, date_ticks, thin
 from gimbalcal.report.html import Context, Picture, picture, render
-from gimbalcal.report.parameters import plus_minus
+from gimbalcal.report.parameters import common_nominal_in_words, plus_minus
 from gimbalcal.units import from_si
 from gimbalcal.words import naming
 from gimbalcal.words.rounding import p_value, significant
@@ -30,6 +30,7 @@ def fleet_report(f: FleetSummary, known: Fleet) -> str:
         "answer": naming.answered(f.in_words),
         "verdict": "fits" if f.ordinary else "reserved" if f.failed < f.recordings else "misfit",
         "facts": _facts(f),
+        "nominal": common_nominal_in_words(f.to_dict()),
         "pictures": [_picture(p, distributions[p.name, p.axis]) for p in ordered],
         "rows": [_row(p, before) for p, before in zip(f.parameters, [None, *f.parameters], strict=False)],
         "outside": [

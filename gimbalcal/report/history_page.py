@@ -12,7 +12,7 @@ from gimbalcal.earth import SOLAR_DAY, YEAR
 from gimbalcal.history.compare import CalibrationStep, ComparedCalibration, PrintedComparison, PrintedHistory
 from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, Rule, date_ticks
 from gimbalcal.report.html import Picture, picture, render
-from gimbalcal.report.parameters import estimate, plus_minus
+from gimbalcal.report.parameters import common_nominal_in_words, estimate, plus_minus
 from gimbalcal.words import naming
 from gimbalcal.words.rounding import lasting, minus, p_value, significant
 
@@ -26,6 +26,7 @@ def history_report(c: PrintedComparison, diagnoses: Sequence[tuple[str, str]] = 
         "answer": naming.answered(c.in_words),
         "verdict": "fits" if c.agree else "misfit",
         "facts": _facts(c),
+        "nominal": common_nominal_in_words(c.to_dict()),
         "pictures": _pictures(c.parameters, calibrations),
         "rows": [_history_row(p, names) for p in c.parameters],
         "steps": [_step(s, names) for s in c.steps],

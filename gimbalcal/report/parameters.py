@@ -7,9 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, ParameterEstimate, Readout, StageHistory, StageResult
+from gimbalcal.calibration.readout import from_content
 from gimbalcal.earth import HOUR
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
+from gimbalcal.entries import Json
+from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.report.chart import BLUE, Band, Chart, Line, Rule
 from gimbalcal.report.figures import AS_BEFORE, dots_by_name
 from gimbalcal.report.html import Context, Picture, picture
@@ -111,6 +114,20 @@ def nominal_in_words(readout: Readout) -> str:
     if readout.gyroscopes is not None:
         scale = f"{float(from_si(readout.gyroscopes.scale[0], 'deg/s')):.7g}"
         sentences.append(f"The gyroscopes output counts: their parameters apply to a nominal {scale} °/s per count.")
+    return " ".join(sentences)
+
+
+def common_nominal_in_words(content: Json) -> str:
+    """Return what parameters of several calibrations in counts are errors of, from `readout` of a result in JSON."""
+    sentences = []
+    for quantity, counts in from_content(content).counts.items():
+        unit, printed = {FORCE: ("m/s^2", "m/s²"), RATE: ("deg/s", "°/s")}[quantity]
+        scale = ", ".join(f"{float(from_si(k, unit)):.7g}" for k in counts.scale)
+        offset = ", ".join(f"{n:.7g}" for n in counts.offset)
+        sentences.append(
+            f"The {'accelerometers' if quantity == FORCE else 'gyroscopes'} output counts: scale factor and bias are "
+            f"errors of {scale} {printed} per count from {offset} counts (x, y, z), the median of the calibrations."
+        )
     return " ".join(sentences)
 
 
