@@ -135,9 +135,9 @@ def _calibrated(method: str, request: Request, known: Fleet | None) -> Calibrati
     if all(r.kind.inertial for r in recordings):
         calibration = with_question(calibration, recordings, graded(recordings, request.grade), again)
     if known is not None:
-        calibration = with_fleet(calibration, known)
+        calibration = with_fleet(calibration, known, recordings)
         origin = calibration.provenance.options.grade
-        none = f"note: {known.source} holds no parameter of this unit"
+        none = f"note: {known.source} is the prior of no parameter of this unit"
         request.tell(f"prior: {origin.from_}" if origin and rests_on_fleet(calibration) else none)
     calibration = replace(calibration, provenance=provenance(recordings, calibration, request.terms, request.more))
     refuse_not_finite(calibration.to_dict(), " and ".join(repr(r.title) for r in recordings))

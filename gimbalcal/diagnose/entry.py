@@ -81,7 +81,7 @@ def diagnose(
         diagnosis = _with_question(_diagnosed(replace(request, recordings=tuple(unit.of(recordings)))), request, unit)
         provenance["grade"] = unit.origin.to_dict()
     if known is not None and diagnosis.calibration is not None:
-        diagnosis = replace(diagnosis, calibration=with_fleet(diagnosis.calibration, known))
+        diagnosis = replace(diagnosis, calibration=with_fleet(diagnosis.calibration, known, recordings))
     return _with_effect_files(replace(diagnosis, provenance={**diagnosis.provenance, **provenance}))
 
 

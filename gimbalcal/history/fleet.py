@@ -43,9 +43,11 @@ from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import InputError, amount
 from gimbalcal.history.unit_store import DatedCalibration, calibrations_by_unit
 from gimbalcal.number import Array
+from gimbalcal.recording import Recording
 from gimbalcal.words.history_sentences import unusual_unit_in_words
 from gimbalcal.words.naming import unobservable_leading
 
+UnitEstimate = tuple[str, float, float, float]  # of one parameter: unit, time [s since 1970], value and sigma [SI]
 FLEET = "fleet"  # name of the grade in the provenance, and the prefix of --grade fleet:FILE
 MIN_UNITS = 5  # below, the spread has no finite expectation
 SIGNIFICANCE = 0.01  # false-alarm probability over all parameters and units of a fleet
@@ -91,30 +93,42 @@ class Distribution:
 class Fleet:
     """Distributions by label of a parameter; source: the file, in words; units: how many there are in all.
 
-    readout: the nominal scale and offset that the parameters are errors of, where the units output counts.
+    readout: the nominal scale and offset that the parameters are errors of, where the units output counts; hashes:
+    SHA-256 of the samples of each unit.
     """
 
     distributions: Mapping[str, Distribution]
     source: str
     units: int
     readout: Readout = field(default_factory=Readout)
+    hashes: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def identity(self) -> str:
         """Return the SHA-256 of all that a calibration takes from it."""
-        rows = [(label, d.mean, d.sigma, d.spread) for label, d in self.distributions.items()]
-        return hashlib.sha256(json.dumps([rows, self.readout.to_dict()]).encode()).hexdigest()
+        rows = [(label, d.units, d.value.tolist(), d.own_sigma.tolist()) for label, d in self.distributions.items()]
+        samples = [(unit, sorted(hashes)) for unit, hashes in self.hashes.items()]
+        return hashlib.sha256(json.dumps([rows, self.readout.to_dict(), samples]).encode()).hexdigest()
+
+    def without(self, recordings: Sequence[Recording]) -> Fleet:
+        """Return the fleet without the units that were calibrated from any of these recordings."""
+        own = {f.sha256 for r in recordings for f in r.source}
+        hashes = {unit: of_unit for unit, of_unit in self.hashes.items() if not of_unit & own}
+        if len(hashes) == len(self.hashes):
+            return self
+        rows = {
+            d.parameter: [row for row in zip(d.units, d.time, d.value, d.own_sigma, strict=True) if row[0] in hashes]
+            for d in self.distributions.values()
+        }
+        return replace(self, distributions=_distributions(rows), units=len(hashes), hashes=hashes)
 
 
 def fleet_of_store(path: Path) -> Fleet:
     """Return the fleet of a store: the last calibration of each unit. Raises InputError for too few units.
 
-    Calibrations that took their prior from a fleet are left out: they say in part what the fleet said.
+    Calibrations that took their prior from a fleet are omitted: they are not independent of it.
     """
-    by_unit = {
-        unit: [d for d in dated if not rests_on_fleet(d.calibration)]
-        for unit, dated in calibrations_by_unit(path).items()
-    }
+    by_unit = calibrations_by_unit(path, lambda c: not rests_on_fleet(c))
     found = fleet({unit: dated[-1] for unit, dated in by_unit.items() if dated}, str(path))
     if not found.distributions:
         raise InputError(
@@ -146,7 +160,7 @@ def fleet(by_unit: Mapping[str, DatedCalibration], source: str = "") -> Fleet:
     SI, the parameters of that output are taken from the kind that is more frequent.
     """
     readout = common_readout([d.calibration for d in by_unit.values()])
-    found: dict[str, list[tuple[str, float, float, float]]] = {}
+    rows: dict[str, list[UnitEstimate]] = {}
     named: dict[str, Parameter] = {}
     for unit, d in by_unit.items():
         c = in_readout(d.calibration, readout)
@@ -156,12 +170,17 @@ def fleet(by_unit: Mapping[str, DatedCalibration], source: str = "") -> Fleet:
         for p, x, sigma in zip(c.parameters, c.values, own, strict=True):
             determined = p.label not in undetermined and 0 < sigma < np.inf
             if determined and counted(p, c.readout) == counted(p, readout):
-                found.setdefault(p.label, []).append((unit, time, float(x), float(sigma)))
+                rows.setdefault(p.label, []).append((unit, time, float(x), float(sigma)))
                 named[p.label] = p
-    enough = {label: rows for label, rows in found.items() if len(rows) >= MIN_UNITS}
+    distributions = _distributions({named[label]: own for label, own in rows.items()})
+    return Fleet(distributions, source, len(by_unit), readout, {unit: d.hashes for unit, d in by_unit.items()})
+
+
+def _distributions(rows: Mapping[Parameter, Sequence[UnitEstimate]]) -> dict[str, Distribution]:
+    """Return the distribution of each parameter of `MIN_UNITS` units or more, by its label."""
+    enough = {p: own for p, own in rows.items() if len(own) >= MIN_UNITS}
     tried = sum(map(len, enough.values()))
-    distributions = {label: _distribution(named[label], rows, tried) for label, rows in enough.items()}
-    return Fleet(distributions, source, len(by_unit), readout)
+    return {p.label: _distribution(p, own, tried) for p, own in enough.items()}
 
 
 def gravity_of(c: Calibration) -> float:
@@ -169,7 +188,7 @@ def gravity_of(c: Calibration) -> float:
     return 1e-6 * (c.provenance.options.gravity_sigma_ppm or 0.0)
 
 
-def _distribution(p: Parameter, rows: Sequence[tuple[str, float, float, float]], tried: int) -> Distribution:
+def _distribution(p: Parameter, rows: Sequence[UnitEstimate], tried: int) -> Distribution:
     """Return the distribution of one parameter, units that are outside left out of it."""
     time, x, sigma = (np.array([row[k] for row in rows]) for k in (1, 2, 3))
     inside = np.ones(len(x), dtype=bool)
@@ -235,18 +254,20 @@ def _posterior(x: Array, sigma: Array, tau: Array, *, without_each: bool) -> tup
 # --- the fleet as prior of a unit -------------------------------------------------------------------------------------
 
 
-def with_fleet(c: Calibration, known: Fleet) -> Calibration:
-    """Return a calibration with the fleet as prior of its parameters; see the module.
+def with_fleet(c: Calibration, known: Fleet, recordings: Sequence[Recording] = ()) -> Calibration:
+    """Return a calibration of these recordings with the fleet as prior of its parameters; see the module.
 
-    A parameter that is unusual for the fleet keeps the estimate of its own data alone, and `outcome` names it.
+    A unit of the fleet that was calibrated from the same recordings takes no part: none is its own prior. A parameter
+    that is unusual for the fleet keeps the estimate of its own data alone, and `outcome` names it.
     """
-    own_readout, c = c.readout, in_readout(c, known.readout)
-    found = [
+    known = known.without(recordings)
+    given, c = c, in_readout(c, known.readout)
+    by_parameter = [
         known.distributions.get(p.label) if counted(p, c.readout) == counted(p, known.readout) else None
         for p in c.parameters
     ]
-    if not any(found):
-        return in_readout(c, own_readout)
+    if not any(by_parameter):
+        return given
     e, own = gravity_of(c), without_gravity(c, gravity_of(c))
     e = 0.0 if own is c.covariance else e
     scale, x, sigma = np.array([p.sigma for p in c.parameters]), c.values, np.sqrt(np.diag(own))
@@ -254,37 +275,40 @@ def with_fleet(c: Calibration, known: Fleet) -> Calibration:
     null = lam >= OBSERVABLE
     undetermined = unobservable_leading(c.null_directions)
     unusual = [
-        i for i, (p, d) in enumerate(zip(c.parameters, found, strict=True))
+        i for i, (p, d) in enumerate(zip(c.parameters, by_parameter, strict=True))
         if d is not None and p.label not in undetermined
-        and tail(x[i] - d.mean, float(np.hypot(d.sigma, sigma[i]))) < SIGNIFICANCE / len(found)
+        and tail(x[i] - d.mean, float(np.hypot(d.sigma, sigma[i]))) < SIGNIFICANCE / len(by_parameter)
     ]  # fmt: skip
-    prior = [None if i in unusual else d for i, d in enumerate(found)]
+    prior = [None if i in unusual else d for i, d in enumerate(by_parameter)]
     used = np.array([d is not None for d in prior])
     mean = np.array([0.0 if d is None else d.mean for d in prior]) / scale
     size = np.array([np.inf if d is None else d.sigma for d in prior]) / scale
+    odd = [(d, float(x[i]), float(sigma[i])) for i, d in enumerate(by_parameter) if d is not None and i in unusual]
+    words = [unusual_unit_in_words(odd)] if odd else []
+    if not unusual and (p_value := _joint_tail(x / scale - mean, lam, V, null, size)) < SIGNIFICANCE:
+        words = [f"its parameters jointly are unusual for the fleet (p = {p_value:.1g}), so this prior may mislead"]
+    outcome = ". ".join(filter(None, [c.outcome, *words]))
+    if not used.any():
+        return replace(given, outcome=outcome)
     data = (V * np.where(null, 0.0, 1 / lam)) @ V.T
     of_grade = np.where(used[:, None] | used, 0.0, (V * null) @ V.T)
     P = np.linalg.inv(data + np.diag(size**-2) + of_grade)
     z = P @ (data @ (x / scale) + mean / size**2)
-    odd = [(d, float(x[i]), float(sigma[i])) for i, d in enumerate(found) if d is not None and i in unusual]
-    words = [unusual_unit_in_words(odd)] if odd else []
-    if not unusual and (p_value := _joint_tail(x / scale - mean, lam, V, null, size)) < SIGNIFICANCE:
-        words = [f"its parameters jointly are unusual for the fleet (p = {p_value:.1g}), so this prior may mislead"]
     parameters = tuple(
         p if d is None else replace(p, sigma=d.sigma, mean=d.mean) for p, d in zip(c.parameters, prior, strict=True)
     )
     u = scaled(c)
-    few = min(len(d.units) for d in prior if d is not None) if used.any() else 0
+    few = min(len(d.units) for d in prior if d is not None)
     origin = f"{few} units or more of {known.source} are the prior of {used.sum()} of {len(used)} parameters"
     combined = replace(
         c,
         effects=with_values(c.effects, parameters, z * scale, c.readout.gimbals),
         parameters=parameters,
         covariance=(P + P.T) / 2 * np.outer(scale, scale) + e**2 * np.outer(u, u),
-        outcome=". ".join(filter(None, [c.outcome, *words])),
+        outcome=outcome,
         provenance=c.provenance.with_options(grade=AssumedGrade(FLEET, origin)),
     )
-    return in_readout(combined, own_readout)
+    return in_readout(combined, given.readout)
 
 
 def tail(off: float, sigma: float) -> float:

@@ -12,7 +12,7 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -24,6 +24,7 @@ from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.recording.header import NAME as HEADER
 
+Wanted = Callable[[Calibration], bool]
 FORMAT = 2  # of the tables, as SQLite's user_version
 READABLE_FORMATS = (1, FORMAT)  # 1: an entry's digest is that of its content, without unit and date
 MARK = 0x67696D62  # "gimb", SQLite's application_id: another program's database is not written into
@@ -259,16 +260,16 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], 
     return dated(entries), diagnoses
 
 
-def calibrations_by_unit(path: Path) -> dict[str, tuple[DatedCalibration, ...]]:
-    """Return the calibrations of every unit in a store, in order of their dates."""
+def calibrations_by_unit(path: Path, wanted: Wanted) -> dict[str, tuple[DatedCalibration, ...]]:
+    """Return the wanted calibrations of every unit in a store, in order of their dates; see `dated`."""
     by_unit: dict[str, list[StoredResult]] = {}
     for e in kept(path):
         by_unit.setdefault(e.unit, []).append(e)
-    return {unit: dated(entries) for unit, entries in by_unit.items()}
+    return {unit: dated(entries, wanted) for unit, entries in by_unit.items()}
 
 
-def dated(entries: Iterable[StoredResult]) -> tuple[DatedCalibration, ...]:
-    """Return the calibrations among the entries of one unit, in order of their dates.
+def dated(entries: Iterable[StoredResult], wanted: Wanted = lambda _: True) -> tuple[DatedCalibration, ...]:
+    """Return the wanted calibrations among the entries of one unit, in order of their dates.
 
     Of the same recordings the last computed one is taken, and that of a diagnosis only where there is no other.
     """
@@ -276,6 +277,8 @@ def dated(entries: Iterable[StoredResult]) -> tuple[DatedCalibration, ...]:
     computed = sorted(entries, key=lambda e: str(e.content.get("provenance", {}).get("created") or e.date))
     for e in (e for e in computed if e.is_calibration):
         entry_calibration = DatedCalibration(e.date, when(e.date), from_dict(e.content))
+        if not wanted(entry_calibration.calibration):
+            continue
         key = tuple(sorted(entry_calibration.hashes)) or (e.date,)
         if (
             key not in last

@@ -154,9 +154,33 @@ def test_a_store_is_a_fleet_of_units_that_speak_for_themselves(tmp_path: Path) -
         keep(store, StoredResult(name, d.date.isoformat(), "calibration", d.calibration.to_dict()))
     known = fleet_of_store(store)
     assert known.units == 8
-    pulled = with_fleet(calibration(np.full(6, 100.0)), known)
-    keep(store, StoredResult("pulled", START.isoformat(), "calibration", pulled.to_dict()))
-    assert fleet_of_store(store).identity == known.identity
+    for name, own in (("pulled", calibration(np.full(6, 100.0))), ("u3", made["u3"].calibration)):
+        pulled = with_fleet(own, known)
+        assert rests_on_fleet(pulled)
+        pulled = replace(pulled, provenance=replace(pulled.provenance, created="2030-01-01T00:00:00+00:00"))
+        keep(store, StoredResult(name, START.isoformat(), "calibration", pulled.to_dict()))
+        assert fleet_of_store(store).identity == known.identity  # also of a unit that is in the fleet
+
+
+def test_a_unit_is_not_its_own_prior() -> None:
+    made = units(9, MIN_UNITS + 1)
+    known, others = fleet(made), fleet({name: d for name, d in made.items() if name != "u2"})
+    own = made["u2"].calibration
+    recording = replace(unit(0)[0], source=own.provenance.recordings)
+    found, expected = with_fleet(own, known, [recording]), with_fleet(own, others)
+    assert found.values == pytest.approx(expected.values, rel=1e-9)
+    assert found.sigmas == pytest.approx(expected.sigmas, rel=1e-9)
+    assert known.without([recording]).units == MIN_UNITS
+    assert with_fleet(own, others, [replace(recording, source=made["u1"].calibration.provenance.recordings)]) is own
+
+
+def test_a_unit_that_is_unusual_in_every_parameter_takes_nothing_from_the_fleet() -> None:
+    own = calibration(np.full(6, 1000.0))
+    alone = with_fleet(own, fleet(units(6, 30)))
+    assert not rests_on_fleet(alone)
+    assert "unusual for the fleet" in alone.outcome
+    assert np.array_equal(alone.values, own.values)
+    assert np.array_equal(alone.covariance, own.covariance)
 
 
 @pytest.fixture(scope="module")

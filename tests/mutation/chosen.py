@@ -33,7 +33,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("history.fleet", "_distribution", "> MAX_OUTSIDE * len(x)", "> len(x)"),
         ("history.fleet", "with_fleet", "+ e**2 * np.outer(u, u)", ""),
         ("history.fleet", "with_fleet", "np.where(null, 0.0, 1 / lam)", "1 / lam"),
-        ("history.fleet", "fleet_of_store", "if not rests_on_fleet(d.calibration)", ""),
+        ("history.fleet", "fleet_of_store", "not rests_on_fleet(c)", "True"),
     ),
     "history/test_unit_store.py": (
         ("words.history_sentences", "day_of", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
