@@ -8,13 +8,15 @@ offset, Omega the Earth's rate, p_j the pulses and v the guide rate of an axis,
 
 with west pulses counted positive, and the same in declination with north positive: PHD2 sends a west pulse where the
 mount lags behind the star (d positive), a south pulse where it looks north of it. Offsets are in pixels; a stretch ends
-where the lock position is moved (dither). Format: the PHD2 guide log, as its project documents it.
+where the lock position is moved (dither), and the next has another h_0: stretches of a session are numbered as
+positions. Format: the PHD2 guide log, as its project documents it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -42,10 +44,11 @@ MAX_PULSE_MS = 60_000  # PHD2 sends a few seconds at most
 class _Stretch:
     """Header lines of a guiding session and the frames (columns by name) of a stretch with one lock position.
 
-    lines: where in the file each frame stands; gaps: those before which the numbers of frames leave some out; lost:
-    those that had lost their star, and are no frames of the stretch.
+    session: ordinal of it in the file; lines: where in the file each frame stands; gaps: those before which the numbers
+    of frames leave some out; lost: those that had lost their star, and are no frames of the stretch.
     """
 
+    session: int
     header: str
     frames: list[dict[str, str]]
     lines: list[int]
@@ -60,14 +63,14 @@ def is_guide_log(head: Sequence[str]) -> bool:
 
 @importer("phd2", "latitude", "stretch")
 def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
-    """One PHD2 guide log; latitude = of the site in deg; stretch = 1, 2, ... between dithers (default: the longest)."""
+    """One PHD2 guide log; latitude = of the site in deg; stretch = 1, 2, ... (default: all of a session)."""
     (path,) = files
     latitude = _latitude(options)
     stretches = [s for s in _stretches(path) if len(s.frames) >= MIN_FRAMES]
     if not stretches:
         raise InputError(f"{path} is not a PHD2 guide log, or it has no {MIN_FRAMES} frames of the mount in a row")
-    number = _chosen(path, options, stretches)
-    session = stretches[number - 1]
+    chosen = _chosen(path, options, stretches)
+    session = stretches[chosen[0]]
     scale = float(to_si(_header_value(path, session.header, "Pixel scale", "in arc-sec/px"), "arcsec"))
     pointed = next((line for line in session.header.splitlines() if line.startswith(("RA = ", "Dec = "))), "")
     declination = float(np.radians(_header_value(path, pointed, "Dec", "where the mount pointed")))
@@ -77,28 +80,33 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
             f"{path}: the session says a pixel scale of {np.degrees(scale) * 3600:.4g} arcsec, a declination of "
             f"{np.degrees(declination):.4g} deg and an hour angle of {np.degrees(hour) / 15:.4g} h, which cannot be"
         )
-    time = _column(path, session, "Time")
+    lines = [line for k in chosen for line in stretches[k].lines]
+
+    def joined(column: Callable[[_Stretch], Array]) -> Array:
+        return np.concatenate([column(stretches[k]) for k in chosen])
+
+    time = joined(lambda s: _column(path, s, "Time"))
     if (back := np.flatnonzero(np.diff(time) <= 0)).size:
-        raise InputError(
-            f"{path}, line {session.lines[back[0] + 1]}: the time does not go on; correct or remove the frame"
-        )
-    west = scale * (_column(path, session, "RARawDistance") + _pulsed(path, session, "RA", "xRate", _WESTWARD))
-    north = scale * (_column(path, session, "DECRawDistance") - _pulsed(path, session, "DEC", "yRate", _NORTHWARD))
+        raise InputError(f"{path}, line {lines[back[0] + 1]}: the time does not go on; correct or remove the frame")
+    west = joined(lambda s: _column(path, s, "RARawDistance") + _pulsed(path, s, "RA", "xRate", _WESTWARD))
+    north = joined(lambda s: _column(path, s, "DECRawDistance") - _pulsed(path, s, "DEC", "yRate", _NORTHWARD))
+    west, north = scale * west, scale * north
     drive = hour + EARTH_RATE * (time - time[0])
     read = {"declination": declination + 0 * time, "hour_angle": drive}
     looked_at = {"declination": declination + north, "hour_angle": drive - west / np.cos(declination)}
     site = Site(latitude, 0.0, float(normal_gravity(latitude, 0.0)))
-    remark = (
-        f"{path}: stretch {number} of {len(stretches)}, {amount(len(time), 'frame')} without a dither, guiding undone"
-    )
-    if session.lost:
-        remark += f"; {amount(len(session.lost), 'frame')} had lost the star and are left out"
-    missing = [
-        f"{path}, line {n}: frames before it are missing, so that their pulses are not undone" for n in session.gaps[:3]
-    ]
-    return replace(
-        pointing_run(path, equatorial(latitude), site, time - time[0], read, looked_at), remarks=(remark, *missing)
-    )
+    which, lost = f"stretch {chosen[0] + 1}", sum(len(stretches[k].lost) for k in chosen)
+    without = "without a dither"
+    if len(chosen) > 1:
+        which, without = f"stretches {chosen[0] + 1} to {chosen[-1] + 1}", "in one session"
+    remark = f"{path}: {which} of {len(stretches)}, {amount(len(time), 'frame')} {without}, guiding undone"
+    if lost:
+        remark += f"; {amount(lost, 'frame')} had lost the star and are left out"
+    gaps = [n for k in chosen for n in stretches[k].gaps]
+    missing = [f"{path}, line {n}: frames before it are missing, so that their pulses are not undone" for n in gaps[:3]]
+    run = pointing_run(path, equatorial(latitude), site, time - time[0], read, looked_at)
+    number = np.repeat(np.arange(1, len(chosen) + 1), [len(stretches[k].frames) for k in chosen])
+    return replace(run, position=number if len(chosen) > 1 else None, remarks=(remark, *missing))
 
 
 def _latitude(options: Mapping[str, str]) -> float:
@@ -119,30 +127,36 @@ def _hour_angle(path: Path, pointed: str, latitude: float) -> float:
     return float(about_other_pole(np.array(around), np.array(up), latitude)[0])
 
 
-def _chosen(path: Path, options: Mapping[str, str], stretches: Sequence[_Stretch]) -> int:
+def _chosen(path: Path, options: Mapping[str, str], stretches: Sequence[_Stretch]) -> list[int]:
+    """Return the ordinals of the stretches that were asked for, or of all in the session of most frames."""
     if "stretch" not in options:
-        return 1 + int(np.argmax([len(s.frames) for s in stretches]))
+        frames = Counter[int]()
+        for s in stretches:
+            frames[s.session] += len(s.frames)
+        session = max(frames, key=lambda k: frames[k])
+        return [k for k, s in enumerate(stretches) if s.session == session]
     text = options["stretch"]
     if not re.fullmatch(r"\d{1,9}", text) or not 1 <= int(text) <= len(stretches):
         number = amount(len(stretches), "stretch", "stretches")
         raise InputError(f"{path} has {number}; give one of them, got {shortened(text)!r}")
-    return int(text)
+    return [int(text) - 1]
 
 
 def _stretches(path: Path) -> list[_Stretch]:
     out: list[_Stretch] = []
     header: list[str] = []
     names: list[str] = []
+    session = 0
     before = 0  # number of the last frame
     for number, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         if text.startswith(_BEGINS):
-            header, names = [], []
+            header, names, session = [], [], session + 1
         elif text.startswith(_HEADING):
             names = [name.strip() for name in text.split(",")]
-            out.append(_Stretch("\n".join(header), [], [], [], []))
+            out.append(_Stretch(session, "\n".join(header), [], [], [], []))
             before = 0
         elif text.startswith(_MOVED) and names:
-            out.append(_Stretch(out[-1].header, [], [], [], []))
+            out.append(_Stretch(session, out[-1].header, [], [], [], []))
         elif text.startswith("Guiding Ends"):
             names = []
         elif not names:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gimbalcal.earth import EARTH_RATE
 from gimbalcal.importers import import_files
 from gimbalcal.importers.pointing_files import SIDEREAL_SECOND_S, sexagesimal
 from gimbalcal.importers.tpoint import _joined, equatorial
@@ -293,9 +294,16 @@ def test_frames_missing_from_a_phd2_log_are_told(tmp_path: Path) -> None:
 def test_phd2_ends_a_stretch_where_the_lock_position_is_moved(tmp_path: Path) -> None:
     row = '{},{}.0,"Mount",0,0,0.1,0.2,0,0,0,,0,'
     tail = "\n".join(["INFO: DITHER by 1.0, -2.0, new lock pos = 3, 4", *(row.format(k, k) for k in range(40, 60))])
-    run = import_files("phd2", [guided(tmp_path / "log.txt", np.zeros(15), np.zeros(15), tail)], {"latitude": "51"})
+    log = guided(tmp_path / "log.txt", np.zeros(15), np.zeros(15), tail)
+    run = import_files("phd2", [log], {"latitude": "51", "stretch": "2"})
     assert len(run.time) == 20
     golden_text(run.remarks[0])
+    both = import_files("phd2", [log], {"latitude": "51"})
+    assert both.position is not None
+    assert both.position.tolist() == [1] * 15 + [2] * 20
+    np.testing.assert_allclose(both.time[15:] - both.time[15], run.time, atol=1e-12)
+    np.testing.assert_allclose(np.diff(both.angles()[:, 1]), EARTH_RATE * np.diff(both.time), rtol=1e-9)
+    golden_text(both.remarks[0])
 
 
 MMT = """\

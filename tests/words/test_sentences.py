@@ -156,6 +156,9 @@ def diagnosis(verdict: str, *findings: Finding, **more: Any) -> Diagnosis:
 DIAGNOSES = {
     "adequate": diagnosis("adequate"),
     "adequate, in units of the noise": diagnosis("adequate", fit=fit(4.0)),
+    "adequate without gyroscopes": diagnosis(
+        "adequate", provenance={"notes": ["The gyroscopes were not analysed: that takes 6 dwells, not 2."]}
+    ),
     "adequate with an outcome": diagnosis("adequate", outcome="the residuals are 2.1 times the noise"),
     "missing physics": diagnosis("missing-physics", WARM),
     "missing physics with an outcome": diagnosis("missing-physics", WARM, outcome="bias drift y is far from usual"),
