@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from gimbalcal import methods
 from gimbalcal.at_rest import RestNoise, noise_at_rest, rest_noise
@@ -55,9 +55,13 @@ __all__ = [
     "simulate",
 ]
 
+Names = str | Sequence[str]
+File = str | Path
+Item = TypeVar("Item", str, File)
+
 
 def calibrate(
-    recordings: Source | Sequence[Source], method: str = "", terms: Sequence[str] = (), more: Sequence[str] = (),
+    recordings: Source | Sequence[Source], method: str = "", terms: Names = (), more: Names = (),
     states: str = "51", grade: str = "", tell: Tell = silent,
 ) -> Calibration:  # fmt: skip
     """The calibration of a unit or a mount from one recording or several, folders or what `read` returns.
@@ -66,17 +70,17 @@ def calibrate(
     more, states, grade: as `--terms`, `--with`, `--states`, `--grade`. Raises InputError as the command does; of
     several sensors logged side by side the first is returned.
     """
-    return _printing(methods.calibrate(_listed(recordings), method, terms, tell, more, states, grade)[0])
+    return _printing(methods.calibrate(_listed(recordings), method, _each(terms), tell, _each(more), states, grade)[0])
 
 
 def diagnose(
-    recordings: Source | Sequence[Source], calibration: Calibration | None = None, baseline: Sequence[str] = (),
+    recordings: Source | Sequence[Source], calibration: Calibration | None = None, baseline: Names = (),
     seed: int = 1, grade: str = "", tell: Tell = silent,
 ) -> Diagnosis:  # fmt: skip
     """Return what the model of one recording, or of several of one unit, misses, as `gimbalcal diagnose` says it."""
     from gimbalcal.report.console import diagnosis_in_words
 
-    result = run_diagnosis(load(_listed(recordings), tell), calibration, baseline, seed, tell, grade)
+    result = run_diagnosis(load(_listed(recordings), tell), calibration, _each(baseline), seed, tell, grade)
     refit = result.calibration and _printing(result.calibration)
     return replace(result, printer=diagnosis_in_words, calibration=refit)
 
@@ -93,7 +97,7 @@ def noise(recording: Source, tell: Tell = silent) -> RestNoise:
 
 
 def navigate(
-    recording: Source, calibrations: Mapping[str, Calibration] | Sequence[str | Path] | Calibration = (),
+    recording: Source, calibrations: Mapping[str, Calibration] | Calibration | File | Sequence[File] = (),
     damping: float | None = None, alignment_min: float = 10.0, samples: int = 50, seed: int = 1, tell: Tell = silent,
 ) -> NavigationSummary:  # fmt: skip
     """Navigate a recording without a calibration and with each, as `gimbalcal navigate`.
@@ -107,7 +111,7 @@ def navigate(
     if isinstance(given, Calibration):
         given = {"calibration": given}
     elif not isinstance(given, Mapping):
-        files = [Path(file) for file in given]
+        files = [Path(file) for file in _each(given)]
         given = {name: read_calibration(file) for name, file in zip(labels(files), files, strict=True)}
     aids = usual(run, damping, 60 * alignment_min)
     runs = before_and_after(run, list(given.items()), aids, samples, seed, tell)
@@ -117,7 +121,7 @@ def navigate(
 
 def observe(
     schedule: str | Path | Schedule | RotationSchedule, angle_sigma: float = 1.0, force_sigma: float = 2.0,
-    latitude: float = 40.0, candidates: Sequence[str] = (), states: str = "51", rate_noise: float = 0.002,
+    latitude: float = 40.0, candidates: Names = (), states: str = "51", rate_noise: float = 0.002,
     force_noise: float = 5.0, velocity_sigma: float = 1e-5,
 ) -> Observability | TurningObservability:  # fmt: skip
     """Return what a schedule can and cannot show, before anything is recorded, as `gimbalcal observe`.
@@ -130,22 +134,22 @@ def observe(
         if candidates:
             raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
         return observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
-    return observe_any(schedule, angle_sigma, force_sigma, latitude, candidates)
+    return observe_any(schedule, angle_sigma, force_sigma, latitude, _each(candidates))
 
 
 def next_step(
-    recordings: Source | Sequence[Source], more: Sequence[str] = (), separate: Sequence[str] = (),
-    reach: str | Path = "", step: float = 45.0, most: int = 5, grade: str = "", tell: Tell = silent,
+    recordings: Source | Sequence[Source], more: Names = (), separate: Names = (),
+    reach: File | Schedule = "", step: float = 45.0, most: int = 5, grade: str = "", tell: Tell = silent,
 ) -> NextPlan:  # fmt: skip
     """Return what to record next, so that the largest unknown shrinks most in its time, as `gimbalcal next`.
 
     recordings: dwells of a unit, one or more, and static runs beside them. more: effects to estimate beside the usual
-    ones; separate: effects, EFFECT[:AXIS], to separate from each other; reach: a schedule of positions whose sigmas are
-    to be reached; step [deg] of the angles of a rig; most: how many steps are named; grade: as `--grade`. Raises
-    InputError for other kinds of recordings.
+    ones; separate: effects, EFFECT[:AXIS], to separate from each other; reach: a schedule of positions, its name or its
+    file, whose sigmas are to be reached; step [deg] of the angles of a rig; most: how many steps are named; grade: as
+    `--grade`, without a fleet. Raises InputError for other kinds of recordings.
     """
-    schedule = read_schedule(reach) if reach else None
-    return plan_next_step(load(_listed(recordings), tell), more, separate, schedule, step, most, grade)
+    goal = reach if isinstance(reach, Schedule) else read_schedule(reach) if reach else None
+    return plan_next_step(load(_listed(recordings), tell), _each(more), _each(separate), goal, step, most, grade)
 
 
 def simulate(scenario: Mapping[str, Any] | str | Path, seed: int | None = None) -> tuple[Recording, tuple[Effect, ...]]:
@@ -182,6 +186,11 @@ def _printing(calibration: Calibration) -> Calibration:
     from gimbalcal.report.console import calibration_in_words
 
     return replace(calibration, printer=calibration_in_words)
+
+
+def _each(given: Item | Sequence[Item]) -> Sequence[Item]:
+    """Return a sequence; one name or file alone becomes a sequence of it and not of its characters."""
+    return [given] if isinstance(given, (str, Path)) else given
 
 
 def _listed(recordings: Source | Sequence[Source]) -> Sequence[Source]:

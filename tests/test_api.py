@@ -10,6 +10,7 @@ import re
 import sys
 import types
 from dataclasses import replace
+from datetime import datetime, timedelta
 from html import escape
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -21,6 +22,8 @@ import pytest
 import gimbalcal
 from gimbalcal import CATALOGUE, api
 from gimbalcal.cli import main  # noqa: F401  the command line loads beside it
+from gimbalcal.errors import InputError
+from gimbalcal.schedule import EIGHTEEN_POSITIONS
 from tests.golden import golden_text, refused
 from tests.guess.test_proposal import turned
 
@@ -246,6 +249,39 @@ def test_a_frame_is_corrected_in_its_own_units_and_keeps_what_else_it_holds() ->
     )
     with refused():
         made.apply(holed, columns={name: f"specific_force {name[1]} [g]" for name in forces})
+
+
+def test_a_clock_of_dates_corrects_a_frame_as_a_clock_of_seconds_does() -> None:
+    effects = (CATALOGUE["bias"](b=np.array([0.05, -0.03, 0.02])),)
+    residual = gimbalcal.calibrate(XSENS, terms=["bias"]).residual
+    made = gimbalcal.Calibration("t", effects, (), np.zeros((0, 0)), (), residual)
+    t, f = np.arange(30.0), np.tile([0.1, 0.2, 9.8], (30, 1))
+    frame = pl.DataFrame({"time": t, **{f"acc_{a}": f[:, i] for i, a in enumerate("xyz")}})
+    columns = {"time": "time [s]", **{f"acc_{a}": f"specific_force {a}" for a in "xyz"}}
+    want = made.apply(frame, columns=columns)
+    stamp = pl.Series("time", [datetime(2026, 11, 18) + timedelta(seconds=x) for x in t])  # noqa: DTZ001  it names no zone
+    clocks = (stamp, stamp.dt.replace_time_zone("Europe/Berlin"), stamp.dt.time(), stamp.dt.to_string("iso:strict"))
+    for clock in clocks:
+        for described in (None, columns):
+            got = made.apply(frame.with_columns(clock), columns=described)
+            np.testing.assert_allclose(got["acc_x"], want["acc_x"], rtol=1e-12)
+    with refused():
+        made.apply(frame.with_columns(pl.lit("noon").alias("time")), columns=columns)
+    with refused():
+        made.apply(frame.with_columns(pl.lit("9.8 m/s^2").alias("acc_x")), columns=columns)
+    with refused():
+        made.apply(frame.lazy(), columns=columns)  # type: ignore[type-var]
+
+
+def test_one_name_or_file_is_a_sequence_of_it(tmp_path: Path) -> None:
+    device = gimbalcal.read(DATA / "space_stable_18")
+    one = gimbalcal.next_step(device, separate="cubic_nonlinearity:z", most=1)
+    assert one.separate == ("cubic_nonlinearity:z",)
+    named, given = (gimbalcal.next_step(device, reach=x, most=1).target for x in ("wu2018-18", EIGHTEEN_POSITIONS))
+    np.testing.assert_array_equal(named, given)
+    missing = str(tmp_path / "cal.json")
+    with pytest.raises(InputError, match="cal"):
+        gimbalcal.navigate(DATA / "space_stable_static", missing)
 
 
 def test_tables_are_frames_of_polars_or_of_pandas(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 import numpy as np
@@ -15,7 +16,8 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.quantities import QUANTITIES, check
 from gimbalcal.recording import Recording, Site
-from gimbalcal.recording.frames import Entry, by_axis, described_columns
+from gimbalcal.recording.dates import Dates, names_iso
+from gimbalcal.recording.frames import Entry, by_axis, column_values, described_columns
 from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 from gimbalcal.units import celsius, from_si, is_raw, to_si
@@ -69,6 +71,8 @@ def correct_frame(calibration: Calibration, frame: FrameT, columns: Mapping[str,
     columns: what they hold, as in `recording.from_frame`; without, they are guessed as by `gimbalcal new`. Counts
     become SI. Raises InputError as `correct_arrays` does, and for what is no data frame.
     """
+    if hasattr(frame, "collect"):
+        raise InputError("apply takes a data frame whose rows are there: call collect() on this one first")
     if not hasattr(frame, "columns") or not (hasattr(frame, "with_columns") or hasattr(frame, "assign")):
         raise InputError(
             "apply takes a recording, a data frame (pandas, polars), or arrays by name as in {'specific_force': f}, "
@@ -79,10 +83,14 @@ def correct_frame(calibration: Calibration, frame: FrameT, columns: Mapping[str,
     logged: dict[Key, str] = {}
     time = np.arange(float(len(frame[next(iter(described))])))
     for name, column in described.items():
-        key, values = (column.quantity, column.axis), np.asarray(frame[name])
+        key = (column.quantity, column.axis)
+        if key[0] != "time" and key[0] not in QUANTITIES:
+            continue
+        clock = replace(column, unit="s") if names_iso(column.unit) or not column.unit else column
+        values = column_values("frame", clock if key[0] == "time" else column, np.asarray(frame[name]), Dates())
         if key[0] == "time":
-            time = _clock(values, column.unit)
-        elif key[0] in QUANTITIES:
+            time = to_si(values, clock.unit)
+        else:
             channels[key] = column.sign * _si(key[0], values, column.unit)
             logged[key] = column.unit
     corrected = _corrected(calibration, time, channels, logged)
@@ -95,13 +103,6 @@ def correct_frame(calibration: Calibration, frame: FrameT, columns: Mapping[str,
 
         return cast(FrameT, frame.with_columns(*(pl.Series(name, x) for name, x in new.items())))
     return cast(FrameT, cast(Any, frame).assign(**new))
-
-
-def _clock(values: Array, unit: str) -> Array:
-    """Return a clock (n,) in seconds; dates count from the first."""
-    if values.dtype.kind == "M":
-        return np.asarray((values - values[:1]) / np.timedelta64(1, "s"))
-    return np.asarray(to_si(values.astype(float), unit or "s"))
 
 
 def _corrected(

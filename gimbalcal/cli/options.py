@@ -160,13 +160,15 @@ EFFECTS = click.Option(
     callback=_load_effects, help="Effects of your own, in addition to those of the catalogue (docs/api.md).",
 )  # fmt: skip
 RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=FilePath())
-GRADE = click.option(
-    "--grade",
-    default="",
-    metavar="NAME",
-    help="navigation, tactical, industrial or consumer: how large the sensors' errors usually are; fleet:FILE takes "
-    "each from the units in this --store.  [default: from their noise]",
-)
+
+
+def grade_option(fleet: str = "; fleet:FILE takes each from the units in the store FILE") -> Callable[..., Any]:
+    """Return --grade, and `fleet` about the other prior that a calibration may take."""
+    how = "navigation, tactical, industrial or consumer: how large the sensors' errors usually are"
+    return click.option("--grade", default="", metavar="NAME", help=f"{how}{fleet}.  [default: from their noise]")
+
+
+GRADE = grade_option()
 WORKERS = click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
 SCHEDULER = click.option(
     "--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead."

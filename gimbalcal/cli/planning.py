@@ -11,7 +11,6 @@ import click
 
 from gimbalcal.cli.options import (
     DAMPING,
-    GRADE,
     LATITUDE,
     NOISE,
     POSITIVE,
@@ -24,6 +23,7 @@ from gimbalcal.cli.options import (
     Number,
     completing,
     example,
+    grade_option,
     names_option,
 )
 from gimbalcal.cli.output_folders import Output, output_options
@@ -212,7 +212,7 @@ def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
 )  # fmt: skip
 @click.option("--step", default=45.0, type=POSITIVE, show_default=True, help="Angles of an axis: multiples, deg.")
 @click.option("--most", type=click.IntRange(1, 100), default=5, show_default=True, help="How many steps to name.")
-@GRADE
+@grade_option(fleet="")
 @output_options("next.json and report.html", "NAME-next, here")
 def next_(
     recordings: tuple[Path, ...], more: tuple[str, ...], separate: tuple[str, ...], reach: str, step: float, most: int,

@@ -165,7 +165,7 @@ def recording_of(
     """
     dates, clock = Dates(), header.column("time")
     logged = [c for c in header.columns if c is not COUNTED and not (rate and c is clock)]
-    columns = {c.name: _column(header, c, np.asarray(values(c.name)), dates) for c in logged}
+    columns = {c.name: column_values(str(header.samples), c, np.asarray(values(c.name)), dates) for c in logged}
     sizes = {name: len(x) for name, x in columns.items()}
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{name} {n}" for name, n in sizes.items())
@@ -193,19 +193,19 @@ def _refuse_samples(header: Header, columns: Mapping[str, Array]) -> None:
         )
 
 
-def _column(header: Header, column: Column, x: Array, dates: Dates) -> Array:
+def column_values(samples: str, column: Column, x: Array, dates: Dates) -> Array:
     """Return a column as float64, a copy because units are applied in place; dates of a clock as seconds in its unit.
 
     Raises InputError for what is neither, and for a clock of numbers where the header says dates.
     """
-    where = f"{header.samples}, column {column.name}"
+    where = f"{samples}, column {column.name}"
     if column.quantity == "time" and x.dtype.kind in "MOU" and len(x):
         import polars as pl
 
         try:
             return from_si(dates.seconds(pl.Series(x.astype(str))), column.unit)
         except NoDateError as problem:
-            row = f"{header.samples}, row {problem.row + 1}, column {column.name}"
+            row = f"{samples}, row {problem.row + 1}, column {column.name}"
             raise InputError(f"{row}: {problem}; correct it") from None
     if column.dated and len(x):
         raise InputError(
