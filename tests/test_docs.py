@@ -30,6 +30,8 @@ def test_measured_results_on_the_pages_are_those_of_the_files() -> None:
     assert pages == {page: measured["filled"](text) for page, text in pages.items()}, "run docs/build_measured.py"
     shown = {name for text in pages.values() for name in measured["BLOCK"].findall(text)}
     assert {path.stem for path in measured["MEASURED"].iterdir()} <= shown
+    renewed = set(re.findall(r"bench_\w+", Path("Makefile").read_text(encoding="utf-8")))
+    assert {name for name in shown if Path(f"tests/benchmarks/{name}.py").exists()} <= renewed, "add it to make bench"
 
 
 def test_the_ten_lines_of_the_first_page_run_as_printed(tmp_path: Path) -> None:

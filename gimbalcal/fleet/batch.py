@@ -12,7 +12,7 @@ from gimbalcal.campaign.workers import TimeLeft, computed, connect, number_of_wo
 from gimbalcal.effects.loading import loaded_texts
 from gimbalcal.errors import amount
 from gimbalcal.fleet.fleet_summary import FleetSummary, fleet_summary
-from gimbalcal.fleet.unit_recording import BATCH, BatchTask, UnitRecording, entries_of, failed, recordings_of
+from gimbalcal.fleet.unit_recording import BATCH, BatchTask, UnitRecording, entries_of, failed, may_pass, recordings_of
 from gimbalcal.history import FAILURE, StoredResult, keep, kept, refuse_unusable
 from gimbalcal.history.fleet import Fleet, grade_and_fleet
 
@@ -68,30 +68,30 @@ def _results(
     results = {folder: tuple(present[key]) for folder, key in keys.items() if key in present}
     todo = [r for r in recordings if r.folder not in results]
     if results:
-        tell(f"{len(results)} of {amount(len(recordings), 'recording')} are in {store} already")
+        are = "is" if len(results) == 1 else "are"
+        tell(f"{len(results)} of {amount(len(recordings), 'recording')} {are} in {store} already")
     if todo:
         tell(f"calibrating and diagnosing {amount(len(todo), 'recording')}")
-    left, ended = TimeLeft(len(recordings), len(results)), set[str]()
+    remaining = TimeLeft(len(recordings), len(results))
 
     def lost(recording: UnitRecording, times: str) -> tuple[StoredResult, ...]:
-        ended.add(recording.folder)
         why = f"computing it ended the worker {times}, out of memory most likely; give its dwells as means"
         return (failed(task, recording, why),)
 
     for recording, entries in computed(partial(entries_of, task), todo, lost, workers, client):
-        if recording.folder not in ended:  # which another machine, or another day, may compute
+        if not any(map(may_pass, entries)):  # otherwise the same batch computes the recording again
             keep(store, *entries)
         results[recording.folder] = entries
         for entry in (e for e in entries if e.kind == FAILURE):
             tell(f"{recording.folder}: {entry.content['in_words']}")
-        tell(left.after(1, "recording"))
+        tell(remaining.after(1, "recording"))
     return results
 
 
 def _by_key(store: Path) -> dict[str, list[StoredResult]]:
     """Return the entries of batches in a store by their key; those of a recording were added together."""
-    found: dict[str, list[StoredResult]] = {}
+    by_key: dict[str, list[StoredResult]] = {}
     for entry in kept(store):
         if key := entry.content.get("provenance", {}).get(BATCH):
-            found.setdefault(str(key), []).append(entry)
-    return found
+            by_key.setdefault(str(key), []).append(entry)
+    return by_key

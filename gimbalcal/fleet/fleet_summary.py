@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class UnitReport(Entry):
-    """A recording of one unit: what its calibration and its diagnosis say, or the sentence why one of them failed.
+    """A report states the outcome of the calibration and of the diagnosis of one unit, or why one of them failed.
 
     date: when it was recorded, empty where that is not stated.
     """
@@ -40,7 +40,7 @@ class UnitReport(Entry):
 
 @dataclass(frozen=True)
 class FleetParameter(Entry):
-    """A parameter over the units, in its unit of print, units that are outside left out.
+    """The distribution of a parameter over the units that are inside, in its unit of print.
 
     mean and spread (one sigma of the units) with the sigma of the mean; sigma: of a further unit; own_sigma: median
     sigma of one calibration; trend_per_year: slope over the dates of the units, null where these do not differ; drifts:
@@ -65,7 +65,7 @@ class FleetParameter(Entry):
 
 @dataclass(frozen=True)
 class OutsideUnit(Entry):
-    """A unit outside the distribution of all others in one parameter, in its unit of print."""
+    """A unit is outside the distribution of all others in one parameter; value and sigma in its unit of print."""
 
     unit: str
     name: str
@@ -103,21 +103,21 @@ def fleet_summary(each: Mapping[str, Sequence[StoredResult]]) -> tuple[FleetSumm
 
     Of a unit with several recordings the last one is taken for the distributions.
     """
-    found = [pair for folder, entries in each.items() for pair in _reports(folder, entries)]
+    reported = [pair for folder, entries in each.items() for pair in _reports(folder, entries)]
     latest: dict[str, DatedCalibration] = {}
-    for report, calibration in found:
+    for report, calibration in reported:
         if calibration is not None and (report.unit not in latest or calibration.date >= latest[report.unit].date):
             latest[report.unit] = calibration
     known = fleet(latest)
     few = len(known.distributions)
     parameters = tuple(_parameter(d, few) for d in known.distributions.values())
     outside = tuple(_outside(d, int(i)) for d in known.distributions.values() for i in np.flatnonzero(~d.inside))
-    reports = tuple(report for report, _ in found)
+    reports = tuple(report for report, _ in reported)
     verdicts = dict(Counter(r.verdict for r in reports if r.verdict).most_common())
     summary = FleetSummary(
         recordings=len(each),
         units=len({r.unit for r in reports}),
-        failed=sum(bool(r.failure) for r in reports),
+        failed=len({r.recording for r in reports if r.failure}),
         verdicts=verdicts,
         in_words="",
         parameters=parameters,
@@ -125,7 +125,7 @@ def fleet_summary(each: Mapping[str, Sequence[StoredResult]]) -> tuple[FleetSumm
         reports=reports,
         readout=known.readout.to_dict(),
     )
-    return replace(summary, in_words=fleet_in_words(summary)), known, _table(found, known)
+    return replace(summary, in_words=fleet_in_words(summary)), known, _table(reported, known)
 
 
 def _reports(folder: str, entries: Sequence[StoredResult]) -> list[tuple[UnitReport, DatedCalibration | None]]:
@@ -170,13 +170,13 @@ def _outside(d: Distribution, i: int) -> OutsideUnit:
     return OutsideUnit(d.units[i], p.name, p.axis, value, sigma, p.unit, float(d.p_value[i]))
 
 
-def _table(found: Sequence[tuple[UnitReport, DatedCalibration | None]], known: Fleet) -> pl.DataFrame:
+def _table(reported: Sequence[tuple[UnitReport, DatedCalibration | None]], known: Fleet) -> pl.DataFrame:
     """Return a row for each parameter of each recording, and one without for a recording that failed."""
     import polars as pl
 
     tails = {label: dict(zip(d.units, d.p_value.tolist(), strict=True)) for label, d in known.distributions.items()}
     rows = []
-    for report, calibration in found:
+    for report, calibration in reported:
         head = {**report.to_dict()}
         estimates = calibration.calibration.estimates if calibration else ()
         rows += [

@@ -19,7 +19,6 @@ from gimbalcal.recording import Source
 from gimbalcal.recording.header import NAME, read_header
 
 BATCH = "batch"  # key of a provenance: which recording and options a result belongs to
-UNIT_NAMES = ("folder", "parent", "title")
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,10 @@ class UnitRecording:
 
 @dataclass(frozen=True, eq=False)
 class BatchTask:
-    """What is done with each recording; effects: name and text of each file of a user's effects, for the workers."""
+    """The options by which each recording of a batch is calibrated and diagnosed.
+
+    effects: name and text of each file of a user's effects, which the workers load.
+    """
 
     method: str = ""
     more: tuple[str, ...] = ()
@@ -55,20 +57,24 @@ class BatchTask:
 def recordings_of(patterns: Sequence[str], unit_name: str = "folder") -> list[UnitRecording]:
     """Return the recordings whose folders match any of the patterns, in order of their names.
 
-    A pattern without wildcards is a recording, whatever is there. unit_name: what a unit is called after, one of
-    `UNIT_NAMES`. Raises InputError where there is none.
+    A pattern without wildcards is a recording, whatever is there. unit_name: what a unit is called after,
+    "folder", "parent" (the folder around it) or "title". Raises InputError for a pattern that matches none.
     """
     folders: dict[Path, str] = {}
+    without_match = []
     for pattern in patterns:
         exact = not glob.has_magic(pattern) or Path(pattern).exists()
         matches = [pattern] if exact else sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207  absolute patterns and ** as a shell has them
-        for path in map(Path, matches):
-            folder = path.parent if path.name == NAME else path
-            if exact or (folder / NAME).is_file():
-                folders.setdefault(folder.resolve(), str(folder))
-    if not folders:
+        matching = [path.parent if path.name == NAME else path for path in map(Path, matches)]
+        recorded = [folder for folder in matching if exact or (folder / NAME).is_file()]
+        for folder in recorded:
+            folders.setdefault(folder.resolve(), str(folder))
+        if not recorded:
+            without_match.append(pattern)
+    if without_match:
         raise InputError(
-            f"no folder that matches {' '.join(patterns)} holds a {NAME}; give a pattern such as 'rigs/*' in quotes"
+            f"no folder that matches {' or '.join(without_match)} holds a {NAME}; give a pattern such as 'rigs/*' in "
+            "quotes"
         )
     return [_unit_recording(folder, unit_name) for folder in folders.values()]
 
@@ -76,13 +82,22 @@ def recordings_of(patterns: Sequence[str], unit_name: str = "folder") -> list[Un
 def _unit_recording(folder: str, unit_name: str) -> UnitRecording:
     path = Path(folder)
     named = {"folder": path.resolve().name, "parent": path.resolve().parent.name}
+    files = [path / NAME]
     try:
         header = read_header(path)
-    except (InputError, OSError):  # the sentence comes when it is read
-        files = [path / NAME] if (path / NAME).is_file() else []
-        return UnitRecording(folder, named.get(unit_name, path.resolve().name), tuple(map(Source.of, files)))
-    files = [path / NAME, header.samples]
-    return UnitRecording(folder, named.get(unit_name, header.title), tuple(map(Source.of, files)))
+        named["title"] = header.title
+        files.append(header.samples)
+    except (InputError, OSError):  # reported as a failure when the recording is loaded
+        pass
+    return UnitRecording(folder, named.get(unit_name, named["folder"]), tuple(map(_source, files)))
+
+
+def _source(path: Path) -> Source:
+    """Return a file with its SHA-256, which is empty where the file cannot be read."""
+    try:
+        return Source.of(path)
+    except OSError:
+        return Source(path.name, "")
 
 
 def entries_of(task: BatchTask, recording: UnitRecording) -> tuple[StoredResult, ...]:
@@ -91,45 +106,61 @@ def entries_of(task: BatchTask, recording: UnitRecording) -> tuple[StoredResult,
 
     for name, text in task.effects:
         load_text(name, text)
-    entries: list[StoredResult] = []
-    try:
-        with threadpool_limits(limits=1):  # small matrices: a second thread only waits, and sums in another order
-            for kind, sensor, content in _results(task, recording):
-                entries.append(_entry(task, recording, kind, content, sensor))
-    except InputError as problem:
-        entries.append(failed(task, recording, str(problem)))
-    except OSError as problem:
-        why = f"{problem.filename or recording.folder} cannot be read ({problem.strerror or problem})"
-        entries.append(failed(task, recording, why))
-    except MemoryError:
-        entries.append(failed(task, recording, "there is not enough memory for this recording; give it as means"))
-    except Exception as problem:  # noqa: BLE001  a defect with one recording must not stop the others
-        why = f"a defect of the program, not of the data ({type(problem).__name__}: {problem}); please report it"
-        entries.append(failed(task, recording, why))
-    return tuple(entries)
+    with threadpool_limits(limits=1):  # small matrices: a second thread only waits, and sums in another order
+        return tuple(_results(task, recording))
 
 
-def _results(task: BatchTask, recording: UnitRecording) -> Iterable[tuple[str, str, Json]]:
-    """Yield kind, sensor and content of each result of a recording."""
+def _results(task: BatchTask, recording: UnitRecording) -> Iterable[StoredResult]:
+    """Yield each result of a recording: of each sensor, calibration and diagnosis or the failure of either."""
     from gimbalcal.diagnose import diagnose
     from gimbalcal.methods import by_sensor, calibrate_each
     from gimbalcal.pipeline import load
 
-    loaded = load([Path(recording.folder)])
-    for calibration, group in calibrate_each(loaded, task.method, more=task.more, grade=task.grade):
-        yield CALIBRATION, group[0].sensor, calibration.to_dict()
+    try:
+        loaded = load([Path(recording.folder)])
+        calibrated = calibrate_each(loaded, task.method, more=task.more, grade=task.grade)
+    except Exception as problem:  # noqa: BLE001  a defect with one recording must not stop the others
+        yield _failure(task, recording, problem)
+        return
+    for calibration, group in calibrated:
+        yield _entry(task, recording, CALIBRATION, calibration.to_dict(), group[0].sensor)
     for group in by_sensor(loaded):
-        diagnosis = diagnose(group, seed=task.seed, grade=task.grade)
-        yield DIAGNOSIS, group[0].sensor, diagnosis.to_dict()
+        sensor = group[0].sensor
+        try:
+            diagnosis = diagnose(group, seed=task.seed, grade=task.grade)
+        except Exception as problem:  # noqa: BLE001  nor must one sensor stop the others
+            yield _failure(task, recording, problem, sensor)
+            continue
+        yield _entry(task, recording, DIAGNOSIS, diagnosis.to_dict(), sensor)
         if diagnosis.calibration is not None:
-            yield CALIBRATION, group[0].sensor, diagnosis.calibration.to_dict()
+            yield _entry(task, recording, CALIBRATION, diagnosis.calibration.to_dict(), sensor)
 
 
-def failed(task: BatchTask, recording: UnitRecording, why: str) -> StoredResult:
-    """Return the entry of a recording that fails."""
-    content = {"in_words": why, "provenance": {"recordings": [{"path": f.path, "sha256": f.sha256}
-                                                              for f in recording.files]}}  # fmt: skip
-    return _entry(task, recording, FAILURE, content)
+def _failure(task: BatchTask, recording: UnitRecording, problem: Exception, sensor: str = "") -> StoredResult:
+    """Return the entry of a problem; only what follows from the files is lasting."""
+    if isinstance(problem, InputError):
+        return failed(task, recording, str(problem), sensor, lasting=True)
+    if isinstance(problem, OSError):
+        why = f"{problem.filename or recording.folder} cannot be read ({problem.strerror or problem})"
+    elif isinstance(problem, MemoryError):
+        why = "there is not enough memory for this recording; give it as means"
+    else:
+        why = f"a defect of the program, not of the data ({type(problem).__name__}: {problem}); please report it"
+    return failed(task, recording, why, sensor)
+
+
+def failed(
+    task: BatchTask, recording: UnitRecording, why: str, sensor: str = "", *, lasting: bool = False
+) -> StoredResult:
+    """Return the entry of a failure of a recording, or of one of its sensors; lasting: it follows from the files."""
+    files = [{"path": f.path, "sha256": f.sha256} for f in recording.files]
+    content = {"in_words": why, "lasting": lasting, "provenance": {"recordings": files}}
+    return _entry(task, recording, FAILURE, content, sensor)
+
+
+def may_pass(entry: StoredResult) -> bool:
+    """Return whether an entry is a failure that another machine, or another day, may not have."""
+    return entry.kind == FAILURE and not entry.content["lasting"]
 
 
 def _entry(task: BatchTask, recording: UnitRecording, kind: str, content: Json, sensor: str = "") -> StoredResult:

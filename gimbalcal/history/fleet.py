@@ -18,7 +18,7 @@ nothing along their null directions, and F that of the fleet,
 
 .. math:: P = (S_d + F + N)^{-1}, \qquad x = P (S_d \hat x + F \mu) ,
 
-where N is the prior of the grade along null directions, for parameters of which the fleet says nothing. The error of
+where N is the prior of the grade along null directions, for parameters that the fleet does not determine. The error of
 gravity is common to all units of a site, and no number of them makes it smaller: it is removed before and added after.
 Source: Gelman et al., *Bayesian Data Analysis* (2013), section 5.4.
 """
@@ -53,7 +53,7 @@ MIN_UNITS = 5  # below, the spread has no finite expectation
 SIGNIFICANCE = 0.01  # false-alarm probability over all parameters and units of a fleet
 MAX_OUTSIDE = 0.25  # share of the units; where more are outside they are no exceptions, and all are taken
 GRID = np.concatenate([[0.0], np.geomspace(1e-3, 1e2, 240)])  # of tau, in standard deviations of the estimates
-FLAT_SIZE = 1e3  # prior sigmas of a parameter of which the fleet says nothing
+FLAT_SIZE = 1e3  # prior sigmas of a parameter that the fleet does not determine
 OBSERVABLE = 1 - 1e-6  # of the prior variance, above which a direction keeps its prior
 
 

@@ -17,9 +17,9 @@ MAX_NAMED = 3  # units and parameters that the answer names
 def fleet_in_words(f: FleetSummary) -> str:
     """Return whether all units are calibrated and alike, which are outside or failed, and what to do next."""
     text = f"{amount(f.recordings, 'recording')} of {amount(f.units, 'unit')}"
-    if f.failed == f.recordings:
+    if not any(r.method or r.verdict for r in f.reports):
         return f"None of {text} has a result: {f.reports[0].failure}. Next: correct them and run the batch again."
-    text += f": {f.failed} failed" if f.failed else " are calibrated and diagnosed"
+    text += f": {f.failed} failed" if f.failed else f" {'is' if f.recordings == 1 else 'are'} calibrated and diagnosed"
     verdicts = [f"{count} {verdict.replace('-', ' ')}" for verdict, count in f.verdicts.items()]
     text += f"; {listed(verdicts)}." if verdicts else "."
     if not f.parameters:

@@ -6,25 +6,29 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import jsonschema
+import numpy as np
 import polars as pl
 import pytest
 from click.testing import CliRunner
 
+from gimbalcal import pipeline
 from gimbalcal.campaign.workers import connect
 from gimbalcal.cli import gimbalcal
 from gimbalcal.errors import InputError
 from gimbalcal.fleet import batch, run_batch
-from gimbalcal.fleet.fleet_summary import FleetSummary
-from gimbalcal.fleet.unit_recording import BatchTask, entries_of, recordings_of
-from gimbalcal.history import kept, of_store
+from gimbalcal.fleet.fleet_summary import FleetSummary, fleet_summary
+from gimbalcal.fleet.unit_recording import BatchTask, UnitRecording, entries_of, failed, recordings_of
+from gimbalcal.history import StoredResult, kept, of_store
 from gimbalcal.history.fleet import fleet_of_store
-from gimbalcal.recording import write
+from gimbalcal.recording import Source, write
 from gimbalcal.report.fleet_page import fleet_report
 from tests.campaign.test_campaign import dask_cluster, wait_for
 from tests.fleet.deadly import dies_with_the_second
 from tests.fleet.units import unit, write_units
+from tests.history.calibrations import START, calibration
 
 COUNT, BROKEN, ODD = 7, "rig-003", "rig-006"
 
@@ -148,6 +152,62 @@ def _present(store: Path) -> int:
         return len({e.unit for e in kept(store)})
     except InputError:  # its tables are being made
         return 0
+
+
+def test_a_file_that_cannot_be_read_is_a_failure_of_its_recording_that_is_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_units(tmp_path, 2, positions=6)
+    store, opened = tmp_path / "units.sqlite", Path.open
+
+    def refusing(path: Path, *arguments: Any, **options: Any) -> Any:
+        if path.name == "samples.csv" and path.parent.name == "rig-001":
+            raise PermissionError(13, "Permission denied", str(path))
+        return opened(path, *arguments, **options)
+
+    monkeypatch.setattr(Path, "open", refusing)
+    summary = run_batch([f"{tmp_path}/rig-*"], store, workers=1)
+    assert [(r.unit, bool(r.failure), bool(r.method)) for r in summary.reports] == [
+        ("rig-000", False, True), ("rig-001", True, False)
+    ]  # fmt: skip
+    assert summary.reports[1].failure.endswith("samples.csv cannot be read (Permission denied)")
+    assert {e.unit for e in kept(store)} == {"rig-000"}
+
+
+def test_a_failure_that_may_pass_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(problem: Exception) -> FleetSummary:
+        def load(_: object) -> None:
+            raise problem
+
+        monkeypatch.setattr(pipeline, "load", load)
+        told.clear()
+        return run_batch([str(tmp_path / "rig-000")], tmp_path / "units.sqlite", workers=1, tell=told.append)
+
+    told: list[str] = []
+    write_units(tmp_path, 1, positions=6)
+    for problem in (MemoryError(), OSError(24, "Too many open files"), ValueError("surprising")):
+        assert fails(problem).failed == 1
+        assert not kept(tmp_path / "units.sqlite") if (tmp_path / "units.sqlite").exists() else True
+    assert fails(InputError("the clock runs backwards")).reports[0].failure == "the clock runs backwards"
+    fails(MemoryError())
+    assert told == [f"1 of 1 recording is in {tmp_path / 'units.sqlite'} already"]
+
+
+def test_failures_are_counted_by_recording_and_units_by_sensor() -> None:
+    """A recording of two sensors, of which the diagnosis of one fails."""
+    recording = UnitRecording("rigs/rig-000", "rig-000", (Source("recording.toml", "same"),))
+    made = [StoredResult(f"rig-000 {s}", START.isoformat(), "calibration", calibration(np.zeros(6), k).to_dict())
+            for k, s in enumerate("ab")]  # fmt: skip
+    why = failed(BatchTask(), recording, "there are too few positions", "b", lasting=True)
+    summary, _, _ = fleet_summary({recording.folder: [*made, why]})
+    assert (summary.units, summary.failed, summary.recordings) == (2, 1, 1)
+    assert [r.failure for r in summary.reports] == ["", "there are too few positions"]
+    assert summary.in_words.startswith("1 recording of 2 units: 1 failed.")
+
+
+def test_every_pattern_must_match(rigs: Path) -> None:
+    with pytest.raises(InputError, match=r"no folder that matches .*rack.* holds a recording\.toml"):
+        recordings_of([f"{rigs}/rig-*", f"{rigs}/rack-*"])
 
 
 @pytest.mark.slow
