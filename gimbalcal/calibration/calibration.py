@@ -60,7 +60,7 @@ class StageHistory:
 class StageResult:
     """One stage of a calibration for the record: estimate and sigma (SI, order of `labels`), rms residual [m/s^2].
 
-    history: how a sequential stage came to its estimate.
+    history: the estimates of a sequential stage, row by row.
     """
 
     name: str

@@ -61,7 +61,7 @@ DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
 
 @dataclass(frozen=True)
 class NextStep(Entry):
-    """One thing to record: in words, how long it takes, and what it changes.
+    """A step states one thing to record, how long it takes, and what it changes.
 
     angles: of each axis [deg]; towards: of the vertical in the unit, a vector. parameter: the one that gains most, with
     its sigma now and after in `unit`. reduction: share by which the criterion decreases. separation: expected ln Bayes
@@ -82,7 +82,7 @@ class NextStep(Entry):
 
 @dataclass(frozen=True, repr=False)
 class NextPlan(Displayed):
-    """What to record next, the best first; how well everything is known now; and what is to be reached or separated."""
+    """The plan states what to record next, the best first, how well all is known now, and how far the goal is."""
 
     steps: tuple[NextStep, ...]
     parameters: tuple[Parameter, ...]
@@ -92,7 +92,7 @@ class NextPlan(Displayed):
     separation: float | None = None  # ln Bayes factor that the recordings are expected to bring already
 
     @property
-    def left(self) -> tuple[Parameter, ...]:
+    def not_reached(self) -> tuple[Parameter, ...]:
         """Return the parameters whose sigma is not yet what is to be reached."""
         if self.target is None:
             return ()
@@ -102,7 +102,7 @@ class NextPlan(Displayed):
     def reached(self) -> bool:
         """Return whether nothing remains to be done for the target, or for the separation."""
         if self.target is not None:
-            return not self.left
+            return not self.not_reached
         return self.separation is not None and self.separation >= SETTLED
 
     def __str__(self) -> str:
@@ -144,7 +144,7 @@ class NextPlan(Displayed):
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Things to record: words, seconds with turning and waiting (c,), rows (c, k, p), and the setting of each.
+    """Candidates are things to record: words, seconds with turn and wait (c,), rows (c, k, p), and their settings.
 
     angles: of the axes [deg]; towards: of the vertical in the unit; empty where there are none.
     """
@@ -164,8 +164,8 @@ def next_step(
 
     more: effects to estimate beside the baseline; separate: effects, EFFECT[:AXIS], to be separated from each other,
     which are then estimated too; reach: a schedule whose sigmas are to be reached, at the noise and duration of these
-    dwells; step [deg] of the angles of a rig; most: how many steps; grade: of the unit, by which usual sizes are, else
-    its noise tells it. Raises InputError for other kinds of recordings.
+    dwells; step [deg] of the angles of a rig; most: how many steps; grade: of the unit, for the usual sizes, else that
+    of its noise. Raises InputError for other kinds of recordings.
     """
     complete = [replace(completed(r), other_sensors=()) for r in recordings]
     recordings = graded(complete, grade).of(complete)

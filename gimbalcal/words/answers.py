@@ -27,7 +27,7 @@ from gimbalcal.words.rounding import lasting, significant
 if TYPE_CHECKING:
     from gimbalcal.at_rest import RestNoise
     from gimbalcal.campaign.campaign_folder import CampaignSummary, ParameterErrors
-    from gimbalcal.design.next_step import NextPlan
+    from gimbalcal.design.next_step import NextPlan, NextStep
     from gimbalcal.design.optimal import PositionsDesign
     from gimbalcal.design.position_observability import Observability, PredictedSigma
     from gimbalcal.design.turning_design import TurnsDesign
@@ -115,22 +115,29 @@ def next_answer(plan: NextPlan) -> str:
     best = plan.steps[0]
     unit = unit_in_print(best.unit)
     text = (
-        f"Next: {best.words}, {lasting(best.seconds)} with the turn. It reduces σ of {spaced(best.parameter)} from "
+        f"Next: {best.words}{_with_turn(best)}. It reduces σ of {spaced(best.parameter)} from "
         f"{significant(best.sigma_now, 3)} to {significant(best.sigma_after, 3)} {unit}; of all parameters together no "
         "other step gains more in its time."
     )
     return f"{text} {goal}".strip()
 
 
+def _with_turn(step: NextStep) -> str:
+    """Return how long a step takes with its turn; empty of a static run that goes on, whose words say how long."""
+    return f", {lasting(step.seconds)} with the turn" if step.angles or step.towards else ""
+
+
 def _goal(plan: NextPlan) -> str:
     """Return how far it is to what is to be reached or separated; empty without a goal."""
     if plan.target is not None:
-        left = [f"{p.name} {p.axis}".strip() for p in plan.left]
-        if not left:
+        short = [f"{p.name} {p.axis}".strip() for p in plan.not_reached]
+        if not short:
             return f"All {counted(len(plan.parameters), 'parameter')} reach the σ that was asked for."
-        named = listed([spaced(name) for name in left[:MAX_NAMED]])
-        more = f" and {len(left) - MAX_NAMED} more" if len(left) > MAX_NAMED else ""
-        return f"{amount(len(left), 'parameter')} of {len(plan.parameters)} not yet at the σ asked for: {named}{more}."
+        named = listed([spaced(name) for name in short[:MAX_NAMED]])
+        more = f" and {len(short) - MAX_NAMED} more" if len(short) > MAX_NAMED else ""
+        verb = "has" if len(short) == 1 else "have"
+        total = amount(len(plan.parameters), "parameter")
+        return f"{len(short)} of {total} {verb} not reached the σ that was asked for: {named}{more}."
     if plan.separation is None:
         return ""
     verb = "separate" if len(plan.separate) > 1 else "show"

@@ -14,6 +14,7 @@ import gimbalcal
 from gimbalcal.design.next_step import REACHED, SETTLED, WARMING_S, decreases, next_step
 from gimbalcal.recording import read
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
+from gimbalcal.words.answers import next_answer
 from tests.benchmarks.bench_next import calibrated, dwells, sequence
 from tests.golden import golden_text, refused
 
@@ -123,7 +124,8 @@ def test_a_static_run_without_readouts_goes_on_by_the_turn_of_the_earth() -> Non
         assert now[label] == pytest.approx(stated[label], rel=0.1)
     assert np.all(plan.sigma >= read_out.sigma * (1 - 1e-9))
     assert np.any(plan.sigma > 1.01 * read_out.sigma)  # angles that nobody logged do not count
-    assert any(s.words.startswith("let the static run go on") for s in plan.steps)
+    longer = tuple(s for s in plan.steps if s.words.startswith("let the static run go on"))
+    assert "go on for 6 h. It reduces" in next_answer(replace(plan, steps=longer))  # no turn, and the time once
 
 
 def test_a_static_run_of_another_unit_is_refused() -> None:
@@ -142,6 +144,13 @@ def test_one_effect_is_shown_and_not_separated() -> None:
     plan = next_step([dwells(list(EIGHTEEN_POSITIONS.angles))], separate=["cubic_nonlinearity:z"])
     assert "show cubic nonlinearity z" in str(plan)
     assert "separate" not in str(plan)
+
+
+def test_what_is_short_of_the_goal_is_a_sentence() -> None:
+    plan = next_step([dwells(list(EIGHTEEN_POSITIONS.angles[:9]))], reach=EIGHTEEN_POSITIONS, most=1)
+    short = len(plan.not_reached)
+    assert 1 < short < len(plan.parameters)
+    assert f"{short} of {len(plan.parameters)} parameters have not reached the σ that was asked for: " in str(plan)
 
 
 def test_a_temperature_is_proposed_where_the_model_depends_on_it() -> None:

@@ -27,7 +27,7 @@ from gimbalcal.number import Array
 
 MEAN_S = 60.0  # of the rows that the filter takes: minute means
 MAX_HISTORY = 240  # rows of the record
-MAX_DISAGREEMENT = 0.01  # sigma, of filter and closed form less the squares of Eq. (20): averages of a minute make less
+MAX_DISAGREEMENT = 0.01  # sigma, of filter and closed form less the squares of Eq. (20): less with means over a minute
 NAMES = ("x1", "x2", "x3", "x4", "x5")
 PRIOR_SIGMA = 1e-2  # no accelerometer of this trade is off by a per cent: says nothing, and keeps the filter proper
 
@@ -82,7 +82,7 @@ def estimate(total: ForceInformation, prior_sigma: float = PRIOR_SIGMA) -> Force
 
 
 def squared_norm(force: Array, gravity: float, sigma: Array | float = 0.0) -> Array:
-    """The paper's z (n,), Eq. (20), of the measured force (n, 3) [m/s^2], less the noise mean where sigma is known.
+    """Return the paper's z (n,), Eq. (20), of the measured force (n, 3) [m/s^2], less the noise mean where known.
 
     sigma: one sigma of each axis in these rows [m/s^2], (n,) or one number; zero leaves Eq. (20) as printed.
     """
@@ -92,7 +92,7 @@ def squared_norm(force: Array, gravity: float, sigma: Array | float = 0.0) -> Ar
 def kalman(
     z: Array, H: Array, variance: Array | float, prior_sigma: float = PRIOR_SIGMA
 ) -> tuple[ForceState, Array, Array]:
-    """State x1 ... x5, row by row: five constant states, one scalar measurement z = H x + v a row.
+    """Return the state x1 ... x5, row by row: five constant states, one scalar measurement z = H x + v a row.
 
     Returns the last state, and estimates and sigmas (m, 5) after each of the m measured rows. Square-root form: in the
     usual one, Joseph's included, covariances lose (prior / sigma)^2 of their digits while few rows are in, 6e-8 sigma
