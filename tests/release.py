@@ -86,9 +86,9 @@ def interpreters(names: Sequence[str]) -> dict[str, str]:
             *map(str, sorted(Path.home().glob(f".pyenv/versions/{name}*/bin/python"))),
         ]
         for each in filter(None, candidates):
-            told = subprocess.run([each, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"],
+            answer = subprocess.run([each, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"],
                                   capture_output=True, text=True, check=False)  # fmt: skip
-            if told.returncode == 0 and told.stdout.strip() == name:
+            if answer.returncode == 0 and answer.stdout.strip() == name:
                 known[name] = each
                 break
     return known
@@ -160,7 +160,7 @@ def main() -> None:
         "--oldest", action="store_true", help="with the oldest allowed dependencies, on the oldest Python"
     )
     parser.add_argument("--without-suite", action="store_true")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         commit = run("git", "rev-parse", "HEAD").strip()
         first, second = (built(commit, Path(folder) / name) for name in ("one", "another"))
@@ -169,25 +169,25 @@ def main() -> None:
             if digest(a) != digest(b):
                 raise SystemExit(f"two builds of {a.name} differ: {digest(a)} and {digest(b)}")
         say("two builds are equal")
-        asked.out.mkdir(parents=True, exist_ok=True)
-        wheel, sdist = (Path(shutil.copy(file, asked.out)) for file in first)
+        options.out.mkdir(parents=True, exist_ok=True)
+        wheel, sdist = (Path(shutil.copy(file, options.out)) for file in first)
         here = json.loads(
             run(sys.executable, "-m", "gimbalcal", "demo", "--json", "--quiet", "--out", Path(folder) / "d")
         )
-        found = interpreters(asked.python)
-        for name in asked.python:
-            if name not in found:
+        available = interpreters(options.python)
+        for name in options.python:
+            if name not in available:
                 say(f"Python {name}: not on this machine")
-        tries = [(f"Python {name}", python, []) for name, python in found.items()]
-        if asked.oldest and found:
-            name = min(found, key=lambda version: tuple(map(int, version.split("."))))
-            python = found[name]  # newer ones have no wheels of such packages
+        tries = [(f"Python {name}", python, []) for name, python in available.items()]
+        if options.oldest and available:
+            name = min(available, key=lambda version: tuple(map(int, version.split("."))))
+            python = available[name]  # newer ones have no wheels of such packages
             tries.append((f"Python {name} with the oldest dependencies: {', '.join(oldest())}", python, oldest()))
         for k, (what, python, extra) in enumerate(tries):
             say(what)
             place = Path(folder) / f"try{k}"
             place.mkdir()
-            differ = differences(answers(here), tried(python, wheel, sdist, place, extra, not asked.without_suite))
+            differ = differences(answers(here), tried(python, wheel, sdist, place, extra, not options.without_suite))
             if differ:
                 raise SystemExit(f"answers differ from those of this environment: {', '.join(differ)}")
             say("  answers equal those of this environment")

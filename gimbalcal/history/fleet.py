@@ -129,13 +129,13 @@ def fleet_of_store(path: Path) -> Fleet:
     Calibrations that took their prior from a fleet are omitted: they are not independent of it.
     """
     by_unit = calibrations_by_unit(path, lambda c: not rests_on_fleet(c))
-    found = fleet({unit: dated[-1] for unit, dated in by_unit.items() if dated}, str(path))
-    if not found.distributions:
+    known = fleet({unit: dated[-1] for unit, dated in by_unit.items() if dated}, str(path))
+    if not known.distributions:
         raise InputError(
-            f"{path} holds calibrations of {amount(found.units, 'unit')}, and a fleet takes {MIN_UNITS} or more with a "
+            f"{path} holds calibrations of {amount(known.units, 'unit')}, and a fleet takes {MIN_UNITS} or more with a "
             "parameter that their data determine; calibrate more units with --store, or name a --grade"
         )
-    return found
+    return known
 
 
 def grade_and_fleet(grade: str | Fleet) -> tuple[str, Fleet | None]:
@@ -189,7 +189,7 @@ def gravity_of(c: Calibration) -> float:
 
 
 def _distribution(p: Parameter, rows: Sequence[UnitEstimate], tried: int) -> Distribution:
-    """Return the distribution of one parameter, units that are outside left out of it."""
+    """Return the distribution of one parameter, to which units that are outside do not belong."""
     time, x, sigma = (np.array([row[k] for row in rows]) for k in (1, 2, 3))
     inside = np.ones(len(x), dtype=bool)
     while True:
