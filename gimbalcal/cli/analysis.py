@@ -187,14 +187,16 @@ def diagnose(
 @output_options("noise.json and report.html", "RECORDING-noise, here")
 def noise(recording: Path, output: Output) -> None:
     """Estimate white noise, bias instability and random walk of every sensor of RECORDING from its dwells."""
-    from gimbalcal.api import noise as run
+    from gimbalcal.at_rest import noise_at_rest, rest_noise
     from gimbalcal.recording import read
     from gimbalcal.report.noise_page import noise_report
 
     target = output.folder([recording], "noise", ("noise.json", "report.html"))
     output.tell(f"reading {recording.name}")
     r = read(recording)
-    result = run(r, output.tell)
+    for remark in r.remarks:
+        output.tell(f"note: {remark}")
+    result = rest_noise(r, noise_at_rest(r))
     output.deliver(target, "noise.json", result.to_dict(), lambda: noise_report(result, r.title), str(result))
 
 
