@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SENSORS = {"specific_force": "accelerometer {}", "angular_rate": "gyroscope {}", "gimbal_angle": "the {} axis"}
 POWERS = {"**2": "²", "**3": "³"}
 
-SEARCHING = "nothing known explains it: looking for a formula in what was recorded"
+SEARCHING = "looking for a formula in what was recorded"
 SEARCHING_REPLACEMENT = "what was named leaves a residual: looking for a formula that leaves none"
 REPEAT_POSITIONS = "record the positions again that were not held where the readouts say: a law is sought when they are"
 DIAGNOSE_SEPARATELY = (
