@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from gimbalcal import methods
-from gimbalcal.at_rest import RestNoise, noise_at_rest, rest_noise
+from gimbalcal.at_rest import RestNoise, rest_noise
 from gimbalcal.calibration import Calibration, exchange
 from gimbalcal.design.next_step import NextPlan
 from gimbalcal.design.next_step import next_step as plan_next_step
@@ -93,7 +93,7 @@ def noise(recording: Source, tell: Tell = silent) -> RestNoise:
     r = recording if isinstance(recording, Recording) else read(recording)
     for remark in r.remarks:
         tell(f"note: {remark}")
-    return rest_noise(r, noise_at_rest(r))
+    return rest_noise(r)
 
 
 def navigate(

@@ -271,8 +271,12 @@ def header(channels: tuple[Channel, ...]) -> dict[str, StatedNoise]:
     return out
 
 
-def rest_noise(recording: Recording, channels: tuple[Channel, ...]) -> RestNoise:
-    """Return the noise of the channels of a recording as the content of noise.json."""
+def rest_noise(recording: Recording) -> RestNoise:
+    """Return the noise of the channels of a recording as the content of noise.json.
+
+    Raises InputError as `noise_at_rest` does.
+    """
+    channels = noise_at_rest(recording)
     first = channels[0].curve
     return RestNoise(
         format=1,

@@ -187,7 +187,7 @@ def diagnose(
 @output_options("noise.json and report.html", "RECORDING-noise, here")
 def noise(recording: Path, output: Output) -> None:
     """Estimate white noise, bias instability and random walk of every sensor of RECORDING from its dwells."""
-    from gimbalcal.at_rest import noise_at_rest, rest_noise
+    from gimbalcal.at_rest import rest_noise
     from gimbalcal.recording import read
     from gimbalcal.report.noise_page import noise_report
 
@@ -196,7 +196,7 @@ def noise(recording: Path, output: Output) -> None:
     r = read(recording)
     for remark in r.remarks:
         output.tell(f"note: {remark}")
-    result = rest_noise(r, noise_at_rest(r))
+    result = rest_noise(r)
     output.deliver(target, "noise.json", result.to_dict(), lambda: noise_report(result, r.title), str(result))
 
 

@@ -251,7 +251,7 @@ class FitSummary(Entry):
 
     @property
     def excess_scatter(self) -> tuple[float, str]:
-        """How many times the noise of the samples the residual of a view is, and the view; 0 where nothing tells it."""
+        """Return the residual of a view over the noise of its samples, and the view; 0 where that noise is unknown."""
         return 0.0, ""
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal import from_arrays
-from gimbalcal.at_rest import noise_at_rest, rest_noise
+from gimbalcal.at_rest import rest_noise
 from gimbalcal.campaign.campaign_folder import CampaignSummary
 from gimbalcal.design.budget import budget
 from gimbalcal.design.optimal import design
@@ -141,7 +141,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "law": lambda: of_forces("unexplained", findings=(), laws=(LAW,)),
     "pointing": pointing_page,
     "mount": lambda: diagnosis_report(replace(DIAGNOSIS, curves=mount()), LONG),
-    "noise": lambda: noise_report(rest_noise(bench(), noise_at_rest(bench())), LONG),
+    "noise": lambda: noise_report(rest_noise(bench()), LONG),
     "observe": lambda: plan_report(observe("wu2018-18", candidates=["cross_coupling"])),
     "observe_static": lambda: plan_report(observe_any("static-24h", 1.0, 2.0, 40.0)),
     "turns": lambda: observability_report(observe_turning("jia2014-9", 40.0, "bias,gyro_bias")),

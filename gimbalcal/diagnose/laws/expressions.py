@@ -161,7 +161,7 @@ class Term:
 
     @property
     def unit_of_power(self) -> float:
-        """What a variable is divided by, SI: its unit of print where its power is no whole number, else one."""
+        """Return what a variable is divided by, SI: its unit of print where its power is no whole number, else one."""
         return float(to_si(1.0, self.variable.unit)) if self.form.key == "power" and self.variable.unit else 1.0
 
     @cached_property
@@ -223,7 +223,7 @@ class Expression:
 
     @property
     def _ones(self) -> tuple[bool, ...]:
-        """Whether a constant stands before the columns of each term."""
+        """Return whether a constant stands before the columns of each term."""
         return tuple(len(self.terms) > 1 and t.free_origin for t in self.terms)
 
     @cached_property
@@ -235,7 +235,7 @@ class Expression:
 
     @property
     def factors(self) -> list[tuple[int, ...]]:
-        """Of each column the ordinal of the column of each term; -1 where that is a constant."""
+        """Return, for each column, the ordinal of the column of each term; -1 where that is a constant."""
         each = [range(-int(one), t.columns.shape[1]) for t, one in zip(self.terms, self._ones, strict=True)]
         every = list(itertools.product(*each))[int(all(self._ones)) :]
         return every if self.kept is None else [every[i] for i in self.kept]
