@@ -86,9 +86,9 @@ def three_stage(
        error (section 4, Eqs. (8)-(17), and beyond);
     3. system level: force, gimbals and attitude error of the static run (section 5), added as information.
 
-    `more` joins the fits of stage 2 and 3; `grade` is that of the unit, by which sizes are expected (else its noise
-    tells it); not `judged`, its outcome does not say which larger noise would explain a misfit. Raises InputError when
-    there is neither kind of recording, or two of a kind.
+    `more` joins the fits of stage 2 and 3; `grade` is that of the unit, by which sizes are expected (else it is
+    estimated from the noise); not `judged`, its outcome does not say which larger noise would explain a misfit. Raises
+    InputError when there is neither kind of recording, or two of a kind.
     """
     recordings = [completed(r) for r in recordings]
     unit = graded(recordings, grade)

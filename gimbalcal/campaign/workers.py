@@ -31,9 +31,9 @@ PATIENCE = 10.0  # s without a result, after which it is checked whether any wor
 RESUMABLE = "finished runs are kept, and the same command continues from there"
 
 
-def number_of_workers(asked: int | None) -> int:
+def number_of_workers(requested: int | None) -> int:
     """Return how many processes to use, by default one for each core. Raises InputError for an impossible number."""
-    workers = len(os.sched_getaffinity(0)) if asked is None else asked
+    workers = len(os.sched_getaffinity(0)) if requested is None else requested
     if workers < 1:
         raise InputError(f"--workers must be at least 1, got {workers}")
     if workers > MAX_WORKERS:

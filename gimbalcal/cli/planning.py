@@ -220,7 +220,8 @@ def next_(
 ) -> None:  # fmt: skip
     """State what to record next: the position, duration or temperature that shrinks the largest unknown most.
 
-    RECORDINGS: the dwells so far, one or more, and static runs beside them. It can be asked after every dwell.
+    RECORDINGS: the dwells so far, one or more, and static runs of the same rig. The command can be given after every
+    dwell.
     """
     from gimbalcal.api import next_step
     from gimbalcal.report.plan_page import next_report

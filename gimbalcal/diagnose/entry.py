@@ -56,8 +56,8 @@ def diagnose(
 
     Several recordings are those of one unit and are judged together. `calibration` gives values to start from,
     `baseline` the ids of the effects the model holds (the usual ones of the kind of recording otherwise), `grade` the
-    name of the unit's grade (else its noise tells it); with "fleet:FILE", or a fleet, its units are the prior of the
-    refit. Raises InputError where there is nothing to compare.
+    name of the unit's grade (else it is estimated from the noise); with "fleet:FILE", or a fleet, its units are the
+    prior of the refit. Raises InputError where there is nothing to compare.
     """
     grade, known = grade_and_fleet(grade)
     if not recordings:
@@ -212,9 +212,9 @@ def _with_agreement(d: Diagnosis, each: str, alike: str, compare: Callable[[], C
     try:
         shared = compare()
     except InputError as problem:
-        return replace(d, in_words=f"{d.in_words} Whether the {each}s {alike} cannot be told: {problem}.")
+        return replace(d, in_words=f"{d.in_words} Whether the {each}s {alike} cannot be determined: {problem}.")
     compared = shared.provenance.nights or shared.provenance.options.sessions or ()
-    unknown = f"whether the {each}s {alike} cannot be told: fewer than two of them determine the terms"
+    unknown = f"whether the {each}s {alike} cannot be determined: fewer than two of them determine the terms"
     words = (shared.outcome or (f"the {each}s {alike}" if compared else unknown)).rstrip(".")
     listed = plain(compared)
     return replace(

@@ -20,12 +20,12 @@ from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.diagnose.laws.law_claims import (
-    DOUBTED,
-    MOST_OF_IT,
+    MAX_DOUBTED_PROBABILITY,
+    MIN_EXPLAINED,
     Lawful,
     beyond_walk,
     lawful,
-    ln_beside,
+    ln_evidence_of_formula,
     misheld,
 )
 from gimbalcal.diagnose.library.assemble import library
@@ -132,15 +132,15 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
     law = lawful(c, none, seed, tell, instead=True)
     if law.laws:
         return _report(case, c, none, law)
-    doubted = law.outdoes or diagnosis.fit.explained < MOST_OF_IT
-    return diagnosis.with_probabilities_below(DOUBTED) if doubted else diagnosis
+    doubted = law.formula_is_likelier or diagnosis.fit.explained < MIN_EXPLAINED
+    return diagnosis.with_probabilities_below(MAX_DOUBTED_PROBABILITY) if doubted else diagnosis
 
 
 def _challenged(c: Ranking, members: Sequence[int], fit: StatedNoiseFit) -> bool:
     """Return whether causes leave something that a formula may explain: more than noise, or what a formula follows."""
     if fit.scan_p_after < LEFT or strained(c, members) >= CLAIM:
         return True
-    return ln_beside(c, members) >= CLAIM
+    return ln_evidence_of_formula(c, members) >= CLAIM
 
 
 def searched(view: View, known: Calibration | None, tell: Tell) -> Search:
@@ -247,10 +247,10 @@ def _answer_of(c: Ranking, d: Decision, k: int, part: RecordingCauses, rng: np.r
     fitted = verify(s, f if f.index else seen, physical, before.p_value, after.p_value)
     fitted = replace(fitted, calibration_moved=known_noise_shifts(s, f) if f.index else ())
     v = s.fit.view
-    left, rest = residual_rows(s.fit, physical @ f.x)
-    sigma, units = in_print(v.channels, np.broadcast_to(s.fit.sigma, left.shape))
+    remainder, rest = residual_rows(s.fit, physical @ f.x)
+    sigma, units = in_print(v.channels, np.broadcast_to(s.fit.sigma, remainder.shape))
     against = plotted_against(v.stimulus)
-    curves = Curves(v.stimulus.time, v.stimulus.position, v.channels, left, rest, sigma, units, against)
+    curves = Curves(v.stimulus.time, v.stimulus.position, v.channels, remainder, rest, sigma, units, against)
     return RecordingAnswer(part, before, fitted, curves)
 
 

@@ -15,11 +15,11 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, plotted_against
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import (
-    DOUBTED,
+    MAX_DOUBTED_PROBABILITY,
     Lawful,
     against_walk,
+    causes_replaced_by_a_formula,
     laws_of_view,
-    outdone,
     with_heldout,
 )
 from gimbalcal.diagnose.library.assemble import library
@@ -148,7 +148,7 @@ def diagnosis_as(
     doubted = False
     if verdicts and not refused and walk is None and not c.start.exact:
         tell("comparing the causes with formulas in what was recorded")
-        if names := {cause.key for cause in outdone(c, [j.cause for j in verdicts])}:
+        if names := {cause.key for cause in causes_replaced_by_a_formula(c, [j.cause for j in verdicts])}:
             rest = [this for this in c.causes if this[0].key not in names]
             without = result_of(c.start, rest, [x for x in c.standard if x in rest], refused=True)
             kept = [j for j in verdicts if j.cause.key not in names]
@@ -197,7 +197,7 @@ def diagnosis_as(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
         recommend=lawful.recommend,
     )  # fmt: skip
-    diagnosis = diagnosis.with_probabilities_below(DOUBTED) if doubted else diagnosis
+    diagnosis = diagnosis.with_probabilities_below(MAX_DOUBTED_PROBABILITY) if doubted else diagnosis
     return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
 
 

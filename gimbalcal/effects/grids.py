@@ -1,4 +1,4 @@
-"""Values of a non-linear constant from which a search starts, as the effect declares it and as a recording tells it."""
+"""Starting values of a search for a non-linear constant, as the effect declares and a recording bounds them."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ NONE = "none"  # the label of a navigation without calibration
 class Navigated:
     """Errors of one navigation: time (n,) s, error (n, 7) in SI in the order of `CHANNELS`, position error (n,) m.
 
-    Attitudes are nan where nothing tells the true one. Bands, one sigma (n, 7) each, are what the calibration's
+    Attitudes are nan where the true one is unknown. Bands, one sigma (n, 7) each, are what the calibration's
     covariance leaves: by linear propagation, and by navigating with drawn parameters.
     """
 

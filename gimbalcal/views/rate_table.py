@@ -134,7 +134,7 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
     reading, start = [], 0
     for k, (r, s) in enumerate(zip(recordings, stretches, strict=True)):
         rows, rig = slice(start, start := start + len(s.rate)), len(recordings) + rigs.index(r.platform)
-        latitude = r.site.latitude if s.up is not None else None  # else nothing tells how the table stands
+        latitude = r.site.latitude if s.up is not None else None  # else the attitude of the table is unknown
         along = np.eye(3)["xyz".index(r.platform.axes[-1].direction)] if s.up is None else s.up
         vertical, side = s.attitude @ along, normal_to(along)
         N[rows, :, k, :2] = horizontal_sigma(latitude) * s.attitude @ np.stack([side, np.cross(along, side)], axis=-1)

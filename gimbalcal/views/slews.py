@@ -1,6 +1,6 @@
-r"""Slews as a view: by how much the sensors come late, or early, behind what tells how the unit turned.
+r"""Slews as a view: by how much the sensors come late, or early, behind what shows how the unit turned.
 
-What tells it are the readouts of the gimbals; for a unit in the hand, the gyroscopes carry gravity from the rest before
+The readouts of the gimbals show it; for a unit in the hand, the gyroscopes carry gravity from the rest before
 the turn. Each slew, with some of the rests at both ends, is one row: of the misfit X of its samples, as a delay,
 
 .. math:: \delta t = \frac{p^T X}{p^T p}, \qquad p = (1 - Q Q^T) \, T
@@ -94,8 +94,8 @@ def view_of_slews(
         base = replace(base, residual=base.residual + float(np.median(np.diff(recording.time))) / 2)
     known = tuple(p for i in LATENCIES for p in parameters(CATALOGUE[i]) if CATALOGUE[i].stage in base.sensitivity)
     step = float(np.median(np.diff(recording.time)))
-    told = np.abs(np.average(base.residual, axis=0, weights=1 / sigma**2))
-    M = _less_common(sigma, np.hypot(SAMPLED * step if gimballed else HAND, BENT * told))
+    offset = np.abs(np.average(base.residual, axis=0, weights=1 / sigma**2))
+    M = _less_common(sigma, np.hypot(SAMPLED * step if gimballed else HAND, BENT * offset))
     # T is a second of delay, whatever slopes of coarse rows make of it: 1 or -1, or 0
     J = np.einsum("ckl,lcp->kcp", M, np.round(base.jacobian(known)))
     base = replace(base, residual=np.einsum("ckl,lc->kc", M, base.residual))

@@ -40,7 +40,7 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
     """
     _refuse(recording)
     fine = averaged(recording, step)
-    rate, y = fine.triad(RATE), fine.triad(FORCE)  # what is read of the turning, as nothing else tells it
+    rate, y = fine.triad(RATE), fine.triad(FORCE)  # what is read of the turning, as nothing else measures it
     s = stimulus_from_truth(fine, -fine.site.gravity * np.eye(3)[2] + 0 * rate, rate)
     size = _rows_in(fine, BLOCK_S)
     channels, stages = tuple((FORCE, a) for a in "xyz"), frozenset({Stage.PLATFORM, *SENSOR_STAGES})

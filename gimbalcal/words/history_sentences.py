@@ -125,11 +125,11 @@ def _parameter_name(p: Parameter) -> str:
     return f"{p.name if several else p.effect} {p.axis}".replace("_", " ").strip()
 
 
-def unusual_unit_in_words(found: Sequence[tuple[Distribution, float, float]]) -> str:
+def unusual_unit_in_words(outside: Sequence[tuple[Distribution, float, float]]) -> str:
     """Name the parameters of a unit that are unusual for its fleet; each with its value and sigma [SI]."""
     parts = [
         f"{_parameter_name(d.parameter)} is {_sized((x, sigma), d.parameter.unit)} and that of {len(d.units)} units "
         f"{_sized((d.mean, d.sigma), d.parameter.unit)}"
-        for d, x, sigma in found
+        for d, x, sigma in outside
     ]
     return f"unusual for the fleet, which is no prior of it there: {'; '.join(parts)}"

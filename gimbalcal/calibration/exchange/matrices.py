@@ -45,7 +45,7 @@ def matrices(effects: Sequence[Effect]) -> dict[str, Array]:
 def parameters_of(m: Mapping[str, Array]) -> ParameterTable:
     """Return parameters of the matrices, the inverse of `matrices`; sigma zero, as these formats state none.
 
-    r (3, 3): where each accelerometer sits [m], one a row, where a format tells it.
+    r (3, 3): where each accelerometer sits [m], one a row, where a format states it.
     """
     scale, beta = of_rate_matrix(m["Ma"])
     gyro_scale, gyro_beta = of_rate_matrix(m["Mg"])

@@ -40,7 +40,7 @@ class Channels:
     """Channels of rows that may have scales of their own.
 
     scale: by which the rows of each have been divided, beyond a common unit; sample: rms of a row of each by the
-    scatter of its samples, in the unit of rows, empty where nothing tells it; max_memory: from row to row, of a noise
+    scatter of its samples, in the unit of rows, empty where it is unknown; max_memory: from row to row, of a noise
     in which they may. A channel that scatters by itself next to a walk is one sensor that walks, where that is asked.
     """
 
@@ -106,7 +106,7 @@ STATED = Stated()
 class Free:
     r"""A noise of any scale, flat in its logarithm; where rows are means, its relation to the scatter of their samples.
 
-    sample: rms of a row by that scatter, 0 where nothing tells it. The noise between rows is of that order, seldom
+    sample: rms of a row by that scatter, 0 where it is unknown. The noise between rows is of that order, seldom
     less, often more, as sensors wander from rest to rest:
 
     .. math:: p(\ln\sigma) \propto e^{-\ln(\sigma / s) / 1} \; (\sigma > s), \quad

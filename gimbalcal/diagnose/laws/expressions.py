@@ -323,8 +323,8 @@ def terms(v: Variable, s: Stimulus, keys: Sequence[str], rows: Array | slice = s
     here = replace(v, x=v.x[rows])
     for key in keys:
         grid = _grid(v, FORMS[key], s)
-        made = [Term(here, FORMS[key], c, len(grid)) for c in grid]
-        out += [t for t in made if np.ptp(t.columns, axis=0).max() > 1e-9 * np.abs(t.columns).max()]
+        candidates = [Term(here, FORMS[key], c, len(grid)) for c in grid]
+        out += [t for t in candidates if np.ptp(t.columns, axis=0).max() > 1e-9 * np.abs(t.columns).max()]
     return out
 
 
@@ -361,8 +361,9 @@ def _levels(v: Variable, s: Stimulus) -> list[float]:
         return list(every[np.unique(np.linspace(0, len(every) - 1, min(len(every), INSTANTS)).round().astype(int))])
     if v.group == "course":
         return [0.0]
-    seen = np.unique(np.round((v.x - v.x.min()) / max(float(np.ptp(v.x)), 1e-300), 2)) * float(np.ptp(v.x)) + v.x.min()
-    middle = (seen[1:] + seen[:-1]) / 2
+    span = float(np.ptp(v.x))
+    levels = np.unique(np.round((v.x - v.x.min()) / max(span, 1e-300), 2)) * span + v.x.min()
+    middle = (levels[1:] + levels[:-1]) / 2
     return list(middle[np.unique(np.linspace(0, len(middle) - 1, min(len(middle), LEVELS)).round().astype(int))])
 
 
@@ -418,18 +419,18 @@ def relatives(e: Expression) -> list[Expression]:
     out = []
     for i, t in enumerate(e.terms):
         span = float(np.ptp(t.variable.x))
-        made = list[Term]()
+        variants = list[Term]()
         if t.form.key in ("wave", "harmonic"):
             k = t.constants[0]
             phases = 2 * np.pi * np.arange(PHASES) / PHASES
-            made += [Term(t.variable, FORMS["pulse"], (k, p, q), PHASES * 3) for p in phases for q in PULSES]
-            made += [Term(t.variable, FORMS["sawtooth"], (k, p), PHASES) for p in phases]
-            made += [Term(t.variable, FORMS["rectified"], (k / n, p), PHASES) for p in phases for n in (1, 2)]
+            variants += [Term(t.variable, FORMS["pulse"], (k, p, q), PHASES * 3) for p in phases for q in PULSES]
+            variants += [Term(t.variable, FORMS["sawtooth"], (k, p), PHASES) for p in phases]
+            variants += [Term(t.variable, FORMS["rectified"], (k / n, p), PHASES) for p in phases for n in (1, 2)]
         elif t.form.key == "above" and t.variable.group != "course":
-            made += [Term(t.variable, FORMS["step"], (*t.constants, span * w), t.tried * 3) for w in WIDTHS]
+            variants += [Term(t.variable, FORMS["step"], (*t.constants, span * w), t.tried * 3) for w in WIDTHS]
         elif t.form.key == "|x|" and t.variable.group in ("force", "rate"):
-            made += [Term(t.variable, FORMS["power"], (p,), 4) for p in (0.5, 1.5, 2.5)]
-        out += [Expression((*e.terms[:i], m, *e.terms[i + 1 :])) for m in made]
+            variants += [Term(t.variable, FORMS["power"], (p,), 4) for p in (0.5, 1.5, 2.5)]
+        out += [Expression((*e.terms[:i], m, *e.terms[i + 1 :])) for m in variants]
     return out
 
 
@@ -442,8 +443,8 @@ def between(t: Term) -> list[Term]:
     if t.form.key != "above" or t.variable.group == "course":
         return []
     step = float(np.ptp(t.variable.x)) / (INSTANTS if t.variable.group == "time" else LEVELS)
-    made = (t.at(c) for c in t.constants[0] + step * np.linspace(-1, 1, STEPS))
-    return [m for m in made if np.ptp(m.columns) > 0]
+    neighbours = (t.at(c) for c in t.constants[0] + step * np.linspace(-1, 1, STEPS))
+    return [m for m in neighbours if np.ptp(m.columns) > 0]
 
 
 def whole(unit: str) -> str:

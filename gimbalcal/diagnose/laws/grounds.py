@@ -110,9 +110,9 @@ def _joined_place(each: Sequence[Ground], channel: str, axis: str) -> Place:
     block = np.concatenate([p.block + offset for p, offset in zip(own.values(), last, strict=False)])
 
     def columns(X: Array) -> Array:
-        made = [own[k].columns(X[slice(*span[k])]) if k in own else np.zeros((*g.shape, X.shape[1]))
+        blocks = [own[k].columns(X[slice(*span[k])]) if k in own else np.zeros((*g.shape, X.shape[1]))
                 for k, g in enumerate(each)]  # fmt: skip
-        return np.concatenate([A.reshape(-1, 1, X.shape[1]) for A in made])
+        return np.concatenate([A.reshape(-1, 1, X.shape[1]) for A in blocks])
 
     shared = joined([variables(p.stimulus, still=True) for p in own.values()])
     return Place(channel, axis, shared, first.stimulus, block, columns)

@@ -43,11 +43,11 @@ from gimbalcal.words.diagnosis_sentences import misheld_positions, repeat_advice
 from gimbalcal.words.naming import spaced
 
 MOST = 3  # laws of one view
-AS_GOOD = 1.5  # nats within which the law of the fewest numbers is taken
-MOST_OF_IT = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
-MORE_THAN_NOISE = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
+NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is taken
+MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
+MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
-DOUBTED = 0.45  # the probability, at the most, of a cause that explains less or that a law outdoes
+MAX_DOUBTED_PROBABILITY = 0.45  # of a cause that explains less, or than which a formula is likelier
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Lawful:
     laws: tuple[LawResult, ...] = ()
     recommend: str = ""
     each: tuple[tuple[LawFit, Array], ...] = ()
-    outdoes: bool = False  # whether a formula is likelier than all causes, though it is not good enough to be reported
+    formula_is_likelier: bool = False  # than all causes, though it is not good enough to be reported
 
 
 def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
@@ -67,14 +67,14 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
     """
     if not laws or laws[0].evidence < max(CLAIM, shape - TOGETHER):
         return None, []
-    near = [trimmed(law) for law in laws if law.evidence > laws[0].evidence - TOGETHER]
-    near = [law for law in near if not law.expression.simpler] or near
-    first = [law for law in near if not law.table] or near
-    first = [law for law in first if law.evidence > first[0].evidence - AS_GOOD]
+    equivalent = [trimmed(law) for law in laws if law.evidence > laws[0].evidence - TOGETHER]
+    equivalent = [law for law in equivalent if not law.expression.simpler] or equivalent
+    first = [law for law in equivalent if not law.table] or equivalent
+    first = [law for law in first if law.evidence > first[0].evidence - NEARLY_BEST_NATS]
     best = min(first, key=lambda law: (free(law), len(printed(law)), -law.evidence))
-    near = [law for law in near if law is not best]
-    alike = [same(g, best, law) for law in near]
-    others = [law for law, one in zip(near, alike, strict=True) if not one or free(law) <= free(best)]
+    equivalent = [law for law in equivalent if law is not best]
+    alike = [same(g, best, law) for law in equivalent]
+    others = [law for law, one in zip(equivalent, alike, strict=True) if not one or free(law) <= free(best)]
     return best, others
 
 
@@ -92,8 +92,8 @@ def undetermined(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: st
         names = list(dict.fromkeys(v.name for law in [laws[0], *others] for v in law.expression.variables))
         spread = ", ".join(n.replace("_", " ") for n in names[:5])
         return law_sentences.SEVERAL_FORMULAS.format(more=_more(kind), names=spread, alike=alike)
-    asked = (("temperature", s.temperature is not None), ("supply voltage, pressure", bool(s.covariates)))
-    lacking = [words for words, there in asked if not there]
+    variables = (("temperature", s.temperature is not None), ("supply voltage, pressure", bool(s.covariates)))
+    lacking = [words for words, there in variables if not there]
     return law_sentences.NO_FORMULA.format(lacking=" and ".join(lacking) or "another channel", more=_more(kind))
 
 
@@ -178,18 +178,18 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
         return Lawful((), law_sentences.DIFFERENT_SIZES.format(law=printed(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in fits], weights=[len(s.rows.Q) for s in searches]))
                      for w in ("heldout_before", "heldout_after"))  # fmt: skip
-    if after >= before or any(h.checked.explained < MOST_OF_IT for h in fits):
-        return Lawful((), law_sentences.LACK_OF_FIT.format(law=printed(best)), outdoes=True)
+    if after >= before or any(h.checked.explained < MIN_EXPLAINED for h in fits):
+        return Lawful((), law_sentences.LACK_OF_FIT.format(law=printed(best)), formula_is_likelier=True)
     # once in 1 / LEFT by chance, of the scan as of another noise
     if any(h.left < LEFT or h.strained >= -np.log(LEFT) for h in fits):
         advice = advice or law_sentences.LACK_OF_FIT.format(law=printed(best))
     title = " and ".join(s.fit.view.source.title for s in searches)
     law = found(best, x, C, (before, after), others, title, beside=b.name)
-    left = (residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
-    return Lawful((law,), advice, tuple(zip(fits, left, strict=True)))
+    remainders = (residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
+    return Lawful((law,), advice, tuple(zip(fits, remainders, strict=True)))
 
 
-def ln_beside(ranked: Ranking, members: Sequence[int]) -> float:
+def ln_evidence_of_formula(ranked: Ranking, members: Sequence[int]) -> float:
     """Return ln evidence of the best formula beside causes in the model, where these leave more than noise."""
     own, nodes, excess = [], [], []
     for k, s in enumerate(ranked.searches):
@@ -197,10 +197,10 @@ def ln_beside(ranked: Ranking, members: Sequence[int]) -> float:
         own.append(with_cause(s, f.members))
         nodes.append(f.projection.node)
         dof = len(s.rows.Q) - s.rows.q - len(f.index)
-        left = float(f.projection.misfit[0]) - f.projection.explained(f.index)
-        excess.append((left - dof) / np.sqrt(2 * max(dof, 1)))
+        chi2 = float(f.projection.misfit[0]) - f.projection.explained(f.index)
+        excess.append((chi2 - dof) / np.sqrt(2 * max(dof, 1)))
     each = [g for s, node in zip(own, nodes, strict=True) if (g := ground(s, node)) is not None]
-    if not each or max(excess) < MORE_THAN_NOISE:
+    if not each or max(excess) < MIN_EXCESS_SIGMAS:
         return -np.inf
     laws = laws_of(together(each))
     return laws[0].evidence if laws else -np.inf
@@ -238,24 +238,24 @@ class LawFit:
 
 def _law_in_recording(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> LawFit:
     """The law with these columns (n, C, m), fitted to one recording; `bare`: without what it stands beside."""
-    made, physical, scale = with_law(s, columns)
-    f = fit_causes(made, (0,))
-    explained = made.library.X if columns.any() else None
-    left = scan(s.fit, s.rows, f.projection.node, rng, explained)
-    checked = verify(made, f, physical)
+    extended, physical, scale = with_law(s, columns)
+    f = fit_causes(extended, (0,))
+    explained = extended.library.X if columns.any() else None
+    p_value = scan(s.fit, s.rows, f.projection.node, rng, explained)
+    checked = verify(extended, f, physical)
     if s is not bare:
         same = next(p for p in bare.projections if p.node is f.projection.node)
         none = verify(bare, replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.fit.residual.shape, 0)))
         checked = replace(checked, chi2_reduced_before=none.chi2_reduced_before, heldout_before=none.heldout_before)
     weight = inverse_of(f.covariance * np.outer(scale, scale))
-    return LawFit(f.x * scale, weight, left.p_value, strained(made, (0,)), checked)
+    return LawFit(f.x * scale, weight, p_value.p_value, strained(extended, (0,)), checked)
 
 
-def outdone(c: SearchResult, causes: Sequence[Candidate]) -> tuple[Candidate, ...]:
+def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -> tuple[Candidate, ...]:
     """Return the causes in the place of which a formula of the same rows is much likelier than anything known, or none.
 
-    Two neighbours may imitate a formula together, so all are asked at once, then one after the other. What every rig of
-    the kind has is not asked.
+    Two causes may imitate a formula together, so all are removed at once, then one after the other. Effects that every
+    rig of the kind has stay in the model.
     """
     special = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind))
     for own in dict.fromkeys([special, *((cause,) for cause in special)]):
@@ -276,8 +276,8 @@ def _remainder(m: Fit, columns: Array, X: Array) -> float:
     Q = basis(m.reduced(m.jacobian))
     A, X, y = (B - Q @ (Q.T @ B) for B in (m.reduced(columns), X, m.reduced(m.residual[:, :, None])))
     added = A @ np.linalg.lstsq(A, y, rcond=1e-9)[0]
-    left = added - X @ np.linalg.lstsq(X, added, rcond=1e-9)[0]
-    return float((left**2).sum() / max((added**2).sum(), 1e-300))
+    unexplained = added - X @ np.linalg.lstsq(X, added, rcond=1e-9)[0]
+    return float((unexplained**2).sum() / max((added**2).sum(), 1e-300))
 
 
 def _compared_in(m: Fit, s: Search) -> Beside | None:
@@ -289,22 +289,22 @@ def _compared_in(m: Fit, s: Search) -> Beside | None:
 def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawful, Fit]:
     """Seek laws in a view that nothing known explains, in noise of `sigma` (n, C); return the model with them too.
 
-    One law after the other, until nothing is left or what is left has no formula. Where nothing is missing as far as
-    shapes tell, a formula may: it then pays for being unknown. What is held out is told by the caller, who has the
-    numbers of the view. known: causes in the model, as --with takes them.
+    One law after the other is added, until nothing is missing or what is missing has no formula. Where the library of
+    shapes shows nothing missing, a formula also needs the prior odds of an unknown cause. The caller states the
+    held-out misfit, as it has the numbers of the view. known: causes in the model, as --with takes them.
     """
-    v, laws, with_them, left = m.view, list[LawResult](), m, search(m, library(m), noises(m))
+    v, laws, with_them, remaining = m.view, list[LawResult](), m, search(m, library(m), noises(m))
     one = float(np.sqrt(np.mean(v.noise.weighted(sigma) ** 2)))
-    hidden = left.ln_total < CLAIM
-    while not laws or (left.ln_total >= 2 * CLAIM and len(laws) < MOST):
-        b = compared([left], noises(m, memory=False), left, alone=bool(laws) or hidden, sigma=one)
+    hidden = remaining.ln_total < CLAIM
+    while not laws or (remaining.ln_total >= 2 * CLAIM and len(laws) < MOST):
+        b = compared([remaining], noises(m, memory=False), remaining, alone=bool(laws) or hidden, sigma=one)
         if b is None:
             return Lawful((), "" if hidden else law_sentences.REPEAT_TURNS), m
         g, every = b.ground, b.laws
-        best, others = chosen(g, every, max(h.ln_weight for h in left.hypotheses) - b.ln_known)
+        best, others = chosen(g, every, max(h.ln_weight for h in remaining.hypotheses) - b.ln_known)
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
             return Lawful(), m
-        if not laws and best is not None and (as_likely := _known(left, b.total)):
+        if not laws and best is not None and (as_likely := _known(remaining, b.total)):
             return Lawful(
                 (), law_sentences.KNOWN_CAUSE.format(more=_more(v.kind), names=as_likely, law=printed(best))
             ), m
@@ -315,7 +315,7 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
         with_them, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
         number = sum(o.axis == best.place.axis for o in laws) + 1
         laws.append(found(best, x, covariance, (0.0, 0.0), others, v.title, number, v, (*known, *b.name)))
-        left = search(with_them, library(with_them), noises(with_them))
+        remaining = search(with_them, library(with_them), noises(with_them))
     return Lawful(tuple(laws)), with_them
 
 

@@ -161,9 +161,10 @@ def _coded(words: str) -> str:
 
 
 def printed(law: Law) -> str:
-    """The form of a law with letters for its coefficients, constants told."""
-    e, told = law.expression, stated(law.expression)
-    return _with(told.text, {a: e.terms[i].printed(j, e.terms[i].constants[j]) for a, i, j in told.constants})
+    """Return the form of a law with letters for its coefficients and the values of its constants."""
+    e, description = law.expression, stated(law.expression)
+    constants = {a: e.terms[i].printed(j, e.terms[i].constants[j]) for a, i, j in description.constants}
+    return _with(description.text, constants)
 
 
 def _with(text: str, values: Mapping[str, float]) -> str:
@@ -182,21 +183,21 @@ def found(
     number: which one it is of those of its axis, in a `view`; what is fed to a navigator is calibrated by a filter, and
     that has to be given the constants. beside: known causes that it stands beside, as --with takes them.
     """
-    told, e, place = stated(law.expression), law.expression, law.place
-    rows = _parameters(law, told, x, covariance)
+    description, e, place = stated(law.expression), law.expression, law.place
+    rows = _parameters(law, description, x, covariance)
     filtered = view is not None and view.added is not None
     effect = _identity(law, number, view.measurement.law_suffix if view is not None else "")
-    stating = {letter for letter, _, _ in told.constants if filtered}
-    asked = ",".join([effect, *(f"{r.name}={r.value:.9g}" for r in rows if r.name in stating)])
+    stating = {letter for letter, _, _ in description.constants if filtered}
+    argument = ",".join([effect, *(f"{r.name}={r.value:.9g}" for r in rows if r.name in stating)])
     units = {v.name: v.unit or "as logged" for v in e.variables}
-    made = LawResult(
+    result = LawResult(
         channel=place.channel,
         axis=place.axis,
         variables=tuple(units),
-        expression=_with(told.text, {r.name: r.value for r in rows}),
-        form=told.text,
+        expression=_with(description.text, {r.name: r.value for r in rows}),
+        form=description.text,
         unit=PRINTED.get(place.channel, "arcsec"),
-        latex=_latex(told.text, [*units, *(r.name for r in rows)]),
+        latex=_latex(description.text, [*units, *(r.name for r in rows)]),
         parameters=rows,
         domain={v.name: (float(v.printed(v.x.min())), float(v.printed(v.x.max()))) for v in e.variables},
         units=units,
@@ -205,21 +206,21 @@ def found(
         heldout_after=heldout[1],
         alternatives=tuple(dict.fromkeys(printed(o) for o in others))[:TOLD],
         effect=effect,
-        with_=asked,
+        with_=argument,
         beside=tuple(beside),
     )
-    return replace(made, source=_class(law, told, made, title))
+    return replace(result, source=_class(law, description, result, title))
 
 
-def _parameters(law: Law, told: Stated, x: Array, covariance: Array) -> tuple[Estimate, ...]:
+def _parameters(law: Law, description: Stated, x: Array, covariance: Array) -> tuple[Estimate, ...]:
     """Coefficients and constants with their sigmas, as they are printed."""
     unit, rows = PRINTED.get(law.place.channel, "arcsec"), []
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    for (name, by), value, spread in zip(told.coefficients, x, sigma, strict=True):
+    for (name, by), value, spread in zip(description.coefficients, x, sigma, strict=True):
         u = f"{unit}{by}"
         rows.append(Estimate(name, None, float(from_si(value, u)), float(from_si(spread, u)), u))
     spreads = law.spreads()
-    for letter, i, j in told.constants:
+    for letter, i, j in description.constants:
         t = law.expression.terms[i]
         spread = t.printed(j, spreads[i, j])
         rows.append(Estimate(letter, None, t.printed(j, t.constants[j]), spread, t.unit_of(j) or "1"))
@@ -241,17 +242,17 @@ def _identity(law: Law, number: int, suffix: str) -> str:
     return next(itertools.islice(free, number - 1, None))
 
 
-def _class(law: Law, told: Stated, made: LawResult, title: str) -> str:
+def _class(law: Law, description: Stated, result: LawResult, title: str) -> str:
     """The law as a class of law.py."""
-    i, axis, s = made.effect, law.place.axis, law.place.stimulus
-    per = {r.name: r for r in made.parameters}
+    i, axis, s = result.effect, law.place.axis, law.place.stimulus
+    per = {r.name: r for r in result.parameters}
     fields = [
         f'    {name}: Array = parameter(({axis!r},), unit="{per[name].unit}", '
         f'sigma={max(abs(per[name].value), per[name].sigma):.6g}, name="{i}_{name}")'
-        for name, _ in told.coefficients
+        for name, _ in description.coefficients
     ]
     spreads = law.spreads()
-    for letter, k, j in told.constants:
+    for letter, k, j in description.constants:
         t = law.expression.terms[k]
         c, spread, unit = t.constants[j], SIGMAS * spreads[k, j], t.unit_of(j) or "1"
         low, high = c - spread, c + spread
@@ -262,11 +263,11 @@ def _class(law: Law, told: Stated, made: LawResult, title: str) -> str:
     of_sensor = f"np.array([{', '.join(str(float(a == axis)) for a in 'xyz')}])"
     return CLASS.format(
         name="".join(w.capitalize() for w in i.split("_")), title=" ".join(re.findall(r"[\w.,:;+-]+", title)),
-        latex=made.latex, id=i,
-        variables=", ".join(made.variables), stage=STAGES[law.place.channel], channel=law.place.channel,
+        latex=result.latex, id=i,
+        variables=", ".join(result.variables), stage=STAGES[law.place.channel], channel=law.place.channel,
         kinds=("pointing",) if s.true_angle is not None else ("multi-position", "static-run", "rotation"),
         needs=tuple(dict.fromkeys(v.needs for v in law.expression.variables if v.needs)), fields="\n".join(fields),
-        form=made.form, code=told.code, to=of_gimbal if law.place.channel == "gimbal_angle" else of_sensor,
+        form=result.form, code=description.code, to=of_gimbal if law.place.channel == "gimbal_angle" else of_sensor,
     )  # fmt: skip
 
 

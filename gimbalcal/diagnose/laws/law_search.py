@@ -114,13 +114,13 @@ def screen(g: Ground, place: Place) -> Screen:
     """Return the response of the whitened rows, calibration removed, to even additions over blocks."""
     blocks = int(place.block[-1]) + 1
     M = g.whiten(place.columns((place.block[:, None] == np.arange(blocks)).astype(float)))
-    left = M - g.Q @ (g.Q.T @ M)
-    lam, V = np.linalg.eigh(left.T @ left)
+    remainder = M - g.Q @ (g.Q.T @ M)
+    lam, V = np.linalg.eigh(remainder.T @ remainder)
     keep = lam > 1e-12 * max(float(lam.max(initial=0.0)), 1e-300)
     root = np.sqrt(lam[keep])[:, None] * V[:, keep].T
     lam0, V0 = np.linalg.eigh(M.T @ M)
     before = np.sqrt(np.maximum(lam0, 0.0))[:, None] * V0.T
-    y = (V[:, keep].T @ (left.T @ g.y)) / np.sqrt(lam[keep])
+    y = (V[:, keep].T @ (remainder.T @ g.y)) / np.sqrt(lam[keep])
     rows = _thinned(place.block, blocks)
     return Screen(rows, place.block[rows], np.bincount(place.block[rows])[:, None], root, before, y)
 
@@ -156,7 +156,7 @@ class Law:
     def spreads(self) -> dict[tuple[int, int], float]:
         """One sigma [SI] of each constant that was refined, by the curvature of the likelihood in all of them.
 
-        By ordinals of term and constant; the value, or the range of the variable, where nothing tells it.
+        By ordinals of term and constant; the value, or the range of the variable, where the data do not determine it.
         """
         e = _at_rows(self.expression, self.seen)
         moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
@@ -181,19 +181,19 @@ def laws_of(g: Ground, products: bool = True) -> list[Law]:
 
     products: whether to look at products too, or at single terms alone.
     """
-    found, number = list[tuple[float, Seat, Expression]](), np.zeros(3)
+    scored, number = list[tuple[float, Seat, Expression]](), np.zeros(3)
     for seats in _alike(g):
         own, count = _compared(seats, products)
-        found += own
+        scored += own
         number += len(seats) * count
-    if not found:
+    if not scored:
         return []  # nothing is left that any would take away
-    found.sort(key=lambda f: -f[0])
-    for _, seat, e in found[:EXTENDED]:
-        found += _best([(seat, _screened([seat], relatives(e))[0])])
-    found.sort(key=lambda f: -f[0])
+    scored.sort(key=lambda f: -f[0])
+    for _, seat, e in scored[:EXTENDED]:
+        scored += _best([(seat, _screened([seat], relatives(e))[0])])
+    scored.sort(key=lambda f: -f[0])
     chosen, number_of = list[tuple[Seat, Expression]](), [0, 0, 0]
-    for _, seat, e in found:
+    for _, seat, e in scored:
         number_of[len(e.terms) - 1] += 1
         best = number_of[len(e.terms) - 1] <= REFINED
         if best or len(chosen) < WEIGHED:
@@ -203,11 +203,11 @@ def laws_of(g: Ground, products: bool = True) -> list[Law]:
         return []
     chosen = [(seat, e.of({v.name: v for v in seat.place.variables})) for seat, e in chosen]
     ln = g.evidence([seat.place.columns(spanned(e.columns)) for seat, e in chosen])
-    made = []
+    laws = []
     for (seat, e), gained in zip(chosen, ln, strict=True):
         cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _unusual(seat.place, e)
-        made.append(Law(seat.place, e, float(gained - cost), seat.seen))
-    return sorted(made, key=lambda law: -law.evidence)
+        laws.append(Law(seat.place, e, float(gained - cost), seat.seen))
+    return sorted(laws, key=lambda law: -law.evidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -442,9 +442,9 @@ def _refined(seen: Screen, e: Expression) -> Expression:
         return -_worth(seen, _moved(e, moves, u))
 
     simplex = np.concatenate([begun[None], np.diag(steps)])
-    found = minimize(cost, begun, method="Nelder-Mead", options={
+    minimum = minimize(cost, begun, method="Nelder-Mead", options={
         "maxfev": ROUNDS * len(moves), "initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-2})  # fmt: skip
-    return _moved(e, moves, found.x) if found.fun < cost(begun) else e
+    return _moved(e, moves, minimum.x) if minimum.fun < cost(begun) else e
 
 
 def same(g: Ground, one: Law, other: Law) -> bool:

@@ -113,11 +113,11 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
     if not wanted:
         return []
 
-    def columns(made: Effect) -> Array:
-        return search.of(made if there is None else there, wanted)
+    def columns(effect: Effect) -> Array:
+        return search.of(effect if there is None else there, wanted)
 
-    def leading(made: Effect) -> Array:
-        return search.of(made, [p for p in wanted if order_of(p) == 1])
+    def leading(effect: Effect) -> Array:
+        return search.of(effect, [p for p in wanted if order_of(p) == 1])
 
     scan = every_number(v, cls)[1]
     out: list[Candidate] = []

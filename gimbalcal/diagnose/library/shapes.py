@@ -59,9 +59,9 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
 
     def unit(X: Array) -> Array:
         X = X[:SLOWEST]
-        left = X - Q @ (Q.T @ X)
-        size = np.sqrt((left**2).sum(axis=0))
-        return left / np.where(size > 1e-3 * np.sqrt((X**2).sum(axis=0)) + 1e-300, size, np.inf)
+        remainder = X - Q @ (Q.T @ X)
+        size = np.sqrt((remainder**2).sum(axis=0))
+        return remainder / np.where(size > 1e-3 * np.sqrt((X**2).sum(axis=0)) + 1e-300, size, np.inf)
 
     known = unit(np.concatenate([b[:SLOWEST] for b in blocks], axis=1))
     out = []
@@ -110,8 +110,8 @@ def _of_gimbal(o: Fit, i: int, effect: str, words: str, bases: Sequence[Array], 
         if size > 0:
             variants.append(Variant((), tuple(appended_to(blocks, o.reduced(X / size) * RIVAL_SIGMA))))
     axis = o.view.stimulus.axis_names[i]
-    made = Candidate(effect, axis, (), tuple(variants), rival=words, channel="gimbal_angle")
-    return [made] if variants else []
+    candidate = Candidate(effect, axis, (), tuple(variants), rival=words, channel="gimbal_angle")
+    return [candidate] if variants else []
 
 
 def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: int) -> tuple[Candidate, ...]:
@@ -158,10 +158,11 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
                 v.cache[key] = v.added(quantity, axis, basis)
             A = (v.cache[key] * w[..., None]).reshape(len(taken), -1)
             A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-            left = A - Q @ (Q.T @ A)
-            _, S, Vt = np.linalg.svd(left, full_matrices=False)
-            told = S > VAGUE
-            X = (left @ Vt[told].T / S[told] * np.sqrt(misfit.size) * rms).reshape(*misfit.shape, -1) / w[..., None]
+            remainder = A - Q @ (Q.T @ A)
+            _, S, Vt = np.linalg.svd(remainder, full_matrices=False)
+            clear = S > VAGUE
+            X = remainder @ Vt[clear].T / S[clear] * np.sqrt(misfit.size) * rms
+            X = X.reshape(*misfit.shape, -1) / w[..., None]
             if X.shape[-1]:
                 span = tuple(appended_to(blocks, X))
                 out.append(Candidate(f"unknown {name}", axis, (), (Variant((), span),), words, channel=quantity))
@@ -191,9 +192,10 @@ def _beyond(X: Array, Q: Array) -> Array:
     """Combinations (n, C, q) of unit columns X (n, C, p) of which Q (n C, m) leaves more than `VAGUE`."""
     A = X.reshape(len(Q), -1)
     _, S, Vt = np.linalg.svd(A - Q @ (Q.T @ A), full_matrices=False)
-    told = S > VAGUE * np.sqrt(len(X))
-    left = X if np.all(told) else X @ Vt[told].T
-    return unit_rms(left.reshape(len(Q), -1)).reshape(left.shape) / np.sqrt(X.shape[1])  # one channel holds it all
+    clear = S > VAGUE * np.sqrt(len(X))
+    remainder = X if np.all(clear) else X @ Vt[clear].T
+    unit = unit_rms(remainder.reshape(len(Q), -1)).reshape(remainder.shape)
+    return unit / np.sqrt(X.shape[1])  # one channel holds it all
 
 
 def _outer_axis(v: View) -> Array:
@@ -356,8 +358,8 @@ def high_harmonics(angle: Array) -> list[Array]:
 
 def settings(angle: Array) -> list[Array]:
     """Basis (n, m) of an error that has a value of its own at each setting of a gimbal, if it has few settings."""
-    held, at = np.unique(np.round(np.mod(angle, 2 * np.pi), 3), return_inverse=True)
-    return [np.eye(len(held))[at]] if 3 <= len(held) <= SETTINGS else []
+    angles, at = np.unique(np.round(np.mod(angle, 2 * np.pi), 3), return_inverse=True)
+    return [np.eye(len(angles))[at]] if 3 <= len(angles) <= SETTINGS else []
 
 
 def _above_second(angle: Array) -> Array:

@@ -174,11 +174,11 @@ def _experiment(c: Ranking, d: Decision, by_recording: Sequence[RecordingCauses]
         alike = next(i for i, one in enumerate(c.library.candidates) if one is fits)
         both = [k for k in c.sees(alike) if ordinal in by_recording[k].ordinals]
         for k in sorted(both, key=lambda k: -by_recording[k].significance(ordinal))[:1]:
-            s, found = c.searches[k], by_recording[k].cause(ordinal)
+            s, cause = c.searches[k], by_recording[k].cause(ordinal)
             variant = by_recording[k].fit.variants[by_recording[k].ordinals.index(ordinal)]
             (at,) = c.within((alike,), k)
             other = s.library.candidates[at]
-            return advice_in_words(advise(s.fit, found, variant, size, other), found, other)
+            return advice_in_words(advise(s.fit, cause, variant, size, other), cause, other)
     return ""
 
 

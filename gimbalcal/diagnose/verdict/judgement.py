@@ -43,8 +43,8 @@ CENTRAL = (0.16, 0.84)  # shares of the evidence below the ends of the interval 
 class Judgement:
     """A claimed cause, the probability of it and of those that fit alike, and its significance [sigma].
 
-    significance: beyond all else in the model; None where the fit of the causes tells it. spread: one sigma of a whole
-    number that was scanned, over all numbers and terms by their evidence; 0 for a cause without one.
+    significance: beyond all else in the model; None where it is that of the fit of the causes. spread: one sigma of a
+    whole number that was scanned, over all numbers and terms by their evidence; 0 for a cause without one.
     """
 
     cause: Candidate

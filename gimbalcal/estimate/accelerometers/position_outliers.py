@@ -105,9 +105,9 @@ def _worst(J: Array, r: Array, W: Array, free: Array, measured: Array, scaled: b
     options: list[tuple[float, int, int, tuple[int, ...]]] = [(chi2 - float(falls[single]), dof - 2, len(r), (single,))]
     if _interchanged(J, r, _exchanged(r, W, measured, pair), pair, falls, scaled):
         options.append((swapped, dof, pairs, pair))
-    left, freedom, trials, suspects = min(options, key=lambda option: option[0])
-    scale = max(left / freedom, 1e-300) if scaled else 1.0
-    return suspects if trials * probability((chi2 - left) / scale, 2 * len(suspects)) < SIGNIFICANCE else None
+    misfit, freedom, trials, suspects = min(options, key=lambda option: option[0])
+    scale = max(misfit / freedom, 1e-300) if scaled else 1.0
+    return suspects if trials * probability((chi2 - misfit) / scale, 2 * len(suspects)) < SIGNIFICANCE else None
 
 
 def _interchanged(J: Array, r: Array, swapped: Array, pair: tuple[int, int], falls: Array, scaled: bool) -> bool:

@@ -51,7 +51,7 @@ from gimbalcal.views.rest_rates import MIN_RATE_SIGMA
 
 BASE, FURTHER = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment"), (
     "gyro_scale_asymmetry", "gyro_scale_nonlinearity")  # fmt: skip
-MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some cannot be told apart
+MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some cannot be distinguished
 
 
 def calibrate_on_a_table(request: Request) -> Calibration:

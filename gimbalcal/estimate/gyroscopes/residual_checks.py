@@ -116,7 +116,7 @@ def sizes_in_words(turns: Turns, effects: Sequence[Effect]) -> list[str]:
 
 
 def singular_in_words(condition: float) -> list[str]:
-    """A sentence where a fit of turns hardly tells its parameters apart."""
+    """Return a sentence where a fit of turns hardly distinguishes its parameters."""
     if condition <= MAX_CONDITION_NUMBER:
         return []
     return [f"the turns do not tell the gyroscopes' parameters apart (condition number {condition:.1g})"]

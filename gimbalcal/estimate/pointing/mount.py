@@ -99,7 +99,7 @@ def _with_names(calibration: Calibration, several: Nights | None) -> Calibration
 
 
 def _stated(values: Sequence[float | None]) -> float | None:
-    """The stated noise of a star [rad] where every header tells it, rms over the runs; else None."""
+    """The stated noise of a star [rad] where every header states it, rms over the runs; else None."""
     known = [s for s in values if s]
     return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(values) else None
 
