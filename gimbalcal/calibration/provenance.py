@@ -68,14 +68,27 @@ class North(Entry):
 
 @dataclass(frozen=True)
 class AttitudeReference(Entry):
-    """The attitude that gyroscopes were compared with: its delay, mounting (3, 3) and noise, and the intervals used."""
+    """The attitude that gyroscopes were compared with: its delay, mounting (3, 3) and noise, and the intervals used.
+
+    The walk is that of the angle between rates and attitude.
+    """
 
     lag_ms: float
     lag_sigma_ms: float
     mounting: tuple[tuple[float, ...], ...]
     mounting_sigma_arcmin: tuple[float, ...]
     noise_arcmin: float
+    walk_deg_per_sqrt_h: float
     intervals: int
+
+
+@dataclass(frozen=True)
+class SplitRecord(Entry):
+    """Each third of a record by itself: values and sigmas by label, in printed units, p-value that all agree."""
+
+    p_value: float
+    values: Mapping[str, tuple[float, ...]]
+    sigmas: Mapping[str, tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -203,6 +216,7 @@ class Provenance(Entry):
     notes: tuple[str, ...] | None = None
     limits: tuple[str, ...] | None = None
     agreement: Json | None = None  # of several recordings on the constants
+    thirds: SplitRecord | None = None
     pattern: ResidualPattern | None = None
     far_off: tuple[FarStar, ...] | None = None
     stars: int | None = None

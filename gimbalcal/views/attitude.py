@@ -10,8 +10,15 @@ and lag turn the reference's attitude by at the start and the end, mu + M w dtau
 
 .. math:: \delta\epsilon = \tfrac12 (\operatorname{tr} R - R) \, (P a_0 - R a_1) - \epsilon \times a_1
 
-in axes that turn with the reference. Its noise is white, so neighbouring intervals share an error: in axes of the
-reference's world the covariance of epsilon is the tridiagonal 2, -1, and rows are whitened by its Cholesky factor.
+in axes that turn with the reference. White noise of the reference is an error that neighbouring intervals share: in
+axes of its world the covariance of epsilon is the tridiagonal D of 2 and -1. White noise of the rates, and errors of
+either side that change with the motion, differ from interval to interval: a random walk of the angle. Rows are whitened
+by the Cholesky factor of
+
+.. math:: V = (1 - a) \, D + 2 a \, I
+
+with a the share of the walk. It decides what a bias may be: a reference that scatters, and does not wander, tells
+it from the attitudes at both ends of the log; beside a walk every interval counts alike.
 """
 
 from __future__ import annotations
@@ -45,13 +52,16 @@ MOUNTING, LAG = "mounting", "lag"
 ATTITUDE = Measurement("attitude", "arcmin")
 
 
-def against_reference(recording: Recording, known: Reference, mounting: Array, lag: float) -> View:
+def against_reference(
+    recording: Recording, known: Reference, mounting: Array, lag: float, walk_share: float = 0.0
+) -> View:
     """Return the view of the intervals of a recording; mounting M (3, 3) and lag [s] are where the nuisances are zero.
 
+    walk_share: share of the random walk of the angle in the variance of a row, see `covariance`.
     Intervals begin and end at samples of the gyroscopes, with the reference on both ends and no pause in them.
     """
     time, y = recording.time, recording.triad(RATE)
-    start, n = _intervals(time, known, lag)
+    start, n = intervals(time, known, lag)
     spans = start[:, None] + np.arange(n + 1)
     rate = np.array([np.sum(mean_rates(time[s], y[s]), axis=0) for s in spans]).reshape(-1, 3)
     still = replace(recording.select(slice(0, 1)), platform=BENCH, position=None)
@@ -59,7 +69,7 @@ def against_reference(recording: Recording, known: Reference, mounting: Array, l
     s = s.at(rate=rate, time=time[spans[:, 1:]].ravel() - time[0])
     sweeps = Sweeps(rate.reshape(-1, n, 3), np.diff(time[spans], axis=1), s)
     ends = time[spans[:, [0, -1]]]
-    whiten = np.linalg.inv(np.linalg.cholesky(_covariance(start[1:] == start[:-1] + n)))
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance(start, n, walk_share)))
 
     def about(x: Array) -> View:
         M = exponential(x[:3]) @ mounting
@@ -91,7 +101,7 @@ def against_reference(recording: Recording, known: Reference, mounting: Array, l
     return about(np.zeros(4))
 
 
-def _intervals(time: Array, known: Reference, lag: float) -> tuple[NDArray[np.int64], int]:
+def intervals(time: Array, known: Reference, lag: float) -> tuple[NDArray[np.int64], int]:
     """Return the first samples (m,) of the intervals and their number of steps n."""
     dt = np.diff(time)
     step = float(np.median(dt))
@@ -103,9 +113,9 @@ def _intervals(time: Array, known: Reference, lag: float) -> tuple[NDArray[np.in
     return np.array(start, dtype=np.int64), n
 
 
-def _covariance(follows: NDArray[np.bool_]) -> Array:
-    """Covariance (m, m) of differences of white noise, whose neighbours share an end where they follow (m - 1,)."""
-    V = 2.0 * np.eye(len(follows) + 1)
-    at = np.flatnonzero(follows)
-    V[at, at + 1] = V[at + 1, at] = -1.0
+def covariance(start: NDArray[np.int64], n: int, walk_share: float = 0.0) -> Array:
+    """Return the covariance (m, m) of intervals of n steps, of variance two; those that follow share an end."""
+    V = 2.0 * np.eye(len(start))
+    at = np.flatnonzero(start[1:] == start[:-1] + n)
+    V[at, at + 1] = V[at + 1, at] = walk_share - 1.0
     return V

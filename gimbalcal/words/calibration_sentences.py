@@ -36,7 +36,7 @@ def goodness_of_fit(chi2: float, dof: int) -> tuple[float, float, Fit]:
 def scaled_to_residual(c: Calibration) -> bool:
     """Return whether the noise was estimated from the residual itself, so that chi^2 does not test the fit."""
     noise, options = c.provenance.noise, c.provenance.options
-    sources = (noise.accelerometer_from, noise.gimbal_angle_from) if noise else ()
+    sources = (noise.accelerometer_from, noise.gimbal_angle_from, noise.from_) if noise else ()
     return "residual" in sources or bool(options.excess_scatter)
 
 

@@ -8,22 +8,25 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Residual
-from gimbalcal.calibration.provenance import AttitudeReference
+from gimbalcal.calibration.provenance import AssumedNoise, AttitudeReference
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.estimate.gyroscopes.revolutions import triangle
+from gimbalcal.estimate.split_record import Thirds, thirds
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
 from gimbalcal.rotation import exponential
 from gimbalcal.units import from_si
-from gimbalcal.views.attitude import INTERVAL_S, LAG, MOUNTING, against_reference
+from gimbalcal.views.attitude import INTERVAL_S, LAG, MOUNTING, against_reference, covariance, intervals
 from gimbalcal.views.attitude_reference import Reference, reference_of
 
 MIN_INTERVALS = 20
 MAX_TIMES_NAMED = 3  # times that are named
 MIRROR_RATIO = 2.0  # times that a mirrored triad must fit better than a turned one to be called mirrored
+WALK_SHARES = (0.0, *10.0 ** np.arange(-7.0, -0.9, 0.5), 0.3, 0.6, 0.9, 0.99, 1.0)
+"""Where the likelihood of the share of a random walk is evaluated first; in a long log small ones count."""
 MAX_SIGMA = 0.05  # one sigma of a scale factor, an angle [rad] or the lag [s]: beyond, the motion shows too little
 
 
@@ -45,7 +48,45 @@ def gyroscopes_against_attitude(recording: Recording) -> Calibration:
             f"{recording.title!r} holds {amount(len(view), 'interval')} of {INTERVAL_S:g} s in which rates and "
             f"attitude were logged; at least {MIN_INTERVALS} are needed"
         )
-    return _calibration(fit([view], triangle_of_first_order(), min_signal=LEAST_SIGNAL), M, lag, known)
+    white = fit([view], triangle_of_first_order(), min_signal=LEAST_SIGNAL)
+    share = _walk_share(white, covariance(*intervals(time, known, lag)))
+    view = against_reference(recording, known, M, lag, share)
+    return _calibration(fit([view], triangle_of_first_order(), min_signal=LEAST_SIGNAL), M, lag, known, share)
+
+
+def _walk_share(fitted: ViewsFit, D: Array) -> float:
+    r"""Return the share a of a random walk of the angle in the variance of the rows, by restricted likelihood.
+
+    .. math:: -2 \ln L = \nu \ln(r^T V^{-1} r / \nu) + \ln|V| + \ln|J^T V^{-1} J|, \quad V = (1 - a) D + 2 a I
+
+    with D (m, m) the covariance of white noise of the attitudes, about which the rows were fitted first. V is diagonal
+    in the eigenvectors of D, and each axis has the same.
+    """
+    from scipy.optimize import minimize_scalar
+
+    m, (size, Q) = len(D), np.linalg.eigh(D)
+    rows = np.column_stack([*fitted.whitened])
+    rows /= np.linalg.norm(rows, axis=0)
+    of_intervals = np.linalg.cholesky(D) @ rows.reshape(m, -1)
+    X = (Q.T @ of_intervals).reshape(m, 3, -1)
+    dof = 3 * m - (X.shape[2] - 1)
+
+    def criterion(share: float) -> float:
+        v = (1 - share) * size + 2 * share
+        R = np.linalg.qr((X / np.sqrt(v)[:, None, None]).reshape(3 * m, -1), mode="r")
+        log_r2, *log_J = 2 * np.log(np.abs(np.diag(R)[::-1]))
+        return float(dof * log_r2 + 3 * np.log(v).sum() + sum(log_J))
+
+    values = [criterion(a) for a in WALK_SHARES]
+    k = int(np.argmin(values))
+    around = WALK_SHARES[max(k - 1, 0)], WALK_SHARES[min(k + 1, len(WALK_SHARES) - 1)]
+    best = minimize_scalar(criterion, bounds=around, method="bounded", options={"xatol": 1e-3 * around[1]})
+    return float(best.x) if best.fun < values[k] else float(WALK_SHARES[k])
+
+
+def _changes(split: Thirds | None) -> list[str]:
+    """Name the lag or the mounting that changes from third to third, in a list; empty where neither does."""
+    return [words] if split is not None and (words := split.outcome(nuisances=True)) else []
 
 
 def _left_out(known: Reference) -> list[str]:
@@ -106,7 +147,7 @@ def _first_mounting(title: str, time: Array, y: Array, known: Reference, lag: fl
     return proper
 
 
-def _calibration(fitted: ViewsFit, M: Array, lag: float, known: Reference) -> Calibration:
+def _calibration(fitted: ViewsFit, M: Array, lag: float, known: Reference, walk_share: float) -> Calibration:
     source = fitted.views[0].source
     sigma, (turned, tilt), ((late,), (jitter,)) = fitted.sigmas, fitted.nuisance(MOUNTING), fitted.nuisance(LAG)
     if not fitted.determined or not np.all(np.concatenate([sigma[3:], tilt, [jitter]]) < MAX_SIGMA):  # all but the bias
@@ -114,25 +155,36 @@ def _calibration(fitted: ViewsFit, M: Array, lag: float, known: Reference) -> Ca
             f"the motion of {source.title!r} does not tell scale, mounting and lag apart: turn it about all three "
             "axes, to and fro"
         )
-    m, noise, M, lag = len(fitted.residual[0]), fitted.excess, exponential(turned) @ M, lag + float(late)
+    m, row, M, lag = len(fitted.residual[0]), fitted.excess, exponential(turned) @ M, lag + float(late)
+    noise = float(np.sqrt(1 - walk_share)) * row
+    time = source.time
+    first, n = intervals(time, known, lag)
+    lasts = float(np.median(time[first + n] - time[first]))
+    walk = float(np.sqrt(2 * walk_share / lasts)) * row
     reference = AttitudeReference(
         lag_ms=float(from_si(lag, "ms")), lag_sigma_ms=float(from_si(float(jitter), "ms")),
         mounting=tuple(map(tuple, M.tolist())),
         mounting_sigma_arcmin=tuple(float(from_si(s, "arcmin")) for s in tilt),
-        noise_arcmin=float(from_si(noise, "arcmin")), intervals=m,
+        noise_arcmin=float(from_si(noise, "arcmin")), walk_deg_per_sqrt_h=float(from_si(walk, "deg/sqrt(h)")),
+        intervals=m,
     )  # fmt: skip
     angle = float(np.degrees(np.arccos(np.clip((np.trace(M) - 1) / 2, -1, 1))))
     words = (
         f"{m} intervals; the attitude is late by {from_si(lag, 'ms'):.3g} +- {from_si(float(jitter), 'ms'):.2g} ms and "
         f"its frame turned by {angle:.3g} deg; each attitude scatters by {from_si(noise, 'arcmin'):.2g} arcmin"
     )
+    if walk > 0:
+        words += f", and the angle between rates and attitude walks by {from_si(walk, 'deg/sqrt(h)'):.2g} deg/sqrt(h)"
+    split = thirds(fitted)
     dof = max(3 * m - len(fitted.solution.x), 1)
     return fitted.calibration(
-        "attitude", Residual(float(dof), dof, {"attitude": noise}),
+        "attitude", Residual(float(dof), dof, {"attitude": row}),
+        outcome=split.outcome() if split else "",
         provenance=Provenance(
-            recordings=source.source, limits=tuple(_left_out(known)),
+            recordings=source.source, noise=AssumedNoise(from_="residual"),
+            limits=(*_left_out(known), *_changes(split)), thirds=split.entry if split else None,
             options=Options(direction=DIRECTION, reference=reference, in_words=words,
                             frame="x along the first input axis, y in the plane of the first two"),
         ),
-        stages=(fitted.stage("against the attitude", words, noise),),
+        stages=(fitted.stage("against the attitude", words, row),),
     )  # fmt: skip

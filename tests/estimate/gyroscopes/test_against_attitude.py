@@ -36,9 +36,12 @@ def motion(t: Array, seed: int) -> Array:
 
 @cache
 def recording(
-    seed: int = 1, length: float = 40.0, every: int = 4, mirror: bool = False, axes: str = "xyz"
+    seed: int = 1, length: float = 40.0, every: int = 4, mirror: bool = False, axes: str = "xyz", walk: float = 0.0
 ) -> Recording:
-    """A unit in the hand, its attitude in every fourth row, `LAG` late and seen from a frame of its own."""
+    """A unit in the hand, its attitude in every fourth row, `LAG` late and seen from a frame of its own.
+
+    walk: random walk [rad/sqrt(s)] of the reference's angle.
+    """
     rng = np.random.default_rng(100 + seed)
     fine = np.arange(0, length + 1, 0.5 / RATE)
     w = motion(fine, seed) * np.isin(list("xyz"), list(axes))
@@ -51,6 +54,7 @@ def recording(
     late = 200 + 2 * np.arange(len(time)) - round(LAG * RATE * 2)
     body = np.swapaxes(MOUNTED, 0, 1) @ C[late]  # the reference's frame: M^T times the sensors'
     body = exponential(NOISE * rng.standard_normal((len(time), 3))) @ body
+    body = body @ exponential(walk / np.sqrt(RATE) * np.cumsum(rng.standard_normal((len(time), 3)), axis=0))
     from scipy.spatial.transform import Rotation
 
     q = Rotation.from_matrix(np.swapaxes(body, -1, -2)).as_quat()
@@ -78,6 +82,16 @@ def test_truth_comes_back_within_its_uncertainty(seed: int) -> None:
     assert np.abs(off).max() < 4.0
     assert c.sigmas[:3].max() < np.radians(0.015)  # the attitude scatters by 0.1 deg, over 40 s
     assert c.sigmas[3:].max() < 3e-3
+
+
+@pytest.mark.parametrize("walk", [0.0, 3e-4, 3e-3])
+def test_sigmas_hold_where_the_reference_wanders(walk: float) -> None:
+    """Ten records of ninety errors together: one sigma of their rms is 7.5 %, and 0.07 rad/h^(1/2) is a poor camera."""
+    truth = np.concatenate([BIAS, SF - 1, np.zeros(3)])
+    fits = [gyroscopes_against_attitude(recording(seed, walk=walk)) for seed in range(20, 30)]
+    off = np.array([(c.values - truth) / c.sigmas for c in fits])
+    assert 0.85 < np.sqrt(np.mean(off**2)) < 1.15
+    assert all(c.provenance["thirds"]["p_value"] > 1e-3 for c in fits)
 
 
 def test_lag_mounting_and_noise_are_told() -> None:
