@@ -92,6 +92,14 @@ class SplitRecord(Entry):
 
 
 @dataclass(frozen=True)
+class AlternativeSolution(Entry):
+    """Another minimum that the data do not exclude: what chi^2 is above the written one, and values by label."""
+
+    chi2_rise: float
+    values: Mapping[str, float]  # in printed units
+
+
+@dataclass(frozen=True)
 class Options(Entry):
     """What was asked of a method, and what it reports beside its parameters.
 
@@ -217,6 +225,7 @@ class Provenance(Entry):
     limits: tuple[str, ...] | None = None
     agreement: Json | None = None  # of several recordings on the constants
     thirds: SplitRecord | None = None
+    other_solutions: tuple[AlternativeSolution, ...] | None = None
     pattern: ResidualPattern | None = None
     far_off: tuple[FarStar, ...] | None = None
     stars: int | None = None

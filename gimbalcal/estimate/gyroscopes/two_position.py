@@ -8,6 +8,7 @@ part of its bias where it feels the same force in every rest, and is named there
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,8 @@ from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, R
 from gimbalcal.calibration.provenance import North
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
+from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit
+from gimbalcal.estimate.minima import cost, entries, in_words, minima
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.inference.p_value import probability
 from gimbalcal.recording import Recording, dwell_means, dwells
@@ -46,17 +48,14 @@ def two_position(recording: Recording) -> Calibration:
     sigma = sample / np.sqrt(dwell_means(recording).weight)[:, None] * np.ones((1, 3))
     view, wanted = rest_rates_on_gimbals(recording, sigma), parameters(CATALOGUE[BIAS])
     starts = [np.append(np.zeros(3), alpha) for alpha in np.arange(8) * np.pi / 4]
-    best = min((fit([view], wanted, start=x, min_signal=LEAST_SIGNAL) for x in starts), key=_chi2)
+    solutions = minima([view], wanted, starts, LEAST_SIGNAL)
+    best = solutions[0]
     if not best.determined or best.nuisance(HEADING)[1][0] > MAX_NORTH_SIGMA_RAD:
         raise InputError(
             f"the {amount(len(view), 'rest')} of {recording.title!r} do not tell the Earth's rate from the bias: "
             "reverse the unit by 180 deg about the vertical, or about east, and stay longer"
         )
-    return _calibration(best)
-
-
-def _chi2(fit: ViewsFit) -> float:
-    return float((fit.whitened[1] ** 2).sum())
+    return _calibration(solutions)
 
 
 def _sample_sigma(recording: Recording) -> float:
@@ -82,20 +81,27 @@ def _refuse(recording: Recording) -> None:
         )
 
 
-def _calibration(best: ViewsFit) -> Calibration:
-    (heading,), (heading_sigma,) = best.nuisance(HEADING)
-    chi2, dof = _chi2(best), best.residual[0].size - len(best.solution.x)
+def _north(fitted: ViewsFit) -> float:
+    """Return where the base's x axis points, east of north, in degrees within half a turn."""
+    return float(from_si((fitted.nuisance(HEADING)[0][0] + np.pi) % (2 * np.pi) - np.pi, "deg"))
+
+
+def _calibration(solutions: Sequence[ViewsFit]) -> Calibration:
+    best = solutions[0]
+    heading_sigma = float(best.nuisance(HEADING)[1][0])
+    chi2, dof = cost(best), best.residual[0].size - len(best.solution.x)
     chance = probability(chi2, dof)
     inflation = chi2 / dof if chance < SIGNIFICANCE else 1.0
     covariance = inflation * best.covariance
-    north = float((heading + np.pi) % (2 * np.pi) - np.pi)
     off = float(from_si(np.sqrt(inflation) * heading_sigma, "deg"))
-    east, times = float(from_si(north, "deg")), float(np.sqrt(chi2 / max(dof, 1)))
+    east, times = _north(best), float(np.sqrt(chi2 / max(dof, 1)))
     words = (
         f"{amount(len(best.residual[0]), 'rest')}; the base's x axis points {east:.4g} +- {off:.2g} deg east of north; "
         f"what is left is {times:.2g} times the noise"
     )
-    outcome = ""
+    outcome = in_words(solutions, [f"the x axis {_north(f):.4g} deg east of north" for f in solutions])
+    if outcome:
+        outcome += "; a rest turned about the vertical tells"
     if chance < SIGNIFICANCE:
         worst = int(np.argmax(np.abs(best.residual[0]).max(axis=1)))
         surprise = f"= {chance:.1g}" if chance > 1e-12 else "< 1e-12"
@@ -108,7 +114,8 @@ def _calibration(best: ViewsFit) -> Calibration:
     return best.calibration(
         "two-position", Residual(chi2, dof, {RATE: best.rms}), outcome=outcome, covariance=covariance,
         unobservable=(*best.unobservable, *_unobservable(best.views[0])),
-        provenance=Provenance(recordings=best.views[0].source.source, options=options),
+        provenance=Provenance(recordings=best.views[0].source.source, options=options,
+                              other_solutions=entries(solutions)),
         stages=(replace(best.stage("two positions", words), sigmas=np.sqrt(np.diag(covariance))),),
     )  # fmt: skip
 

@@ -12,9 +12,9 @@ import pytest
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.estimate.gyroscopes.two_position import two_position
 from gimbalcal.number import Array
-from gimbalcal.platform import KNOWN
+from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording import Recording, Site, write
-from gimbalcal.units import to_si
+from gimbalcal.units import from_si, to_si
 from tests.golden import golden_text, refused
 
 LATITUDE, NORTH, NOISE = np.radians(48.0), np.radians(70.0), to_si(5.0, "deg/h")
@@ -22,13 +22,17 @@ BIAS = to_si(1.0, "deg/h") * np.array([3.0, -8.0, 5.0])
 
 
 def rests_at(
-    angles: list[tuple[float, ...]], platform: str = "rate-table", seed: int = 1, rows: int = 400, wrong: float = 0.0
+    angles: list[tuple[float, ...]],
+    platform: str | Platform = "rate-table",
+    seed: int = 1,
+    rows: int = 400,
+    wrong: float = 0.0,
 ) -> Recording:
     """Rests of `rows` samples at these gimbal angles [deg] on a level base, x axis `NORTH` east of north."""
     rng = np.random.default_rng(seed)
     east, down = np.cos(LATITUDE) * np.sin(NORTH), np.sin(LATITUDE)
     earth = EARTH_RATE * np.array([np.cos(LATITUDE) * np.cos(NORTH), -east, -down])
-    table = KNOWN[platform]
+    table = platform if isinstance(platform, Platform) else KNOWN[platform]
     true: list[Array] = [table.attitude(np.radians(a)) @ earth for a in angles]
     true[-1] = true[-1] + wrong
     y = np.repeat(BIAS + np.array(true), rows, axis=0) + NOISE * rng.standard_normal((rows * len(angles), 3))
@@ -90,3 +94,25 @@ def test_the_command(tmp_path: Path, command: Callable[..., int], capsys: pytest
     assert command("calibrate", tmp_path / "rec", "--method", "two-position", "--out", tmp_path / "out") == 0
     golden_text(capsys.readouterr().err)
     assert (tmp_path / "out" / "report.html").is_file()
+
+
+ABOUT_Y = Platform("turnover", (Axis("pitch", "y"),))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_mirror_solution_is_reported(seed: int) -> None:
+    """Turned over about its y axis a unit keeps that axis where it is: east or west of north fit alike."""
+    made = two_position(rests_at([(0.0,), (180.0,)], ABOUT_Y, seed))
+    (other,) = made.provenance["other_solutions"]
+    assert other["chi2_rise"] == pytest.approx(0.0, abs=1e-6)
+    written = float(from_si(made.values[1], "deg/h"))
+    true = float(from_si(BIAS[1], "deg/h"))
+    sigma = float(from_si(made.sigmas[1], "deg/h"))
+    assert min(abs(x - true) for x in (written, other["values"]["gyro_bias:y"])) < 4 * sigma
+    assert abs(written) < abs(other["values"]["gyro_bias:y"])
+    assert "mirror" in made.outcome
+    if not seed:
+        golden_text(made.outcome)
+    both = two_position(rests_at(BOTH, "two-axis-table", seed))
+    assert both.provenance.other_solutions is None
+    assert both.outcome == ""
