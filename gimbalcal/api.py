@@ -62,15 +62,19 @@ Item = TypeVar("Item", str, File)
 
 def calibrate(
     recordings: Source | Sequence[Source], method: str = "", terms: Names = (), more: Names = (),
-    states: str = "51", grade: str = "", tell: Tell = silent,
+    states: str = "51", grade: str = "", tell: Tell = silent, without: Names = (),
 ) -> Calibration:  # fmt: skip
     """The calibration of a unit or a mount from one recording or several, folders or what `read` returns.
 
     method: as `gimbalcal calibrate --method`; left out, what `methods.usual_method` says of such recordings. terms,
-    more, states, grade: as `--terms`, `--with`, `--states`, `--grade`. Raises InputError as the command does; of
-    several sensors logged side by side the first is returned.
+    more, states, grade, without: as `--terms`, `--with`, `--states`, `--grade`, `--without`. Raises InputError as the
+    command does; of several sensors logged side by side the first is returned.
     """
-    return _printing(methods.calibrate(_listed(recordings), method, _each(terms), tell, _each(more), states, grade)[0])
+    return _printing(
+        methods.calibrate(_listed(recordings), method, _each(terms), tell, _each(more), states, grade, _each(without))[
+            0
+        ]
+    )
 
 
 def diagnose(

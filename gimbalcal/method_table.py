@@ -21,13 +21,14 @@ ALL_STATES = "51"
 class Request:
     """Recordings of one sensor to calibrate, and the options of the user, empty where nothing is said.
 
-    terms: ids of effects to estimate; more: effects to add, as `estimate.extra_effects` reads them; states: those of a
-    navigator; grade: that of the unit; tell: where progress goes.
+    terms: ids of effects to estimate; more: effects to add, as `estimate.extra_effects` reads them; without: terms to
+    omit; states: those of a navigator; grade: that of the unit; tell: where progress goes.
     """
 
     recordings: tuple[Recording, ...]
     terms: tuple[str, ...] = ()
     more: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
     states: str = ALL_STATES
     grade: str = ""
     tell: Callable[[str], None] = lambda _: None
@@ -68,15 +69,15 @@ class Method:
             if value and option not in self.options and not (option == "states" and value == ALL_STATES):
                 text = value if isinstance(value, str) else ",".join(value)
                 able = [m.name for m in METHODS.values() if option in m.options and m.in_words]
-                raise InputError(
-                    f"--{word} {text} goes with --method {alternatives(able)}; {self.name} does not take it, "
-                    "leave it out"
-                )
+                suited = f"--method {alternatives(able)}" if able else "a pointing run"
+                raise InputError(f"--{word} {text} goes with {suited}; {self.name} does not take it, leave it out")
         if len(request.recordings) > 1 and not self.several:
             raise InputError(f"--method {self.name} takes one recording: calibrate each by itself")
 
 
-OPTIONS: Mapping[str, str] = MappingProxyType({"terms": "terms", "more": "with", "states": "states", "grade": "grade"})
+OPTIONS: Mapping[str, str] = MappingProxyType(
+    {"terms": "terms", "more": "with", "without": "without", "states": "states", "grade": "grade"}
+)
 """Options of a request that not every method takes, by field, as a user writes them."""
 
 METHODS: Mapping[str, Method] = MappingProxyType(
@@ -126,7 +127,10 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             ),
             Method("least-squares", "gimbalcal.estimate.one_view:calibrate_view", options=("terms", "more")),
             Method(
-                "pointing", "gimbalcal.estimate.pointing.mount:calibrate_mount", several=True, options=("terms", "more")
+                "pointing",
+                "gimbalcal.estimate.pointing.mount:calibrate_mount",
+                several=True,
+                options=("terms", "more", "without"),
             ),
         )
     }

@@ -48,7 +48,7 @@ def usual_method(recordings: Sequence[Recording]) -> str:
 
 def calibrate(
     recordings: Sequence[Source], method: str = "", terms: Sequence[str] = (), tell: Tell = silent,
-    more: Sequence[str] = (), states: str = "51", grade: str | Fleet = "",
+    more: Sequence[str] = (), states: str = "51", grade: str | Fleet = "", without: Sequence[str] = (),
 ) -> tuple[Calibration, tuple[Recording, ...]]:  # fmt: skip
     """Calibrate recordings, or folders of them, by `method`, else by their preferred one (`usual_method`).
 
@@ -56,12 +56,12 @@ def calibrate(
     and estimates `states`: "30", "51" or "EFFECT[:AXIS],...". Pointing runs, one or several of a mount, have a method
     of their own, "pointing".
 
-    `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5";
-    `grade` names that of a unit on gimbals; with "fleet:FILE", or a fleet, its units are the prior of the parameters.
-    Returns the calibration with its provenance, and the recordings; of several sensors side by side those of the
-    first. Raises InputError for what it cannot take.
+    `more` adds effects of the catalogue to the fit of any method, "bias_temperature:y" or "warm_up,tau=0.5"; `without`
+    omits terms of a mount; `grade` names that of a unit on gimbals; with "fleet:FILE", or a fleet, its units are the
+    prior of the parameters. Returns the calibration with its provenance, and the recordings; of several sensors side
+    by side those of the first. Raises InputError for what it cannot take.
     """
-    return calibrate_each(recordings, method, terms, tell, more, states, grade)[0]
+    return calibrate_each(recordings, method, terms, tell, more, states, grade, without)[0]
 
 
 def calibrate_each(
@@ -72,6 +72,7 @@ def calibrate_each(
     more: Sequence[str] = (),
     states: str = "51",
     grade: str | Fleet = "",
+    without: Sequence[str] = (),
 ) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
     """Calibrate each of several sensors that were logged side by side, and compare them with the first at rest."""
     grade, known = grade_and_fleet(grade)
@@ -84,7 +85,7 @@ def calibrate_each(
     for group in groups:
         if len(groups) > 1:
             tell(f"calibrating {group[0].title}")
-        request = Request(group, tuple(terms), tuple(more), states, grade, tell)
+        request = Request(group, tuple(terms), tuple(more), tuple(without), states, grade, tell)
         results.append((_calibrated(method, request, known), group))
     if len(results) == 1:
         return tuple(results)
@@ -139,7 +140,7 @@ def _calibrated(method: str, request: Request, known: Fleet | None) -> Calibrati
         origin = calibration.provenance.options.grade
         none = f"note: {known.source} is the prior of no parameter of this unit"
         request.tell(f"prior: {origin.from_}" if origin and rests_on_fleet(calibration) else none)
-    calibration = replace(calibration, provenance=provenance(recordings, calibration, request.terms, request.more))
+    calibration = replace(calibration, provenance=provenance(request, calibration))
     refuse_not_finite(calibration.to_dict(), " and ".join(repr(r.title) for r in recordings))
     return calibration
 
@@ -155,17 +156,17 @@ def _left_out(options: Options) -> list[str]:
     return [*linear, *(reasons if declined else []), *gyroscopes]
 
 
-def provenance(
-    recordings: Sequence[Recording], calibration: Calibration, terms: Sequence[str], more: Sequence[str] = ()
-) -> Provenance:
+def provenance(request: Request, calibration: Calibration) -> Provenance:
     """Return the provenance of a calibration: files with their hashes, version, options, time, and remarks."""
+    recordings = request.recordings
     options = replace(
         calibration.provenance.options,
         direction=DIRECTION,
         sensor=recordings[0].sensor or None,
         method=calibration.method,
-        terms=tuple(terms),
-        with_=tuple(more) or None,
+        terms=request.terms,
+        with_=request.more or None,
+        without=request.without or None,
     )
     return replace(
         calibration.provenance,

@@ -113,6 +113,7 @@ class Options(Entry):
     states: str | None = None
     terms: tuple[str, ...] | None = None
     with_: tuple[str, ...] | None = None
+    without: tuple[str, ...] | None = None
     causes: tuple[str, ...] | None = None  # that a diagnosis added
     file: str | None = None
     format: str | None = None
@@ -181,12 +182,35 @@ class MountAxes(Entry):
 
 @dataclass(frozen=True)
 class PrintedTerm(Entry):
-    """A term of a TPOINT model with one sigma."""
+    """A term of a TPOINT model with one sigma, and its change since the usual terms alone (else since zero)."""
 
     term: str
     value: float
     sigma: float
     unit: str
+    change: float | None = None
+
+
+@dataclass(frozen=True)
+class TermTest(Entry):
+    """The test of one term of a mount: the model with and without it.
+
+    term: label of the parameter with value and sigma; the effect where that has constants, all of it. p_value: of the
+    F test with these degrees of freedom (null: of the stated noise). correlations: the largest with other terms.
+    """
+
+    term: str
+    in_model: bool
+    rms_without_arcsec: float
+    rms_with_arcsec: float
+    F: float
+    dof: tuple[int, int | None]
+    p_value: float
+    correlations: Mapping[str, float]
+    tpoint: str | None = None
+    value: float | None = None
+    sigma: float | None = None
+    unit: str | None = None
 
 
 @dataclass(frozen=True)
@@ -231,6 +255,8 @@ class Provenance(Entry):
     stars: int | None = None
     mount: MountAxes | None = None
     tpoint: tuple[PrintedTerm, ...] | None = None
+    population_sd_arcsec: float | None = None  # on the sky, TPOINT's `Popn SD`
+    term_tests: tuple[TermTest, ...] | None = None
     nights: tuple[Night, ...] | None = None
     same_terms_every_night: float | None = None  # p-value
     version: str | None = None

@@ -91,6 +91,7 @@ def remember(store: Path | None, unit: str, kind: str, content: Json) -> None:
     shell_complete=completing(effect_names),
     help="Add an effect of the catalogue to the fit; a constant that is not stated is fitted.",
 )
+@names_option("--without", "Mounts: terms to omit, as --terms names them, or as TPOINT does (NPAE).")
 @click.option(
     "--states", default="51", show_default=True, metavar="30|51|EFFECT[:AXIS],...",
     help="systematic: the parameters to estimate besides the nine navigation errors, as a list or by their number.",
@@ -99,8 +100,8 @@ def remember(store: Path | None, unit: str, kind: str, content: Json) -> None:
 @stored
 @output_options("calibration.json and report.html", "NAME-calibration, here")
 def calibrate(
-    recordings: tuple[Path, ...], method: str | None, terms: tuple[str, ...], more: tuple[str, ...], states: str,
-    grade: str, store: Path | None, unit: str, output: Output,
+    recordings: tuple[Path, ...], method: str | None, terms: tuple[str, ...], more: tuple[str, ...],
+    without: tuple[str, ...], states: str, grade: str, store: Path | None, unit: str, output: Output,
 ) -> None:  # fmt: skip
     """Estimate the errors of the sensors with their uncertainty, and state what the data do not show."""
     from gimbalcal.methods import calibrate_each
@@ -110,7 +111,7 @@ def calibrate(
     from gimbalcal.words.naming import capitalised
 
     target = output.folder(recordings, "calibration", ("calibration.json", "report.html"))
-    each = calibrate_each(recordings, method or "", terms, output.tell, more, states, grade)
+    each = calibrate_each(recordings, method or "", terms, output.tell, more, states, grade, without)
     if target is not None:
         own = sensor_folders([loaded for _, loaded in each])
         write_calibrations([(*one, at) for one, at in zip(each, own, strict=True)], target.folder, target.question)

@@ -17,6 +17,7 @@ from gimbalcal.report.figures import correlation
 from gimbalcal.report.formulas import formula
 from gimbalcal.report.html import Context, picture, render
 from gimbalcal.report.parameters import nominal_in_words, rows, stages
+from gimbalcal.report.terms import term_tables
 from gimbalcal.units import from_si, is_raw
 from gimbalcal.words import calibration_sentences, naming
 from gimbalcal.words.rounding import minus, p_value, significant
@@ -45,7 +46,7 @@ def calibration_report(
         "unobservable": naming.directions(null_directions),
         "held": naming.directions(u for u in c.unobservable if u not in null_directions),
         "lost": c.provenance.lost or "",
-        "tpoint": sections.named_terms(c),
+        **term_tables(c),
         **sections.night_by_night(c),
         "checks": calibration_sentences.navigation_checks(c),
         "leading": leading,
@@ -68,9 +69,7 @@ def _facts(c: Calibration, recordings: Sequence[Recording]) -> list[tuple[str, s
     if force and calibration_sentences.scaled_to_residual(c):
         rms = float(from_si(np.sqrt(np.mean(np.square(force))), "ug"))
         facts.append((f"{significant(rms, 3)} µg", "rms residual of the specific force"))
-    star = [rms for channel, rms in residual.rms.items() if channel.startswith("pointing")]
-    if star:
-        sky = float(from_si(np.sqrt(np.sum(np.square(star))), "arcsec"))
+    if sky := calibration_sentences.sky_rms(c):
         facts.append((f"{significant(sky, 3)} arcsec", "rms residual of a star on the sky"))
     if residual.dof > 0 and not calibration_sentences.scaled_to_residual(c):
         freedom = f"χ² {residual.chi2:.{0 if residual.chi2 > 100 else 1}f} with {residual.dof} degrees of freedom"
@@ -177,10 +176,14 @@ def _noise_in_words(noise: AssumedNoise) -> str:
     return "; ".join(parts) or naming.as_text(noise.to_dict())
 
 
+SHOWN_ELSEWHERE = {"recordings", "effects", "lost", "noise", "tpoint", "population_sd_arcsec", "term_tests"}
+"""Keys of the provenance that have a section of their own."""
+
+
 def _provenance(c: Calibration, recordings: Sequence[Recording]) -> Context:
     """Return pairs of term and text; the page folds long ones."""
     origin = c.provenance.to_dict()
-    given = {k: v for k, v in origin.items() if k not in ("recordings", "effects", "lost", "noise")}
+    given = {k: v for k, v in origin.items() if k not in SHOWN_ELSEWHERE}
     sources = naming.files(origin, [file for r in recordings for file in r.files])
     pairs = [("method", c.method)]
     if noise := c.provenance.noise:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.report.parameters import estimate, rows
+from gimbalcal.report.terms import terms_in_text
 from gimbalcal.words import naming
 from gimbalcal.words.calibration_sentences import calibration_in_words as answer
 from gimbalcal.words.diagnosis_headline import headline
@@ -23,10 +24,12 @@ def parameters_table(c: Calibration) -> str:
     """Return the parameters of a calibration as on the page, and which the data do not determine one by one."""
     table = rows(c, None)
     fixed = _fixed(c)
+    terms = terms_in_text(c)
     return "\n".join([
         *aligned([(r["words"], r["value"], r["sigma"], r["unit"], "*" if r["unobservable"] else "") for r in table]),
         *([NOT_DETERMINED] if any(r["unobservable"] for r in table) else []),
         *([f"not estimated: {'; '.join(fixed)}"] if fixed else []),
+        *(["", terms] if terms else []),
     ])  # fmt: skip
 
 

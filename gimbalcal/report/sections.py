@@ -20,7 +20,7 @@ from gimbalcal.report.html import Context, Picture, picture
 from gimbalcal.report.parameters import plus_minus
 from gimbalcal.units import from_si
 from gimbalcal.words.naming import counted, label_in_words, listed, named, unit_in_print
-from gimbalcal.words.rounding import minus, p_value, pdg, rms, sensible_time, signed, significant
+from gimbalcal.words.rounding import p_value, rms, sensible_time, signed, significant
 
 Pictures = tuple[list[Picture], list[Picture]]  # of the first screen; of the section on the data
 
@@ -196,15 +196,6 @@ def _over_axes(
             ) for k, name in enumerate(names)
         ]  # fmt: skip
     return charts
-
-
-def named_terms(c: Calibration) -> list[dict[str, str]]:
-    """Return the terms as TPOINT names and signs them; none for another calibration."""
-    rows = []
-    for term in c.provenance.tpoint or ():
-        value, sigma = pdg(term.value, term.sigma)
-        rows.append({"words": term.term, "value": minus(value), "sigma": sigma, "unit": term.unit})
-    return rows
 
 
 def night_by_night(c: Calibration) -> Context:

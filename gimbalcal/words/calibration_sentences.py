@@ -11,6 +11,7 @@ from gimbalcal.words.rounding import minus, significant
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
+    from gimbalcal.calibration.provenance import TermTest
 
 Fit = Literal["fits", "misfit", "overstated", "reserved"]
 MIN_P_VALUE = 1e-3  # below it an excess is not attributed to chance
@@ -111,19 +112,31 @@ def _residual(c: Calibration) -> str:
             "`gimbalcal diagnose` decides which")  # fmt: skip
 
 
+def sky_rms(c: Calibration) -> float:
+    """Return the root mean square of the residual of a star on the sky [arcsec]; zero for any other calibration."""
+    rms = (x for channel, x in c.residual.rms.items() if channel.startswith("pointing"))
+    return float(from_si(sqrt(sum(x**2 for x in rms)), "arcsec"))
+
+
+def candidate_terms(c: Calibration) -> list[TermTest]:
+    """Return the significant terms of a mount outside the model, the number of them considered, the best first."""
+    outside = [t for t in c.provenance.term_tests or () if not t.in_model]
+    return [t for t in outside if t.p_value * len(outside) < MIN_P_VALUE]
+
+
 def _scaled(c: Calibration) -> str:
     """Return how large the residual is where its scatter is the only estimate of the noise."""
     rms = c.residual.rms
-    star, force = (
-        sqrt(sum(x**2 for channel, x in rms.items() if channel.startswith(key)))
-        for key in ("pointing", "specific_force")
-    )
-    if star:
-        size = float(f"{from_si(star, 'arcsec'):.3g}")
+    force = sqrt(sum(x**2 for channel, x in rms.items() if channel.startswith("specific_force")))
+    if star := sky_rms(c):
+        size = float(f"{star:.3g}")
         text = f"the residuals of the stars are {size:g} arcsec rms on the sky, and every sigma is scaled to them"
         if pattern := c.provenance.pattern:
             text += (f"; but they are not noise: the residual {pattern.channel} follows the "
                      f"{spaced(pattern.axis)}, and `gimbalcal diagnose` looks for the cause")  # fmt: skip
+        for best in candidate_terms(c)[:1]:
+            reduced = f"{significant(best.rms_with_arcsec, 3)} arcsec (`--with {best.tpoint or best.term}`)"
+            text += f". Of the terms outside the model, {label_in_words(best.term)} reduces this most, to {reduced}"
         return text
     size_of_force = ""
     if force:

@@ -14,6 +14,7 @@ from tests.estimate.pointing.mounts import ALT_AZ, effects, run, sky
 from tests.golden import golden_text
 
 Command = Callable[..., int]
+DATA = Path(__file__).resolve().parents[2] / "data"
 TRUTH = {"gimbal_zero__azimuth": -500.0, "base_tilt__north": 25.0, "tube_flexure": 15.0}
 
 
@@ -48,6 +49,21 @@ def test_a_mount_is_calibrated_exported_and_explained(
     again = json.loads(capsys.readouterr().out.splitlines()[-1])
     sizes = [p["value"] / p["sigma"] for p in again["parameters"]]
     np.testing.assert_allclose(sizes, 0, atol=0.01)
+
+
+def test_terms_are_added_and_omitted(
+    command: Command, capsys: pytest.CaptureFixture[str], night: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert command("calibrate", night, "--with", "TX", "--without", "NPAE,CA", "--out", out, "--quiet") == 0
+    golden_text(capsys.readouterr().out.replace(str(out), "OUT"))
+    content = json.loads((out / "calibration.json").read_text())
+    assert content["provenance"]["options"]["without"] == ["NPAE", "CA"]
+    assert [t["term"] for t in content["provenance"]["tpoint"]] == ["IA", "IE", "AN", "AW", "TF", "TX"]
+    assert 'id="terms"' in (out / "report.html").read_text()
+    assert command("calibrate", night, "--without", "TX", "--quiet") == 2
+    assert command("calibrate", DATA / "xsens_positions", "--without", "bias", "--quiet") == 2
+    golden_text(capsys.readouterr().err)
 
 
 def test_nights_that_differ_are_told_with_status_1(

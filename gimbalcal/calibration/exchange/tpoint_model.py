@@ -97,6 +97,12 @@ def tpoint_terms(calibration: Calibration) -> tuple[TpointTerm, ...]:
     return tuple(out)
 
 
+def term_names(platform: Platform) -> dict[str, str]:
+    """Return the name in TPOINT of each parameter of a mount, by label; of one in two terms that of the latter."""
+    rows = _rows(mount_of(platform), platform.axis_names, 45.0)
+    return {label: name for name, weights in rows.items() for label in weights}
+
+
 def unnamed(calibration: Calibration) -> list[str]:
     """Return labels of the parameters that TPOINT has no term for."""
     rows = _rows_of(calibration.provenance.mount)
@@ -261,6 +267,10 @@ def _is_method(line: str) -> bool:
     return first in ("S", "T") and bool(numbers) and all(_NUMBER.match(word) for word in numbers)
 
 
-def printed(terms: Sequence[TpointTerm]) -> tuple[PrintedTerm, ...]:
-    """Return terms in their unit of print, as calibration.json states them."""
-    return tuple(PrintedTerm(t.name, _arcsec(t.value), _arcsec(t.sigma), UNIT) for t in terms)
+def printed(terms: Sequence[TpointTerm], before: Sequence[TpointTerm] = ()) -> tuple[PrintedTerm, ...]:
+    """Return terms in their unit of print, as calibration.json states them, with the change since the model before."""
+    old = {t.name: t.value for t in before}
+    return tuple(
+        PrintedTerm(t.name, _arcsec(t.value), _arcsec(t.sigma), UNIT, _arcsec(t.value - old.get(t.name, 0.0)))
+        for t in terms
+    )

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gimbalcal.calibration.exchange.tpoint_model import term_names
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.effects.effect import GIMBALS
 from gimbalcal.errors import InputError, amount
@@ -32,29 +33,54 @@ def usual_terms(axes: Sequence[str]) -> tuple[str, ...]:
 
 
 def wanted_parameters(platform: Platform, axes: Sequence[str], terms: Sequence[str]) -> tuple[Parameter, ...]:
-    """The unknowns of effects named by id, or of one axis as in "encoder_eccentricity:azimuth", in that order.
+    """Return the parameters that terms name, in that order.
 
-    An axis that is not read has no zero and no squareness of its own, and a turn of the base about the outermost read
-    axis is the zero of that axis. Raises InputError for what is no effect of a pointing run.
+    A term is the id of an effect, one axis of it as in "encoder_eccentricity:azimuth", a single parameter as in
+    "eccentricity_sin:azimuth", or its name in TPOINT as in "ACES". Raises InputError for anything else.
     """
+    every, names = estimable_parameters(platform, axes), term_names(platform)
     out: list[Parameter] = []
     for term in terms:
-        effect, _, axis = term.partition(":")
-        every = _of_effect(platform, axes, effect)
-        chosen = [p for p in every if axis in ("", p.axis)]
+        chosen = [p for p in every if term in (p.effect, f"{p.effect}:{p.axis}", p.label, names.get(p.label))]
         if not chosen:
-            has = ", ".join(dict.fromkeys(p.axis for p in every if p.axis)) or "no axis"
-            what = f"axis {axis!r}" if axis else "axis"
-            raise InputError(f"{effect} has no {what} on this mount; it has {has}")
+            raise InputError(_unknown(term, every))
         out += [p for p in chosen if p not in out]
     return tuple(out)
 
 
+def is_single_term(term: str, platform: Platform, axes: Sequence[str]) -> bool:
+    """Return whether a term is one parameter by its own name, not that of its effect, or by its name in TPOINT."""
+    labels = [p.label for p in estimable_parameters(platform, axes)]
+    own = term in labels and term.partition(":")[0] not in CATALOGUE
+    return own or term in (term_names(platform).get(label) for label in labels)
+
+
+def _unknown(term: str, every: Sequence[Parameter]) -> str:
+    """Return the reason why a term names none of the parameters that a mount has."""
+    effect, _, axis = term.partition(":")
+    known = sorted(effects_of_mounts())
+    if effect not in known:
+        return f"{effect!r} is no effect of a pointing run; there are {', '.join(known)}"
+    has = ", ".join(dict.fromkeys(p.axis for p in every if p.effect == effect and p.axis)) or "no axis"
+    return f"{effect} has no {f'axis {axis!r}' if axis else 'axis'} on this mount; it has {has}"
+
+
+def effects_of_mounts() -> list[str]:
+    """Return the ids of the effects of pointing runs."""
+    return [i for i, cls in CATALOGUE.items() if "pointing" in cls.kinds and cls.stage in STAGES]
+
+
+def estimable_parameters(platform: Platform, axes: Sequence[str]) -> tuple[Parameter, ...]:
+    """Return the parameters of all effects of pointing runs that a mount with these read axes has.
+
+    An axis that is not read has no zero and no squareness of its own, and a turn of the base about the outermost read
+    axis is the zero of that axis.
+    """
+    return tuple(p for effect in effects_of_mounts() for p in _of_effect(platform, axes, effect))
+
+
 def _of_effect(platform: Platform, axes: Sequence[str], effect: str) -> list[Parameter]:
-    cls = CATALOGUE.get(effect)
-    if cls is None or "pointing" not in cls.kinds or cls.stage not in STAGES:
-        known = ", ".join(sorted(i for i, c in CATALOGUE.items() if "pointing" in c.kinds and c.stage in STAGES))
-        raise InputError(f"{effect!r} is no effect of a pointing run; there are {known}")
+    cls = CATALOGUE[effect]
     every = parameters(cls, platform.axis_names)
     if all(f.metadata.get("axes") == GIMBALS for f in cls.__dataclass_fields__.values() if "sigma" in f.metadata):
         last = axes[-1] if effect == "gimbal_nonorthogonality" else None  # nothing that is read stands outside it

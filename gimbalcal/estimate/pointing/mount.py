@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 
@@ -12,11 +14,19 @@ from gimbalcal.calibration.exchange.tpoint_model import mount_axes, printed, tpo
 from gimbalcal.calibration.provenance import Night, NightTerm
 from gimbalcal.effects import Parameter
 from gimbalcal.effects.effect import order_of
-from gimbalcal.errors import amount
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.estimate.pointing.fit import MIN_SIGMA_RAD, fit_terms, usual_terms, wanted_parameters
+from gimbalcal.estimate.pointing.fit import (
+    MIN_SIGMA_RAD,
+    estimable_parameters,
+    fit_terms,
+    is_single_term,
+    usual_terms,
+    wanted_parameters,
+)
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
+from gimbalcal.estimate.pointing.term_tests import term_tests
 from gimbalcal.estimate.sharing import agreement
 from gimbalcal.inference.p_value import probability
 from gimbalcal.method_table import Request
@@ -34,33 +44,38 @@ MAX_TERMS_NAMED = 3  # terms that an outcome names
 
 def calibrate_mount(request: Request) -> Calibration:
     """Calibrate a mount from pointing runs: the method "pointing"."""
-    return pointing_calibration(request.recordings, request.terms, request.more)
+    return pointing_calibration(request.recordings, request.terms, request.more, request.without)
 
 
 def pointing_calibration(
-    recordings: Sequence[Recording], terms: Sequence[str] = (), more: Sequence[str] = ()
+    recordings: Sequence[Recording], terms: Sequence[str] = (), more: Sequence[str] = (), without: Sequence[str] = ()
 ) -> Calibration:
-    """The terms of one mount from runs with it, in any number of files and nights.
+    """Return the terms of one mount from runs with it, in any number of files and nights.
 
-    terms: ids of effects, or "id:axis" (default `usual_terms`); more: further ones as `extra_effects` reads them. The
-    outcome is a sentence where the stated noise does not explain what is left, or where the nights do not share their
-    terms. Raises InputError for recordings of several mounts, without true angles, or with fewer readings than
-    unknowns.
+    terms: as `wanted_parameters` reads them (default `usual_terms`); more: further ones, or effects with constants as
+    `extra_effects` reads them; without: terms to omit. The outcome is a sentence where the stated noise does not
+    explain what is left, or where the nights do not share their terms. Raises InputError for recordings of several
+    mounts, without true angles, with fewer readings than unknowns, or without a term that is not in the model.
     """
     join(recordings)  # refuses runs of different mounts, and one that is given twice
     each = [nights(r) for r in recordings]
     runs = tuple(pointing(night) for own in each for night in own)
     before = [sum(len(n.time) for n in own[:k]) for own in each for k in range(len(own))]
     platform, axes = recordings[0].platform, read_axes(recordings[0])
+    single = [word for word in more if is_single_term(word, platform, axes)]
     chosen = terms or usual_terms(axes)
     stated = _stated([r.noise.get("gimbal_angle") for r in recordings])
-    also = extra_effects(more, recordings, chosen)
+    also = extra_effects([word for word in more if word not in single], recordings, chosen)
     follows = all(v.noise.own_memories for v in runs)  # stars show the first term of a series alone
 
-    def of_terms(names: Sequence[str]) -> tuple[Parameter, ...]:
-        return tuple(p for p in wanted_parameters(platform, axes, names) if follows or order_of(p) == 1)
+    def shown(p: Parameter) -> bool:
+        return follows or order_of(p) == 1
 
-    sizes, wanted = tuple(p for e in also for p in of_terms(_named(e))), of_terms(chosen)
+    def of_terms(names: Sequence[str]) -> tuple[Parameter, ...]:
+        return tuple(filter(shown, wanted_parameters(platform, axes, names)))
+
+    wanted = _less(_more(of_terms(chosen), of_terms(single)), of_terms(without))
+    sizes = tuple(p for e in also for p in of_terms(_named(e)))
     fitted = fit_terms(runs, wanted, stated)
     extra = NO_EXTENSION
     if also:
@@ -68,9 +83,11 @@ def pointing_calibration(
         fitted = fit_terms(runs, (*wanted, *extra.parameters), stated, extra.effects)
     several = by_night(fitted, stated)
     latitude = next((r.site.latitude for r in recordings if r.site.latitude is not None), None)
+    residual, stars = _residual(fitted), sum(len(v) for v in runs)
+    free = stars - len(fitted.parameters)
     calibration = fitted.calibration(
         "pointing",
-        _residual(fitted),
+        residual,
         outcome=" ".join(filter(None, [_misfit(fitted, stated), _differ(several)])),
         provenance=Provenance(
             noise=AssumedNoise(
@@ -79,11 +96,40 @@ def pointing_calibration(
             ),
             pattern=pattern(fitted, axes),
             far_off=far_off(fitted, before),
-            stars=sum(len(v) for v in runs),
+            stars=stars,
+            population_sd_arcsec=_on_sky(residual) * sqrt(stars / free) if free > 0 else None,
+            term_tests=term_tests(fitted, [*filter(shown, estimable_parameters(platform, axes))], stated is not None),
             mount=mount_axes(recordings[0].platform, latitude),
         ),
     )
-    return extra.complete(_with_names(calibration, several))
+    reference: Calibration | None = None
+    if terms or more or without:
+        with suppress(InputError):  # the stars may be too few for the usual terms
+            usual = fit_terms(runs, of_terms(usual_terms(axes)), stated)
+            reference = usual.calibration("pointing", residual, provenance=calibration.provenance)
+    return extra.complete(_with_names(calibration, reference, several))
+
+
+def _more(wanted: Sequence[Parameter], added: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Return the parameters with those that are added. Raises InputError for one that is among them."""
+    if present := [p.label for p in added if p in wanted]:
+        raise InputError(f"--with {', '.join(present)}: in the model of this method anyway; leave it out")
+    return (*wanted, *added)
+
+
+def _less(wanted: Sequence[Parameter], omitted: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Return the parameters without those that are omitted. Raises InputError for one that is not among them."""
+    if absent := [p.label for p in omitted if p not in wanted]:
+        has = ", ".join(p.label for p in wanted)
+        raise InputError(f"--without {', '.join(absent)}: not in the model, which has {has}")
+    if len(omitted) == len(wanted):
+        raise InputError("--without omits every term of the model: keep one of them")
+    return tuple(p for p in wanted if p not in omitted)
+
+
+def _on_sky(residual: Residual) -> float:
+    """Return the root mean square of the residual of a star on the sky [arcsec]."""
+    return float(from_si(sqrt(sum(v**2 for v in residual.rms.values())), "arcsec"))
 
 
 def _named(one: ExtraEffect) -> tuple[str, ...]:
@@ -91,8 +137,9 @@ def _named(one: ExtraEffect) -> tuple[str, ...]:
     return tuple(f"{one.effect}:{axis}" for axis in one.axes) or (one.effect,)
 
 
-def _with_names(calibration: Calibration, several: Nights | None) -> Calibration:
-    origin = replace(calibration.provenance, tpoint=printed(tpoint_terms(calibration)))
+def _with_names(calibration: Calibration, reference: Calibration | None, several: Nights | None) -> Calibration:
+    terms = [tpoint_terms(c) if c else () for c in (calibration, reference)]
+    origin = replace(calibration.provenance, tpoint=printed(*terms))
     if several is not None:
         origin = replace(origin, nights=printed_nights(several), same_terms_every_night=several.probability)
     return replace(calibration, provenance=origin)

@@ -1,0 +1,145 @@
+r"""Tests of the terms of a mount, one by one: the residual without a term of the model, and with one more.
+
+.. math:: F = \frac{(S_0 - S_1) / k}{S_1 / \nu}
+
+with S_0, S_1 the weighted sums of squares without and with the k parameters of a term, and nu the degrees of freedom of
+the larger model; a stated noise takes the place of S_1 / nu. The models are linear about the estimate.
+
+An effect outside the model whose constant must be sought (the teeth of a worm, an order, the instant of a step) is no
+candidate: `gimbalcal diagnose` seeks it, and accounts for the number of values tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from math import sqrt
+
+import numpy as np
+
+from gimbalcal.calibration.exchange.tpoint_model import term_names
+from gimbalcal.calibration.provenance import TermTest
+from gimbalcal.effects import CATALOGUE, Parameter, absent
+from gimbalcal.effects.effect import constants
+from gimbalcal.estimate.extra_effects import columns_of_sizes
+from gimbalcal.estimate.fit import ViewsFit
+from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.p_value import probability
+from gimbalcal.number import Array
+from gimbalcal.units import from_si
+
+MIN_INDEPENDENT_SHARE = 1e-3  # of a column that the model does not span, below which stars do not distinguish the term
+MAX_CORRELATIONS = 2  # of each term that are reported, the largest
+
+
+def term_tests(fitted: ViewsFit, candidates: Sequence[Parameter], stated: bool) -> tuple[TermTest, ...]:
+    """Return the tests of the terms of a fit, in its order, then those of candidates, the smallest residual first.
+
+    stated: whether the noise of a star is stated. Candidates of the model itself, or that it spans, have no test.
+    """
+    tests = _Tests(fitted, stated)
+    outside = [p for p in candidates if p not in fitted.parameters and not constants(CATALOGUE[p.effect])]
+    added = [tests.of_candidate(p, column) for p, column in zip(outside, tests.columns(outside).T, strict=True)]
+    return (*tests.of_model(), *sorted(filter(None, added), key=lambda t: t.rms_with_arcsec))
+
+
+class _Tests:
+    """The whitened rows of a fit: Jacobian J (q, p), residual r (q,), and one sigma (q,) of each row [rad]."""
+
+    def __init__(self, fitted: ViewsFit, stated: bool) -> None:
+        self.fitted, self.stated = fitted, stated
+        self.J, r = fitted.whitened
+        self.Q = basis(self.J)
+        self.r = r - self.Q @ (self.Q.T @ r)
+        self.sigma = np.concatenate([s.ravel() for s in fitted.sigma])
+        self.stars = sum(map(len, fitted.views))
+        self.names = term_names(fitted.views[0].source.platform)
+
+    def of_model(self) -> list[TermTest]:
+        """Return the test of each parameter of the model; the parameters of an effect with constants are one term."""
+        parameters, R, out = self.fitted.parameters, correlations(self.fitted.covariance), []
+        for group in _terms(parameters):
+            sizes = [i for i in group if not _is_constant(parameters[i])]
+            y, Q = self.r + self.J[:, sizes] @ self.fitted.x[sizes], basis(np.delete(self.J, group, axis=1))
+            others = {q.label: float(R[i, j]) for i in group for j, q in enumerate(parameters) if j not in group}
+            p = parameters[group[0]]
+            estimate = _Estimate(p, self.fitted.x[group[0]], self.fitted.sigmas[group[0]]) if len(group) == 1 else None
+            out.append(self._test(estimate or p.effect, True, y - Q @ (Q.T @ y), self.r, len(group), others))
+        return out
+
+    def of_candidate(self, p: Parameter, column: Array) -> TermTest | None:
+        """Return the test of a parameter with this whitened column (q,); None where the model spans it."""
+        own = column - self.Q @ (self.Q.T @ column)
+        square = float(own @ own)
+        if not square > (MIN_INDEPENDENT_SHARE * np.linalg.norm(column)) ** 2:
+            return None
+        x = float(own @ self.r) / square
+        left = self.r - own * x
+        scale = 1.0 if self.stated else sqrt(float(left @ left) / max(self.fitted.solution.dof - 1, 1))
+        A = np.column_stack([self.J, column])
+        A /= np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        R = correlations(np.linalg.pinv(A.T @ A))[-1]
+        others = {q.label: float(c) for q, c in zip(self.fitted.parameters, R[:-1], strict=True)}
+        return self._test(_Estimate(p, x, scale / sqrt(square)), False, self.r, left, 1, others)
+
+    def columns(self, wanted: Sequence[Parameter]) -> Array:
+        """Return whitened derivatives (q, k) of the rows by parameters of absent effects."""
+        by_effect = [list(group) for _, group in groupby(wanted, key=lambda p: p.effect)]
+        axes = self.fitted.views[0].stimulus.axis_names
+        effects = [absent(CATALOGUE[group[0].effect], axes) for group in by_effect]
+        each = [columns_of_sizes(v.evaluate(self.fitted.effects), effects, wanted) for v in self.fitted.views]
+        return np.concatenate([c.reshape(-1, len(wanted)) for c in each]) / self.sigma[:, None]
+
+    def _test(
+        self, term: _Estimate | str, in_model: bool, without: Array, left: Array, k: int, others: Mapping[str, float]
+    ) -> TermTest:
+        """Return the test of a term from the residuals (q,) without it and with it, of k parameters."""
+        dof = None if self.stated else max(self.fitted.solution.dof - (0 if in_model else k), 0)
+        gain, scale = float(without @ without - left @ left), 1.0 if dof is None else float(left @ left) / max(dof, 1)
+        F = max(gain, 0.0) / k / max(scale, 1e-300)
+        largest = sorted(others, key=lambda label: -abs(others[label]))[:MAX_CORRELATIONS]
+        label = term if isinstance(term, str) else term.parameter.label
+        return TermTest(
+            label, in_model, self._rms(without), self._rms(left), F, (k, dof),
+            probability(k * F, k, np.inf if dof is None else dof), {q: others[q] for q in largest},
+            self.names.get(label), *((None, None, None) if isinstance(term, str) else term.printed),
+        )  # fmt: skip
+
+    def _rms(self, r: Array) -> float:
+        """Return the root mean square on the sky [arcsec] of a whitened residual (q,)."""
+        return float(from_si(sqrt(float(np.sum((r * self.sigma) ** 2)) / self.stars), "arcsec"))
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """A parameter with its estimate and one sigma [SI]."""
+
+    parameter: Parameter
+    x: float
+    sigma: float
+
+    @property
+    def printed(self) -> tuple[float, float, str]:
+        """Value, sigma and unit as calibration.json states them."""
+        unit = self.parameter.unit
+        return float(from_si(self.x, unit)), float(from_si(self.sigma, unit)), unit
+
+
+def _terms(parameters: Sequence[Parameter]) -> list[list[int]]:
+    """Return the ordinals of the parameters of each term: one, or all of an effect that has constants."""
+    terms: dict[object, list[int]] = {}
+    for i, p in enumerate(parameters):
+        terms.setdefault(p.effect if constants(CATALOGUE[p.effect]) else p, []).append(i)
+    return list(terms.values())
+
+
+def _is_constant(p: Parameter) -> bool:
+    return p.field in {f.name for f in constants(CATALOGUE[p.effect])}
+
+
+def correlations(covariance: Array) -> Array:
+    """Return the correlations (p, p) of a covariance; zero where a variance is."""
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    inverse = np.where(sigma > 0, 1 / np.where(sigma > 0, sigma, 1.0), 0.0)
+    return np.asarray(covariance * inverse * inverse[:, None])
