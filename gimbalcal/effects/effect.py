@@ -263,7 +263,9 @@ def with_values(
     by_id = {e.id: e for e in effects}
     changes: dict[str, dict[str, Any]] = {}
     for p, value in zip(wanted, x, strict=True):
-        present = by_id.setdefault(p.effect, absent(CATALOGUE[p.effect], gimbals))
+        if p.effect not in by_id:
+            by_id[p.effect] = absent(CATALOGUE[p.effect], gimbals)
+        present = by_id[p.effect]
         fields = changes.setdefault(p.effect, {})
         if p.field not in fields:
             old = getattr(present, p.field)
@@ -272,7 +274,7 @@ def with_values(
             fields[p.field][p.index] = value
         else:
             fields[p.field] = value
-    return tuple(dataclasses.replace(e, **changes.get(i, {})) for i, e in by_id.items())
+    return tuple(dataclasses.replace(e, **changes[i]) if i in changes else e for i, e in by_id.items())
 
 
 def equation(cls: type[Effect]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from gimbalcal.kinematics import DOWN, navigation_to_platform, required_latitude
 from gimbalcal.number import STEP, Array, apply_matrix, arctan2, cos, sin
 from gimbalcal.platform import Platform
 from gimbalcal.rotation import tilt_rotation
+
+SENSED = ("specific_force", "angular_rate")  # by sensors in one block
 
 
 def predict(
@@ -27,14 +29,20 @@ def predict(
     seen direction minus target across the innermost axis' plane and along it. Float, complex or symbolic, as the
     parameters are.
     """
-    outputs = {"static-run": _inertially_fixed, "pointing": _line_of_sight}.get(kind, _sensors_on_gimbals)
-    return outputs(platform, s, effects)
+    other = {"static-run": _inertially_fixed, "pointing": _line_of_sight}.get(kind)
+    return other(platform, s, effects) if other else sensors(block_force(platform, s, effects), s, effects)
 
 
-def _sensors_on_gimbals(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
-    force = _encoder_referenced(platform, s, effects)
-    rate = gyroscopes(s.rate, s.at(force=force), effects)
-    return {"specific_force": accelerometers(force, s, effects), "angular_rate": rate}
+def sensors(
+    force: Array, s: Stimulus, effects: Sequence[Effect], quantities: Container[str] = SENSED
+) -> dict[str, Array]:
+    """Return the outputs of accelerometers and gyroscopes in a block that feels the specific force f^p (n, 3)."""
+    out = {}
+    if "specific_force" in quantities:
+        out["specific_force"] = accelerometers(force, s, effects)
+    if "angular_rate" in quantities:
+        out["angular_rate"] = gyroscopes(s.rate, s.at(force=force), effects)
+    return out
 
 
 def _line_of_sight(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
@@ -51,7 +59,7 @@ def _rotation(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array:
     return np.eye(3) if isinstance(tilt, float) else tilt_rotation(tilt)
 
 
-def _encoder_referenced(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
+def block_force(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Return f^p (n, 3) where the encoders say where the platform points; without gimbals the stimulus says it."""
     if not platform.axes:
         tilt = _total(effects, Stage.PLATFORM, s)

@@ -18,8 +18,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, values, with_values
-from gimbalcal.effects.effect import GYROSCOPE_STAGES
-from gimbalcal.forward.model import on_target, predict
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
+from gimbalcal.forward.model import SENSED, block_force, on_target, predict, sensors
 from gimbalcal.number import STEP, Array, complex_step
 from gimbalcal.platform import Platform
 from gimbalcal.recording.record import Key
@@ -148,9 +148,18 @@ def linearise(
     """
     if kind == "pointing":
         s = on_target(platform, s)
-    outputs = predict(platform, s, effects, kind)
-    keys = tuple(channels) if channels is not None else _every(platform, outputs)
-    predicted = picked(platform, outputs, keys)
+    force = None if kind in ("static-run", "pointing") else block_force(platform, s, effects)
+    quantities = {q for q, _ in channels} if channels is not None else set(SENSED)
+
+    def outputs(effects: Sequence[Effect], stage: Stage | None = None) -> dict[str, Array]:
+        if force is None:
+            return predict(platform, s, effects, kind)
+        behind = stage is None or stage in SENSOR_STAGES | GYROSCOPE_STAGES  # the force on the block is what it was
+        return sensors(force if behind else block_force(platform, s, effects), s, effects, quantities)
+
+    unperturbed = outputs(effects)
+    keys = tuple(channels) if channels is not None else _every(platform, unperturbed)
+    predicted = picked(platform, unperturbed, keys)
     stimuli: dict[Stage, Stimulus] = {}
     sensitivity: dict[Stage, Array] = {}
     for stage in stages:
@@ -160,7 +169,7 @@ def linearise(
         shape = _added(stage, platform)
         for unit in np.eye(int(np.prod(shape))):
             probe = _PROBES[stage](value=(1j * STEP * unit).reshape(shape), met=stimuli)
-            added = picked(platform, predict(platform, s, (*effects, probe), kind), keys)
+            added = picked(platform, outputs((*effects, probe), stage), keys)
             columns.append(added.imag / STEP)
             if stage not in stimuli:
                 break

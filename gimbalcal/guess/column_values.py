@@ -31,6 +31,7 @@ LSB_DEG_S = (1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 16, 0.07, 0.035, 0.0175,
 ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are printed, whatever they are
 MAX_UNEVENNESS = 3.0  # nats, between the scatter of the axes of one triad
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
+MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbers
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 _MATRIX = re.compile(r"(^|_)[a-z]?_?[0-3]_?[0-3](_|$)")  # elements of a matrix, M11, r_0_1
 GRAVITY = {"m/s^2": G0, "g": 1.0, "ft/s^2": G0 / 0.3048, "mg": 1e3, "Gal": 100 * G0, "ug": 1e6, "mGal": 1e5 * G0}
@@ -172,7 +173,8 @@ def _unlike_gravity(triple: Sequence[Array]) -> tuple[bool, float]:
 
 def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
     """Return the unit of accelerometers x, y, z (n,) by the length of gravity, and why."""
-    length = float(np.median(_length(triad)))
+    every = max(1, len(triad[0]) // MAX_SAMPLED_ROWS)
+    length = float(np.median(_length([x[::every] for x in triad])))
     for unit, size in GRAVITY.items():
         if abs(length / size - 1) < MAX_GRAVITY_ERROR:
             return unit, f"at rest the three together are {length:.4g}, and gravity is {size:.4g} {unit}"
@@ -189,9 +191,11 @@ def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[floa
     e^2, :math:`\frac{1}{2} (\ln(\sigma / 0.05) / 2)^2`, their bias a few deg/s. The step in which they are quantised is
     one of a chip's in one unit only. counted: the accelerometers of the log are counts.
     """
-    fastest = max(float(np.abs(x - np.median(x)).max(initial=0.0)) for x in triad)
-    scatter = max(float(np.median(np.abs(np.diff(x)))) / 0.954 if len(x) > 1 else 0.0 for x in triad)
-    bias = max(abs(float(np.median(x))) for x in triad)
+    every = max(1, len(triad[0]) // MAX_SAMPLED_ROWS)
+    levels = [float(np.median(x[::every])) for x in triad]
+    fastest = max(float(np.abs(x - level).max(initial=0.0)) for x, level in zip(triad, levels, strict=True))
+    scatter = max(float(np.median(np.abs(x[1::every] - x[:-1:every]))) / 0.954 if len(x) > 1 else 0.0 for x in triad)
+    bias = max(map(abs, levels))
     whole, step = _are_counts(triad), max(map(quantum, triad))
     out = {}
     for unit, prior in RATE_UNIT_COSTS.items():

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gimbalcal.number import Array
+from gimbalcal.recording.dwell import Dwell
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import to_si
 
@@ -93,6 +94,15 @@ class Log:
         return replace(self, columns={name: means.get(name, x[: n // size * size : size])
                                       for name, x in self.columns.items()})  # fmt: skip
 
+    def shortened(self, dwells: Iterable[Dwell], rows: int) -> Log:
+        """Return the log with `rows` rows of each dwell at either end, without those between them and their time."""
+        kept = np.ones(len(self.columns[self.clock]), dtype=bool)
+        for dwell in dwells:
+            kept[dwell.start + rows : dwell.stop - rows] = False
+        time = self.columns[self.clock]
+        step = np.diff(time, prepend=2 * time[0] - time[1])
+        return self.rows(kept).including({}, {self.clock: time[0] + np.cumsum(step[kept]) - step[0]})
+
     def rows(self, chosen: Array) -> Log:
         """Return some of the rows."""
         return replace(self, columns={name: x[chosen] for name, x in self.columns.items()})
@@ -101,6 +111,9 @@ class Log:
 def _means(x: Array, size: int) -> Array:
     """Return the means of `size` successive rows of x (n,), those without a value left out."""
     blocks = x[: len(x) // size * size].reshape(-1, size)
+    total = sum(blocks.T, start=np.zeros(len(blocks)))  # by columns: rows of a few numbers are slow to add up
+    if np.isfinite(total).all():
+        return np.asarray(total / size)
     known = np.isfinite(blocks)
     count = known.sum(axis=1)
     total = np.where(known, blocks, 0.0).sum(axis=1)

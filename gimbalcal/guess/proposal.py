@@ -51,6 +51,7 @@ from gimbalcal.number import Array
 from gimbalcal.quantities import check
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
+from gimbalcal.recording.dwell import Dwell
 from gimbalcal.recording.frames import Rig
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
 
@@ -62,6 +63,7 @@ BLOCK_S, MAX_CHANGE_RAD_S = 0.5, np.radians(0.5)  # means of gyroscopes at rest 
 FACTOR_COST = 5.0  # nats, of turns that fit gravity at some factor of all rates
 FACTORS = np.geomspace(1 / 3, 3, 89)  # of all rates, in steps of 2.5 %
 MAX_TRIAL_ROWS, MAX_TRIAL_MEAN = 300_000, 5  # rows of a log that is tried in several units, and in one mean of it
+MAX_DWELL_ROWS = 1000  # at either end of a dwell: enough for its mean and for the floor of the noise
 GUESSED_UNITS = ("time", FORCE, RATE)
 NOISE_FROM_ROWS = "taken from the rows, where nothing is stated"
 
@@ -291,12 +293,13 @@ def _beside_reference(log: Log, context: _Context, above: Sequence[str]) -> Prop
 def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Proposal:
     """Return the recording of a unit at rest in several attitudes, in the units that numbers and turns make likeliest.
 
-    A log of more rows than `MAX_TRIAL_ROWS` is tried in each choice of units by means over successive rows. Raises
-    InputError where the likeliest units are refused and no others are nearly as likely.
+    A log of more rows than `MAX_TRIAL_ROWS` is tried in each choice of units by means over successive rows; once dwells
+    are found in them, by `MAX_DWELL_ROWS` at either end of each. Raises InputError where the likeliest units are
+    refused and no others are nearly as likely.
     """
     refused: list[tuple[float, InputError]] = []
     best: tuple[float, Proposal, Log] | None = None
-    runner_up, of_means = (np.inf, "", log), False
+    runner_up, of_means, at_rest = (np.inf, "", log), False, tuple[Dwell, ...]()
     candidates = unit_candidates(log, above)
     for candidate in candidates:
         if best and candidate.cost > best[0] + MIN_MARGIN:
@@ -304,11 +307,14 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         trial = candidate.log.thinned(MAX_TRIAL_ROWS, MAX_TRIAL_MEAN) if len(candidates) > 1 else candidate.log
         cost = candidate.cost + (motion_cost(trial) if log.has_open_unit(RATE) else 0.0)
         try:
+            trial = trial.shortened(at_rest, MAX_DWELL_ROWS) if at_rest else trial
             proposal, used = _tried(trial, candidate.log, context)
         except InputError as problem:
             moving = isinstance(problem, _MovingUnitError)
             refused.append((cost + (MIN_MARGIN - MAX_EXCESS if moving else 0.0), problem))
             continue
+        if not at_rest and used is not candidate.log and len(proposal.recording.time) == len(trial.seconds):
+            at_rest = dwells(proposal.recording)
         cost += _physical_cost(proposal.recording, log.has_open_unit("time"))
         if best is None or cost < best[0]:
             runner_up = (best[0], _units_in_words(best[2]), best[2]) if best else runner_up

@@ -44,19 +44,19 @@ class Filtered(NamedTuple):
 
 
 def filter(  # noqa: A001 - always written with its module's name
-    Phi: Array, Psi: Array, Q: Array, d: Array, z: Array, index: Array, R: Array,
+    Phi: Array, Psi: Array, root: Array, d: Array, z: Array, index: Array, R: Array,
     x: Array, theta: Array, S: Array, gate: float = np.inf, jump: float = 0.0, smoothed: int | None = None,
 ) -> Filtered:  # fmt: skip
     """Filter forward over K steps, each a transition, then measurements z (K, c) of the states `index` (c,).
 
-    Phi (K, m, m), Psi (K, m, p), Q (K, m, m), d (K, m); R (K, c) variances; x (m,), theta (p,) and S (m + p, m + p)
-    upper triangular at the start. A step whose normalised innovation squared exceeds `gate` is not used, and the states
-    that it would have measured get the scatter `jump`, as a knock changes a state permanently. smoothed: number of
-    first states for a smoother (default: all).
+    Phi (K, m, m), Psi (K, m, p), root (K, m, m) of Q, see `roots`, d (K, m); R (K, c) variances; x (m,), theta (p,) and
+    S (m + p, m + p) upper triangular at the start. A step whose normalised innovation squared exceeds `gate` is not
+    used, and the states that it would have measured get the scatter `jump`, as a knock changes a state permanently.
+    smoothed: number of first states for a smoother (default: all).
     """
     K, m, p = len(Phi), len(x), len(theta)
     n, c = m + p, z.shape[1]
-    root, few = _roots(Q), m if smoothed is None else smoothed
+    few = m if smoothed is None else smoothed
     out = Filtered(
         np.empty((K + 1, m)), np.empty((K + 1, m)), np.empty((K + 1, p)), np.empty((K + 1, p)), np.full((K, c), np.nan),
         np.full((K, c), np.nan), np.array(S, dtype=float), np.zeros((K, c, n)), np.empty((K + 1, few, n)),
@@ -64,11 +64,12 @@ def filter(  # noqa: A001 - always written with its module's name
     )  # fmt: skip
     state = np.concatenate([x, theta])
     arrays = (np.ascontiguousarray(a, dtype=float) for a in (Phi, Psi, root, d, z, R))
-    _filter(*arrays, np.asarray(index, dtype=np.int64), state, gate, jump, *out)
-    return out
+    T = np.array(out.factor.T, order="C")
+    _filter(*arrays, np.asarray(index, dtype=np.int64), state, T, gate, jump, *out[:6], *out[7:])
+    return out._replace(factor=np.ascontiguousarray(T.T))
 
 
-def _roots(Q: Array) -> Array:
+def roots(Q: Array) -> Array:
     """Return Q^(1/2) (K, m, m); Q may be singular, as noise enters some states through others only.
 
     The last states may have independent noise (chains of a process), which is not decomposed.
@@ -96,6 +97,7 @@ def _filter(
     R: Array,
     index: Array,
     state: Array,
+    T: Array,
     gate: float,
     jump: float,
     x: Array,
@@ -104,26 +106,33 @@ def _filter(
     theta_sigma: Array,
     innovation: Array,
     variance: Array,
-    S: Array,
     gain: Array,
     cross: Array,
     distance_of: Array,
 ) -> None:
+    # T is S transposed: all inner loops go along its rows, which lets the processor take several numbers at once
     K, m, n, C = Phi.shape[0], Phi.shape[1], len(state), len(index)
-    top, W, old, S_old = np.zeros((m, n)), np.zeros((2 * m, m)), np.zeros(n), np.zeros((n, n))
-    one, none, zeros, nothing = np.eye(m), np.zeros((m, n - m)), np.zeros((m, m)), np.zeros(m)
-    _keep(0, m, state, S, x, sigma, theta, theta_sigma, cross)
+    top, W, old, T_old = np.zeros((n, m)), np.zeros((2 * m, m)), np.zeros(n), np.zeros((n, n))
+    one, none, zeros, nothing, square = np.eye(m), np.zeros((n - m, m)), np.zeros((m, m)), np.zeros(m), np.zeros(n)
+    Phi_k, Psi_k = np.zeros((m, m)), np.zeros((n - m, m))
+    _keep(0, m, state, T, square, x, sigma, theta, theta_sigma, cross)
     for k in range(K):
-        _step(Phi[k], Psi[k], root[k], d[k], m, state, S, top, W)
-        old[:] = state
-        S_old[:, :] = S
+        for i in range(m):
+            for j in range(m):
+                Phi_k[j, i] = Phi[k, i, j]
+            for j in range(n - m):
+                Psi_k[j, i] = Psi[k, i, j]
+        _step(Phi_k, Psi_k, root[k], d[k], m, state, T, top, W)
+        if gate < np.inf:
+            old[:] = state
+            T_old[:, :] = T
         distance = 0.0
         for c in range(C):
             if np.isnan(z[k, c]):
                 continue
             i = index[c]
             y = z[k, c] - state[i]
-            s = _carlson(S, i, R[k, c], gain[k, c])
+            s = _carlson(T, i, R[k, c], gain[k, c])
             for j in range(n):
                 state[j] += gain[k, c, j] * y
             innovation[k, c], variance[k, c] = y, s
@@ -131,48 +140,53 @@ def _filter(
         distance_of[k] = distance
         if distance > gate:
             state[:] = old
-            S[:, :] = S_old
+            T[:, :] = T_old
             for c in range(C):
                 innovation[k, c] = variance[k, c] = np.nan
                 zeros[index[c], index[c]] = jump
             if jump > 0:
-                _step(one, none, zeros, nothing, m, state, S, top, W)
-        _keep(k + 1, m, state, S, x, sigma, theta, theta_sigma, cross)
+                _step(one, none, zeros, nothing, m, state, T, top, W)
+        _keep(k + 1, m, state, T, square, x, sigma, theta, theta_sigma, cross)
 
 
 @compiled
-def _step(Phi: Array, Psi: Array, root: Array, d: Array, m: int, state: Array, S: Array, top: Array, W: Array) -> None:
-    """Propagate state and factor over one transition, in place; top (m, n) and W (2 m, m) are work space."""
+def _step(Phi: Array, Psi: Array, root: Array, d: Array, m: int, state: Array, T: Array, top: Array, W: Array) -> None:
+    """Propagate state and factor over one transition, in place; Phi and Psi are transposed.
+
+    top (n, m) and W (2 m, m) are work space.
+    """
     n = len(state)
     for i in range(m):
         total = d[i]
         for j in range(m):
-            total += Phi[i, j] * state[j]
+            total += Phi[j, i] * state[j]
         for j in range(m, n):
-            total += Psi[i, j - m] * state[j]
+            total += Psi[j - m, i] * state[j]
         W[0, i] = total
-        for l in range(n):
-            top[i, l] = 0.0
-        for j in range(m):  # along the rows of S, which is upper triangular
-            a = Phi[i, j]
-            for l in range(j, n):
-                top[i, l] += a * S[j, l]
-        for j in range(m, n):
-            a = Psi[i, j - m]
-            for l in range(j, n):
-                top[i, l] += a * S[j, l]
     for i in range(m):
         state[i] = W[0, i]
+    for l in range(n):  # along the rows of T, which is lower triangular
+        for i in range(m):
+            top[l, i] = 0.0
+        for j in range(min(m, l + 1)):
+            a = T[l, j]
+            for i in range(m):
+                top[l, i] += Phi[j, i] * a
+        for j in range(m, l + 1):
+            a = T[l, j]
+            for i in range(m):
+                top[l, i] += Psi[j - m, i] * a
     for i in range(m):  # upside down, so that what Householder leaves is upper triangular the right way round
         for j in range(m):
-            W[j, m - 1 - i] = top[i, j]
+            W[j, m - 1 - i] = top[j, i]
             W[m + j, m - 1 - i] = root[i, j]
     _triangular(W)
-    for i in range(m):
-        for j in range(m):
-            S[i, j] = W[m - 1 - j, m - 1 - i] if j >= i else 0.0
-        for j in range(m, n):
-            S[i, j] = top[i, j]
+    for j in range(m):
+        for i in range(m):
+            T[j, i] = W[m - 1 - j, m - 1 - i] if j >= i else 0.0
+    for j in range(m, n):
+        for i in range(m):
+            T[j, i] = top[j, i]
 
 
 @compiled
@@ -203,44 +217,42 @@ def _triangular(W: Array) -> None:
 
 @compiled
 def _keep(
-    k: int, m: int, state: Array, S: Array, x: Array, sigma: Array, theta: Array, theta_sigma: Array, cross: Array
-) -> None:
-    n = len(state)
+    k: int, m: int, state: Array, T: Array, square: Array, x: Array, sigma: Array, theta: Array, theta_sigma: Array,
+    cross: Array,
+) -> None:  # fmt: skip
+    n, smoothed = len(state), cross.shape[1]
+    square[:] = 0.0
+    cross[k] = 0.0
+    for l in range(n):
+        for i in range(l + 1):
+            square[i] += T[l, i] * T[l, i]
+        for i in range(min(smoothed, l + 1)):
+            a = T[l, i]
+            for j in range(l + 1):
+                cross[k, i, j] += a * T[l, j]
     for i in range(n):
         if i < m:
-            x[k, i] = state[i]
-        total = 0.0
-        for l in range(i, n):
-            total += S[i, l] * S[i, l]
-        if i < m:
-            sigma[k, i] = np.sqrt(total)
+            x[k, i], sigma[k, i] = state[i], np.sqrt(square[i])
         else:
-            theta[k, i - m] = state[i]
-            theta_sigma[k, i - m] = np.sqrt(total)
-    for i in range(cross.shape[1]):
-        for j in range(n):
-            total = 0.0
-            for l in range(max(i, j), n):
-                total += S[i, l] * S[j, l]
-            cross[k, i, j] = total
+            theta[k, i - m], theta_sigma[k, i - m] = state[i], np.sqrt(square[i])
 
 
 @compiled
-def _carlson(S: Array, i: int, r: float, gain: Array) -> float:
-    """Update S after a measurement of state i with variance r, and the gain; return the innovation's variance."""
-    n = S.shape[0]
+def _carlson(T: Array, i: int, r: float, gain: Array) -> float:
+    """Update T after a measurement of state i with variance r, and the gain; return the innovation's variance."""
+    n = T.shape[0]
     total = r
     for j in range(n):
         gain[j] = 0.0
     for l in range(i, n):
-        a = S[i, l]
+        a = T[l, i]
         after = total + a * a
         beta = np.sqrt(total * after)
         keep, take = total / beta, a / beta
         total = after
         for j in range(l + 1):
-            old = S[j, l]
-            S[j, l] = keep * old - take * gain[j]
+            old = T[l, j]
+            T[l, j] = keep * old - take * gain[j]
             gain[j] += a * old
     for j in range(n):
         gain[j] /= total

@@ -88,7 +88,7 @@ def _transitions(
     # at rest: Earth rate, what velocity and latitude do to the rates of the frame, and gravity over the place
     earth = EARTH_RATE * cL, -EARTH_RATE * sL, 1 / RM, 1 / RN, sL / cL / RN, place[1] / RM, place[2]
     C, mid, v, p = np.empty((3, 3)), np.empty((3, 3)), np.zeros(3), np.zeros(3)
-    M, x = np.zeros((NAV, NAV + n_p)), np.zeros(NAV)
+    M, x = np.zeros((NAV + n_p, NAV)), np.zeros(NAV)  # M: a row for each initial error and parameter
     for k in range(len(start)):
         C[:] = start[k]
         v[:] = 0.0
@@ -105,14 +105,10 @@ def _transitions(
                 for l in range(3):
                     mid[i, l] = h * (mid[i, l] + C[i, l]) / 2
             for c in range(NAV + n_p):
-                for i in range(NAV):
-                    x[i] = M[i, c]
                 e = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                 if c >= NAV:
                     e = _felt(mid, D, group[j], c - NAV)
-                _grow(x, e, f, h, earth)
-                for i in range(NAV):
-                    M[i, c] = x[i]
+                _grow(M[c], e, f, h, earth)
             for c in range(NAV):  # S N, then (S N) S^T
                 for i in range(NAV):
                     x[i] = N[i, c]
@@ -136,9 +132,9 @@ def _transitions(
                         N[i, l] += q[j, c] * x[i] * x[l]
         for i in range(NAV):
             for c in range(NAV):
-                Phi[k, i, c] = M[i, c]
+                Phi[k, i, c] = M[c, i]
             for c in range(n_p):
-                Psi[k, i, c] = M[i, NAV + c]
+                Psi[k, i, c] = M[NAV + c, i]
             for c in range(i):
                 N[i, c] = N[c, i] = (N[i, c] + N[c, i]) / 2
         C_end[k], v_end[k] = C, v

@@ -26,6 +26,7 @@ accelerometer sees). Two stretches between which the unit was knocked but not tu
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -40,6 +41,7 @@ WINDOW = 1.0  # s; the longest: longer than the ringing of a hand, shorter than 
 SHORTEST_WINDOW = 0.1  # s; a quarter of the shortest dwell that a hand holds
 MIN_ROWS = 9  # of a window: below that the variance of noise itself scatters by the threshold
 LONGER = 4  # windows, whose floor is compared
+OVERLAP = 16  # windows of that length that hold a row: their floor is needed to a few percent
 GROWTH = 1.25  # of the floor from one window to `LONGER` of them, at rest
 QUIET_FORCE = 1e-3  # of the force; no hand and no vehicle holds still to a milli-g, whatever the colour of its noise
 QUIET_RATE = 1e-3  # rad/s
@@ -49,7 +51,7 @@ FLOORS = ((0.10, -1.2816), (0.03, -1.8808))  # quantile and normal deviate: rest
 UNUSUAL = 3.0  # times the variance that most rests have: a hand that still moves, beside others on a table
 SHAKEN = 20.0  # times the usual scatter of a gyroscope at rest: in the hand half of all rests reach ten
 SUMMED = 2  # windows in one sum: next to a turn, gyroscopes of 1e-4 deg/h are at the end of a double
-PIECES = 1000  # of them at a time: the sums of a day would take a gigabyte
+PIECES = 200  # of them at a time: their sums stay in the cache of a processor
 RAW_TURNING = 100.0  # times the usual distance from the level, of counts whose size nobody knows
 TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's rate and any drift of a bias
 
@@ -71,12 +73,11 @@ def detect(
     triads = [[*t.values()] for t in (channels, rates) if t]
     position = np.zeros(n, dtype=np.int64)
     level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
-    m, floor = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
+    m, floor, variances = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
     if m == 0:
         return position
     restless = np.zeros(n)
-    for x, f in zip(triads[0], floor, strict=True):
-        v = _windows(x, m)[1]
+    for v, f in zip(variances, floor, strict=True):
         scaled = v / f if f > 0 else np.where(v > 0, np.inf, 0.0)
         np.maximum(restless, np.pad(scaled, m // 2, mode="edge"), out=restless)
     still = restless <= _threshold(m)
@@ -113,36 +114,56 @@ def with_rests(recording: Recording) -> Recording:
     if recording.position is not None:
         return recording
     forces, rates = ({a: recording.channels[q, a] for a in recording.axes(q)} for q in (FORCE, RATE))
-    return replace(recording, position=detect(recording.time, forces or rates, rates, recording.counted(RATE)))
+    arrays = (recording.time, *forces.values(), *rates.values())
+    before = [each() for each in _LAST[0][0]] if _LAST else []
+    if len(before) != len(arrays) or any(a is not b for a, b in zip(arrays, before, strict=True)):
+        position = detect(recording.time, forces or rates, rates, recording.counted(RATE))
+        _LAST[:] = [([weakref.ref(each) for each in arrays], position)]
+    return replace(recording, position=_LAST[0][1].copy())
 
 
-def _window(triads: Sequence[Sequence[Array]], n: int, step: float, small: Sequence[float]) -> tuple[int, Array]:
-    """Return the rows m of the longest window whose floor is noise, and the floors of the first triad; 0 if none is.
+_LAST: list[tuple[list[weakref.ref[Array]], NDArray[np.int64]]] = []
+"""Columns that were searched last, and their positions: checks and estimator of a long recording ask for the same."""
+
+
+def _window(
+    triads: Sequence[Sequence[Array]], n: int, step: float, small: Sequence[float]
+) -> tuple[int, Array, list[Array]]:
+    """Return the rows m of the longest window whose floor is noise, or 0, and of the first triad floors and variances.
 
     small: scatter of each triad that no motion has, whether it grows with the window or not.
     """
     least = [max(_quantum(x) for x in triad) ** 2 / 4 for triad in triads]  # a channel may show one value of it only
 
-    def floors(m: int) -> list[Array]:
-        """Return the floors (quantiles, C) of each triad."""
-        out = []
-        for triad, quantised in zip(triads, least, strict=True):
-            v = np.array([np.quantile(_windows(x, m)[1], [q for q, _ in FLOORS]) for x in triad]).T
-            out.append(np.maximum(v / np.array([_chi_square(m, z) for _, z in FLOORS])[:, None], quantised))
-        return out
+    def floor(m: int, variances: Sequence[Array], quantised: float) -> Array:
+        """Return the floors (quantiles, C) of a triad from the variances of its windows of m rows."""
+        v = np.array([np.quantile(v, [q for q, _ in FLOORS]) for v in variances]).T
+        return np.maximum(v / np.array([_chi_square(m, z) for _, z in FLOORS])[:, None], quantised)
 
     m = max(MIN_ROWS, round(WINDOW / step)) | 1  # odd: the window has a middle
     while m >= MIN_ROWS and (m * step >= SHORTEST_WINDOW or m == MIN_ROWS):
         if n > (LONGER + 1) * m:
-            short, long = floors(m), floors(LONGER * m | 1)
-            quiet = np.all([
-                (b.sum(axis=1) <= GROWTH * a.sum(axis=1)) | (b.sum(axis=1) < limit**2)
-                for a, b, limit in zip(short, long, small, strict=False)
-            ], axis=0)  # fmt: skip
-            if quiet.any():
-                return m, short[0][int(np.argmax(quiet))]
+            quiet, first = np.ones(len(FLOORS), dtype=bool), (np.zeros(0), [np.zeros(0)])
+            for k, (triad, quantised, limit) in enumerate(zip(triads, least, small, strict=False)):
+                short, long = zip(*(_short_and_long(x, m) for x in triad), strict=True)
+                a, b = floor(m, short, quantised), floor(LONGER * m, long, quantised)
+                quiet &= (b.sum(axis=1) <= GROWTH * a.sum(axis=1)) | (b.sum(axis=1) < limit**2)
+                first = first if k else (a, [*short])
+                if not quiet.any():
+                    break
+            else:
+                return m, first[0][int(np.argmax(quiet))], first[1]
         m = min(int(m / 1.2) | 1, m - 2)
-    return 0, np.zeros(0)
+    return 0, np.zeros(0), []
+
+
+def _short_and_long(x: Array, m: int) -> tuple[Array, Array]:
+    """Return the variance of x (n,) in every window of m samples, and in some of the windows of `LONGER` times m."""
+    mean, variance = _windows(x, m)
+    count, step = len(x) - LONGER * m + 1, max(1, LONGER * m // OVERLAP)
+    parts = [slice(k, k + count, step) for k in range(0, LONGER * m, m)]
+    level = np.asarray(sum(mean[part] for part in parts) / LONGER)
+    return variance, np.asarray(sum(variance[part] + (mean[part] - level) ** 2 for part in parts) / LONGER)
 
 
 def _quantum(x: Array) -> float:
@@ -152,7 +173,7 @@ def _quantum(x: Array) -> float:
     if len(changes) < 0.1 * len(x):
         return 0.0
     step = float(changes.min())
-    return step if float(np.median(changes)) < 1.5 * step else 0.0
+    return step if 2 * np.count_nonzero(changes < 1.5 * step) > len(changes) else 0.0
 
 
 def _chi_square(m: int, z: float) -> float:

@@ -19,7 +19,7 @@ from gimbalcal.inference.white_noise import white_sigma
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import SENSORS, Dwell, Recording, dwells
-from gimbalcal.recording.detection import detect
+from gimbalcal.recording.detection import with_rests
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import mean_rates
@@ -127,12 +127,9 @@ def turned_in_place(recording: Recording) -> bool:
 
 def stops(recording: Recording) -> list[Dwell]:
     """Return the stops, from `position` or else from force and rate; a pause of the clock does not end a stop."""
-    channels = {f"{q} {a}": recording.channels[q, a] for q, a in CHANNELS if q == FORCE}
-    rates = {a: recording.channels[RATE, a] for a in "xyz"}
-    position = recording.position if recording.position is not None else detect(recording.time, channels, rates)
     step = float(np.median(np.diff(recording.time)))
     paused = np.diff(recording.time, prepend=recording.time[0] - step) > MISSED * step
-    return _through_pauses(recording, dwells(replace(recording, position=position)), paused)
+    return _through_pauses(recording, dwells(with_rests(recording)), paused)
 
 
 def _through_pauses(recording: Recording, stop_dwells: Sequence[Dwell], paused: NDArray[np.bool_]) -> list[Dwell]:

@@ -97,7 +97,7 @@ def turned(folder: Path, sweeps: int) -> None:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: what is made, what is run and the peer, with {of} for the folder that was made."""
+    """One line of the table: what is made, what is run and the peer; {of}: the folder that was made, {out}: results."""
 
     name: str
     make: Callable[..., None] | None
@@ -118,29 +118,34 @@ ROWS = (
     Row("day, CSV", static_run, (24.0, "samples.csv"), READ, "polars mean", MEAN.replace("{kind}", "csv")),
     Row("positions, 1.2e7 rows", positions, (12_000_000, 24), "from gimbalcal.recording import read; read('{of}')",
         "polars mean", MEAN.replace("{kind}", "parquet")),
-    Row("new, 200 MB", log, (2_800_000,), command("new", "{of}/log.csv", "--quiet", "--out", "{of}/new"),
+    Row("new, 200 MB", log, (2_800_000,), command("new", "{of}/log.csv", "--quiet", "--out", "{out}"),
         "polars read", "import polars as pl; pl.read_csv('{of}/log.csv')"),
-    Row("noise, 1e6 x 6", still, (1_000_000,), command("noise", "{of}", "--quiet", "--out", "{of}/noise"),
+    Row("noise, 1e6 x 6", still, (1_000_000,), command("noise", "{of}", "--quiet", "--out", "{out}"),
         "NumPy oadev", ALLAN),
-    Row("diagnose, 18 positions", None, (), command("diagnose", DEVICE, "--quiet", "--out", "{of}/d"),
+    Row("diagnose, 18 positions", None, (), command("diagnose", DEVICE, "--quiet", "--out", "{out}"),
         "imports", IMPORTS),
-    Row("diagnose, 125 positions", positions, (12_500, 125), command("diagnose", "{of}", "--quiet", "--out", "{of}/d")),
+    Row("diagnose, 125 positions", positions, (12_500, 125), command("diagnose", "{of}", "--quiet", "--out", "{out}")),
     Row("diagnose, 1000 positions", positions, (20_000, 1000),
-        command("diagnose", "{of}", "--quiet", "--out", "{of}/d")),
-    Row("systematic, 7 h", turned, (7,), command("calibrate", "{of}", "--quiet", "--out", "{of}/c")),
+        command("diagnose", "{of}", "--quiet", "--out", "{out}")),
+    Row("systematic, 7 h", turned, (7,), command("calibrate", "{of}", "--quiet", "--out", "{out}")),
     Row("campaign, 20 runs", None, (),
-        command("campaign", "wu2018-18", "-n", "20", "--workers", "1", "--quiet", "--out", "{of}/c")),
+        command("campaign", "wu2018-18", "-n", "20", "--workers", "1", "--quiet", "--out", "{out}")),
 )  # fmt: skip
 
 
 def measured(code: str, of: Path) -> tuple[float, float]:
-    """Least processor seconds and largest memory [MB] of a few processes."""
+    """Least processor seconds and largest memory [MB] of a few processes, each with an empty folder for its results.
+
+    Bytecode of this package is kept after the first of them, as after an installation.
+    """
     seconds, memory = [], []
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
-    for _ in range(REPEATS):
+    environment |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(of.parent / "bytecode")}
+    for repeat in range(REPEATS):
+        ours = code.replace("{of}", str(of)).replace("{out}", str(of.parent / f"results-{repeat}"))
         with subprocess.Popen(
-            [sys.executable, "-c", code.replace("{of}", str(of))], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            env=environment, cwd=Path(__file__).parents[2],
+            [sys.executable, "-c", ours], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
+            cwd=Path(__file__).parents[2],
         ) as process:  # fmt: skip
             _, status, used = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)

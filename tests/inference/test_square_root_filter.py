@@ -29,7 +29,7 @@ def problem():
 
 def _ours(problem):
     Phi, Psi, Q, d, z, R, x, theta, S = problem
-    filtered = square_root_filter.filter(Phi, Psi, Q, d, z, INDEX, R, x, theta, S)
+    filtered = square_root_filter.filter(Phi, Psi, square_root_filter.roots(Q), d, z, INDEX, R, x, theta, S)
     return filtered, adjoint.smooth(Phi, Psi, INDEX, filtered)
 
 
@@ -64,7 +64,7 @@ def _dense(problem):
 def _smoothed_covariance(problem, filtered):
     Phi, Psi, Q, d, z, R, x, _, S = problem
     none = np.zeros((K, M, 0))
-    known = square_root_filter.filter(Phi, none, Q, d, z, INDEX, R, x, np.zeros(0), S[:M, :M])
+    known = square_root_filter.filter(Phi, none, square_root_filter.roots(Q), d, z, INDEX, R, x, np.zeros(0), S[:M, :M])
     return adjoint.covariance(Phi, Psi, INDEX, known, S[:M, M:] @ np.linalg.inv(S[M:, M:]), filtered.factor[M:, M:])
 
 
@@ -136,8 +136,8 @@ def test_a_measurement_beyond_the_gate_changes_nothing(problem) -> None:
     Phi, Psi, Q, d, z, R, x, theta, S = problem
     wild, gone = z.copy(), z.copy()
     wild[20], gone[20] = 1e6, np.nan
-    gated = square_root_filter.filter(Phi, Psi, Q, d, wild, INDEX, R, x, theta, S, gate=1e8)
-    without = square_root_filter.filter(Phi, Psi, Q, d, gone, INDEX, R, x, theta, S)
+    gated = square_root_filter.filter(Phi, Psi, square_root_filter.roots(Q), d, wild, INDEX, R, x, theta, S, gate=1e8)
+    without = square_root_filter.filter(Phi, Psi, square_root_filter.roots(Q), d, gone, INDEX, R, x, theta, S)
     assert np.flatnonzero(gated.distance > 1e8).tolist() == [20]
     assert np.array_equal(gated.theta, without.theta)
     assert np.array_equal(gated.factor, without.factor)

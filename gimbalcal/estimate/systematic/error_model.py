@@ -21,6 +21,7 @@ import numpy as np
 from gimbalcal.earth import rate_at
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.systematic.sensor_inversion import sensitivity
+from gimbalcal.inference.square_root_filter import roots
 from gimbalcal.navigate.error_growth import NAV, transitions
 from gimbalcal.navigate.strapdown import carried
 from gimbalcal.number import Array
@@ -37,13 +38,13 @@ PAUSE_ATTITUDE_SIGMA_RAD = np.radians(0.5 / 3600)  # of the attitude over a paus
 class ErrorModel(NamedTuple):
     """The error model of K stretches in units of `STATE_SCALE` and of the prior sigmas.
 
-    Phi (K, m, m), Psi (K, m, p), Q (K, m, m) and defects d (K, m) of the nine navigation states and the chains of
-    coloured noise.
+    Phi (K, m, m), Psi (K, m, p), root (K, m, m) of Q and defects d (K, m) of the nine navigation states and the chains
+    of coloured noise.
     """
 
     Phi: Array
     Psi: Array
-    Q: Array
+    root: Array
     d: Array
 
 
@@ -66,7 +67,8 @@ def error_model(
         return D
 
     Phi, Psi, Q, d = stretch_model(segments, u, C, response, p + per_reading)
-    return ErrorModel(*augment(Phi, Psi[:, :, :p], Q, d, Psi[:, :, p:], processes))
+    Phi, Psi, Q, d = augment(Phi, Psi[:, :, :p], Q, d, Psi[:, :, p:], processes)
+    return ErrorModel(Phi, Psi, roots(Q), d)
 
 
 def defects(segments: Segments, u: Array, C: Array, frozen: ErrorModel) -> Array:

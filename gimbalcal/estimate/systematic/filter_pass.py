@@ -86,8 +86,8 @@ def filter_and_smooth(
     S = _initial_factor(segments, start.sigma, len(wanted), known)
     z = np.where(segments.believed[:, None], 0.0, np.full((len(model.Phi), 3), np.nan))
     filtered = _filter(
-        segments, model._replace(Q=with_velocity_jumps(model.Q, excluded)), np.where(excluded[:, None], np.nan, z),
-        x, theta, S,
+        segments, model._replace(root=with_velocity_jumps(model.root, excluded)),
+        np.where(excluded[:, None], np.nan, z), x, theta, S,
     )  # fmt: skip
     constants, own = filtered.theta[-1], filtered.factor[m:, m:]
     if not (np.isfinite(constants).all() and np.isfinite(own).all()):
@@ -120,10 +120,10 @@ def _filter(
     gate: float = np.inf,
 ) -> Filtered:  # fmt: skip
     """Filter the velocities z (K, 3) of a unit in its place; beyond the gate the velocity starts anew."""
-    Phi, Psi, Q, d = model
+    Phi, Psi, root, d = model
     jump = JUMP_SIGMA_M_S / STATE_SCALE[3] if np.isfinite(gate) else 0.0
     R = velocity_variance(segments, len(Phi))
-    return square_root_filter.filter(Phi, Psi, Q, d, z, VELOCITY_STATES, R, x, theta, S, gate, jump, smoothed)
+    return square_root_filter.filter(Phi, Psi, root, d, z, VELOCITY_STATES, R, x, theta, S, gate, jump, smoothed)
 
 
 def attitude_covariance(segments: Segments, last: Pass, excluded: NDArray[np.bool_], constants: Array) -> Array:
@@ -156,10 +156,10 @@ def smoother_inputs(segments: Segments, last: Pass, start: Alignment, excluded: 
 
 def _without_errors(segments: Segments, last: Pass, excluded: NDArray[np.bool_], Psi: Array, S: Array) -> Filtered:
     """Filter as the last pass did, with all errors zero."""
-    Q, d = with_velocity_jumps(last.model.Q, excluded), 0 * last.model.d
+    root, d = with_velocity_jumps(last.model.root, excluded), 0 * last.model.d
     z = np.where(np.isnan(last.filtered.innovation), np.nan, 0.0)
     x, theta = np.zeros(Psi.shape[1]), np.zeros(Psi.shape[2])
-    return _filter(segments, last.model._replace(Psi=Psi, Q=Q, d=d), z, x, theta, S)
+    return _filter(segments, last.model._replace(Psi=Psi, root=root, d=d), z, x, theta, S)
 
 
 def initial_errors(segments: Segments, start: Alignment, C: Array) -> Array:
@@ -195,13 +195,15 @@ def velocity_variance(segments: Segments, K: int) -> Array:
     return np.full((K, 3), segments.velocity**2) / STATE_SCALE[VELOCITY_STATES] ** 2
 
 
-def with_velocity_jumps(Q: Array, excluded: NDArray[np.bool_]) -> Array:
-    """Return Q with the scatter of a knock in the velocity of the excluded updates."""
+def with_velocity_jumps(root: Array, excluded: NDArray[np.bool_]) -> Array:
+    """Return the roots of Q with the scatter of a knock in the velocity of the excluded updates."""
     if not excluded.any():
-        return Q
-    Q = Q.copy()
-    Q[np.ix_(excluded, VELOCITY_STATES, VELOCITY_STATES)] += (JUMP_SIGMA_M_S / STATE_SCALE[3]) ** 2 * np.eye(3)
-    return Q
+        return root
+    Q = root[excluded] @ np.swapaxes(root[excluded], -1, -2)
+    Q[:, VELOCITY_STATES, VELOCITY_STATES] += (JUMP_SIGMA_M_S / STATE_SCALE[3]) ** 2
+    out = root.copy()
+    out[excluded] = square_root_filter.roots(Q)
+    return out
 
 
 def data_information(
