@@ -33,10 +33,14 @@ MIN_STRETCH_TAUS = 4  # length of a stretch over the longest tau
 MIN_SAMPLES_OF_TAU = 8  # to which the shorter tau is thinned to compute a covariance
 INDEPENDENT_OCTAVES = 8  # between two tau that are taken as independent (Parzen's taper keeps C positive)
 TERMS = 3  # white noise, bias instability, random walk
-MIN_LIKELIHOOD_RATIO = 9.0  # of -2 ln likelihood of a coefficient, three sigmas; below, it is omitted
+MIN_LIKELIHOOD_RATIO = 9.0  # of -2 ln likelihood of a coefficient, three sigmas; below, only its limit is stated
+MIN_RATIO_OF_MODEL = 4.0  # two sigmas; below, it is omitted: one that is omitted moves the others by as many sigmas
 ITERATIONS = 12  # of weights and solution
 MIN_TAUS = 4  # of a fit
 VIBRATION_SIGMAS = 3.0  # above the law at omitted tau, which a filter does not explain
+MAX_FILTER_RATIO = 2.0  # of omitted variances over those behind a filter of one pole
+MAX_DISCREPANCY = 3.0  # relative sigma of a variance about the law
+DISCREPANCY_STEPS = 14
 MIN_P_VALUE = 1e-3  # below, the short tau do not follow the law, behind a filter for instance
 
 
@@ -50,7 +54,7 @@ class AllanCurve(NamedTuple):
 
 
 class AllanFit(NamedTuple):
-    """N^2, B^2, K^2 (3,) with their covariance (3, 3), zero where one is omitted; 95 % upper limits `most` (3,).
+    """N^2, B^2, K^2 (3,) with their covariance (3, 3), zero of one that is not significant; 95 % limits `most` (3,).
 
     spread (P,): one sigma of each variance of the curve; first: index of the first tau that was used.
     """
@@ -132,46 +136,76 @@ def _form(a: int, b: int, lengths: Array, many: Array, step: float) -> Array:
 def fit(c: AllanCurve) -> AllanFit:
     """Fit the coefficients of a curve, without short tau that a filter has put below white noise.
 
-    Where nothing follows the law, the fit is that of all tau, its covariance scaled by the residuals.
+    Where nothing follows the law, as no instrument follows three terms over many octaves to a part in a thousand, every
+    tau scatters about it by a further share of its variance, the same for all, that the residuals show: the sharply
+    determined short tau then do not decide the long ones.
     """
     whole = _fit(c, 0)
     if whole.p_value > MIN_P_VALUE:
         return whole
     for first in range(1, len(c.tau) - MIN_TAUS + 1):
         part = _fit(c, first)
-        over = c.variance - law(c.tau) @ part.square > VIBRATION_SIGMAS * part.spread
-        filtered = part.covariance[0, 0] > 0 and not over[:first].any()  # a filter makes short times quieter
+        filtered = part.covariance[0, 0] > 0 and _behind_a_filter(c, law(c.tau) @ part.square, part.spread, first)
         if part.p_value > MIN_P_VALUE and filtered:
             return part
-    return whole._replace(covariance=whole.covariance * whole.chi2 / max(whole.dof, 1))
+    low, high = 0.0, MAX_DISCREPANCY
+    for _ in range(DISCREPANCY_STEPS):
+        middle = (low + high) / 2
+        wide = _fit(c, 0, middle)
+        low, high = (middle, high) if wide.chi2 > wide.dof else (low, middle)
+    return _fit(c, 0, high)._replace(chi2=whole.chi2, dof=whole.dof)
 
 
-def _fit(c: AllanCurve, first: int) -> AllanFit:
+def _behind_a_filter(c: AllanCurve, model: Array, spread: Array, first: int) -> bool:
+    r"""Return whether the tau before the first one used lie as low below the law as behind a low-pass filter.
+
+    .. math::
+
+        \sigma^2(\tau) = \frac{N^2}{\tau} \left[ 1 - \frac{T}{2 \tau} (3 - 4 e^{-\tau / T} + e^{-2 \tau / T}) \right]
+
+    of one pole, with the time constant T of the longest tau at which less than half is left. A steeper filter leaves
+    less still; a curve that goes on rising towards short tau is another noise.
+    """
+    tau, ratio, sure = c.tau[:first], c.variance[:first] / model[:first], VIBRATION_SIGMAS * spread[:first]
+    allowed = np.ones(first)
+    if (less := np.flatnonzero(ratio < 0.5)).size:
+        x = tau[:, None] / (np.geomspace(1e-2, 1e2, 401) * tau[less[-1]])
+        left = 1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x)
+        T = int(np.argmin(np.abs(left[less[-1]] - ratio[less[-1]])))
+        allowed = np.minimum(MAX_FILTER_RATIO * left[:, T], 1.0)
+    return bool(np.all(ratio <= allowed + sure / model[:first]))
+
+
+def _fit(c: AllanCurve, first: int, discrepancy: float = 0.0) -> AllanFit:
+    """Fit tau from `first` on, each with a further relative sigma of its variance."""
     active = [0, 1, 2]
-    square, C, surprise = _weighted(c, first, active)
+    square, C, surprise = _weighted(c, first, active, discrepancy)
     A = _rows(c, first, C, active)[0]
     most = square + 1.645 * np.sqrt(np.diag(np.linalg.inv(A.T @ A)))
     while len(active) > 1:
-        without = {k: _weighted(c, first, [i for i in active if i != k]) for k in active}
+        without = {k: _weighted(c, first, [i for i in active if i != k], discrepancy) for k in active}
         least = min(without, key=lambda k: without[k][2])
-        if without[least][2] > surprise + MIN_LIKELIHOOD_RATIO:
+        if without[least][2] > surprise + MIN_RATIO_OF_MODEL:
             break
         active.remove(least)
         square, C, surprise = without[least]
     A, y = _rows(c, first, C, active)
     V = np.zeros((TERMS, TERMS))
     V[np.ix_(active, active)] = np.linalg.inv(A.T @ A)
+    for k in active if len(active) > 1 else ():
+        if without[k][2] <= surprise + MIN_LIKELIHOOD_RATIO:
+            V[k] = V[:, k] = 0.0
     residual = y - A @ square[active]
     return AllanFit(square, V, most, np.sqrt(np.diag(C)), first, float(residual @ residual), len(y) - len(active))
 
 
-def _weighted(c: AllanCurve, first: int, active: Sequence[int]) -> tuple[Array, Array, float]:
+def _weighted(c: AllanCurve, first: int, active: Sequence[int], discrepancy: float = 0.0) -> tuple[Array, Array, float]:
     """Return squares (3,) weighted with the covariance that they imply, that covariance, and -2 ln likelihood."""
     A = law(c.tau)
     square = np.zeros(TERMS)
     square[list(active)] = _positive(A[first:, active] / c.variance[first:, None], np.ones(len(A) - first))[0]
     for turn in range(ITERATIONS):
-        C = covariance(c, square)
+        C = covariance(c, square) + np.diag((discrepancy * c.variance) ** 2)
         rows, y = _rows(c, first, C, active)
         new = np.zeros(TERMS)
         new[list(active)], residual = _positive(rows, y)

@@ -63,5 +63,21 @@ def test_a_filter_before_the_logger_hides_short_times_only():
     assert np.sqrt(f.square[0]) == pytest.approx(1.0, abs=0.05)
 
 
+def test_noise_that_is_correlated_over_decades_is_no_filter():
+    """Short tau that go on rising are another noise: no part of the curve is missed by a factor of three."""
+    from scipy.signal import lfilter
+
+    rng, n, step = np.random.default_rng(6), 200_000, 0.01
+    x = 0.3 / np.sqrt(step) * rng.standard_normal(n) + noise(n, step, 0, 0.3, 0, rng)
+    for tau in (0.05, 0.5, 5.0):
+        rho = np.exp(-step / tau)
+        x += lfilter([np.sqrt(1 - rho**2)], [1, -rho], rng.standard_normal(n))
+    c = curve(x, [slice(0, n)], step)
+    f = fit(c)
+    ratio = law(c.tau) @ f.square / c.variance
+    assert f.p_value < 1e-3
+    assert 1 / 9 < ratio.min() < ratio.max() < 9
+
+
 def test_the_law_has_the_floor_of_a_flicker():
     assert np.sqrt(law(np.array([7.0]))[0, 1]) == pytest.approx(0.664, abs=5e-4)
