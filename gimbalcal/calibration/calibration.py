@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.atomic import write_json
 from gimbalcal.calibration.arrays import FrameT, correct_arrays, correct_frame
 from gimbalcal.calibration.content_checks import refuse_misfit, refuse_mount, refuse_other_definitions, refuse_unsound
-from gimbalcal.calibration.correction import correct, corrupt
+from gimbalcal.calibration.correction import correct, corrupt, extrapolations
 from gimbalcal.calibration.provenance import Provenance
 from gimbalcal.calibration.readout import Readout, from_content
 from gimbalcal.display import Displayed, data_frame
@@ -304,8 +304,9 @@ class Calibration(Displayed):
         """
         if isinstance(recording, Recording):
             marked = (*recording.corrected, self.identity)
-            remarks = (*recording.remarks, *self._corrected_before(recording))
-            return replace(correct(self, recording), corrected=marked, remarks=remarks)
+            corrected = correct(self, recording)
+            remarks = (*recording.remarks, *self._corrected_before(recording), *extrapolations(self, recording))
+            return replace(corrected, corrected=marked, remarks=remarks)
         if isinstance(recording, Mapping):
             return correct_arrays(self, recording, units)
         if units is not None and hasattr(recording, "columns"):
@@ -341,12 +342,13 @@ class Calibration(Displayed):
         }  # fmt: skip
         if self.residual.navigation:
             residual["navigation"] = dict(self.residual.navigation)
+        classes = {**CATALOGUE, **{e.id: type(e) for e in self.effects}}
         return {
             "format": FORMAT,
             "method": self.method,
             "outcome": self.outcome,
             "parameters": rows,
-            "model": [stated_law(CATALOGUE[i]) for i in dict.fromkeys(p.effect for p in self.parameters)],
+            "model": [stated_law(classes[i]) for i in dict.fromkeys(p.effect for p in self.parameters)],
             "covariance": np.asarray(self.covariance).tolist(),
             "unobservable": plain(self.unobservable),
             "residual": residual,

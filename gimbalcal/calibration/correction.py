@@ -78,6 +78,18 @@ def correct(calibration: Calibration, recording: Recording) -> Recording:
     return replace(out, channels=_added(channels, change, 1.0))
 
 
+def extrapolations(calibration: Calibration, recording: Recording) -> tuple[str, ...]:
+    """Return a remark for each law of the calibration that the recording leads out of where it was determined."""
+    laws = [e for e in _of(calibration, recording) if e.domain]
+    if not laws:
+        return ()
+    s = _initial_stimulus(recording)
+    return tuple(
+        f"{recording.title!r} extrapolates {e.id}: {words}; record there, or do not use it beyond"
+        for e in laws for d in e.domain if (words := d.exceeded(s))
+    )  # fmt: skip
+
+
 def _inverted(h: Callable[[Array], Array], y: Array, quantity: str) -> tuple[Array, Array]:
     """Return the physics (n, 3) and its derivative (n, 3, 3) by the readings; the identity where the law is flat.
 

@@ -13,6 +13,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import refuse_other_gimbals
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.law_calibration import with_laws
 from gimbalcal.diagnose.of_recording import (
     DiagnosisRequest,
     diagnose_jointly,
@@ -82,6 +83,7 @@ def diagnose(
         provenance["grade"] = unit.origin.to_dict()
     if known is not None and diagnosis.calibration is not None:
         diagnosis = replace(diagnosis, calibration=with_fleet(diagnosis.calibration, known, recordings))
+    diagnosis = with_laws(diagnosis, recordings, baseline, known or grade, tell)
     return _with_effect_files(replace(diagnosis, provenance={**diagnosis.provenance, **provenance}))
 
 
@@ -91,8 +93,9 @@ def _with_effect_files(diagnosis: Diagnosis) -> Diagnosis:
         return diagnosis
     calibration = diagnosis.calibration
     if calibration is not None:
-        files = outside({p.effect for p in calibration.parameters}) or None
-        calibration = replace(calibration, provenance=replace(calibration.provenance, effects=files))
+        files = outside({p.effect for p in calibration.parameters})
+        files = (*(calibration.provenance.effects or ()), *files)
+        calibration = replace(calibration, provenance=replace(calibration.provenance, effects=files or None))
     return replace(diagnosis, calibration=calibration, provenance={**diagnosis.provenance, "effects": plain(compared)})
 
 

@@ -20,7 +20,7 @@ from gimbalcal.effects.history import Dynamics
 from gimbalcal.effects.stimulus import REFERENCE_TEMPERATURE
 from gimbalcal.effects.stimulus import Stimulus as Stimulus  # noqa: PLC0414 (an effect finds its whole contract here)
 from gimbalcal.number import Array
-from gimbalcal.units import to_si
+from gimbalcal.units import from_si, to_si
 
 TRIAD = ("x", "y", "z")
 MATRIX_AXES = tuple(i + j for i in "xyz" for j in "xyz")  # sensor, then component of what acts on it
@@ -29,6 +29,7 @@ PARTNER_AXES = ("xy", "xz", "yx", "yz", "zx", "zy")  # sensor, then the axis tha
 PLATFORM_AXES = ("equatorial_x", "equatorial_y", "polar")  # x, y, z of an inertially fixed platform
 GIMBALS = ("gimbals",)  # one entry per axis of the platform at hand
 SCALAR = ("",)
+EXTRAPOLATED = 0.05  # of the range in which a law was determined, by which another recording may leave it
 EVERY_KIND = ("multi-position", "static-run", "rotation", "pointing")
 
 
@@ -134,6 +135,32 @@ class Role:
 
 
 @dataclass(frozen=True)
+class Domain:
+    """The range of a variable in which a law was determined: its name, unit of print and ends, all in that unit.
+
+    value: the variable (n,) of a stimulus, SI.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    value: Callable[[Stimulus], Array]
+
+    def exceeded(self, s: Stimulus) -> str:
+        """Return how far a stimulus leaves the range, in words; empty if not, by more than a twentieth of its width."""
+        x = np.asarray(self.value(s))
+        low, high = (float(from_si(end, self.unit)) if self.unit else float(end) for end in (x.min(), x.max()))
+        margin = EXTRAPOLATED * (self.high - self.low)
+        if self.low - margin <= low and high <= self.high + margin:
+            return ""
+        return (
+            f"{self.name.replace('_', ' ')} from {low:.4g} to {high:.4g} {self.unit}".rstrip()
+            + f", and it was determined from {self.low:.4g} to {self.high:.4g}"
+        )
+
+
+@dataclass(frozen=True)
 class Effect:
     """One imperfection with its parameter values; knows nothing of who calls it."""
 
@@ -147,6 +174,7 @@ class Effect:
     linear: ClassVar[bool] = True  # whether the contribution is linear in the parameters
     spans_rows: ClassVar[bool] = False  # whether the contribution at one row depends on force or angle at other rows
     role: ClassVar[Role] = Role()  # what a diagnosis has to know of it as a candidate cause
+    domain: ClassVar[tuple[Domain, ...]] = ()  # where a law without a known cause was determined; empty: everywhere
     gauge: ClassVar[tuple[str, ...]] = ()  # axes that only turn a frame which nothing ties down; zero by convention
 
     @classmethod

@@ -10,7 +10,8 @@ from __future__ import annotations
 import dataclasses
 import sys
 import traceback
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import entry_points
@@ -79,6 +80,18 @@ def load_text(name: str, text: str) -> tuple[str, ...]:
         raise InputError(f"{name} defines no effect; write a class under @effect as docs/api.md shows")
     _loaded[name] = (text, new)
     return new
+
+
+@contextmanager
+def loaded_meanwhile(name: str, text: str) -> Iterator[tuple[str, ...]]:
+    """Enter the effects of a text, yield their ids, and take them out of the catalogue again."""
+    ids = load_text(name, text)
+    try:
+        yield ids
+    finally:
+        for i in ids:
+            CATALOGUE.pop(i, None)
+        del _loaded[name]
 
 
 def loaded_texts() -> tuple[tuple[str, str], ...]:

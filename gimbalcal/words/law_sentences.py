@@ -17,6 +17,10 @@ POWERS = {"**2": "²", "**3": "³"}
 
 SEARCHING = "looking for a formula in what was recorded"
 SEARCHING_REPLACEMENT = "what was named leaves a residual: looking for a formula that leaves none"
+CAUSE_UNKNOWN = (
+    "The calibration contains a formula whose physical cause is unknown, for the range in which it was found."
+)
+NOT_CALIBRATED = "{outcome} The formula is not part of this calibration: {problem}."
 REPEAT_POSITIONS = "record the positions again that were not held where the readouts say: a law is sought when they are"
 DIAGNOSE_SEPARATELY = (
     "diagnose each recording alone, and look for what was changed between them: a formula cannot describe constants "
@@ -54,9 +58,12 @@ def laws_in_words(laws: Sequence[LawResult]) -> str:
 
 
 def next_of_laws(laws: Sequence[LawResult], recommend: str) -> str:
-    """Return what to do next with laws: calibrate with them, look for the cause, and what the advice recommends."""
+    """Return what to do next with laws: apply them, fit them again, look for the cause, and what the advice says."""
     options = dict.fromkeys(f"--with {one}" for law in laws for one in (*law.beside, law.with_))
-    step = f"Next: calibrate with it, `{' '.join(options)} --effects law.py`, and look for its physical cause."
+    step = (
+        "Next: correct recordings with the calibration.json written here and `--effects law.py`, fit the formula to "
+        f"another recording with `{' '.join(options)} --effects law.py`, and look for its physical cause."
+    )
     return f"{step} {typeset(recommend)}".rstrip()
 
 

@@ -26,7 +26,7 @@ HEAD = '''"""Laws that no catalogue holds, as `gimbalcal diagnose` found them: a
 
 import numpy as np
 
-from gimbalcal.effects.effect import Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import Domain, Effect, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import smoothed_rate
 from gimbalcal.number import Array, absolute, arctan2, cos, exp, log, sign, sin
 
@@ -73,6 +73,9 @@ class {name}(Effect):
     channel = "{channel}"
     kinds = {kinds!r}
     requires = {needs!r}
+    domain = (
+{domain}
+    )
 {fields}
 
     def contribution(self, s: Stimulus) -> Array:
@@ -259,6 +262,10 @@ def _class(law: Law, description: Stated, result: LawResult, title: str) -> str:
         if t.form.constants[j].kind == "size":
             low, high = max(low, c / FARTHEST), min(high, c * FARTHEST)
         fields.append(f'    {letter}: float = constant({c:.9g}, unit="{unit}", low={low:.9g}, high={high:.9g})')
+    ends = {name: f"{low:.9g}, {high:.9g}" for name, (low, high) in result.domain.items()}
+    domain = [
+        f"        Domain({v.name!r}, {v.unit!r}, {ends[v.name]}, lambda s: {v.code})," for v in law.expression.variables
+    ]
     of_gimbal = f"np.array([float(name == {axis!r}) for name in s.axis_names])"
     of_sensor = f"np.array([{', '.join(str(float(a == axis)) for a in 'xyz')}])"
     return CLASS.format(
@@ -267,6 +274,7 @@ def _class(law: Law, description: Stated, result: LawResult, title: str) -> str:
         variables=", ".join(result.variables), stage=STAGES[law.place.channel], channel=law.place.channel,
         kinds=("pointing",) if s.true_angle is not None else ("multi-position", "static-run", "rotation"),
         needs=tuple(dict.fromkeys(v.needs for v in law.expression.variables if v.needs)), fields="\n".join(fields),
+        domain="\n".join(domain),
         form=result.form, code=description.code, to=of_gimbal if law.place.channel == "gimbal_angle" else of_sensor,
     )  # fmt: skip
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import jsonschema
@@ -20,12 +21,14 @@ from gimbalcal.diagnose.laws.law_claims import separating_manoeuvre
 from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.diagnose.laws.law_search import Law, Place
 from gimbalcal.diagnose.library.variables import Variable, variables
-from gimbalcal.effects import Stage
+from gimbalcal.effects import CATALOGUE, Stage
 from gimbalcal.number import Array
+from gimbalcal.pipeline import load
 from gimbalcal.recording import Recording, write
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.words.diagnosis_headline import headline
 from tests.benchmarks import unknown_mount
+from tests.benchmarks.law_plants import misfit
 from tests.diagnose import plant, static_plant
 from tests.golden import golden_text
 
@@ -72,6 +75,42 @@ def test_a_law_of_a_mount_is_found_written_and_explains_the_run(tmp_path: Path, 
     assert command("calibrate", tmp_path / "run", *with_it, "--quiet", "--out", tmp_path / "c") == 0
     page = (tmp_path / "d" / "report.html").read_text()
     assert "law.py" in page
+
+
+def test_the_calibration_of_a_diagnosis_contains_the_law(
+    tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def error(b: plant.Bench) -> dict[str, Array]:
+        return plant.on(1, np.tanh((b.body - 23.2) / 0.6))
+
+    first, second, clean = (plant.record(np.random.default_rng(seed), error, size * plant.UG)
+                            for seed, size in ((3, 50.0), (4, 50.0), (4, 0.0)))  # fmt: skip
+    for r, name in ((first, "first"), (replace(second, title="second"), "second")):
+        write(r, tmp_path / name)
+    before = set(CATALOGUE)
+    assert command("diagnose", tmp_path / "first", "--quiet", "--out", tmp_path / "d") == 1
+    assert set(CATALOGUE) == before  # a law of one recording changes nothing for the next
+    made = tmp_path / "d" / "calibration.json"
+    content = json.loads(made.read_text())
+    (file,) = content["provenance"]["effects"]
+    assert file["sha256"] == sha256((tmp_path / "d" / "law.py").read_bytes()).hexdigest()
+    assert {"law_specific_force_y_a", "law_specific_force_y.x0"} <= {p["name"] for p in content["parameters"]}
+    assert command("apply", tmp_path / "second", "--calibration", made, "--out", tmp_path / "no") == 2
+    assert "--effects law.py" in capsys.readouterr().err
+    with_it = ("--effects", tmp_path / "d" / "law.py", "--quiet", "--out")
+    assert command("apply", tmp_path / "second", "--calibration", made, *with_it, tmp_path / "yes") == 0
+    corrected = load([tmp_path / "yes"])[0]
+    assert misfit(corrected)[0] < misfit(clean)[0] + 16 < misfit(second)[0] / 2
+
+
+def test_a_law_is_flagged_where_it_is_extrapolated() -> None:
+    r = plant.record(np.random.default_rng(3), lambda b: plant.on(1, np.tanh((b.body - 23.2) / 0.6)), 50 * plant.UG)
+    calibration = diagnose([r]).calibration
+    assert calibration is not None
+    assert calibration.apply(r).remarks == r.remarks
+    warmer = {**r.channels, ("temperature", ""): r.channels["temperature", ""] + 10}
+    (remark,) = calibration.apply(replace(r, channels=warmer)).remarks[len(r.remarks) :]
+    assert "extrapolates law_specific_force_y: temperature from 3" in remark
 
 
 def test_what_acts_on_two_axes_is_two_laws(tmp_path: Path) -> None:
