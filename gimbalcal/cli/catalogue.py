@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
-from gimbalcal.cli.options import completing, effect_names, example
+from gimbalcal.cli.options import FilePath, completing, effect_names, example
 from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError
 
 
-@click.command(epilog=example("gimbalcal catalogue gsens", "gimbalcal catalogue time tag", "gimbalcal catalogue K3"))
+@click.command(
+    epilog=example("gimbalcal catalogue gsens", "gimbalcal catalogue K3", "gimbalcal catalogue --check my_effects.py")
+)
 @click.argument("words", nargs=-1, metavar="[WORD]...", shell_complete=completing(effect_names))
-def catalogue(words: tuple[str, ...]) -> None:
+@click.option(
+    "--check", "file", type=FilePath(), metavar="FILE.py",
+    help="Check the effects of a file of your own against the contract, and list them.",
+)  # fmt: skip
+def catalogue(words: tuple[str, ...], file: Path | None) -> None:
     """List the known physical effects, those that match every WORD, or the card of one.
 
     A WORD is a part of a name (gsens, worm), of a parameter (K3), or of a card (clutch); an id shows the card.
@@ -26,7 +34,11 @@ def catalogue(words: tuple[str, ...]) -> None:
     from gimbalcal.words.naming import unit_in_print
 
     effect = " ".join(words)
-    if not words:
+    if file is not None:
+        if words:
+            raise InputError(f"--check takes the effects of {file} alone; leave out {effect!r}")
+        _check(file)
+    elif not words:
         _list(sorted(CATALOGUE))
     elif effect in CATALOGUE:
         say(_card(inspect.getdoc(CATALOGUE[effect]) or ""))
@@ -50,6 +62,18 @@ def catalogue(words: tuple[str, ...]) -> None:
         say(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
     else:
         _list(matching_effects(effect))
+
+
+def _check(file: Path) -> None:
+    """Print what each effect of a file adds and fits. Raises InputError for the first that breaks the contract."""
+    from gimbalcal.effects import CATALOGUE, load_effects, parameters
+    from gimbalcal.effects.effect import constants
+
+    for i in load_effects(file):
+        cls = CATALOGUE[i]
+        names = dict.fromkeys(f"{p.name} [{p.unit}]" for p in parameters(cls, ("gimbal",)))
+        fitted = ", ".join([*names, *(f"{f.name} (constant)" for f in constants(cls))])
+        say(f"{i} keeps the contract: at stage {cls.stage.name} in {', '.join(cls.kinds)}; parameters {fitted}")
 
 
 def _card(text: str) -> str:

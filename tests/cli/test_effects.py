@@ -79,6 +79,15 @@ def test_simulate_calibrate_and_apply_take_it(own: Path, command: Run, capsys: p
     assert "force times its cube" in capsys.readouterr().out
 
 
+def test_the_catalogue_checks_a_file(own: Path, command: Run, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("catalogue", "--check", own) == 0
+    golden_text(capsys.readouterr().out)
+    assert command("catalogue", "--check", own, "gsens") == 2
+    golden_text(capsys.readouterr().err)
+    own.write_text(OWN.replace("s.force", "np.abs(s.force)"))
+    assert command("catalogue", "--check", own.parent / "none.py") == 2
+
+
 def test_a_calibration_says_that_it_needs_the_file(own: Path, command: Run, capsys: pytest.CaptureFixture[str]) -> None:
     there = own.parent
     command("simulate", there / "scenario.toml", "--effects", own, "--quiet", "--out", there / "rec")
