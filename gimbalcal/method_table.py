@@ -117,6 +117,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
                 "gimbalcal.estimate.gyroscopes.rate_table:calibrate_on_a_table",
                 "gyroscopes against the angles of a table at steady rates, one recording for each mounting",
                 several=True,
+                options=("more",),
                 requires=("angular_rate", "gimbal_angle"),
                 excludes=("specific_force",),
             ),

@@ -13,6 +13,7 @@ which the dwells determine:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -31,7 +32,13 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.caveats import misheld_positions
 from gimbalcal.estimate.extra_effects import unfit as not_shown
-from gimbalcal.estimate.gyroscopes.cleared_views import MIN_RESTS, MIN_TURNS, view_at_rest, view_of_turns
+from gimbalcal.estimate.gyroscopes.cleared_views import (
+    MIN_RESTS,
+    MIN_TURNS,
+    view_at_rest,
+    view_of_turns,
+    view_on_a_table,
+)
 from gimbalcal.estimate.pointing.pattern import MISTAKEN, strays, why_far
 from gimbalcal.estimate.systematic.calibrate import navigation_view
 from gimbalcal.kinematics import ideal_force
@@ -104,7 +111,7 @@ def diagnose_recording(request: DiagnosisRequest) -> Diagnosis:
     if recording.kind.stabilised:
         parts = [_known(request, request.baseline)]
     elif not lacks_known_attitude(recording):
-        parts, notes = of_gimballed_unit(_with_rests(request), recording.kind.rotating and not recording.instant)
+        parts, notes = of_rotating_rig(request) if recording.kind.rotating else of_gimballed_unit(request)
     elif recording.kind.view or recording.kind.rotating:
         parts, notes = of_single_view(request)
     else:
@@ -131,7 +138,15 @@ def _known(request: DiagnosisRequest, baseline: Sequence[str]) -> ViewDiagnosis:
 
 
 def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
-    """Diagnose several recordings of one unit at known attitude jointly; InputError if they are not that."""
+    """Diagnose several recordings of one unit at known attitude jointly; InputError if they are not that.
+
+    Mountings on a rate table are one view of the gyroscopes.
+    """
+    if all(r.kind.rotating and r.platform.axes for r in request.recordings):
+        table = view_on_a_table(request.recordings)
+        together = tuple(replace(table, source=r) for r in request.recordings)
+        on_table = replace(_diagnosed_on_table(request, table), together=together)
+        return joint_diagnosis([on_table], [], request.baseline, request.seed)
     check_one_unit(request)
     alone = "its gyroscopes are not looked at together with other recordings; give it alone for them"
     for r in request.recordings:
@@ -280,10 +295,35 @@ def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
     return still.model.effects if still.findings and still.model is not None else ()
 
 
-def of_gimballed_unit(request: DiagnosisRequest, means: bool) -> Parts:
+def of_rotating_rig(request: DiagnosisRequest) -> Parts:
+    """Diagnose gyroscopes on a rate table that turns steadily, and what was logged at rest between the turns."""
+    recording, table = request.recording, None
+    with suppress(InputError):  # nothing turns steadily, or not all axes were read
+        table = view_on_a_table([recording])
+    resting = recording.position is not None and np.any(recording.position > 0)
+    if table is not None and not (resting and recording.has(FORCE)):
+        return [_diagnosed_on_table(request, table)], []
+    if not resting:
+        raise InputError(
+            f"{recording.title!r} is a rotation recording without rests: `diagnose` compares rests and the turns "
+            "between them, so give a `position` column that numbers the rests and is 0 on the way; on a rate table it "
+            "compares steady rates along three axes, so hold each for ten seconds"
+        )
+    return of_gimballed_unit(request.of(replace(recording, kind=MULTI_POSITION)), not recording.instant, table)
+
+
+def _diagnosed_on_table(request: DiagnosisRequest, table: View) -> ViewDiagnosis:
+    """Diagnose gyroscopes on a rate table, whose angles say how it turns."""
+    gyro = by_triad(request.baseline)[1]
+    request.tell(f"the gyroscopes: {table.measurement.channels}")
+    return diagnose_view(replace(table, baseline=tuple(gyro) or table.baseline), request.tell)
+
+
+def of_gimballed_unit(request: DiagnosisRequest, means: bool = False, table: View | None = None) -> Parts:
     """Diagnose the forces at known attitude, then the gyroscopes at rest and between rests, then the slews.
 
-    A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. means: whether rows are means.
+    A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. means: whether rows are means;
+    table: the view of gyroscopes on a rate table, which then takes the place of rests and turns.
     """
     recording = request.recording
     mine, gyro = by_triad(request.baseline)
@@ -291,7 +331,9 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool) -> Parts:
     if (recording.has(FORCE) or not recording.has(RATE)) and (mine or not request.baseline):
         parts.append(_known(request, mine))
     forces = parts[0].calibration if parts else None
-    if recording.has(RATE) and not (mine and not gyro):
+    if table is not None and not (mine and not gyro):
+        parts.append(_diagnosed_on_table(request, table))
+    elif recording.has(RATE) and not (mine and not gyro):
         calibration = request.calibration if forces is None else _accelerometers(forces)
         explained = not parts or parts[0].verdict != "unexplained"
         rates, notes = _gyroscopes(request, calibration, gyro, explained)
@@ -303,19 +345,6 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool) -> Parts:
     for note in (*notes, *why_not):
         request.tell(note)
     return [*parts, *late], [*notes, *why_not]
-
-
-def _with_rests(request: DiagnosisRequest) -> DiagnosisRequest:
-    """Return dwells at known angles as positions, whatever turned between them."""
-    recording = request.recording
-    if recording.kind.in_positions:
-        return request
-    if recording.position is None or not np.any(recording.position > 0):
-        raise InputError(
-            f"{recording.title!r} is a rotation recording without rests: `diagnose` compares rests and the turns "
-            "between them, so give a `position` column that numbers the rests and is 0 on the way"
-        )
-    return request.of(replace(recording, kind=MULTI_POSITION))
 
 
 def _accelerometers(calibration: Calibration) -> Calibration:

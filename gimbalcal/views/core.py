@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, with_values
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants, follows, lacking
 from gimbalcal.effects.sensor_grades import Grade, drift_rate_factor
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
@@ -293,6 +293,19 @@ def absent_effect(effect_id: str, s: Stimulus, source: str = "", **constants: fl
 def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:
     """Return the parameters (effect, axis) that only turn a frame for which rows of these stages hold no reference."""
     return frozenset((i, axis) for i, cls in CATALOGUE.items() if cls.stage in stages for axis in cls.gauge)
+
+
+def gyroscope_parameters_without(s: Stimulus, shown: Callable[[Effect], bool]) -> frozenset[tuple[str, str]]:
+    """Return the parameters (effect, axis) of gyroscopes that do not pass a test of the effect at its usual size."""
+    out = set()
+    for cls in CATALOGUE.values():
+        if cls.stage in GYROSCOPE_STAGES and not cls.spans_rows and not lacking(cls, s.carries):
+            none = absent_effect(cls.id, s, next(iter(s.covariates)) if follows(cls) == "" else "")
+            for p in parameters(cls, s.axis_names):
+                (effect,) = with_values([none], (p,), np.array([p.sigma]), s.axis_names)
+                if not shown(effect):
+                    out.add((p.effect, p.axis))
+    return frozenset(out)
 
 
 def without_sizes(effect: Effect) -> Effect:

@@ -13,7 +13,7 @@ sensor's axis by its cosine. These are nuisances of the view.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,11 +31,11 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dwell import PAUSED, usual_step
 from gimbalcal.recording.kinds import ROTATION
-from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.recording.record import FORCE, RATE, Key
 from gimbalcal.rotation import normal_to, rotation_vector
 from gimbalcal.units import from_si
-from gimbalcal.views.core import Measurement, View, nuisance, recording_fields
-from gimbalcal.views.noise import NoiseModel
+from gimbalcal.views.core import Measurement, View, gyroscope_parameters_without, nuisance, recording_fields
+from gimbalcal.views.noise import NoiseModel, of_channels
 from gimbalcal.views.rest_rates import CHANNELS, MIN_RATE_SIGMA, horizontal_sigma
 
 BLOCK_S = 0.5  # s of a mean rate: no lag between readout and gyroscopes matters, and readouts hardly scatter
@@ -44,14 +44,19 @@ MIN_RATE = np.radians(0.1)  # rad/s; a table that never turns faster stands
 MOUNTING_SIGMA_RAD = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
 MIN_FORCE_SHARE = 0.9  # of the force, in the axes of the base: what a lever arm feels goes round
 
-RATE_TABLE = Measurement("rate table", "deg/h")
+RATE_TABLE = Measurement(
+    "rate table", "deg/h", "stretches", channels="the rates on the table", channel="the rate about {axis} on the table",
+    acts_on=(RATE,), patterns=frozenset({"fast time", "temperature"}),
+)  # fmt: skip
+LOGGED = ("temperature", "covariate")  # quantities that effects follow
 
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
     """Stretches of one recording: reading less rate (m, 3), its sigma, rate (m, 3), C_bp, and middle time (m,) [s].
 
-    up: the vertical (3,) in the axes of the base, None where no accelerometers tell it.
+    up: the vertical (3,) in the axes of the base, None where no accelerometers tell it. logged: mean (m,) of
+    temperature and other channels.
     """
 
     reading: Array
@@ -60,6 +65,7 @@ class Stretches:
     attitude: Array
     time: Array
     up: Array | None
+    logged: Mapping[Key, Array]
 
 
 def stretches_of(r: Recording) -> Stretches:
@@ -93,7 +99,7 @@ def stretches_of(r: Recording) -> Stretches:
     edge = np.concatenate([[False], new]) | np.concatenate([new, [False]]) | ~whole
     groups = np.split(np.flatnonzero(~edge), np.flatnonzero(np.diff(np.flatnonzero(~edge)) > 1) + 1)
     groups = [part for g in groups for part in _level(g, rate, MAX_RATE_CHANGE * fastest) if len(part) > 1]
-    if not groups:
+    if not any(np.linalg.norm(rate[g].mean(0)) >= MIN_RATE for g in groups):
         raise InputError(
             f"{r.title!r}: the table never turns steadily for {4 * BLOCK_S:g} s; hold each rate for ten seconds, or "
             "use --method attitude for motion that goes on"
@@ -102,13 +108,15 @@ def stretches_of(r: Recording) -> Stretches:
     inside = np.concatenate([off[g] - off[g].mean(0) for g in groups])
     white = np.sqrt((inside**2).sum(0) / max(len(inside) - len(groups), 1))
     middle = starts + n // 2
+    spans = [slice(starts[g[0]], starts[g[-1]] + n) for g in groups]
     return Stretches(
         np.array([off[g].mean(0) for g in groups]),
         np.array([white / np.sqrt(len(g)) for g in groups]),
         np.array([rate[g].mean(0) for g in groups]),
-        np.array([C[starts[g[0]] : starts[g[-1]] + n].mean(0) for g in groups]),
+        np.array([C[span].mean(0) for span in spans]),
         np.array([r.time[middle[g]].mean() for g in groups]),
         _up(r),
+        {key: np.array([x[span].mean() for span in spans]) for key, x in r.channels.items() if key[0] in LOGGED},
     )
 
 
@@ -147,11 +155,24 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
     first = replace(recordings[0], kind=ROTATION)
     still = replace(first.select(slice(0, 1)), platform=BENCH, position=None)
     time = np.concatenate([s.time - r.time[0] for r, s in zip(recordings, stretches, strict=True)])
+    count = [len(s.time) for s in stretches]
+    session = np.repeat(np.arange(len(count)), count) if len(count) > 1 else None  # nobody knows the time between them
+    every = [key for key in stretches[0].logged if all(key in s.logged for s in stretches)]
+    logged = {key: np.concatenate([s.logged[key] for s in stretches]) for key in every}
     felt = stimulus_from_truth(still, np.zeros((1, 3)), np.zeros((1, 3))).held(len(rate)).at(rate=rate, time=time)
+    felt = felt.at(
+        temperature=logged.get(("temperature", "")),
+        covariates={name: x for (quantity, name), x in logged.items() if quantity == "covariate"},
+    )
     y, names = np.concatenate(reading), ("horizontal rate",) * 2 + ("mounting",) * 3
     of_each = [nuisance(name, str(k + 1), "1", 1.0) for k in range(len(recordings)) for name in names]
     names = ("vertical rate", "foreshortening", *names[2:])
     of_rigs = [nuisance(name, f"rig {k + 1}", "1", 1.0) for k in range(len(rigs)) for name in names]
+
+    turned = felt.at(rate=np.where(np.abs(rate).max(axis=0) > MIN_RATE, rate, 0.0))
+
+    def shown(effect: Effect) -> bool:
+        return bool(np.any(effect.contribution(turned) != 0))
 
     def rows_about(effects: Sequence[Effect]) -> Rows:
         rows = linearise(BENCH, felt, effects, channels=CHANNELS, read=y, stages=GYROSCOPE_STAGES)
@@ -159,10 +180,12 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
 
     sigma = np.maximum(np.abs(scale) * np.concatenate([s.sigma for s in stretches]), MIN_RATE_SIGMA)
     return View(
-        RATE_TABLE, channels=CHANNELS, **{**recording_fields(first), "time": time}, stimulus=felt,
+        RATE_TABLE, channels=CHANNELS, **{**recording_fields(first), "time": time, "session": session},
+        stimulus=felt,
         evaluate=rows_about, stages=GYROSCOPE_STAGES, baseline=(*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS),
         groups=np.arange(len(rate)), nuisances=(*of_each, *of_rigs),
-        noise=NoiseModel(sigma, sample=sigma, of_each_channel=True),
+        gauge=gyroscope_parameters_without(felt, shown), label=np.arange(1, len(rate) + 1),
+        noise=NoiseModel(sigma, sample=sigma, wander=of_channels(len(sigma), 3), of_each_channel=True),
     )  # fmt: skip
 
 

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.readout import in_si
-from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Stimulus
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, follows, lacking
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.errors import InputError, amount
 from gimbalcal.forward import Rows, accelerometers, gyroscopes, linearise
 from gimbalcal.kinematics import stimulus_from_readings
@@ -34,11 +34,12 @@ from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.dwell import PAUSED, usual_step
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import cross_matrix, exponential, mean_rates, normal_to
-from gimbalcal.views.core import Measurement, View, absent_effect, nuisance, recording_fields
+from gimbalcal.views.core import Measurement, View, gyroscope_parameters_without, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import inverted
 from gimbalcal.views.swept_rotations import Sweeps, swept, swept_rows
 
+MIN_TURN = 0.02  # rad that a gyroscope sweeps in some turn; white noise of 1 deg/sqrt(h) makes 0.002 in a minute
 MAX_ATTITUDE_CHANGE = 0.01  # of the attitude's elements: gimbals that stand where they stood
 FORCES = tuple((FORCE, a) for a in "xyz")
 TURNS = Measurement(
@@ -192,7 +193,7 @@ def gravity_after_turns(turns: Turns, accelerometers: Calibration | None = None,
     return View(
         TURNS, channels=((RATE, "level"), (RATE, "tilted")), **recording_fields(ends), stimulus=s,
         label=s.position, evaluate=rows, stages=GYROSCOPE_STAGES, baseline=GYROSCOPE_INPUT_TERMS,
-        gauge=_shown_at_rest(turns.stimulus), groups=np.arange(len(turns.ends)), noise=NoiseModel(),
+        gauge=_not_shown(turns), groups=np.arange(len(turns.ends)), noise=NoiseModel(),
         nuisances=tuple(nuisance("accelerometers", str(k + 1), "1", 1.0) for k in range(N.shape[-1])),
     )  # fmt: skip
 
@@ -234,16 +235,18 @@ def with_headings(turns: Turns, recording: Recording) -> Turns:
     )
 
 
-def _shown_at_rest(s: Stimulus) -> frozenset[tuple[str, str]]:
-    """Parameters of gyroscopes that show where nothing turns: the dwells before and after have taken them off."""
+def _not_shown(turns: Turns) -> frozenset[tuple[str, str]]:
+    """Parameters of gyroscopes that turns do not show: those that show at rest, and of axes about which none is made.
+
+    The dwells before and after a turn have taken off what shows at rest. About an axis without a turn a gyroscope reads
+    noise: as a regressor that would explain itself, by a scale factor of -1.
+    """
+    s, shape = turns.stimulus, turns.reading.shape
+    swept_angle = np.abs(np.cumsum(turns.reading * turns.step[..., None], axis=1)).max(axis=(0, 1))
+    turned = s.at(rate=np.where(swept_angle > MIN_TURN, s.rate.reshape(shape), 0.0).reshape(-1, 3))
     still = s.at(rate=0 * s.rate)
-    out = set()
-    for cls in CATALOGUE.values():
-        if cls.stage in GYROSCOPE_STAGES and not cls.spans_rows and not lacking(cls, s.carries):
-            followed = next(iter(s.covariates)) if follows(cls) == "" else ""
-            none = absent_effect(cls.id, s, followed)
-            for p in parameters(cls, s.axis_names):
-                effect = with_values([none], (p,), np.array([p.sigma]), s.axis_names)[0]
-                if np.any(effect.contribution(still) != 0):
-                    out.add((p.effect, p.axis))
-    return frozenset(out)
+
+    def shown(effect: Effect) -> bool:
+        return not np.any(effect.contribution(still) != 0) and bool(np.any(effect.contribution(turned) != 0))
+
+    return gyroscope_parameters_without(s, shown)

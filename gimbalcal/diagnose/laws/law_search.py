@@ -352,8 +352,9 @@ def _paired(seats: Sequence[Seat], pairs: Sequence[tuple[Term, list[Term]]]) -> 
 def gains(seen: Screen, B: Array, width: int) -> Array:
     """ln likelihood (K,) that additions (blocks, K width), so many at a time, take away of the misfit."""
     X = seen.root @ B
-    norm = np.sqrt((X**2).sum(axis=0))
-    shown = norm > ABSORBED * np.sqrt(((seen.before @ B) ** 2).sum(axis=0))
+    with np.errstate(over="ignore"):  # of a power that a refinement tries; it shows nothing
+        norm = np.sqrt((X**2).sum(axis=0))
+        shown = np.isfinite(norm) & (norm > ABSORBED * np.sqrt(((seen.before @ B) ** 2).sum(axis=0)))
     X = X / np.where(shown & (norm > 0), norm, np.inf)
     K = X.shape[1] // width
     b = (X.T @ seen.y).reshape(K, width)

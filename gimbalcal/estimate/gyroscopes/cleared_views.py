@@ -18,9 +18,10 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Counts, Readout
 from gimbalcal.effects import CATALOGUE, Effect, parameters
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.fit import LEAST_SIGNAL, fit
+from gimbalcal.estimate.gyroscopes.rate_table import on_a_table
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import BIAS, fit_rests, fit_turns, level_of, rests
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
@@ -100,6 +101,23 @@ def view_of_turns(
         return None
     view = gravity_after_turns(with_headings(turns, calibration.apply(recording)), calibration)
     return replace(view.without_nuisances(_scatter(view)), readout=_readout(view, scale))
+
+
+def view_on_a_table(recordings: Sequence[Recording]) -> View:
+    """Return the mean rates of steady turning on a table, with mountings and the Earth's rate eliminated.
+
+    These are eliminated in the scatter of the stretches about a linear model. Raises InputError as `on_a_table`, and
+    where the stretches are too few to tell their scatter.
+    """
+    table = on_a_table(recordings)
+    if table.linear.dof_of_scatter < MIN_NUMBERS_LEFT:
+        raise InputError(
+            f"{recordings[0].title!r} holds {amount(sum(table.stretches), 'stretch', 'stretches')} of steady turning, "
+            "too few to tell how they scatter: turn at more rates, both ways round"
+        )
+    cleared = table.view.without_nuisances(table.linear.sigma[0])
+    counts = Counts(tuple(map(float, table.scale))) if recordings[0].counted(RATE) else None
+    return replace(cleared, readout=replace(cleared.readout, gyroscopes=counts))
 
 
 def _readout(view: View, scale: float) -> Readout:

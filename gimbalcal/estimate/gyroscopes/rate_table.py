@@ -7,8 +7,8 @@ that of a scale factor holds the cosine of such a tilt. See `views.rate_table` f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,10 +23,11 @@ from gimbalcal.calibration import (
     Residual,
 )
 from gimbalcal.checks.driven_rates import refuse_unlike_table
-from gimbalcal.effects import CATALOGUE, Parameter, parameters
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.position_fit import SAMPLES
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
@@ -56,16 +57,48 @@ MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some canno
 
 def calibrate_on_a_table(request: Request) -> Calibration:
     """Calibrate gyroscopes on a rate table, as those of a unit of the grade that their noise tells."""
-    return gyroscopes_on_a_table(graded(request.recordings).of(request.recordings))
+    more = extra_effects(request.more, request.recordings, BASE)
+    return gyroscopes_on_a_table(graded(request.recordings).of(request.recordings), more)
 
 
-def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:
+def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraEffect] = ()) -> Calibration:
     """Calibrate gyroscopes against the angles of the table that turned them, from one recording or several mountings.
 
     Bias, scale factors and misalignments, and asymmetry and nonlinearity of the scale where the stretches support
-    them. What no recording turned about is not estimated and named. Raises InputError without rates or angles of a
-    rig, where nothing turns steadily, and where counts are of an axis that was never turned.
+    them; what `more` adds is fitted in any case. What no recording turned about is not estimated and named. Raises
+    InputError without rates or angles of a rig, where nothing turns steadily, and where counts are of an axis that was
+    never turned.
     """
+    table = on_a_table(recordings)
+    extra, linear = NO_EXTENSION, table.linear
+    if more:
+        sizes = tuple(p for e in more for p in e.parameters(()))
+        extra = extension(more, sizes, table.view.stimulus, linear.cost_of_sizes(sizes))
+        linear = _fit(table.view, (*linear.parameters, *extra.parameters), extra.effects)
+    best, declined = _chosen(table.view, linear, {e.effect for e in more})
+    calibration = extra.complete(_calibration(best, table.unseen, declined, table.stretches))
+    counts = Counts(tuple(map(float, table.scale))) if recordings[0].counted(RATE) else None
+    files = tuple(file for r in recordings for file in r.source)
+    return replace(calibration, provenance=replace(calibration.provenance, recordings=files),
+                   readout=Readout(gyroscopes=counts, gimbals=recordings[0].platform.axis_names))  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class OnTable:
+    """The view of gyroscopes on a table, their linear model in it, and the parameters that no stretch depends on.
+
+    scale (3,): rad/s per unit of the readings; stretches: how many each recording has.
+    """
+
+    view: View
+    linear: ViewsFit
+    unseen: tuple[Parameter, ...]
+    scale: Array
+    stretches: tuple[int, ...]
+
+
+def on_a_table(recordings: Sequence[Recording]) -> OnTable:
+    """Return gyroscopes on a table with their linear model. Raises InputError as `gyroscopes_on_a_table`."""
     refuse_twice(recordings)
     for r in recordings:
         _refuse(r)
@@ -78,12 +111,7 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording]) -> Calibration:
     own = dict(zip(first.parameters, first.x, strict=True))
     M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in BASE[1:]))
     view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
-    best, declined = _chosen(view, _fit(view, wanted))
-    calibration = _calibration(best, unseen, declined, [len(s.time) for s in each])
-    counts = Counts(tuple(map(float, scale))) if recordings[0].counted(RATE) else None
-    files = tuple(file for r in recordings for file in r.source)
-    return replace(calibration, provenance=replace(calibration.provenance, recordings=files),
-                   readout=Readout(gyroscopes=counts, gimbals=recordings[0].platform.axis_names))  # fmt: skip
+    return OnTable(view, _fit(view, wanted), unseen, scale, tuple(len(s.time) for s in each))
 
 
 def _refuse(r: Recording) -> None:
@@ -129,18 +157,19 @@ def _seen(view: View) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
     return determined, tuple(p for p in every if p not in determined)
 
 
-def _fit(view: View, wanted: Sequence[Parameter]) -> ViewsFit:
-    return fit([view], wanted, min_signal=LEAST_SIGNAL, significance=0.0)
+def _fit(view: View, wanted: Sequence[Parameter], effects: Sequence[Effect] = ()) -> ViewsFit:
+    return fit([view], wanted, effects, min_signal=LEAST_SIGNAL, significance=0.0)
 
 
 def _condition(view: View, wanted: Sequence[Parameter]) -> float:
-    """Condition number of the columns of parameters, each of length one."""
+    """Condition number of the columns of parameters, each of length one; a constant of an absent effect has none."""
     J = view.evaluate(()).jacobian(wanted).reshape(-1, len(wanted))
-    return float(np.linalg.cond(J / np.linalg.norm(J, axis=0)))
+    size = np.linalg.norm(J, axis=0)
+    return float(np.linalg.cond(J[:, size > 0] / size[size > 0]))
 
 
-def _chosen(view: View, linear: ViewsFit) -> tuple[ViewsFit, dict[str, str]]:
-    """The linear fit with each further term that the stretches support, and why not the others."""
+def _chosen(view: View, linear: ViewsFit, requested: Collection[str]) -> tuple[ViewsFit, dict[str, str]]:
+    """The linear fit with each further term that the stretches support, none of those `requested`, and why not."""
     turned = {p.axis for p in linear.parameters if p.effect == "gyro_scale_factor"}
 
     def attempt(terms: tuple[str, ...], without: ViewsFit) -> ViewsFit | str:
@@ -148,11 +177,11 @@ def _chosen(view: View, linear: ViewsFit) -> tuple[ViewsFit, dict[str, str]]:
         more = (*without.parameters, *(p for p in parameters(CATALOGUE[term]) if p.axis in turned))
         if 3 * len(view) <= len(more) or _condition(view, more) > MAX_CONDITION_NUMBER:
             return f"{term} is left out: it takes more rates, both ways round"
-        fit = _fit(view, more)
+        fit = _fit(view, more, linear.effects)
         clear_of = needed(coefficients(FURTHER), fit.dof_of_scatter)
         return refusal(term, f"{len(view)} stretches", without, fit, "rad/s", clear_of) or fit
 
-    fits, declined = selected(BASE, linear, FURTHER, attempt)
+    fits, declined = selected(BASE, linear, [t for t in FURTHER if t not in requested], attempt)
     return fits[-1][1], declined
 
 

@@ -1,0 +1,77 @@
+"""Gyroscopes on a rate table: what their readings at steady rates lack against the angles of the table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimbalcal.diagnose.entry import diagnose
+from gimbalcal.errors import InputError
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from tests.estimate.gyroscopes.test_rate_table import run
+
+pytestmark = pytest.mark.usefixtures("own_catalogue")
+
+
+def with_temperature(r: Recording, added: float = 0.0) -> tuple[Recording, Array]:
+    """A recording whose temperature swings, and the rate about z with `added` [rad/s per K^2 and rad/s] to it."""
+    T = 23 + 4 * np.sin(2 * np.pi * r.time / (0.8 * r.time[-1]) + 0.4)
+    w = np.gradient(r.channels["gimbal_angle", "table"], r.time)
+    z = r.channels["angular_rate", "z"] + added * w * (T - 24) ** 2
+    return replace(r, channels={**r.channels, ("angular_rate", "z"): z, ("temperature", ""): T}), T
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_clean_table_is_adequate_and_what_it_does_not_turn_about_is_not_estimated(axis: str) -> None:
+    d = diagnose([run(axis, 11)])
+    assert d.verdict == "adequate"
+    assert d.calibration is not None
+    scales = {p.axis for p in d.calibration.parameters if p.effect == "gyro_scale_factor"}
+    assert scales == {axis}
+
+
+def test_an_asymmetry_of_the_scale_is_named_with_a_sigma_that_holds() -> None:
+    error = []
+    for seed in range(10):
+        (finding,) = diagnose([run("z", 300 + seed, asymmetry=2e-4)]).findings
+        assert (finding.effect, finding.axis) == ("gyro_scale_asymmetry", "z")
+        (size,) = finding.parameters
+        error.append((size.value - 200.0) / size.sigma)
+    assert 0.5 < np.sqrt(np.mean(np.square(error))) < 1.6
+
+
+def test_a_law_of_rate_and_temperature_is_found_and_calibrated() -> None:
+    r, _ = with_temperature(run("z", 21), added=3e-5)
+    d = diagnose([r])
+    assert d.verdict == "unexplained"
+    assert {v for law in d.laws for v in law.variables} == {"rate_z", "temperature"}
+    assert d.calibration is not None
+    assert any(p.effect == "law_angular_rate_z" for p in d.calibration.parameters)
+    assert d.calibration.residual.rms["angular_rate"] < 1.3 * clean_rms(21)
+
+
+def clean_rms(seed: int) -> float:
+    """The residual of the same table without the law, SI."""
+    d = diagnose([run("z", seed)])
+    assert d.calibration is not None
+    return float(np.sqrt(np.mean([x**2 for x in d.calibration.residual.rms.values()])))
+
+
+def test_mountings_are_diagnosed_jointly() -> None:
+    d = diagnose([run(axis, 31 + k) for k, axis in enumerate("xyz")])
+    assert d.verdict == "adequate"
+    assert d.calibration is not None
+    assert {p.axis for p in d.calibration.parameters if p.effect == "gyro_scale_factor"} == {"x", "y", "z"}
+    assert len(d.calibration.provenance.recordings) == len({f.path for f in d.calibration.provenance.recordings})
+    (finding,) = diagnose([run(axis, 31 + k, asymmetry=3e-4) for k, axis in enumerate("xyz")]).findings
+    assert finding.effect == "gyro_scale_asymmetry"
+
+
+def test_a_table_that_stands_is_refused_with_what_to_do() -> None:
+    r = run("z", 5)
+    still = replace(r, channels={k: 0 * v if k[0] == "gimbal_angle" else v for k, v in r.channels.items()})
+    with pytest.raises(InputError, match="turn it at steady rates"):
+        diagnose([still])
