@@ -51,7 +51,7 @@ from gimbalcal.units import from_si
 from gimbalcal.views.core import View, by_triad, carried, known_effect
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import attitudes, norm
-from gimbalcal.views.pointing import MAX_FILTERED_STARS, means_of_tracking
+from gimbalcal.views.pointing import MAX_FILTERED_STARS, means_of_tracking, outlying_frames
 from gimbalcal.views.rest_rates import without_earth_rate
 from gimbalcal.views.segments import turned_in_place
 from gimbalcal.views.slews import view_of_slews
@@ -193,9 +193,15 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
 def of_single_view(request: DiagnosisRequest) -> Parts:
     """Diagnose a recording of one view; of stars without those that are outliers, with a note on each.
 
-    One star that is nine sigma off makes half of the scatter of eighty, and hides what is as large as that scatter.
+    One star that is nine sigma off makes half of the scatter of eighty, and hides what is as large as that scatter; a
+    few frames of a log that a gust threw off are a step with friction.
     """
     notes: list[str] = []
+    if request.recording.kind.sighting and (frames := outlying_frames(request.recording)).any():
+        most = float(from_si(frames.max(), "arcsec"))
+        notes.append(diagnosis_sentences.omitted_frames(request.recording.time[frames > 0], most))
+        request.tell(notes[-1])
+        request = request.of(request.recording.select(np.flatnonzero(frames == 0)))
     while True:
         v = single_view(request)
         d = diagnose_view(v, request.tell)

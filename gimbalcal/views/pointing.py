@@ -40,6 +40,9 @@ MAX_TEETH, FRAMES = 2000, 5  # of a worm wheel, and means of a log to a turn of 
 MIN_READOUT_ERROR_RAD = 1e-10  # misses of an axis that differ less are one number
 MAX_RATE_ERROR = 0.1  # of the Earth's rate, of a mount that follows the sky
 MAX_STRETCH_SHARE = 0.1  # of the rows, in as many stretches of a log; more are stars
+MEDIAN_FRAMES = 7  # of which three may be thrown off
+MIN_OUTLIER_SCATTERS = 12.0  # medians of |off|, eight sigma of white noise
+MAX_OUTLYING_SHARE = 0.02
 MIN_NIGHT_GAP_S = 6 * 3600.0  # s; a longer pause ends a night
 POINTING = Measurement(
     "pointing", "arcsec", "stars", channels="pointing", channel="pointing {axis}", acts_on=("gimbal_angle",),
@@ -82,6 +85,22 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
             of_each_channel=tracked, own_memories=tracked,
         ),
     )  # fmt: skip
+
+
+def outlying_frames(recording: Recording) -> Array:
+    """Return how far each frame (n,) [rad] of a mount that tracks is off its neighbours; zero for those that are not.
+
+    A gust, a knock or a wrong star throws a few frames off by many times what they scatter about the running median of
+    `MEDIAN_FRAMES`; more than a `MAX_OUTLYING_SHARE` of them are the noise of the log.
+    """
+    from scipy.ndimage import median_filter
+
+    out = np.zeros(len(recording.time))
+    for axis in read_axes(recording) if tracks(recording) else ():
+        miss = np.unwrap(recording.channels["true_angle", axis] - recording.channels["gimbal_angle", axis])
+        off = np.abs(miss - median_filter(miss, MEDIAN_FRAMES, mode="nearest"))
+        out = np.maximum(out, np.where(off > MIN_OUTLIER_SCATTERS * np.median(off), off, 0.0))
+    return out if np.count_nonzero(out) <= MAX_OUTLYING_SHARE * len(out) else np.zeros(len(out))
 
 
 def means_of_tracking(recording: Recording) -> Recording:

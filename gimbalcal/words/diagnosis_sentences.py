@@ -12,7 +12,7 @@ import numpy as np
 
 from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.number import Array
-from gimbalcal.words.naming import capitalised, spaced
+from gimbalcal.words.naming import capitalised, listed, spaced
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.result import DetectionLimit, Finding, FitSummary, Mismatch, RecordingFit, Shape, ViewFit
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
 MAX_ALTERNATIVES = 3  # confounded causes up to which each of them may be named
 GYROSCOPES_NOT_ANALYSED = "The gyroscopes were not analysed"
+MAX_TIMES = 3  # of omitted frames that are named
 MAX_EXCESS_SCATTER = 1.5  # of residuals over the standard error from their samples; more has a reason
 MAX_HELDOUT_RATIO = 5.0  # of held-out rms to fitted rms; above it the data do not test the model
 
@@ -274,6 +275,21 @@ def omitted_stars(numbers: Sequence[int], sizes: Sequence[float], unit: str, why
     stars = " and ".join(f"star {n} is {digits(size)} {unit} off" for n, size in zip(numbers, sizes, strict=True))
     which = "it was" if len(numbers) == 1 else "they were"
     return f"S{stars[1:]}, unlike the others: {why}; {which} omitted."
+
+
+def omitted_frames(times: Array, size: float) -> str:
+    """Return that outlying frames of a log were omitted, when the first were recorded, and how far off they are.
+
+    >>> omitted_frames(np.array([12.3]), 58.8)
+    'One frame (at 12.3 s) is off its neighbours by 58.8 arcsec, unlike the others; it was omitted.'
+    """
+    at = listed([f"{t:.6g} s" for t in times[:MAX_TIMES]]) + (", ..." if len(times) > MAX_TIMES else "")
+    if len(times) == 1:
+        return f"One frame (at {at}) is off its neighbours by {digits(size)} arcsec, unlike the others; it was omitted."
+    return (
+        f"{len(times)} frames (at {at}) are off their neighbours by up to {digits(size)} arcsec, unlike the others; "
+        "they were omitted."
+    )
 
 
 def untested(v: View, fit: ViewFit) -> str:

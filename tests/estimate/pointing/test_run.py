@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from gimbalcal.report.sections import pointing_picture
 from gimbalcal.views.pointing import (
     means_of_tracking,
     on_stars,
+    outlying_frames,
     pointing,
     since_turning,
     tracking_axes,
@@ -118,6 +121,20 @@ def test_a_worm_shows_beside_a_curved_drift_and_a_declination_that_walks() -> No
     assert abs(every[best].variants[variant].constants[0][1] - 144) <= 1
     terms = [s.singles[i] for i, c in enumerate(every) if c.effect in SLOW]
     assert max(terms, default=0.0) < 0.1
+
+
+def test_frames_that_a_gust_threw_off_are_outliers_and_heavy_tails_are_none() -> None:
+    r = tracking(drift=40.0, wander=60.0)
+    assert not outlying_frames(r).any()
+    off = np.zeros(900)
+    off[[10, 11, 12, 500]] = 20.0, 60.0, -40.0, 30.0
+    key = ("true_angle", "hour_angle")
+    thrown = replace(r, channels={**r.channels, key: r.channels[key] + ARCSEC * off})
+    assert np.flatnonzero(outlying_frames(thrown)).tolist() == [10, 11, 12, 500]
+    tails = 3 * np.random.default_rng(5).standard_t(3, 900)
+    heavy = replace(r, channels={**r.channels, key: r.channels[key] + ARCSEC * tails})
+    assert np.count_nonzero(outlying_frames(heavy)) < 9
+    assert not outlying_frames(run(ALT_AZ, sky(ALT_AZ), (), noise=20.0)).any()
 
 
 def test_an_axis_that_was_not_read_is_no_channel() -> None:
