@@ -14,7 +14,7 @@ No general package serves: pint, for one, reads ``deg/sqrt(h)`` as ``deg/h`` wit
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import inf, isfinite, pi
@@ -248,3 +248,18 @@ def celsius(value: Value, unit: str) -> Value:
 def is_raw(unit: str) -> bool:
     """Return whether the physical size of a unit is not known: counts and pulses."""
     return any(name in ("count", "pulse") for name, _ in parse(unit).dimension)
+
+
+LARGER: Mapping[str, Sequence[tuple[float, str]]] = {"ug": [(1e3, "mg")], "arcsec": [(600.0, "arcmin")]}
+"""Units of readings, each with the size in it from which on a larger unit is printed."""
+LARGER_OF_SENSOR: Mapping[str, Sequence[tuple[float, str]]] = {"arcsec": [(1e3, "mrad"), (18e3, "deg")]}
+"""The same for input axes: 5 mrad and 5 degrees are usual for a unit of low cost, and never for a platform."""
+
+
+def printed_unit(size: float, unit: str, larger: Mapping[str, Sequence[tuple[float, str]]] = LARGER) -> str:
+    """Return the unit in which a size in this unit is printed; JSON files keep the units of the catalogue.
+
+    >>> printed_unit(2500.0, "ug"), printed_unit(2500.0, "ppm"), printed_unit(4400.0, "arcsec", LARGER_OF_SENSOR)
+    ('mg', 'ppm', 'mrad')
+    """
+    return next((name for least, name in reversed(larger.get(unit, ())) if size >= least), unit)

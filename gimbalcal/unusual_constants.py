@@ -77,6 +77,7 @@ def beyond_grade(c: Calibration, limit: Limit) -> tuple[int, ...]:
 def in_words(c: Calibration, beyond: Sequence[int], limit: Limit, cause: str, grade: str) -> str:
     """Return in words the constants beyond the grade, their usual size, and the likely cause."""
     stated = []
+    c = c.in_printed_units
     for i in beyond[:MAX_SHOWN]:
         p = c.parameters[i]
         size, sigma, usual = (from_si(x, p.unit) for x in (c.values[i], c.sigmas[i], limit(p)))

@@ -16,6 +16,7 @@ from gimbalcal.atomic import write_json
 from gimbalcal.calibration.arrays import FrameT, correct_arrays, correct_frame
 from gimbalcal.calibration.content_checks import refuse_misfit, refuse_mount, refuse_other_definitions, refuse_unsound
 from gimbalcal.calibration.correction import correct, corrupt, extrapolations
+from gimbalcal.calibration.matrices import TriadCorrection, corrections
 from gimbalcal.calibration.provenance import Provenance
 from gimbalcal.calibration.readout import Readout, from_content
 from gimbalcal.display import Displayed, data_frame
@@ -28,7 +29,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording
 from gimbalcal.recording.frames import Entry as ColumnEntry
-from gimbalcal.units import from_si, to_si
+from gimbalcal.units import LARGER_OF_SENSOR, from_si, printed_unit, to_si
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -93,6 +94,10 @@ class StageResult:
     def sigma_of(self, label: str) -> float:
         """Return one sigma of a parameter, SI; nan for a parameter that this stage does not estimate."""
         return float(self.sigmas[self.labels.index(label)]) if label in self.labels else float("nan")
+
+
+SENSOR_AXES = ("misalignment", "gyro_misalignment")
+"""Effects, and names, of the misalignments of input axes."""
 
 
 @dataclass(frozen=True)
@@ -228,6 +233,26 @@ class Calibration(Displayed):
         )
 
     @property
+    def matrices(self) -> dict[str, TriadCorrection]:
+        """Misalignment matrix T, scales K and bias b of each triad whose linear terms were estimated."""
+        readout = {"accelerometers": self.readout.accelerometers, "gyroscopes": self.readout.gyroscopes}
+        counts = {t: (np.array(c.scale), np.array(c.offset)) for t, c in readout.items() if c is not None}
+        return corrections(self.effects, self.parameters, counts)
+
+    @property
+    def in_printed_units(self) -> Calibration:
+        """The calibration with the misalignments of each triad in the unit in which the largest is printed."""
+        largest = dict.fromkeys(SENSOR_AXES, 0.0)
+        for e in self.estimates:
+            if e.parameter.effect in largest:
+                largest[e.parameter.effect] = max(largest[e.parameter.effect], abs(e.value))
+        parameters = tuple(
+            replace(p, unit=printed_unit(largest[p.effect], p.unit, LARGER_OF_SENSOR)) if p.effect in largest else p
+            for p in self.parameters
+        )
+        return replace(self, parameters=parameters)
+
+    @property
     def identity(self) -> str:
         """Return the beginning of the SHA-256 of what it corrects by: parameters, their values, and the readout."""
         rows = [(p.label, value) for p, value in zip(self.parameters, self.values.tolist(), strict=True)]
@@ -349,6 +374,7 @@ class Calibration(Displayed):
             "outcome": self.outcome,
             "parameters": rows,
             "model": [stated_law(classes[i]) for i in dict.fromkeys(p.effect for p in self.parameters)],
+            "matrices": {triad: m.to_dict() for triad, m in self.matrices.items()},
             "covariance": np.asarray(self.covariance).tolist(),
             "unobservable": plain(self.unobservable),
             "residual": residual,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import stated_law
 from gimbalcal.entries import Entry, Json
-from gimbalcal.units import from_si
+from gimbalcal.units import from_si, to_si
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,11 @@ class Estimate(Entry):
     def of(cls, p: Parameter, x: float, sigma: float) -> Estimate:
         """Return a parameter with its value and one sigma, both in SI."""
         return cls(p.name, p.axis, float(from_si(x, p.unit)), float(from_si(sigma, p.unit)), p.unit)
+
+    def in_unit(self, unit: str) -> Estimate:
+        """Return the estimate in another unit."""
+        value, sigma = (float(from_si(to_si(x, self.unit), unit)) for x in (self.value, self.sigma))
+        return self if unit == self.unit else replace(self, value=value, sigma=sigma, unit=unit)
 
 
 @dataclass(frozen=True)

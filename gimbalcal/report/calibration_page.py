@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -10,6 +11,7 @@ from gimbalcal.calibration import AssumedNoise, Calibration
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import amount
+from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.references import cite
 from gimbalcal.report import sections
@@ -53,6 +55,7 @@ def calibration_report(
         "pictures": others,
         "recordings": [_measured(r) for r in recordings],
         **stages(c, truth),
+        "matrices": _matrices(c),
         **_correlations(c),
         **_model(c.parameters),
         **_provenance(c, recordings),
@@ -79,6 +82,30 @@ def _facts(c: Calibration, recordings: Sequence[Recording]) -> list[tuple[str, s
     if rows:
         facts.append((f"{rows:,}".replace(",", " "), "samples used"))
     return facts
+
+
+def _matrices(c: Calibration) -> list[Context]:
+    """Return T, K and b of each triad as formulas, with the units of reading and result."""
+    out = []
+    for triad, m in c.matrices.items():
+        unit = "m/s²" if triad == "accelerometers" else "rad/s"
+        counts = getattr(c.readout, triad) is not None
+        parts = [
+            (r"T = ", m.T, "{:.6f}"),
+            (r"\text{diag} K = ", m.K[:, None], "{:.7g}" if counts else "{:.6f}"),
+            ("b = ", m.b[:, None], "{:.7g}" if counts else "{:.5g}"),
+        ]
+        latex = r", \quad ".join(name + _matrix(M, digits) for name, M, digits in parts)
+        units = f"K in {unit} per count, b in counts" if counts else f"K without unit, b in {unit}"
+        out.append({"name": triad, "equation": formula(latex) or latex, "units": units})
+    return out  # fmt: skip
+
+
+def _matrix(M: Array, digits: str) -> str:
+    """Return a matrix as LaTeX, its numbers in this format."""
+    each = [[re.sub(r"e([-+])0*(\d+)", r" \\cdot 10^{\1\2}", digits.format(x)) for x in row] for row in M]
+    rows = r" \\ ".join(map(" & ".join, each))
+    return rf"\begin{{bmatrix}} {rows} \end{{bmatrix}}"
 
 
 def _correlations(c: Calibration) -> Context:

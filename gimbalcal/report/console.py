@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.report.parameters import estimate, rows
+from gimbalcal.report.parameters import estimates, rows
 from gimbalcal.report.terms import terms_in_text
 from gimbalcal.words import naming
 from gimbalcal.words.calibration_sentences import calibration_in_words as answer
@@ -65,8 +65,7 @@ def findings_table(findings: Sequence[Finding]) -> str:
     table = []
     for f in findings:
         remark = f"{100 * f.probability:.3g} % probable, {significant(f.sigma)} σ"
-        for p in f.parameters:
-            row = estimate(p.name, p.axis, p.value, p.sigma, p.unit)
+        for row in estimates(f.parameters):
             table.append((row["words"], row["value"], row["sigma"], row["unit"], remark))
             remark = ""
     return "\n".join(aligned(table))

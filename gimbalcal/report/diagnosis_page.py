@@ -10,7 +10,6 @@ import numpy as np
 from gimbalcal.diagnose.answer import Curves, Diagnosis
 from gimbalcal.diagnose.evidence.odds import OUTSIDE
 from gimbalcal.diagnose.result import (
-    Estimate,
     Finding,
     LawResult,
     Mismatch,
@@ -27,7 +26,7 @@ from gimbalcal.report.chart import Chart
 from gimbalcal.report.figures import Panel, before_after, sky
 from gimbalcal.report.formulas import formula
 from gimbalcal.report.html import Context, Picture, picture, render
-from gimbalcal.report.parameters import estimate, in_sigmas
+from gimbalcal.report.parameters import estimate, estimates, in_sigmas
 from gimbalcal.words import naming
 from gimbalcal.words.diagnosis_headline import does, headline
 from gimbalcal.words.rounding import minus, p_value, rms, sensible_time, significant
@@ -120,10 +119,6 @@ def _moved(m: Shift) -> dict[str, str]:
     return {**estimate(m.name, m.axis, m.moved, m.sigma, m.unit), "text": in_sigmas(m.in_sigmas, 1)}
 
 
-def _estimates(parameters: Sequence[Estimate]) -> list[dict[str, str]]:
-    return [estimate(p.name, p.axis, p.value, p.sigma, p.unit) for p in parameters]
-
-
 def _law(law: LawResult) -> Context:
     """Return a formula that no catalogue holds: as it is written, its parameters, and the domain of the data."""
     units = {v: naming.unit_in_print(unit) for v, unit in law.units.items()}
@@ -132,7 +127,7 @@ def _law(law: LawResult) -> Context:
     return {
         "where": naming.spaced(f"{law.channel} {law.axis}"),
         "equation": formula(law.latex), "form": law.form, "domain": minus("; ".join(domain)),
-        "rows": [{**row, "words": p.name} for row, p in zip(_estimates(law.parameters), law.parameters, strict=True)],
+        "rows": [{**row, "words": p.name} for row, p in zip(estimates(law.parameters), law.parameters, strict=True)],
         "alternatives": "; ".join(law.alternatives), "with": " --with ".join([*law.beside, law.with_]),
         "beside": naming.listed([naming.named(*one.split(":")) for one in law.beside]),
     }  # fmt: skip
@@ -203,7 +198,7 @@ def _finding_section(f: Finding) -> Context:
         "physics": naming.typeset(f.physics),
         "equation": formula(latex),
         "latex": latex,
-        "rows": _estimates(f.parameters),
+        "rows": estimates(f.parameters),
         "twins": alternatives([naming.named(t) for t in f.twins]),
         "separate_by": naming.typeset(f.separate_by),
         "cost": naming.typeset(f.cost.in_words) if f.cost else "",

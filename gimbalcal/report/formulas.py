@@ -24,6 +24,8 @@ def formula(latex: str) -> Markup | None:
     """Return a formula as MathML, which every browser draws in the page's own letters; None where it cannot be set."""
     from latex2mathml.converter import convert
 
+    # brackets stretch over a matrix only as a pair of their own
+    latex = latex.replace(r"\begin{bmatrix}", r"\left[\begin{matrix}").replace(r"\end{bmatrix}", r"\end{matrix}\right]")
     try:
         text = convert(latex.replace("<", r"\lt "))  # it copies words of \text as they are: no tag may come through
         drawn = ET.fromstring(text)  # noqa: S314  made one line above

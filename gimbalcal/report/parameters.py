@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, ParameterEstimate, Readout, StageHistory, StageResult
+from gimbalcal.calibration.calibration import SENSOR_AXES
 from gimbalcal.calibration.readout import from_content
 from gimbalcal.earth import HOUR
 from gimbalcal.effects import CATALOGUE, Parameter
@@ -16,9 +18,12 @@ from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.report.chart import BLUE, Band, Chart, Line, Rule
 from gimbalcal.report.figures import AS_BEFORE, dots_by_name
 from gimbalcal.report.html import Context, Picture, picture
-from gimbalcal.units import from_si, to_si
+from gimbalcal.units import LARGER_OF_SENSOR, from_si, printed_unit, to_si
 from gimbalcal.words import naming
 from gimbalcal.words.rounding import distinct_from_zero, last_place, minus, pdg, significant
+
+if TYPE_CHECKING:
+    from gimbalcal.diagnose.result import Estimate  # which loads the whole diagnosis
 
 
 def plus_minus(value: float, sigma: float) -> str:
@@ -33,12 +38,21 @@ def estimate(name: str, axis: str | None, value: float, sigma: float, unit: str)
             "unit": naming.unit_in_print(unit)}  # fmt: skip
 
 
+def estimates(parameters: Sequence[Estimate]) -> list[dict[str, str]]:
+    """Return the parameters of a cause as printed, misalignments in the unit in which the largest is printed."""
+    largest = max((abs(p.value) for p in parameters if p.name in SENSOR_AXES), default=0.0)
+    printed = [
+        p.in_unit(printed_unit(largest, p.unit, LARGER_OF_SENSOR)) if p.name in SENSOR_AXES else p for p in parameters
+    ]
+    return [estimate(p.name, p.axis, p.value, p.sigma, p.unit) for p in printed]
+
+
 # --- of a calibration -------------------------------------------------------------------------------------------------
 
 
 def rows(c: Calibration, truth: Mapping[str, float] | None) -> list[Context]:
     """Return the rows; `first` opens a group, `below` the parameters that the data do not determine one by one."""
-    in_null_direction = naming.unobservable_leading(c.null_directions)
+    c, in_null_direction = c.in_printed_units, naming.unobservable_leading(c.null_directions)
     determined = [e for e in c.estimates if e.parameter.label not in in_null_direction]
     others = [e for e in c.estimates if e.parameter.label in in_null_direction]
     nominal = c.readout.accelerometers
@@ -139,6 +153,7 @@ RATE_RESIDUALS = ("rate-table", "two-position")  # methods whose residuals are r
 
 def stages(c: Calibration, truth: Mapping[str, float] | None) -> Context:
     """Return tables and a picture of the stages; one that estimates other coefficients has a table of its own."""
+    c = c.in_printed_units
     labels = {p.label for p in c.parameters}
     ours = [s for s in c.stages if labels.intersection(s.labels)]
     staged = [p for p in c.parameters if any(p.label in s.labels for s in ours)]

@@ -15,11 +15,19 @@ from gimbalcal.errors import amount
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.report import figures
-from gimbalcal.report.chart import BLUE, COLOURS, SHAPES, Chart, Mark, Points, Rule
+from gimbalcal.report.chart import BLUE, COLOURS, SHAPES, Band, Chart, Line, Mark, Points, Rule
 from gimbalcal.report.html import Context, Picture, picture
-from gimbalcal.report.parameters import plus_minus
+from gimbalcal.report.parameters import MAX_SHOWN_SIGMA, plus_minus
 from gimbalcal.units import from_si
-from gimbalcal.words.naming import counted, label_in_words, listed, named, unit_in_print
+from gimbalcal.words.naming import (
+    counted,
+    label_in_words,
+    listed,
+    named,
+    spaced,
+    unit_in_print,
+    unobservable_leading,
+)
 from gimbalcal.words.rounding import p_value, rms, sensible_time, signed, significant
 
 Pictures = tuple[list[Picture], list[Picture]]  # of the first screen; of the section on the data
@@ -37,7 +45,7 @@ def pictures(c: Calibration, recordings: Sequence[Recording]) -> Pictures:
         first, more = PICTURES.get(r.kind, position_pictures)(r, c)
         leading, others = leading + first, others + more
     others += navigation_pictures(c)
-    return (leading, others) if leading else (others[:1], others[1:])
+    return (leading, others) if leading else (others[:2], others[2:])
 
 
 # --- positions and a static run ---------------------------------------------------------------------------------------
@@ -226,9 +234,12 @@ DIRECTIONS = ("north", "east", "down")
 
 
 def navigation_pictures(c: Calibration) -> list[Picture]:
-    """Return innovations by stop and turn, and sigmas against time by effect; none where nothing was navigated."""
+    """Return innovations by stop and turn, estimates and sigmas against time by effect; none without a navigator."""
     navigation = c.residual.navigation
-    return [_innovations(navigation), _sigmas(c, navigation)] if navigation else []
+    if not navigation:
+        return []
+    estimates = [_estimates(c, navigation)] if "estimate" in navigation else []  # some calibration.json have none
+    return [_innovations(navigation), *estimates, _sigmas(c, navigation)]
 
 
 def navigation_facts(c: Calibration) -> list[tuple[str, str]]:
@@ -250,6 +261,32 @@ def _innovations(n: Mapping[str, Any]) -> Picture:
         f"Velocity innovations of the calibrated navigator, summed over each stop (filled) and turn (rings) in units "
         f"of their sigma; {outliers}. The correlation of successive updates is {significant(white['lag_one'], 2)} "
         f"(sigma {significant(white['sigma'], 2)}).",
+    )
+
+
+def _estimates(c: Calibration, n: Mapping[str, Any]) -> Picture:
+    """Return the estimates of the filter against time with one sigma, a chart for each effect."""
+    time, unit = sensible_time(np.array(n["time_s"]))
+    unknown, groups = unobservable_leading(c.null_directions), dict[tuple[str, str], list[Mark]]()
+    for p in c.parameters:
+        if p.label in unknown:
+            continue
+        marks = groups.setdefault((named(p.name), unit_in_print(p.unit)), [])
+        colour = COLOURS[len(marks) // 2 % len(COLOURS)]
+        x, sigma = np.array(n["estimate"][p.label]) - n["estimate"][p.label][-1], np.array(n["sigma"][p.label])
+        t, x, sigma = (a[sigma < MAX_SHOWN_SIGMA * sigma[-1]] for a in (time, x, sigma))
+        marks += [Band(t, x - sigma, x + sigma, colour), Line(t, x, colour, spaced(p.axis))]
+    charts = [
+        Chart((*marks, Rule(0.0)), f"{name}  [{of}]", f"time [{unit}]", height=170)
+        for (name, of), marks in groups.items()
+    ]
+    omitted = f" Not drawn: {counted(len(unknown), 'parameter')} that the data do not determine." if unknown else ""
+    return picture(
+        charts,
+        f"Estimates of {amount(len(c.parameters) - len(unknown), 'parameter')} against time with one sigma, by effect.",
+        "Estimates of the filter in the last pass less their last value, with a band of one σ, from where σ is below "
+        f"{MAX_SHOWN_SIGMA:g} times its last value. As Figures 4 and 6 of Cai et al. (2016) and 1 and 4 of Wei et al. "
+        f"(2022).{omitted}",
     )
 
 

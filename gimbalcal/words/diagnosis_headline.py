@@ -16,6 +16,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Stage
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants
+from gimbalcal.units import from_si, printed_unit, to_si
 from gimbalcal.words.diagnosis_sentences import (
     DELAYS,
     GYROSCOPES_NOT_ANALYSED,
@@ -310,7 +311,5 @@ def _size_in_readings(d: Diagnosis) -> str:
 
 
 def _amount(size: float, unit: str) -> str:
-    larger = {"ug": ("mg", 1e3, 1e3), "arcsec": ("arcmin", 60.0, 600.0)}  # unit, factor, from which size on
-    if unit in larger and size >= larger[unit][2]:
-        unit, size = larger[unit][0], size / larger[unit][1]
-    return f"{significant(size, 2)} {unit_in_print(unit)}"
+    printed = printed_unit(size, unit)
+    return f"{significant(float(from_si(to_si(size, unit), printed)), 2)} {unit_in_print(printed)}"

@@ -12,7 +12,7 @@ from scipy.io import loadmat
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual
 from gimbalcal.calibration.exchange import FILES, export, read_calibration, read_exchange
-from gimbalcal.calibration.exchange.matrices import LINEAR, matrices
+from gimbalcal.calibration.matrices import LINEAR, matrices
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array

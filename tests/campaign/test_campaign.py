@@ -18,7 +18,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gimbalcal.calibration.exchange.matrices import matrices
+from gimbalcal.calibration.matrices import matrices
 from gimbalcal.campaign import run_campaign
 from gimbalcal.campaign import workers as campaign_workers
 from gimbalcal.campaign.campaign_folder import CampaignFolder

@@ -26,7 +26,7 @@ from gimbalcal.atomic import as_json, write
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.content_checks import MAX_NUMBER
 from gimbalcal.calibration.exchange import kalibr, parameter_table, psins, tpoint_model
-from gimbalcal.calibration.exchange.matrices import LINEAR, QUADRATIC
+from gimbalcal.calibration.matrices import LINEAR, QUADRATIC
 from gimbalcal.calibration.provenance import Options, Provenance
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError

@@ -11,7 +11,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import gimbals_of
-from gimbalcal.calibration.exchange.matrices import ParameterTable
+from gimbalcal.calibration.matrices import ParameterTable
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.units import from_si, parse, to_si

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.calibration.exchange.matrices import ParameterTable, matrices, parameters_of
+from gimbalcal.calibration.matrices import ParameterTable, matrices, parameters_of
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, holds_real_numbers
 

@@ -46,7 +46,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.content_checks import MOUNT_AXES
-from gimbalcal.calibration.exchange.matrices import ParameterTable
+from gimbalcal.calibration.matrices import ParameterTable
 from gimbalcal.calibration.provenance import MountAxes, PrintedTerm
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError

@@ -83,7 +83,7 @@ def calibrated(m: SystematicFit) -> Calibration:
     segments, wanted, scale = m.segments, m.wanted, np.array([p.sigma for p in m.wanted])
     solution = solve(data_information(wanted, m.last.factor, m.unregularised - m.prior_mean, scale))
     smoothed = attitude_covariance(segments, m.last, m.excluded, solution.covariance / np.outer(scale, scale))
-    navigation = innovation_statistics(segments, wanted, m.last, m.C, m.passes, smoothed)
+    navigation = innovation_statistics(segments, wanted, m.prior_mean, m.last, m.C, m.passes, smoothed)
     words = outcome(navigation, 9 + len(wanted), m.converged, len(solution.unobservable), lambda: suspected_error(m))
     rms = {f"velocity {axis}": float(v) for axis, v in navigation.pop("velocity_rms").items()}
     return Calibration(

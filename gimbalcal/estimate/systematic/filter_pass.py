@@ -39,6 +39,7 @@ WIDE_PRIOR_SIGMAS = 100.0  # times the catalogue's prior, which then has no infl
 POSITION_SIGMA_M = 1e-3  # at the start
 VELOCITY_STATES = np.arange(3, 6)
 JUMP_SIGMA_M_S = 1.0  # of the velocity after a knock, with which the navigator starts anew
+CURVE_POINTS = 120  # at which estimates and sigmas are kept over time
 GATE_NIS = 50.0  # normalised innovation squared of three components: by chance once in 1e10 updates
 
 
@@ -57,6 +58,7 @@ class Pass:
     attitude: Array  # (3, 3) covariance of the attitude at the start [rad^2]
     drift: Array  # (K, 3) velocity that a reference gains in each stretch, from rest [m/s]
     filtered: Filtered  # without the smoother's gains and covariances, and with the last constants alone
+    estimates: Array  # (j, p) of the filter at `curve_points`, without the prior, less its mean, in SI
     smoothed: Array  # (K + 1, 3) errors of the attitude [rad]
     model: ErrorModel
     calibrated: Filtered  # of the navigator with calibrated sensors, whose innovations are tested
@@ -92,6 +94,7 @@ def filter_and_smooth(
     constants, own = filtered.theta[-1], filtered.factor[m:, m:]
     if not (np.isfinite(constants).all() and np.isfinite(own).all()):
         raise not_finite(segments.rows.label, "what the filter holds of the constants")
+    estimates = filtered.theta[curve_points(len(z)), :-3] * scale - prior
     step, factor = constants[:-3] * scale, np.asarray(np.linalg.qr(own[:-3].T, mode="r")).T
     regularised, sigma = step, np.linalg.norm(factor, axis=1) * scale
     after = np.zeros(m + len(constants))
@@ -111,8 +114,13 @@ def filter_and_smooth(
     )  # fmt: skip
     return Pass(
         step, regularised, sigma, factor, own[-3:] @ own[-3:].T * STATE_SCALE[0] ** 2,
-        model.d[:, 3:6] * STATE_SCALE[3], filtered, smoothed, model, calibrated,
+        model.d[:, 3:6] * STATE_SCALE[3], filtered, estimates, smoothed, model, calibrated,
     )  # fmt: skip
+
+
+def curve_points(updates: int) -> NDArray[np.int64]:
+    """Return the ordinals of the instants at which results over time are kept; 0 is the start, k is after update k."""
+    return np.unique(np.linspace(0, updates, CURVE_POINTS).astype(np.int64))
 
 
 def _filter(

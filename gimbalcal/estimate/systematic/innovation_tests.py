@@ -11,24 +11,25 @@ from numpy.typing import NDArray
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import amount
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE
-from gimbalcal.estimate.systematic.filter_pass import GATE_NIS, Pass
+from gimbalcal.estimate.systematic.filter_pass import GATE_NIS, Pass, curve_points
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from gimbalcal.views.segments import Segments
 
 MIN_P_VALUE = 1e-5  # of each of three tests
-CURVE_POINTS = 120  # in the report
 SUSPECT_NIS_RATIO = 0.2  # to the largest normalised innovation squared
 MAX_REJECTED_SHARE = 0.01  # of updates; beyond, the model is wrong, not the table
 DIRECTIONS = ("north", "east", "down")
 
 
 def innovation_statistics(
-    segments: Segments, wanted: Sequence[Parameter], last: Pass, C: Array, passes: int, smoothed: Array
-) -> dict[str, Any]:
-    """Return the content of `residual.navigation`: NIS, NEES, whiteness, rejected updates, attitude, sigma over time.
+    segments: Segments, wanted: Sequence[Parameter], prior_mean: Array, last: Pass, C: Array, passes: int,
+    smoothed: Array,
+) -> dict[str, Any]:  # fmt: skip
+    """Return the content of `residual.navigation`: NIS, NEES, whiteness, rejected updates, and results over time.
 
+    These are estimate and sigma of each parameter, and the sigma of the attitude. prior_mean (p,) of the parameters;
     smoothed (K + 1, 3, 3): covariance of the smoothed attitudes [rad^2].
     """
     f, navigator = last.filtered, last.calibrated
@@ -44,7 +45,7 @@ def innovation_statistics(
     grown = np.maximum(navigator.sigma[1:, 6:9] ** 2 - navigator.sigma[0, 6:9] ** 2, 1e-300)
     position = (navigator.x[1:, 6:9] - navigator.x[0, 6:9]) ** 2 / grown
     rms = np.sqrt(np.nanmean(navigator.innovation**2, axis=0)) * STATE_SCALE[3]
-    pick = np.unique(np.linspace(0, len(segments.time) - 1, CURVE_POINTS).astype(int))
+    pick, estimates = curve_points(len(z)), prior_mean + last.estimates
     sigma = from_si(1.0, "arcsec") * np.sqrt(np.diag(last.attitude))
     worst = int(np.argmax(np.abs(by_leg).max(axis=1)))
     return {
@@ -69,11 +70,14 @@ def innovation_statistics(
             **_smoothed(np.diagonal(smoothed[pick], axis1=1, axis2=2)),
         },
         "time_s": np.round(segments.time[pick] - segments.time[0], 3).tolist(),
-        "sigma": {
-            p.label: [float(f"{x:.5g}") for x in from_si(f.theta_sigma[pick, i] * p.sigma, p.unit)]
-            for i, p in enumerate(wanted)
-        },
+        "estimate": {p.label: _printed(estimates[:, i], p, 10) for i, p in enumerate(wanted)},
+        "sigma": {p.label: _printed(f.theta_sigma[pick, i] * p.sigma, p, 5) for i, p in enumerate(wanted)},
     }
+
+
+def _printed(x: Array, p: Parameter, digits: int) -> list[float]:
+    """Return values of a parameter [SI] in its unit, rounded to significant digits."""
+    return [float(f"{v:.{digits}g}") for v in np.asarray(from_si(x, p.unit))]
 
 
 def _smoothed(variance: Array) -> dict[str, dict[str, list[float]]]:

@@ -18,6 +18,7 @@ from gimbalcal.estimate.systematic.filter_pass import attitude_covariance
 from gimbalcal.estimate.systematic.state_lists import FIFTY_ONE, states
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.rotation import frame_rotation, rotation_vector
+from gimbalcal.units import from_si
 from gimbalcal.views.segments import segment
 from gimbalcal.words.calibration_sentences import calibration_in_words
 from tests.estimate.systematic.table import MOVES, START, turning_unit
@@ -51,6 +52,22 @@ def test_errors_are_what_the_sigmas_say() -> None:
         z.append(_errors(found, THIRTY, truth))
     rms = float(np.sqrt(np.mean(np.square(z))))
     assert rms == pytest.approx(1.0, abs=0.2)  # 126 numbers, correlated
+
+
+def test_estimates_over_time_converge_as_their_sigmas_say() -> None:
+    """In the last third of the turns the deviations from the truth have the sigma of their instant."""
+    z = []
+    for seed in range(4):
+        truth = 0.3 * SCALE * np.random.default_rng(100 + seed).standard_normal(len(THIRTY))
+        found = systematic(turning_unit((), THIRTY, truth, stop=20.0, seed=seed), "30")
+        n = found.residual.navigation
+        time, late = np.array(n["time_s"]), np.array(n["time_s"]) > 2 / 3 * n["time_s"][-1]
+        for p, x, value in zip(found.parameters, truth, found.values, strict=True):
+            estimate, sigma = (np.array(n[key][p.label]) for key in ("estimate", "sigma"))
+            assert len(estimate) == len(sigma) == len(time)
+            assert abs(estimate[-1] - from_si(value, p.unit)) < 0.05 * sigma[-1]
+            z.append((estimate[late] - from_si(x, p.unit)) / sigma[late])
+    assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.25)
 
 
 def test_smoothed_attitudes_are_as_good_as_their_sigmas_say() -> None:
