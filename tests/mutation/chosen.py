@@ -55,6 +55,14 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.dwell", "_mean", "2 * np.pi * np.round(off / (2 * np.pi))", "np.pi * np.round(off / np.pi)"),
         ("recording.dwell", "rests_are_means", "> MEANS *", "< MEANS *"),
     ),
+    "estimate/pointing/test_term_tests.py": (
+        ("estimate.pointing.term_tests", "_Tests._test", "max(gain, 0.0) / k", "max(gain, 0.0)"),
+        ("estimate.pointing.term_tests", "_Tests.of_candidate", "scale / sqrt(square)", "1 / sqrt(square)"),
+    ),
+    "calibration/test_matrices.py": (
+        ("calibration.matrices", "corrections", "offset + m[b] / scale", "offset - m[b] / scale"),
+        ("calibration.matrices", "corrections", "A = turn @ A", "A = A"),
+    ),
     "checks/test_jitter.py": (
         ("checks.jitter", "_prediction_error", "np.sqrt(1 + (w**2).sum(1))", "np.sqrt(1 + w.sum(1))"),
         ("checks.jitter", "jitter_of", "np.sqrt(np.mean([a / b", "(np.mean([a / b"),
@@ -259,7 +267,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "words/test_sentences.py": (
         ("words.diagnosis_headline", "_does", "sign * p.value > 0", "sign * p.value < 0"),
         ("words.diagnosis_headline", "_one", "100 * value, 100 * sigma", "100 * value, sigma"),
-        ("words.diagnosis_headline", "_amount", '("arcmin", 60.0', '("arcmin", 3600.0'),
+        ("words.diagnosis_headline", "_amount", "to_si(size, unit), printed", "to_si(size, printed), unit"),
         ("words.diagnosis_headline", "_residuals", "chi2**0.5", "chi2"),
     ),
     "report/test_numbers.py": (

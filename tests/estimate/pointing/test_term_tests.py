@@ -82,6 +82,8 @@ def test_a_constant_belongs_to_its_effect() -> None:
     test = by_term(pointing_calibration([r], more=("encoder_harmonic:azimuth,order=5",)))["encoder_harmonic"]
     assert test.dof[0] == 2
     assert test.value is None
+    gain = (test.rms_without_arcsec / test.rms_with_arcsec) ** 2 - 1
+    assert test.F == pytest.approx(gain / 2 * (test.dof[1] or 0), rel=1e-6)
     assert test.rms_without_arcsec == pytest.approx(sky_rms(pointing_calibration([r])), rel=0.01)
 
 
