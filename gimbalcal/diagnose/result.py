@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import stated_law
 from gimbalcal.entries import Entry, Json
+from gimbalcal.number import Array
 from gimbalcal.units import from_si, to_si
 
 
@@ -118,6 +119,22 @@ class Shape(Entry):
     recordings: tuple[int, ...] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class LawCurve:
+    """A law over what it follows, for a picture: rows (n,) in units of print, with what the recording shows there.
+
+    x: of the one variable of the law, else what the law adds. law, sigma: what it adds, and one sigma of it by its
+    coefficients. observed: that and what the sensor's residual leaves. others: laws that fit as well, in print.
+    """
+
+    x: Array
+    x_label: str
+    law: Array
+    sigma: Array
+    observed: Array
+    others: tuple[tuple[str, Array], ...] = ()
+
+
 @dataclass(frozen=True)
 class LawResult(Entry):
     """A law outside the catalogue (interfaces.md section 6), and the class that states it in law.py."""
@@ -140,12 +157,12 @@ class LawResult(Entry):
     with_: str
     beside: tuple[str, ...]
     source: str = ""
+    curve: LawCurve | None = None
 
     def to_dict(self) -> Json:
-        """Return the entry; its class goes to law.py."""
+        """Return the entry; its class goes to law.py, its curve into the picture."""
         entry = super().to_dict()
-        del entry["source"]
-        return entry
+        return {key: value for key, value in entry.items() if key not in ("source", "curve")}
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from gimbalcal.errors import alternatives
 from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report.chart import Chart
-from gimbalcal.report.figures import Panel, before_after, sky
+from gimbalcal.report.figures import Panel, before_after, formula_over_variable, sky
 from gimbalcal.report.formulas import formula
 from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.report.parameters import estimate, estimates, in_sigmas
@@ -34,6 +34,10 @@ from gimbalcal.words.rounding import minus, p_value, rms, sensible_time, signifi
 MAX_PANELS = 6
 MIN_P_VALUE = 0.01  # of the residuals; below it they are reported to have a pattern
 ARROWS = " On the sky: an arrow from each star to its observed direction, seen from below (east on the left)."
+FORMULAS = (
+    " The formula (blue line, one σ by its coefficients) is drawn with the formula plus residual of that sensor (dots, "
+    "means of neighbouring rows), and formulas that fit as well in grey."
+)
 MAX_POINTS = 240  # of a panel; more overlap on a page
 
 MAX_OTHER_PANELS = 2  # of each measurement that does not lead
@@ -52,7 +56,9 @@ def diagnosis_report(d: Diagnosis, title: str = "") -> str:
         "facts": _facts(d),
         "findings": [_finding_section(f) for f in d.findings],
         "laws": [_law(law) for law in d.laws],
-        "picture": _before_after(panels(d.curves, d.mismatch), d.findings, on_the_sky(d.curves)) if d.curves else None,
+        "picture": _before_after(panels(d.curves, d.mismatch), d.findings, on_the_sky(d.curves), _law_charts(d.laws))
+        if d.curves
+        else None,
         "others": [
             replace(_before_after(panels(c, d.mismatch, MAX_OTHER_PANELS), d.findings, on_the_sky(c)), caption="")
             for c in d.other_curves
@@ -131,6 +137,17 @@ def _law(law: LawResult) -> Context:
         "alternatives": "; ".join(law.alternatives), "with": " --with ".join([*law.beside, law.with_]),
         "beside": naming.listed([naming.named(*one.split(":")) for one in law.beside]),
     }  # fmt: skip
+
+
+def _law_charts(laws: Sequence[LawResult]) -> list[Chart]:
+    """Return each formula over its variable, with what the recording shows there."""
+    return [
+        formula_over_variable(
+            replace(law.curve, x_label=naming.unit_in_print(law.curve.x_label)),
+            f"formula for {naming.spaced(f'{law.channel} {law.axis}')}", naming.unit_in_print(law.unit),
+        )
+        for law in laws if law.curve is not None
+    ]  # fmt: skip
 
 
 def _facts(d: Diagnosis) -> list[tuple[str, str]]:
@@ -270,19 +287,21 @@ def on_the_sky(curves: Curves) -> list[Chart]:
     return drawn
 
 
-def _before_after(panels: Sequence[Panel], findings: Sequence[Finding], skies: Sequence[Chart]) -> Picture:
+def _before_after(
+    panels: Sequence[Panel], findings: Sequence[Finding], skies: Sequence[Chart], laws: Sequence[Chart] = ()
+) -> Picture:
     panels = sorted(panels, key=lambda p: (_of_a_cause(p, findings), _explained(p)), reverse=True)[
-        : MAX_PANELS - len(skies)
+        : MAX_PANELS - len(skies) - len(laws)
     ]
     changed = any(p.changed for p in panels)
     sizes = "; ".join(f"{p.name} by {p.x_label}: " + (f"{rms(p.before)} to " if p.changed else "")
                      + f"{rms(p.after)} {p.unit}" for p in panels)  # fmt: skip
     what = "as calibrated (grey squares) and with the findings added (blue dots)" if changed else "as calibrated"
     return picture(
-        [*before_after(panels), *skies],
+        [*laws, *before_after(panels), *skies],
         f"Residuals{' before and after the findings are added' if changed else ''}, rms {sizes}.",
         f"Measured minus model, {what}. Bars and band are one sigma of the noise; setting errors of gimbals, "
-        f"if there are any, add to it.{ARROWS if skies else ''}",
+        f"if there are any, add to it.{ARROWS if skies else ''}{FORMULAS if laws else ''}",
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -28,6 +29,9 @@ from gimbalcal.report.chart import (
     thin,
 )
 from gimbalcal.words.rounding import rms, signed, significant
+
+if TYPE_CHECKING:
+    from gimbalcal.diagnose.result import LawCurve
 
 OUTLIER = 3.5  # sigmas; of 54 readings, one in forty sets has one this far out by chance
 MAX_BARS = 60  # points that are drawn with a bar each
@@ -124,6 +128,20 @@ def _in_view(p: Panel) -> Array | None:
         return None
     residual = np.abs(np.concatenate([p.before, p.after]))
     return np.minimum(p.sigma, max(OUTSIDE * float(residual.max(initial=0.0)), OUTSIDE * float(np.median(p.sigma))))
+
+
+def formula_over_variable(c: LawCurve, title: str, unit: str) -> Chart:
+    """Draw a formula with its sigma over what it follows, partial residuals about it, and formulas that fit as well."""
+    order = np.argsort(c.x, kind="stable")
+    line, seen = order[thin(len(order))], order[np.isfinite(c.observed[order])]
+    groups = [g for g in np.array_split(seen, min(seen.size, MAX_BARS) or 1) if g.size]
+    x, y = (np.array([v[g].mean() for g in groups]) for v in (c.x, c.observed))
+    points = [Points(x, y, "ink", size=2.4, label="observed")] if groups else []
+    others = [Line(c.x[line], other[line], "grey", text, DASHES[k + 1]) for k, (text, other) in enumerate(c.others)]
+    band = Band(c.x[line], (c.law - c.sigma)[line], (c.law + c.sigma)[line], BLUE, "one σ")
+    return Chart(
+        (band, *others, Line(c.x[line], c.law[line], BLUE, "formula"), *points), title, c.x_label, f"[{unit}]",
+    )  # fmt: skip
 
 
 def over_time(time: Array, curves: Sequence[Curve], unit: str = "h") -> list[Chart]:

@@ -17,6 +17,7 @@ from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER, UNKNOWN
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.grounds import ground, together, with_law
+from gimbalcal.diagnose.laws.law_curve import curve_of
 from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
 from gimbalcal.diagnose.laws.law_search import RARE, Ground, Law, laws_of, same, trimmed
 from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared, with_cause
@@ -72,7 +73,7 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
     first = [law for law in equivalent if not law.table] or equivalent
     first = [law for law in first if law.evidence > first[0].evidence - NEARLY_BEST_NATS]
     best = min(first, key=lambda law: (free(law), len(printed(law)), -law.evidence))
-    equivalent = [law for law in equivalent if law is not best]
+    equivalent = [law for law in equivalent if law.place is not best.place or printed(law) != printed(best)]
     alike = [same(g, best, law) for law in equivalent]
     others = [law for law, one in zip(equivalent, alike, strict=True) if not one or free(law) <= free(best)]
     return best, others
@@ -185,7 +186,10 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
         advice = advice or law_sentences.LACK_OF_FIT.format(law=printed(best))
     title = " and ".join(s.fit.view.source.title for s in searches)
     law = found(best, x, C, (before, after), others, title, beside=b.name)
-    remainders = (residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, g.parts(best.columns), strict=True))
+    parts = g.parts(best.columns)
+    remainders = [residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, parts, strict=True)]
+    joint = np.concatenate([r.reshape(-1, *g.shape[1:]) for r in remainders])  # rows of one channel, of several
+    law = replace(law, curve=curve_of(best, x, C, joint, g, others))
     return Lawful((law,), advice, tuple(zip(fits, remainders, strict=True)))
 
 
@@ -314,7 +318,8 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
             return Lawful(tuple(laws), law_sentences.LACK_OF_FIT.format(law=laws[0].expression)), with_them
         with_them, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
         number = sum(o.axis == best.place.axis for o in laws) + 1
-        laws.append(found(best, x, covariance, (0.0, 0.0), others, v.title, number, v, (*known, *b.name)))
+        law = found(best, x, covariance, (0.0, 0.0), others, v.title, number, v, (*known, *b.name))
+        laws.append(replace(law, curve=curve_of(best, x, covariance, with_them.residual, g, others)))
         remaining = search(with_them, library(with_them), noises(with_them))
     return Lawful(tuple(laws)), with_them
 

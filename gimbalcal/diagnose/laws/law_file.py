@@ -170,6 +170,12 @@ def printed(law: Law) -> str:
     return _with(description.text, constants)
 
 
+def _elsewhere(other: Law, law: Law) -> str:
+    """Return another law in print, with its sensor or gimbal where that is not the one of a law."""
+    here, there = ((o.place.channel, o.place.axis) for o in (law, other))
+    return printed(other) + (f" in {' '.join(there).replace('_', ' ')}" if there != here else "")
+
+
 def _with(text: str, values: Mapping[str, float]) -> str:
     """A formula with numbers in the place of some letters."""
     for name, value in values.items():
@@ -207,7 +213,7 @@ def found(
         evidence=round(law.evidence, 2),
         heldout_before=heldout[0],
         heldout_after=heldout[1],
-        alternatives=tuple(dict.fromkeys(printed(o) for o in others))[:TOLD],
+        alternatives=tuple(dict.fromkeys(_elsewhere(o, law) for o in others))[:TOLD],
         effect=effect,
         with_=argument,
         beside=tuple(beside),

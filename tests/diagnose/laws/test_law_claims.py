@@ -25,6 +25,7 @@ from gimbalcal.effects import CATALOGUE, Stage
 from gimbalcal.number import Array
 from gimbalcal.pipeline import load
 from gimbalcal.recording import Recording, write
+from gimbalcal.report.diagnosis_page import diagnosis_report
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.words.diagnosis_headline import headline
 from tests.benchmarks import unknown_mount
@@ -101,6 +102,24 @@ def test_the_calibration_of_a_diagnosis_contains_the_law(
     assert command("apply", tmp_path / "second", "--calibration", made, *with_it, tmp_path / "yes") == 0
     corrected = load([tmp_path / "yes"])[0]
     assert misfit(corrected)[0] < misfit(clean)[0] + 16 < misfit(second)[0] / 2
+
+
+def test_the_curve_of_a_law_goes_through_what_the_recording_shows() -> None:
+    def error(b: plant.Bench) -> dict[str, Array]:
+        return plant.on(1, np.tanh((b.body - 23.2) / 0.6))
+
+    d = diagnose([plant.record(np.random.default_rng(3), error, 50 * plant.UG)])
+    (law,) = d.laws
+    c = law.curve
+    assert c is not None
+    assert c.x_label == "temperature [degC]"
+    noise = np.std(c.observed - c.law)
+    truth = 50 * np.tanh((c.x - 23.2) / 0.6)  # the thermometer reads the body of the plant with an offset
+    assert np.corrcoef(c.law, truth)[0, 1] > 0.99
+    assert abs(np.mean(c.observed - c.law)) < 5 * noise / np.sqrt(len(c.x))
+    assert np.all(c.sigma < 0.1 * np.ptp(c.law))
+    assert "curve" not in law.to_dict()
+    assert "formula for specific force y" in diagnosis_report(d)
 
 
 def test_a_law_is_flagged_where_it_is_extrapolated() -> None:

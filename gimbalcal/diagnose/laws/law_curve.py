@@ -1,0 +1,76 @@
+r"""A law over what it follows, beside what the recording shows there and the laws that fit as well.
+
+The residual of the rows belongs to no sensor alone. With g what one unit, added to the output, makes of the rows, the
+part of the residual r that the sensor can have made is
+
+.. math:: \\delta_i = \\frac{g_i \\cdot r_i}{g_i \\cdot g_i} ,
+
+and the partial residual, the law plus that, scatters about the law as the noise does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gimbalcal.diagnose.answer import PRINTED
+from gimbalcal.diagnose.laws.law_file import printed
+from gimbalcal.diagnose.laws.law_search import ABSORBED, Ground, Law
+from gimbalcal.diagnose.result import LawCurve
+from gimbalcal.number import Array
+from gimbalcal.units import from_si
+
+MAX_OTHERS = 2  # laws that fit as well, in a picture
+MIN_RESPONSE = 0.2  # of the largest response of a row: less shows mostly noise of the sensor
+
+
+def curve_of(law: Law, x: Array, covariance: Array, remainder: Array, g: Ground, others: Sequence[Law]) -> LawCurve:
+    """Return the curve of a law with coefficients x (m,) and their covariance (m, m), SI.
+
+    remainder (n', C): what the rows leave with the law in the model, in the unit of the columns of the law's place.
+    """
+    unit = PRINTED.get(law.place.channel, "arcsec")
+    B = law.expression.columns
+    value, sigma = B @ x, np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", B, covariance, B), 0.0))
+    response = law.place.columns(np.ones((len(B), 1)))[..., 0]
+    size = (response**2).sum(axis=1)
+    observed = np.full(len(B), np.nan)
+    if response.shape == remainder.shape and len(size) == len(B):
+        shown = size > MIN_RESPONSE**2 * size.max(initial=0.0)
+        part = (response * remainder).sum(axis=1)
+        observed[shown] = value[shown] + part[shown] / size[shown]
+    v, alone = law.expression.variables[0], len(law.expression.variables) == 1
+    name = f"{v.name.replace('_', ' ')} [{v.unit or 'as logged'}]"
+
+    def in_print(y: Array) -> Array:
+        return np.asarray(from_si(y, unit))
+
+    return LawCurve(
+        x=np.asarray(v.printed(v.x)) if alone else in_print(value),
+        x_label=name if alone else f"the formula [{unit}]",
+        law=in_print(value),
+        sigma=in_print(sigma),
+        observed=in_print(observed),
+        others=tuple((printed(o), in_print(_aligned(o, law, value, g))) for o in _of_same_place(law, others)),
+    )
+
+
+def _of_same_place(law: Law, others: Sequence[Law]) -> list[Law]:
+    alike = (o for o in others if (o.place.channel, o.place.axis) == (law.place.channel, law.place.axis))
+    return list({printed(o): o for o in alike}.values())[:MAX_OTHERS]
+
+
+def _aligned(other: Law, law: Law, value: Array, g: Ground) -> Array:
+    """Return what another law adds (n,) [SI], moved to the `value` of a law by what the calibration takes up."""
+
+    def beyond_calibration(X: Array) -> Array:
+        A = g.whiten(law.place.columns(X))
+        return np.asarray(A - g.Q @ (g.Q.T @ A))
+
+    B, x = other.expression.columns, law.expression.variables[0].x
+    added = B @ np.linalg.lstsq(beyond_calibration(B), g.y, rcond=1e-9)[0]
+    line = np.stack([np.ones_like(x), (x - x.mean()) / max(float(np.ptp(x)), 1e-300)], axis=1)
+    size = np.linalg.norm(g.whiten(law.place.columns(line)), axis=0)
+    taken = line[:, np.linalg.norm(beyond_calibration(line), axis=0) < ABSORBED * size]
+    return np.asarray(added + taken @ np.linalg.lstsq(taken, value - added, rcond=1e-9)[0])
