@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,14 +23,21 @@ import gimbalcal  # noqa: E402
 project, author = "gimbalcal", "gimbalcal contributors"
 copyright = author  # noqa: A001  the name is Sphinx's
 version = release = gimbalcal.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
-exclude_patterns = ["_build", "measured"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
+exclude_patterns = ["_build", "measured", "*.py"]
 nitpicky = True
 suppress_warnings = ["misc.highlighting_failure"]  # the output of a command is not shell code
 nitpick_ignore_regex = [("py:.*", r".*")]  # types of other packages have no pages here
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 4
+
+# Notebooks are run when their text changes, and shown with their output and figures; one that fails ends the build.
+nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
+nb_execution_mode = "cache"
+nb_execution_timeout = 600
+nb_execution_raise_on_error = True
+os.environ.pop("MPLBACKEND", None)  # figures go into the page
 
 autodoc_typehints = "none"  # shapes and units are in the descriptions
 autodoc_member_order = "bysource"
@@ -41,6 +50,7 @@ html_show_sphinx = False
 html_copy_source = False
 html_theme_options = {"light_css_variables": {"color-brand-primary": "#0072B2", "color-brand-content": "#0072B2"}}
 
+NOTEBOOKS = ROOT / "notebooks"
 OUTSIDE = re.compile(r"\[([^\]]+)\]\((\.\./(?:\.\./)*[^)#\s]+)(?:#[^)]*)?\)")
 
 
@@ -54,6 +64,8 @@ def _files_of_the_project(_app: Any, name: str, source: list[str]) -> None:
         words, path = found[1], (DOCS / name).parent / found[2]
         if path.resolve().is_relative_to(DOCS):
             return found[0]
+        if path.resolve().is_relative_to(NOTEBOOKS):
+            return found[0].replace("../notebooks/", "notebooks/")
         if not path.exists():
             raise FileNotFoundError(f"docs/{name}.md links to {found[2]}, which is not there")
         return words
@@ -64,5 +76,7 @@ def _files_of_the_project(_app: Any, name: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> None:
-    """Register the handler of sources; called by Sphinx."""
+    """Register the handler of sources, and take the notebooks into the pages; called by Sphinx."""
+    shutil.rmtree(DOCS / "notebooks", ignore_errors=True)
+    shutil.copytree(NOTEBOOKS, DOCS / "notebooks", ignore=shutil.ignore_patterns("__pycache__"))
     app.connect("source-read", _files_of_the_project)
