@@ -300,8 +300,9 @@ def _before_after(
     return picture(
         [*laws, *before_after(panels), *skies],
         f"Residuals{' before and after the findings are added' if changed else ''}, rms {sizes}.",
-        f"Measured minus model, {what}. Bars and band are one sigma of the noise; setting errors of gimbals, "
-        f"if there are any, add to it.{ARROWS if skies else ''}{FORMULAS if laws else ''}",
+        f"Measured minus model, {what}. The rms is that of the points drawn, which are means of neighbouring rows. "
+        "Bars and band are one sigma of the noise; setting errors of gimbals, if there are any, add to it."
+        f"{ARROWS if skies else ''}{FORMULAS if laws else ''}",
     )
 
 

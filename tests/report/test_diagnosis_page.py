@@ -66,7 +66,7 @@ def test_where_nothing_was_added_the_residual_is_drawn_once() -> None:
     (first, *_) = panels(fits, [])
     assert not first.changed
     page = diagnosis_report(replace(DIAGNOSIS, verdict="adequate", findings=(), mismatch=(), curves=fits))
-    assert "Measured minus model, as calibrated. Bars" in page
+    assert "Measured minus model, as calibrated. The rms" in page
     assert " → " not in page[page.index("<figure") : page.index("<figcaption")]
 
 
