@@ -22,7 +22,7 @@ from gimbalcal.history.fleet import Fleet, grade_and_fleet, rests_on_fleet, with
 from gimbalcal.method_table import METHODS, Request
 from gimbalcal.pipeline import Source, Tell, load, silent
 from gimbalcal.recording import Recording, when_recorded
-from gimbalcal.unusual_constants import with_question
+from gimbalcal.unusual_constants import with_question, with_reversed_angle
 
 
 def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], ...]:
@@ -132,7 +132,7 @@ def _calibrated(method: str, request: Request, known: Fleet | None) -> Calibrati
     sessions = [f"{session.title}: {session.in_words}" for session in options.sessions or ()]
     for words in (*sessions, *filter(None, [options.in_words]), *(f"note: {w}" for w in _left_out(options))):
         request.tell(words)
-    calibration = with_gravity(calibration, recordings)
+    calibration = with_reversed_angle(with_gravity(calibration, recordings), recordings, again)
     if all(r.kind.inertial for r in recordings):
         calibration = with_question(calibration, recordings, graded(recordings, request.grade), again)
     if known is not None:

@@ -25,12 +25,14 @@ from gimbalcal.estimate.grade import Graded
 from gimbalcal.estimate.gyroscopes.residual_checks import WRONG_RANGE
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import ANGLE
 from gimbalcal.units import from_si
 
 MIN_SIGMAS = 3.0  # by which a constant has to be beyond
 MAX_TRIALS, MAX_SHOWN = 6, 2
 ALIKE = 0.2  # relative, of a scale factor and a ratio of units
 MIN_LATITUDE_ERROR_RAD = 1e-3
+ATTITUDE_AXES = ("roll", "pitch", "yaw")
 SCALED = {"scale_factor": "specific_force", "gyro_scale_factor": "angular_rate"}
 Again = Callable[[Sequence[Recording]], Calibration]
 Limit = Callable[[Parameter], float]
@@ -61,6 +63,31 @@ def with_question(
     question = in_words(c, beyond, limit, cause, f"{unit.grade.name} grade: {unit.source}")
     outcome = "; ".join(filter(None, [question, c.outcome]))
     return replace(c, outcome=outcome, provenance=c.provenance.with_options(question=question))
+
+
+def with_reversed_angle(c: Calibration, recordings: Sequence[Recording], again: Again) -> Calibration:
+    """Return the calibration; where a static run does not fit, its outcome names an angle that would fit reversed.
+
+    No check before the fit sees the sign of a navigator's attitude error, or of a gimbal that hardly moves.
+    """
+    if c.explained or not all(r.kind.stabilised for r in recordings):
+        return c
+
+    def misfit(correction: Correction) -> float:
+        other = again([correction.corrected(r) for r in recordings])
+        return other.residual.chi2 if other.explained else np.inf
+
+    names = {"attitude_error": ATTITUDE_AXES, ANGLE: recordings[0].platform.axis_names}
+    angles = [(q, a) for q, axes in names.items() for a in axes if (q, a) in recordings[0].channels]
+    tried = trials(
+        (scaled(q, [a], -1.0, f"{q.replace('_', ' ')} {a} is of the opposite sign", a, names[q]) for q, a in angles),
+        misfit,
+    )
+    if not tried or not np.isfinite(tried[0].misfit):
+        return c
+    found = tried[0].candidate
+    words = f"the data are explained if {found.words}: write sign = -1 for {found.remedy} in [columns]"
+    return replace(c, outcome=f"{words}; {c.outcome}")
 
 
 def largest_usual(unit: Graded, duration_s: float, p: Parameter) -> float:
