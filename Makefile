@@ -29,12 +29,13 @@ demo: $(VENV)/.run-ready  ## calibrate the recordings that ship with the project
 test: lint  ## everything that a change has to pass
 	$(BIN)/python -m pytest -q -n 2 --doctest-modules tests gimbalcal
 
-lint: $(VENV)/.dev-ready  ## style, types, the direction of imports, and spelling
+lint: $(VENV)/.dev-ready  ## style, types, the direction of imports, spelling, and words of the field (docs/words.txt)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/mypy $(CHECKED)
 	$(BIN)/lint-imports
-	$(BIN)/codespell $(CHECKED) tests docs notebooks data $(wildcard *.md)
+	$(BIN)/codespell tests
+	$(BIN)/codespell -D - -D docs/words.txt $(CHECKED) docs notebooks data $(wildcard *.md)
 
 mutate: $(VENV)/.dev-ready  ## whether the tests fail where effects and equations are falsified
 	$(BIN)/python -m tests.mutate

@@ -2,7 +2,7 @@
 
 What the package computes knows the derivations, never the other way: a check compares numbers of one place of the
 package with a derived form. One place may hold several items and one item may stand in several places; all of them are
-compared, and the worst is told. A check that breaks differs too.
+compared, and the worst is reported. A check that breaks differs too.
 """
 
 from __future__ import annotations

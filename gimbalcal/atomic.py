@@ -233,7 +233,7 @@ def _naming(path: Callable[[Path | None], Path]) -> Iterator[None]:
     """Raise a full disk as one sentence with the name of the file, which the system reports only sometimes, an engine
     never.
 
-    path: the file's name, given the one that is told.
+    path: the file's name, given the one that is reported.
     """
     try:
         yield

@@ -100,7 +100,7 @@ def read_json(path: Path, wanted: str) -> Any:
     except UnicodeDecodeError as problem:
         raise InputError(f"{path} is not text in UTF-8 (byte {problem.start}); give {wanted}") from None
     except UnicodeEncodeError:
-        raise InputError(f"{path} holds half of a character (a lone surrogate); give {wanted}") from None
+        raise InputError(f"{path} holds half of a character (an unpaired surrogate); give {wanted}") from None
     except json.JSONDecodeError as problem:
         raise InputError(f"{path}, line {problem.lineno}, column {problem.colno}: no JSON; give {wanted}") from None
     except (ValueError, RecursionError):

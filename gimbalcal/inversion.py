@@ -19,7 +19,7 @@ def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
 
     .. math:: f \leftarrow f + H^{-1} \left(y - h(f)\right), \qquad H = \partial h / \partial f
 
-    with the exact H. Along what the law does not answer (an axis in its dead zone) nothing can be told back: there f
+    with the exact H. Along what the law does not answer (an axis in its dead zone) nothing can be inferred: there f
     takes the smallest step with which the other axes are right. Returns f, H (n, 3, 3) and which rows are flat (n,).
     Where no f reads y, h(f) is not y: a caller that cannot be sure compares. h must be made of arithmetic and the
     functions of `number`.

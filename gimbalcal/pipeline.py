@@ -36,7 +36,7 @@ STATIC_BLOCK = 60.0  # s; a static run is read as minute means: no effect of the
 
 
 def silent(_: str) -> None:
-    """Progress that nobody is told."""
+    """Report no progress."""
 
 
 def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, ...]:

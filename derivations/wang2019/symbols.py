@@ -67,5 +67,5 @@ def rotation() -> Any:
 
 
 def norm_after_rotation(v: Any) -> Any:
-    """Return |C v|^2 for any rotation C: what is left of the parameters after algebra is told, not assumed."""
+    """Return |C v|^2 for any rotation C: what is left of the parameters after algebra is derived, not assumed."""
     return sp.cancel(sp.together(square(rotation() * v)))

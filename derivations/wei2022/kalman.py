@@ -2,7 +2,7 @@ r"""Eqs. (9) to (24): the 30-state filter and its measure of observability.
 
 The scan shows no minus sign anywhere, and no fraction bar or root; plus signs and crosses are there. Two terms with
 nothing between them are read as a difference, which is all they can be: vectors do not multiply. A minus in front of a
-line cannot be told from nothing at all.
+line cannot be distinguished from nothing at all.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 r"""Tables 2 to 4: thirteen combined coefficients from twelve residuals, at 40 deg latitude.
 
 Each reference value is computed from the derived form (not the printed one) of its equation. Biases are divided by g,
-which the paper does not state: normal gravity at 40 deg is used, and the g that fits the printed digits best is told.
+which the paper does not state: normal gravity at 40 deg is used, and the g that fits the printed digits best is given.
 A value agrees within 1.5 units of its last digit, half for its own rounding and one for rounded intermediate results.
 
 For a value that does not follow, every combination of these slips is tried: all biases, scale factors or betas counted

@@ -2,7 +2,7 @@
 
 All results "have been normalized", by numbers that are not printed, of recordings that are not printed: the 21 maxima
 cannot be derived. The fourteen improvements can: (before - after) / before. Each maximum has two digits, which leaves
-an improvement open by what is told.
+an improvement open by what is stated.
 """
 
 from __future__ import annotations

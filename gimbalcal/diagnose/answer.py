@@ -22,7 +22,7 @@ from gimbalcal.units import from_si
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-VERDICTS = ("adequate", "not-identifiable", "unexplained", "missing-physics")  # of two views the later one is told
+VERDICTS = ("adequate", "not-identifiable", "unexplained", "missing-physics")  # of two views the later one is reported
 
 
 @dataclass(frozen=True)

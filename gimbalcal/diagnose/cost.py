@@ -48,7 +48,7 @@ class _Unit:
 
 
 def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent) -> Diagnosis:
-    """The diagnosis with `cost` in each finding, where it can be told: {hours, with_nmi, without_nmi, in_words}.
+    """The diagnosis with `cost` in each finding, where it can be computed: {hours, with_nmi, without_nmi, in_words}.
 
     Largest errors of position, in n miles; where the run is one of the recordings, `uncalibrated_nmi` beside them, that
     without any calibration; where it is made up, `with_nmi` is the one sigma that the calibration leaves open.

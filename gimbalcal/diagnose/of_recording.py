@@ -39,7 +39,7 @@ from gimbalcal.estimate.gyroscopes.cleared_views import (
     view_of_turns,
     view_on_a_table,
 )
-from gimbalcal.estimate.pointing.pattern import MISTAKEN, strays, why_far
+from gimbalcal.estimate.pointing.pattern import MISTAKEN, outliers, why_far
 from gimbalcal.estimate.systematic.calibrate import navigation_view
 from gimbalcal.kinematics import ideal_force
 from gimbalcal.pipeline import Tell
@@ -60,7 +60,7 @@ from gimbalcal.views.turns import TURNS
 from gimbalcal.words import diagnosis_sentences
 
 ROUNDS = 2  # in which stars are omitted: those that the first hid show in the second
-STRAYS = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
+MAX_OUTLIER_SHARE = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
 MIN_BLOCKS = 30  # dwells of one attitude, below which long ones are cut: a sweep is a curve
 IDEAL_AT_GIMBALS = Calibration.ideal("gimbals")
 
@@ -72,7 +72,7 @@ Parts = tuple[list[ViewDiagnosis], list[str]]
 class DiagnosisRequest:
     """What is to be diagnosed: recordings of one unit, values to start from, ids of effects that the model holds.
 
-    seed: of the simulated clean recordings; tell: who is told of the progress.
+    seed: of the simulated clean recordings; tell: where progress is reported.
     """
 
     recordings: tuple[Recording, ...]
@@ -207,8 +207,8 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
         d = diagnose_view(v, request.tell)
         n = len(v)
         sought = v.kind.sighting and not v.noise.own_memories and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS
-        off = strays(d.curves.after) if sought else []
-        if not 0 < len(off) <= STRAYS * n:
+        off = outliers(d.curves.after) if sought else []
+        if not 0 < len(off) <= MAX_OUTLIER_SHARE * n:
             return [d], notes
         number = v.stimulus.position
         size = [float(from_si(float(np.linalg.norm(d.curves.after[k] * d.sigma[k])), v.unit)) for k in off]

@@ -12,7 +12,7 @@ This is the only place where the stages of `effects` meet. Kinds of recording di
   .. math:: f^p / g = R(\varphi) (\cos S_t \cos L, \; \sin S_t \cos L, \; \sin L), \qquad
             C_b^p(\theta) = R(\varphi) \, C_n^p(S_t, L) \, {C_n^b}^T .
 
-* *pointing*: a telescope or antenna is told a direction; what a pointing model leaves is the direction seen across
+* *pointing*: a telescope or antenna is given a direction; what a pointing model leaves is the direction seen across
   and along the innermost gimbal,
 
   .. math:: v = {C_n^b}^T {C_b^p(\theta)}^T R(\text{line of sight})^T \, x_p ,

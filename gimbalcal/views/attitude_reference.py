@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 QUATERNION, EULER = ("qw", "qx", "qy", "qz"), ("roll", "pitch", "yaw")
 MAX_LENGTH_ERROR = 0.1  # a quaternion's length may be off one by so much: it was rounded, not wrong
-MAX_GAP_STEPS = 5.0  # usual steps: no attitude is told within a longer gap
+MAX_GAP_STEPS = 5.0  # usual steps: no attitude is interpolated within a longer gap
 MIN_ROWS = 20
 
 

@@ -9,7 +9,7 @@ with T what a second of delay does, :math:`\dot f` to the force and, to the atti
 rate. Q spans what is nobody's delay: an attitude that is off from the start, or more and more on the way, constants,
 scale and misalignment of gyroscopes, and the force of a lever, which a hand changes from turn to turn. So errors that
 show at rest or from rest to rest stay out, and the scatter from slew to slew says how well a delay is known. A channel
-that is late by more than that is shifted, by cubics through its samples, before the rest is told.
+that is late by more than that is shifted, by cubics through its samples, before the rest is estimated.
 
 What all slews have in common beside a delay is no scatter: a hand moves a unit sideways in the sense in which it turns
 it, and cubics bend between samples. Of the rows y of a channel, of sigma s_k, with c of the common part,

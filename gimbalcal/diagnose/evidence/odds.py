@@ -1,4 +1,4 @@
-"""Prior odds, and what it takes to claim something: the numbers on which every road of the diagnosis rests."""
+"""Prior odds, and what it takes to claim something: the numbers on which every path of the diagnosis rests."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ SINGLE, PAIR, UNKNOWN, BESIDE = 0.65, 0.15, 0.10, 0.10  # prior shares, given th
 OFTEN = np.log(10.0)  # how much likelier before any data, or with less evidence, is what every rig of the kind has
 DETECTED = np.log(100.0)  # ln BF of a single cause beyond which only the promising ones are tried with a second
 CLAIM = np.log(20.0)  # simulated clean recordings reach it in less than 1 in 1000; 1 in 20 would be the bound
-TOGETHER = np.log(20.0)  # evidence by which causes must differ to be told apart: the same odds as a claim
+TOGETHER = np.log(20.0)  # evidence by which causes must differ to be distinguished: the same odds as a claim
 SURE = 0.90  # probability of a set of causes from which it is not widened
 UNSURE = 0.90  # of its probability is left to a cause that leaves a rest, or more than the stated noise
 OUTSIDE = 0.10  # kept for laws nobody has written down: some look like one that is, and no data of this kind can tell

@@ -19,7 +19,7 @@ from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
 
-TOLD = 6  # alternatives in print
+MAX_ALTERNATIVES = 6  # in print
 STAGES = {"specific_force": "ACCELEROMETER", "angular_rate": "GYROSCOPE", "gimbal_angle": "ENCODER"}
 SIGMAS, FARTHEST = 3.0, 5.0  # of a constant that a fit may look through, and times its size at the most
 HEAD = '''"""Laws that no catalogue holds, as `gimbalcal diagnose` found them: any command takes --effects law.py."""
@@ -213,7 +213,7 @@ def found(
         evidence=round(law.evidence, 2),
         heldout_before=heldout[0],
         heldout_after=heldout[1],
-        alternatives=tuple(dict.fromkeys(_elsewhere(o, law) for o in others))[:TOLD],
+        alternatives=tuple(dict.fromkeys(_elsewhere(o, law) for o in others))[:MAX_ALTERNATIVES],
         effect=effect,
         with_=argument,
         beside=tuple(beside),

@@ -126,7 +126,7 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
             last = max(order_of(p) for p in wanted)
             tried, count = _tried(search, cls, source, columns if last == 1 else leading, last)
         elif source == (getattr(there, "covariate", "") if source else ""):
-            # its constants were chosen among as many, unless another axis has told them
+            # its constants were chosen among as many, unless another axis has determined them
             held = any(p.effect == effect_id for p in modelled)
             tried, count = [constants_of(there)], 1 if held else len(v.cache.get(effect_id, choices(cls, v.stimulus)))
         else:

@@ -70,7 +70,7 @@ def _minimum(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) ->
 
     Damped steps, so that no fit ends worse than it began. What the rows see is asked at the minimum, where the misfit
     is noise; where that is not what was fitted, the fit is done again in the directions that they see. It begins with
-    what they would see at the minimum of a linear model: along others a fit strays as far as the model bends. What the
+    what they would see at the minimum of a linear model: along others a fit departs as far as the model bends. What the
     rows see is asked in one scale of all channels: a quiet one among them determines no absurd sizes of what it hardly
     shows.
     """

@@ -35,7 +35,7 @@ def wandering(s: Search) -> tuple[Node, ...]:
     """The noises of one wandering accelerometer that are as likely as a twentieth of what was found, likeliest first.
 
     Where nothing was found in a static run, those that are 20 times as likely as all noises without one together, if it
-    calls for a walk at all; outputs that wander between positions are told by their calibration. Where walks of all
+    calls for a walk at all; outputs that wander between positions are reported by their calibration. Where walks of all
     accelerometers are likelier there are none: what they leave keeps its shape.
     """
     walking = s.ln_total >= CLAIM

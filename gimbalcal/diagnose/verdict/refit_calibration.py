@@ -1,8 +1,8 @@
 r"""The refit as a calibration: the constants of the model and the causes that were found, with their covariance.
 
 The rows are those of the diagnosis, in its likeliest noise, linearised again at what was found until nothing moves. The
-causes keep the sizes that were told, which are averaged over the noise; the constants are what the rows say beside
-them. With estimate (z, x) of constants and causes, its covariance P, and the sizes told x', P':
+causes keep the sizes that were reported, which are averaged over the noise; the constants are what the rows say beside
+them. With estimate (z, x) of constants and causes, its covariance P, and the sizes reported x', P':
 
 .. math:: z' = z + K (x' - x), \quad K = P_{zx} P_{xx}^{-1}, \quad P'_{zz} = P_{zz} + K (P'_{xx} - P_{xx}) K^T
 
@@ -114,7 +114,7 @@ def calibrated(
     here = [_RecordingRows(fit, node, sized, tuple(which), alone=len(fits) == 1) for fit, node, which in fits]
     solution, effects, between = _refitted(here, sized)
     mine = solution.parameters
-    held = {p: told for p, told in sized.held(mine).items() if p not in mine}
+    held = {p: size for p, size in sized.held(mine).items() if p not in mine}
     kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in held]
     kept = [p for p in kept if p.effect in {e.id for s in here for e in s.fit.effects}]
     wanted, n = (*mine, *held, *kept), len(mine)
@@ -187,7 +187,7 @@ class _RecordingRows:
         return tuple(p for p in self.wanted if p.effect in once or p in stood)
 
     def model(self) -> tuple[Effect, ...]:
-        """The model of the baseline with the causes at the sizes that were told."""
+        """The model of the baseline with the causes at the sizes that were reported."""
         effects, names = self.fit.effects, self.fit.view.stimulus.axis_names
         at = np.cumsum([0, *(len(c.parameters) for c in self.sized.causes)])
         for i in self.which:

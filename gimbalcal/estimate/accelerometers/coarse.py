@@ -171,7 +171,7 @@ def _tilt_columns(p: Problem) -> Array:
 
 
 def _as_fit(p: Problem, noise: Noise, settled: Settled) -> PositionFit:
-    """The result in the form that is told: its chi^2 is that of all visits, nonlinearity included in the misfit."""
+    """Return the result as it is reported: its chi^2 is that of all visits, with the nonlinearity in the misfit."""
     w = whiten(settled.linear, noise)
     residual = w.r - w.J @ settled.x
     count = int(np.isfinite(w.sigma).sum())

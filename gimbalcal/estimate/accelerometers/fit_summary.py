@@ -20,7 +20,7 @@ from gimbalcal.schedule import SCHEDULES, Schedule
 from gimbalcal.units import from_si
 from gimbalcal.views.positions import Noise, Problem, model, planned, problem, view_of_positions
 
-NOTABLE_SIGMA_RATIO = 1.5  # every sigma that grew by more than this is told; else the one that grew most
+NOTABLE_SIGMA_RATIO = 1.5  # every sigma that grew by more than this is reported; else the one that grew most
 SAME_DIRECTION_RAD = np.deg2rad(10.0)  # angle between two forces within which they count as one position of a schedule
 
 

@@ -24,7 +24,7 @@ from gimbalcal.views.positions import Noise, Problem, position_parameters, probl
 
 @dataclass(frozen=True, eq=False)
 class Positions:
-    """Visits that can be trusted, the faults of the others, and the fit of the force vector that told them apart."""
+    """Visits that can be trusted, the faults of the others, and the fit of the force vector that distinguished them."""
 
     recording: Recording
     problem: Problem  # the trusted visits

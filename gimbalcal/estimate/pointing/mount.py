@@ -37,7 +37,7 @@ from gimbalcal.views.pointing import nights, pointing, read_axes
 
 SIGNIFICANCE = 1e-3  # probability below which chance is not believed
 MIN_SIGMAS = 3.0  # a term that moved by less since the first night is not named
-MIN_SPARE_DOF = 4  # degrees of freedom that a night has to itself before its terms are told
+MIN_SPARE_DOF = 4  # degrees of freedom that a night has to itself before its terms are reported
 NEGLIGIBLE_EXCESS = 0.1  # relative excess over the stated noise that no user would act on, however significant
 MAX_TERMS_NAMED = 3  # terms that an outcome names
 

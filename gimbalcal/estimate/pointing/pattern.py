@@ -25,10 +25,10 @@ from gimbalcal.views.pointing import CHANNELS
 
 SIGNIFICANCE = 1e-3  # probability, all trials paid, below which neighbours are no more alike by chance
 MIN_TRAVEL_RAD = 1e-3  # rad; an axis that travels less stood still
-MIN_STARS = 20  # stars in which a pattern can be told from chance
+MIN_STARS = 20  # stars in which a pattern can be distinguished from chance
 MIN_OUTLIER_SIGMAS = 7.0  # robust sigmas; a star further off is another star, or was not centred
 MISTAKEN = "mistaken or not centred"
-MIN_COMMON_STARS = 3  # such stars, of which something in common can be told
+MIN_COMMON_STARS = 3  # such stars, of which something in common can be stated
 MAX_CROSS_SHARE = 0.2  # of the distance, off in the other direction, where one axis of the mount does it
 COMMON_SIGNIFICANCE = 0.01  # probability below which such stars do not have it in common by chance
 MEDIAN_LENGTH = (0.6745, 1.1774)  # of a number, and of a vector of two (Rayleigh), of normal noise with sigma 1
@@ -43,12 +43,12 @@ def far_off(fitted: ViewsFit, before: Sequence[int]) -> tuple[FarStar, ...]:
              for n, d in enumerate(np.linalg.norm(residual, axis=1).tolist())]  # fmt: skip
     residual, axes = np.concatenate(weighted(fitted)), fitted.views[0].stimulus.axis_names
     at = np.concatenate([_true_angles(v)[:, : residual.shape[1]] for v in fitted.views])
-    far = strays(residual)
+    far = outliers(residual)
     why = why_far(residual, at, far, axes[0])
     return tuple(FarStar(title, n, float(from_si(d, "arcsec")), why) for title, n, d in (every[k] for k in far))
 
 
-def strays(residual: Array) -> list[int]:
+def outliers(residual: Array) -> list[int]:
     """Ordinals of stars far off the others by what is left of them (n, C), worst first."""
     length = np.linalg.norm(residual, axis=1)
     if len(length) < MIN_STARS:

@@ -1,7 +1,7 @@
 r"""The fifteen combined coefficients of a static run, by two methods, and what they say about the parameters.
 
 Five of the specific-force error (Eqs. (21)-(25)) and five each of roll and pitch error (Eqs. (34)-(38), (29)-(33)) of
-Wu et al. (2018). The first road is the paper's: filter and Fourier fit of each channel by itself. The second puts the
+Wu et al. (2018). The first method is the paper's: filter and Fourier fit of each channel by itself. The second puts the
 joint fit of all channels through the same linear operators. `separate` then solves for the parameters in place of
 Eqs. (39)-(41), with the covariance of the coefficients for weights; two rows of Eq. (41) as printed leave out terms
 and turn a matrix of rank 4 into one of rank 6, see `derivations`.

@@ -19,7 +19,7 @@ from gimbalcal.views.segments import Segments, segment
 MAX_DIFFERENCE = 0.1  # of the scale errors of a triad that have one cause
 MAX_SHARE = 0.2  # of the misfit, that a correction may leave
 MIN_SHARE = 0.8  # of the updates without use, that are in turns where the unit does not turn about its accelerometers
-MIN_EXCESS = 100.0  # chi^2 beyond its degrees of freedom, of which a cause can be told
+MIN_EXCESS = 100.0  # chi^2 beyond its degrees of freedom, of which a cause can be named
 MIN_LATITUDE_SIGMAS = 3.0  # by which the latitude that the turns show is another than the stated one
 MAX_HEADING_SIGMA_DEG = 10.0
 MIN_SIGMA_RATIO = 0.5  # posterior over prior sigma: beyond, the recording has not determined the parameter

@@ -5,7 +5,7 @@
   tip.className = "tip";
   tip.hidden = true;
   document.body.append(tip);
-  const told = (v) => (Math.abs(v) >= 1e5 || (v && Math.abs(v) < 1e-3) ? v.toExponential(3) : +v.toPrecision(5)).toString().replace("-", "−");
+  const printed = (v) => (Math.abs(v) >= 1e5 || (v && Math.abs(v) < 1e-3) ? v.toExponential(3) : +v.toPrecision(5)).toString().replace("-", "−");
   const vertices = (svg) => svg.vertices ??= [...svg.querySelectorAll("[data-name] circle, [data-name] rect, path.line[data-name], g circle, g rect, g path")].flatMap((mark) => {
     const name = mark.closest("[data-name]")?.dataset.name ?? "";
     if (mark.classList.contains("line")) return [...mark.getAttribute("d").matchAll(/[ML](-?[\d.]+) (-?[\d.]+)/g)].map((m) => ({x: +m[1], y: +m[2], name, mark}));
@@ -22,7 +22,7 @@
     if (!best) { tip.hidden = true; return; }
     const [xWords, yWords] = svg.dataset.words.split("|");
     const own = best.mark.querySelector?.("title")?.textContent;
-    const pair = `${xWords || "x"}: ${told(value(x0, x1, (best.x - left) / wide, logX))}   ${yWords || "y"}: ${told(value(y0, y1, (top + high - best.y) / high, logY))}`;
+    const pair = `${xWords || "x"}: ${printed(value(x0, x1, (best.x - left) / wide, logX))}   ${yWords || "y"}: ${printed(value(y0, y1, (top + high - best.y) / high, logY))}`;
     tip.textContent = own || (best.name ? `${best.name}   ${pair}` : pair);
     tip.hidden = false;
     tip.style.left = `${Math.min(event.clientX + 14, innerWidth - tip.offsetWidth - 8)}px`;
