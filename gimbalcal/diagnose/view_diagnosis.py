@@ -30,7 +30,7 @@ from gimbalcal.diagnose.search.relinearise import about_first_cause
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
 from gimbalcal.diagnose.search.stepwise import SearchResult, refined, result_of, stepwise
 from gimbalcal.diagnose.verdict.decide import capped
-from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding_of_view
+from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.mismatch import view_mismatches
 from gimbalcal.diagnose.verdict.random_walk import PartOfWalk, RandomWalkFinding, likeliest_walk, part_of_walk
@@ -175,6 +175,10 @@ def diagnosis_as(
         lawful, with_law = laws_of_view(c.end, sigma, [f"{f.effect}:{f.axis}".rstrip(":") for f in findings])
         c_law = replace(c, described=with_law)
         fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
+        if lawful.known and not findings and not refused and walk is None:
+            with_known = result_of(c.start, lawful.known, refused=True)
+            perhaps = diagnosis_as(with_known, judged_in_turn(with_known), tell, refused=True)
+            return replace(perhaps.with_probabilities_below(MAX_DOUBTED_PROBABILITY), unexplained=shapes)
         lawful = with_heldout(lawful, fit_law)
         if walk is not None:
             advice = diagnosis_sentences.repeat_advice(v.kind.stabilised, by_hand=not v.stimulus.axis_names)

@@ -88,7 +88,7 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
 
 
 def outlying_frames(recording: Recording) -> Array:
-    """Return how far each frame (n,) [rad] of a mount that tracks is off its neighbours; zero for those that are not.
+    """Return how far each frame (n,) [rad] of a smooth course is off its neighbours; zero for those that are not.
 
     A gust, a knock or a wrong star throws a few frames off by many times what they scatter about the running median of
     `MEDIAN_FRAMES`; more than a `MAX_OUTLYING_SHARE` of them are the noise of the log.
@@ -96,10 +96,12 @@ def outlying_frames(recording: Recording) -> Array:
     from scipy.ndimage import median_filter
 
     out = np.zeros(len(recording.time))
-    for axis in read_axes(recording) if tracks(recording) else ():
+    smooth = dict(zip(recording.platform.axis_names, tracking_axes(recording), strict=True))
+    for axis in (a for a in read_axes(recording) if smooth[a]):
         miss = np.unwrap(recording.channels["true_angle", axis] - recording.channels["gimbal_angle", axis])
-        off = np.abs(miss - median_filter(miss, MEDIAN_FRAMES, mode="nearest"))
-        out = np.maximum(out, np.where(off > MIN_OUTLIER_SCATTERS * np.median(off), off, 0.0))
+        off = np.abs(miss - median_filter(miss, MEDIAN_FRAMES, mode="mirror"))
+        scatter = max(np.median(off), np.median(np.abs(np.diff(miss))) / 2)  # a steady change is its own median
+        out = np.maximum(out, np.where(off > MIN_OUTLIER_SCATTERS * scatter, off, 0.0))
     return out if np.count_nonzero(out) <= MAX_OUTLYING_SHARE * len(out) else np.zeros(len(out))
 
 

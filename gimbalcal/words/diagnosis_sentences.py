@@ -59,12 +59,13 @@ def answer(
         return " ".join(["The calibrated model explains these data.", *fits])
     findings = [f for _, _, own in views for f in own]
     scale_known, sure = all(v.noise.scale_known for v, _, _ in views), verdict != "not-identifiable"
+    instead = scale_known or all(f.probability < 0.5 for f in findings)  # the shape is there in the place of causes
     rest = (
         f"{'Part of' if scale_known else 'The remaining'} misfit {'may have' if scale_known else 'has'} no known cause"
-        if (unexplained and (sure or not scale_known))
+        if (unexplained and (sure or not instead))
         else ""
     )
-    named = causes(verdict, findings, unexplained if scale_known else ())
+    named = causes(verdict, findings, unexplained if instead else ())
     words = [f"{named}.", *fits, f"{rest}: {shape_in_words(unexplained[0])}." if rest else ""]
     return f"{' '.join(filter(None, words))}{largest_mismatch(mismatch)}"
 

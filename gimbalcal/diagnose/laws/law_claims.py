@@ -25,9 +25,9 @@ from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
-from gimbalcal.diagnose.search.ranking import Ranking, Search, is_usual, search
+from gimbalcal.diagnose.search.ranking import Ranking, Search, is_usual, likeliest_variants, search
 from gimbalcal.diagnose.search.refit import fitted_columns
-from gimbalcal.diagnose.search.stepwise import SearchResult, with_causes
+from gimbalcal.diagnose.search.stepwise import SearchResult, SelectedCause, with_causes
 from gimbalcal.diagnose.verdict.agreement import against, inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
 from gimbalcal.diagnose.verdict.mismatch import LEFT, scan
@@ -59,6 +59,7 @@ class Lawful:
     recommend: str = ""
     each: tuple[tuple[LawFit, Array], ...] = ()
     formula_is_likelier: bool = False  # than all causes, though it is not good enough to be reported
+    known: tuple[SelectedCause, ...] = ()  # causes of the catalogue that explain a view as well as the best formula
 
 
 def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
@@ -158,7 +159,7 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     b = compared(searches, nodes, ranked, alone=instead)
     assert b is not None  # every recording of known attitude has outputs
     g, every = b.ground, b.laws
-    best_else = max(h.ln_weight for h in ranked.hypotheses) + (TOGETHER + NAMED) * instead
+    best_else = _best_else(ranked) + (TOGETHER + NAMED) * instead
     best, others = chosen(g, every, best_else - b.ln_known)
     if best is not None and not instead and (as_likely := _known(ranked, b.total)):
         return Lawful(
@@ -210,6 +211,15 @@ def ln_evidence_of_formula(ranked: Ranking, members: Sequence[int]) -> float:
     return laws[0].evidence if laws else -np.inf
 
 
+def _best_else(ranked: Ranking) -> float:
+    """Return ln evidence of the best causes, or of the best shape by itself: what a law competes with.
+
+    A shape beside a cause may be a law beside that cause as well.
+    """
+    every = ranked.library.candidates
+    return max(h.ln_weight for h in ranked.hypotheses if len({bool(every[i].rival) for i in h.members}) == 1)
+
+
 def _known(ranked: Ranking, ln_evidence: float) -> str:
     """Known causes that are as likely as a law of this evidence, by name; empty where none are."""
     every = ranked.library.candidates
@@ -217,6 +227,14 @@ def _known(ranked: Ranking, ln_evidence: float) -> str:
     if h is None or h.ln_weight < ln_evidence:
         return ""
     return " and ".join(f"{spaced(every[m].effect)} {every[m].axis}".strip() for m in h.members)
+
+
+def likeliest_known(s: Search) -> tuple[SelectedCause, ...]:
+    """Return the causes of the likeliest hypothesis without a shape, each with its likeliest constants."""
+    every = s.library.candidates
+    h = next(h for h in s.hypotheses if not h.unknown(every))
+    chosen_of = likeliest_variants(s, h.members)
+    return tuple((every[i], every[i].variants[n]) for i, n in zip(h.members, chosen_of, strict=True))
 
 
 @dataclass(frozen=True)
@@ -305,13 +323,12 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
         if b is None:
             return Lawful((), "" if hidden else law_sentences.REPEAT_TURNS), m
         g, every = b.ground, b.laws
-        best, others = chosen(g, every, max(h.ln_weight for h in remaining.hypotheses) - b.ln_known)
+        best, others = chosen(g, every, _best_else(remaining) - b.ln_known)
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
             return Lawful(), m
         if not laws and best is not None and (as_likely := _known(remaining, b.total)):
-            return Lawful(
-                (), law_sentences.KNOWN_CAUSE.format(more=_more(v.kind), names=as_likely, law=printed(best))
-            ), m
+            words = law_sentences.KNOWN_CAUSE.format(more=_more(v.kind), names=as_likely, law=printed(best))
+            return Lawful((), words, known=likeliest_known(remaining)), m
         if best is None:
             if not laws:
                 return Lawful((), undetermined(every, others, g, v.kind)), m
