@@ -18,19 +18,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from gimbalcal import methods
 from gimbalcal.at_rest import RestNoise, rest_noise
 from gimbalcal.calibration import Calibration, exchange
 from gimbalcal.design.next_step import NextPlan
 from gimbalcal.design.next_step import next_step as plan_next_step
+from gimbalcal.design.next_turn import next_turn as plan_next_turn
 from gimbalcal.design.position_observability import Observability, observe_any
 from gimbalcal.design.turning_observability import TurningObservability, observe_turning
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose as run_diagnosis
 from gimbalcal.effects import Effect
 from gimbalcal.errors import InputError
+from gimbalcal.history.fleet import Fleet, grade_and_fleet
 from gimbalcal.navigate.mechanisations import usual
 from gimbalcal.navigate.navigation_errors import labels
 from gimbalcal.navigate.summary import NamedCalibration, NavigationInputs, NavigationSummary, summary
@@ -39,8 +41,9 @@ from gimbalcal.pipeline import Source, Tell, load, silent
 from gimbalcal.recording import Recording, read
 from gimbalcal.recording.frames import Entry
 from gimbalcal.recording.frames import from_frame as from_described_frame
+from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.schedule import RotationSchedule, Schedule
-from gimbalcal.schedule.file import is_rotation, read_schedule
+from gimbalcal.schedule.file import is_rotation, read_rotation, read_schedule
 from gimbalcal.simulate.simulation import simulate as simulate_scenario
 
 __all__ = [
@@ -143,17 +146,29 @@ def observe(
 
 def next_step(
     recordings: Source | Sequence[Source], more: Names = (), separate: Names = (),
-    reach: File | Schedule = "", step: float = 45.0, most: int = 5, grade: str = "", tell: Tell = silent,
+    reach: File | Schedule | RotationSchedule = "", step: float = 45.0, most: int = 5, grade: str | Fleet = "",
+    tell: Tell = silent, states: str = "",
 ) -> NextPlan:  # fmt: skip
     """Return what to record next, so that the largest unknown shrinks most in its time, as `gimbalcal next`.
 
-    recordings: dwells of a unit, one or more, and static runs beside them. more: effects to estimate beside the usual
-    ones; separate: effects, EFFECT[:AXIS], to separate from each other; reach: a schedule of positions, its name or its
-    file, whose sigmas are to be reached; step [deg] of the angles of a rig; most: how many steps are named; grade: as
-    `--grade`, without a fleet. Raises InputError for other kinds of recordings.
+    recordings: dwells of a unit, one or more, and static runs beside them; or a unit that is turned in its place. more:
+    effects to estimate beside the usual ones; separate: effects, EFFECT[:AXIS], to separate from each other; reach: a
+    schedule, its name or its file, whose sigmas are to be reached; step [deg] of the angles of a rig; most: how many
+    steps are named; grade: as `--grade`; states: as `--states`, of turns. Raises InputError for other recordings.
     """
-    goal = reach if isinstance(reach, Schedule) else read_schedule(reach) if reach else None
-    return plan_next_step(load(_listed(recordings), tell), _each(more), _each(separate), goal, step, most, grade)
+    loaded = load(_listed(recordings), tell)
+    name, fleet = grade_and_fleet(grade)
+    known = None if fleet is None else fleet.without(loaded).distributions
+    prior = None if known is None else {label: d.sigma for label, d in known.items()}
+    if all(r.kind == ROTATION for r in loaded):
+        if name:
+            raise InputError(f"--grade {name}: that of a unit that is turned is taken from its noise; leave it out")
+        turns = reach if isinstance(reach, RotationSchedule) else read_rotation(cast(File, reach)) if reach else None
+        return plan_next_turn(loaded, states or "51", _each(more), _each(separate), turns, most, prior, tell)
+    if states:
+        raise InputError(f"--states {states} goes with rotation recordings; leave it out")
+    goal = reach if isinstance(reach, Schedule) else read_schedule(cast(File, reach)) if reach else None
+    return plan_next_step(loaded, _each(more), _each(separate), goal, step, most, name, prior)
 
 
 def simulate(scenario: Mapping[str, Any] | str | Path, seed: int | None = None) -> tuple[Recording, tuple[Effect, ...]]:

@@ -162,13 +162,11 @@ EFFECTS = click.Option(
 RECORDINGS = click.argument("recordings", nargs=-1, required=True, type=FilePath())
 
 
-def grade_option(fleet: str = "; fleet:FILE takes each from the units in the store FILE") -> Callable[..., Any]:
-    """Return --grade, and `fleet` about the other prior that a calibration may take."""
-    how = "navigation, tactical, industrial or consumer: how large the sensors' errors usually are"
-    return click.option("--grade", default="", metavar="NAME", help=f"{how}{fleet}.  [default: from their noise]")
-
-
-GRADE = grade_option()
+GRADE = click.option(
+    "--grade", default="", metavar="NAME",
+    help="navigation, tactical, industrial or consumer: how large the sensors' errors usually are; fleet:FILE takes "
+    "each from the units in the store FILE.  [default: from their noise]",
+)  # fmt: skip
 WORKERS = click.option("--workers", type=int, default=None, help="Processes on this machine (default: its cores).")
 SCHEDULER = click.option(
     "--scheduler", default="", help="Address of a running Dask scheduler, tcp://host:port, instead."

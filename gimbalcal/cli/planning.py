@@ -11,6 +11,7 @@ import click
 
 from gimbalcal.cli.options import (
     DAMPING,
+    GRADE,
     LATITUDE,
     NOISE,
     POSITIVE,
@@ -23,7 +24,6 @@ from gimbalcal.cli.options import (
     Number,
     completing,
     example,
-    grade_option,
     names_option,
 )
 from gimbalcal.cli.output_folders import Output, output_options
@@ -208,26 +208,27 @@ def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
 @names_option("--separate", "Effects, EFFECT[:AXIS], that are to be separated from each other.")
 @click.option(
     "--reach", default="", metavar="SCHEDULE", shell_complete=completing(_schedules),
-    help="A schedule of positions whose sigmas are to be reached: its name or a schedule.toml.",
+    help="A schedule whose sigmas are to be reached: its name or a schedule.toml.",
 )  # fmt: skip
 @click.option("--step", default=45.0, type=POSITIVE, show_default=True, help="Angles of an axis: multiples, deg.")
 @click.option("--most", type=click.IntRange(1, 100), default=5, show_default=True, help="How many steps to name.")
-@grade_option(fleet="")
+@click.option("--states", default="", metavar="30|51|EFFECT[:AXIS],...", help="Of turns: what is estimated [51].")
+@GRADE
 @output_options("next.json and report.html", "NAME-next, here")
 def next_(
     recordings: tuple[Path, ...], more: tuple[str, ...], separate: tuple[str, ...], reach: str, step: float, most: int,
-    grade: str, output: Output,
+    states: str, grade: str, output: Output,
 ) -> None:  # fmt: skip
-    """State what to record next: the position, duration or temperature that shrinks the largest unknown most.
+    """State what to record next: the position, turn, duration or temperature that shrinks the largest unknown most.
 
-    RECORDINGS: the dwells so far, one or more, and static runs of the same rig. The command can be given after every
-    dwell.
+    RECORDINGS: the dwells so far, one or more, and static runs of the same rig; or rotation recordings of a unit that
+    is turned in its place. The command can be given after every dwell.
     """
     from gimbalcal.api import next_step
     from gimbalcal.report.plan_page import next_report
 
     target = output.folder(recordings, "next", ("next.json", "report.html"))
-    plan = next_step(recordings, more, separate, reach, step, most, grade, output.tell)
+    plan = next_step(recordings, more, separate, reach, step, most, grade, output.tell, states)
     title = recordings[-1].resolve().name
     output.deliver(target, "next.json", plan.to_dict(), partial(next_report, plan, title), str(plan))
 

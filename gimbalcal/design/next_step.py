@@ -159,13 +159,14 @@ class Candidates:
 def next_step(
     recordings: Sequence[Recording], more: Sequence[str] = (), separate: Sequence[str] = (),
     reach: Schedule | None = None, step: float = 45.0, most: int = 5, grade: str = "",
+    prior: Mapping[str, float] | None = None,
 ) -> NextPlan:  # fmt: skip
     """Return what to record next, of dwells and static runs of a unit.
 
     more: effects to estimate beside the baseline; separate: effects, EFFECT[:AXIS], to be separated from each other,
     which are then estimated too; reach: a schedule whose sigmas are to be reached, at the noise and duration of these
     dwells; step [deg] of the angles of a rig; most: how many steps; grade: of the unit, for the usual sizes, else that
-    of its noise. Raises InputError for other kinds of recordings.
+    of its noise; prior: sigmas [SI] by label in place of usual sizes. Raises InputError for other kinds of recordings.
     """
     complete = [replace(completed(r), other_sensors=()) for r in recordings]
     recordings = graded(complete, grade).of(complete)
@@ -176,23 +177,24 @@ def next_step(
     if len(dwelling) + len(at_rest) < len(recordings) or not dwelling:
         other = next((r for r in recordings if not (r.kind.in_positions or r.kind.stabilised)), recordings[0])
         raise InputError(
-            f"{other.title!r} is a {other.kind} recording; `next` plans dwells in positions, with static runs beside "
-            "them: give a multi-position recording"
+            f"{other.title!r} is a {other.kind} recording; `next` plans dwells in positions, with static runs in "
+            "addition, or turns of a unit in its place: give multi-position recordings, or rotation recordings alone"
         )
     bench = _Bench.of(dwelling, at_rest, tuple(dict.fromkeys((*more, *(s.partition(":")[0] for s in separate)))))
+    bench = replace(bench, wanted=tuple(replace(p, sigma=(prior or {}).get(p.label, p.sigma)) for p in bench.wanted))
     F = np.eye(len(bench.wanted)) + _squared(bench.rows_of(dwelling))
     for run in at_rest:
         F += _squared(bench.rows_of_run(run))
-    _refuse_axes(separate, bench.wanted)
-    interest = np.array([not separate or _named(p, separate) for p in bench.wanted])
+    refuse_axes(separate, bench.wanted)
+    interest = np.array([not separate or named(p, separate) for p in bench.wanted])
     target = None if reach is None else bench.sigmas_of(reach)
     candidates = bench.candidates(dwelling, step)
     if at_rest:
         candidates = _with(candidates, bench.longer_runs(at_rest[-1]))
-    return _plan(bench.wanted, np.linalg.inv(F), candidates, interest, target, tuple(separate), most)
+    return plan_of(bench.wanted, np.linalg.inv(F), candidates, interest, target, tuple(separate), most)
 
 
-def _plan(
+def plan_of(
     wanted: Sequence[Parameter], P: Array, candidates: Candidates, interest: Array, target: Array | None,
     separate: tuple[str, ...], most: int,
 ) -> NextPlan:  # fmt: skip
@@ -243,11 +245,12 @@ def _after(P: Array, rows: Array) -> Array:
 
 def separation(P: Array, wanted: Sequence[Parameter], effects: Sequence[str]) -> float:
     """Return the least expected ln Bayes factor of the effects, EFFECT[:AXIS], at usual size, all others estimated."""
-    own = np.flatnonzero([_named(p, effects) for p in wanted])
+    own = np.flatnonzero([named(p, effects) for p in wanted])
     return float(max(((1 / np.diag(P)[own] - 1) / 2).min(), 0.0))
 
 
-def _named(p: Parameter, effects: Sequence[str]) -> bool:
+def named(p: Parameter, effects: Sequence[str]) -> bool:
+    """Return whether a parameter is of one of these effects, EFFECT or EFFECT:AXIS."""
     return p.effect in effects or f"{p.effect}:{p.axis}" in effects
 
 
@@ -452,10 +455,10 @@ def _refuse_other_platforms(recordings: Sequence[Recording], at_rest: Sequence[R
         )
 
 
-def _refuse_axes(separate: Sequence[str], wanted: Sequence[Parameter]) -> None:
+def refuse_axes(separate: Sequence[str], wanted: Sequence[Parameter]) -> None:
     """Raise InputError for effects to separate of which no parameter is estimated, as of an axis that they lack."""
     for name in separate:
-        if not any(_named(p, [name]) for p in wanted):
+        if not any(named(p, [name]) for p in wanted):
             effect = name.partition(":")[0]
             axes = alternatives([f"{effect}:{p.axis}" for p in wanted if p.effect == effect and p.axis])
             raise InputError(f"--separate {name}: no such axis is estimated; write {axes or effect}")

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter
@@ -34,6 +35,7 @@ from gimbalcal.views.segments import CHANNELS, UPDATE_INTERVAL_S
 
 TURN_INTERVAL_RATE_HZ = 20.0
 INITIAL_ATTITUDE_SIGMA_RAD = np.deg2rad(1.0)
+UNKNOWN_VELOCITY_M_S = 1e3  # one sigma, of a unit in the hand while it is turned
 BATCH_INTERVALS = 4000  # whose derivatives are held at once
 
 
@@ -55,9 +57,15 @@ class StretchModel:
     Psi: Array
     Q: Array
 
-    def innovations(self, noise: TurningNoise) -> Innovations:
-        """Return the information of the velocity about the parameters, in units of their prior sigmas."""
-        R = np.full((len(self.time), 3), (noise.velocity / STATE_SCALE[0]) ** 2)
+    def innovations(self, noise: TurningNoise, known: NDArray[np.bool_] | None = None) -> Innovations:
+        """Return the information of the velocity about the parameters, in units of their prior sigmas.
+
+        known (K,): stretches at whose end the velocity is known, all where it is None.
+        """
+        velocity = np.full(len(self.time), noise.velocity)
+        if known is not None:
+            velocity[~known] = UNKNOWN_VELOCITY_M_S
+        R = np.repeat((velocity / STATE_SCALE[VELOCITY_STATES[0]])[:, None] ** 2, 3, axis=1)
         start = np.repeat([INITIAL_ATTITUDE_SIGMA_RAD, noise.velocity, POSITION_SIGMA_M], 3) / STATE_SCALE
         return innovations(self.Phi, self.Psi, self.Q, VELOCITY_STATES, R, np.diag(start**2))
 
