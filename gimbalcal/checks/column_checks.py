@@ -3,7 +3,8 @@ r"""Checks of whole columns, where something was suspicious while their rows wen
 * a frozen channel repeats one value for longer than chance allows. With noise sigma and resolution q (the smallest
   step that occurs) neighbours are equal with probability :math:`p \le \mathrm{erf}(q / 2\sqrt{2}\sigma)`, so a run of
   L in n rows is expected :math:`n p^{L-1}` times; a run is refused below 1e-6. Where sigma <= q nothing can be said:
-  a quiet channel with coarse steps may well stand still.
+  a quiet channel with coarse steps may well stand still. That holds for the sigma of the rows of the run, as the other
+  sensors of the triad show it: elsewhere the unit may move.
 * a clipped channel reads exactly its largest (or smallest) value far more often than any value close to it.
 """
 
@@ -26,6 +27,7 @@ MAX_READING = {"specific_force": 1e7, "angular_rate": 1e4, "attitude_error": 1e3
 MAX_READING_AT_REST = {"specific_force": 100.0, "angular_rate": 1.0}
 PIECE = 10_000_000  # rows that are looked at again at a time: a longer recording is checked part by part
 MAX_STRETCHES = 30  # that a sentence lists
+CALM_STEPS = 2.0  # scatter of the other sensors of a triad, below which a channel with such steps may stand still
 MIN_ROWS = 20  # equal rows that can be called frozen or clipped at all
 MIN_SHARE_CLIPPED = 0.01  # of the rows
 CLIPPED_RATIO = 5  # times as many rows as at any of the next values
@@ -151,13 +153,28 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
     least = usual * max(MIN_ROWS, needed)
     if stop - start < least:
         return ""
+    runs = [run for run in runs_of(pieces, least) if not _calm(s, c, *run, quantum)]
+    if not runs:
+        return ""
+    start, stop = max(runs, key=lambda run: run[1] - run[0])
     value = f"{s.whole(c.name)[start]:.10g} {c.unit}"
     why = f"all {stop - start} rows read {value} although the noise is {sigma:.2g} {c.unit}, so the channel is "
     cure = "dead; leave its column" if stop - start == n else "frozen; leave those rows"
-    others = [s.place(*run).rpartition(", ")[2] for run in runs_of(pieces, least) if run != (start, stop)]
+    others = [s.place(*run).rpartition(", ")[2] for run in runs if run != (start, stop)]
     more = [*others[:MAX_STRETCHES], *([f"{len(others) - MAX_STRETCHES} more"] if len(others) > MAX_STRETCHES else [])]
     also = f", and {', '.join(more)} likewise" if others else ""
     return f"{s.place_of(c, start, stop)}{why}{cure} out{also}, or correct [noise]"
+
+
+def _calm(s: StreamChecks, c: Column, start: int, stop: int, quantum: float) -> bool:
+    """Return whether others live in rows of one value, and those of the triad scatter by a step or two of its own.
+
+    The unit is at rest there, and what scatters elsewhere is its motion: a channel with coarse steps stands still.
+    """
+    triad = [o for o in s.sensors if (o.sensor, o.quantity) == (c.sensor, c.quantity) and o.name != c.name]
+    others = [to_si(s.whole(o.name)[start:stop], o.unit) for o in triad]
+    lives = any(np.ptp(s.whole(o.name)[start:stop]) > 0 for o in s.sensors if o.name != c.name)
+    return lives and bool(others) and all(float(np.std(x)) <= CALM_STEPS * to_si(quantum, c.unit) for x in others)
 
 
 def _clipped(s: StreamChecks, c: Column, x: Array, first: int) -> str:

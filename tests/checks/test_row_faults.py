@@ -168,3 +168,28 @@ def test_a_temperature_of_no_sensor_is_refused_with_its_row(tmp_path: Path, read
     table = rows()
     table[3, NAMES.index("temp")] = reading
     golden_text(refusal(tmp_path, samples=text(table)))
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_a_channel_of_coarse_steps_stands_still_where_its_unit_does(tmp_path: Path, frozen: bool) -> None:
+    """Steps of 0.02 g, noise of 8 mg, motion of 0.1 g before the rest; frozen: the others go on moving beside it."""
+    rng = np.random.default_rng(3)
+    n, moving = 600, np.arange(600) < 300
+    x = 0.008 * rng.standard_normal((n, 3)) + [0.0, 0.0, 1.0]
+    x += 0.1 * rng.standard_normal((n, 3)) * (moving | np.bool_(frozen))[:, None]
+    x = 0.02 * np.round(x / 0.02)
+    x[310:590, 1] = 0.04
+    samples = "t,ax,ay,az\n" + "".join(f"{0.1 * k:.1f},{a:.2f},{b:.2f},{c:.2f}\n" for k, (a, b, c) in enumerate(x))
+    header = (
+        'format = 1\nkind = "multi-position"\ntitle = "coarse"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
+        + "".join(f'a{a} = {{ quantity = "specific_force", axis = "{a}", unit = "g" }}\n' for a in "xyz")
+    )
+    at = tmp_path / "coarse"
+    at.mkdir()
+    (at / "recording.toml").write_text(header)
+    (at / "samples.csv").write_text(samples)
+    if frozen:
+        with pytest.raises(InputError, match="so the channel is frozen"):
+            read(at)
+    else:
+        assert len(read(at).time) == n
