@@ -52,10 +52,14 @@ class Session(Entry):
 
 @dataclass(frozen=True)
 class AssumedGrade(Entry):
-    """The grade of the unit, and what it was taken from."""
+    """The grade of the unit, and what it was taken from.
+
+    own: where a fleet was the prior, value and sigma [SI] by label of a parameter without it.
+    """
 
     name: str
     from_: str
+    own: Mapping[str, tuple[float, float]] | None = None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 from gimbalcal.earth import YEAR
 from gimbalcal.entries import Entry
 from gimbalcal.history import DIAGNOSIS, FAILURE, DatedCalibration, StoredResult, dated
-from gimbalcal.history.fleet import SIGNIFICANCE, Distribution, Fleet, fleet, tail
+from gimbalcal.history.fleet import SIGNIFICANCE, Distribution, Fleet, fleet, own_estimate, rests_on_fleet, tail
 from gimbalcal.units import from_si
 from gimbalcal.words.fleet_sentences import fleet_in_words
 
@@ -78,11 +78,12 @@ class OutsideUnit(Entry):
 
 @dataclass(frozen=True, kw_only=True)
 class FleetSummary(Entry):
-    """The content of fleet.json."""
+    """The content of fleet.json; with_prior: units with a fleet as prior, which is taken out of the distributions."""
 
     format: int = 1
     recordings: int
     units: int
+    with_prior: int
     failed: int
     verdicts: Mapping[str, int]
     in_words: str
@@ -108,7 +109,8 @@ def fleet_summary(each: Mapping[str, Sequence[StoredResult]]) -> tuple[FleetSumm
     for report, calibration in reported:
         if calibration is not None and (report.unit not in latest or calibration.date >= latest[report.unit].date):
             latest[report.unit] = calibration
-    known = fleet(latest)
+    own = {unit: replace(d, calibration=own_estimate(d.calibration)) for unit, d in latest.items()}
+    known = fleet(own)
     few = len(known.distributions)
     parameters = tuple(_parameter(d, few) for d in known.distributions.values())
     outside = tuple(_outside(d, int(i)) for d in known.distributions.values() for i in np.flatnonzero(~d.inside))
@@ -117,6 +119,7 @@ def fleet_summary(each: Mapping[str, Sequence[StoredResult]]) -> tuple[FleetSumm
     summary = FleetSummary(
         recordings=len(each),
         units=len({r.unit for r in reports}),
+        with_prior=sum(rests_on_fleet(d.calibration) for d in latest.values()),
         failed=len({r.recording for r in reports if r.failure}),
         verdicts=verdicts,
         in_words="",

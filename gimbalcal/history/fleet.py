@@ -300,15 +300,34 @@ def with_fleet(c: Calibration, known: Fleet, recordings: Sequence[Recording] = (
     u = scaled(c)
     few = min(len(d.units) for d in prior if d is not None)
     origin = f"{few} units or more of {known.source} are the prior of {used.sum()} of {len(used)} parameters"
+    own_sigma = np.sqrt(np.diag(without_gravity(given, gravity_of(given)))).tolist()
+    alone = dict(
+        zip([p.label for p in given.parameters], zip(given.values.tolist(), own_sigma, strict=True), strict=True)
+    )
     combined = replace(
         c,
         effects=with_values(c.effects, parameters, z * scale, c.readout.gimbals),
         parameters=parameters,
         covariance=(P + P.T) / 2 * np.outer(scale, scale) + e**2 * np.outer(u, u),
         outcome=outcome,
-        provenance=c.provenance.with_options(grade=AssumedGrade(FLEET, origin)),
+        provenance=c.provenance.with_options(grade=AssumedGrade(FLEET, origin, alone)),
     )
     return in_readout(combined, given.readout)
+
+
+def own_estimate(c: Calibration) -> Calibration:
+    """Return a calibration without the fleet that was its prior, as its provenance states it, without correlations."""
+    grade = c.provenance.options.grade
+    if not rests_on_fleet(c) or grade is None or not grade.own:
+        return c
+    x, sigma = np.array([grade.own.get(p.label, (v, np.inf)) for p, v in zip(c.parameters, c.values, strict=True)]).T
+    own = replace(
+        c,
+        effects=with_values(c.effects, c.parameters, x, c.readout.gimbals),
+        provenance=c.provenance.with_options(grade=None),
+    )
+    u = gravity_of(c) * scaled(own)
+    return replace(own, covariance=np.diag(sigma**2) + np.outer(u, u))
 
 
 def tail(off: float, sigma: float) -> float:

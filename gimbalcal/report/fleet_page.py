@@ -15,6 +15,7 @@ from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.report.parameters import common_nominal_in_words, plus_minus
 from gimbalcal.units import from_si
 from gimbalcal.words import naming
+from gimbalcal.words.fleet_sentences import prior_in_words
 from gimbalcal.words.rounding import p_value, significant
 
 MIN_BINS, MAX_BINS = 5, 40  # of a histogram
@@ -30,6 +31,7 @@ def fleet_report(f: FleetSummary, known: Fleet) -> str:
         "answer": naming.answered(f.in_words),
         "verdict": "fits" if f.ordinary else "reserved" if f.failed < f.recordings else "misfit",
         "facts": _facts(f),
+        "prior": prior_in_words(f),
         "nominal": common_nominal_in_words(f.to_dict()),
         "pictures": [_picture(p, distributions[p.name, p.axis]) for p in ordered],
         "rows": [_row(p, before) for p, before in zip(f.parameters, [None, *f.parameters], strict=False)],

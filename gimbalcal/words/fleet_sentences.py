@@ -40,6 +40,14 @@ def fleet_in_words(f: FleetSummary) -> str:
     return text + _next_step(f)
 
 
+def prior_in_words(f: FleetSummary) -> str:
+    """Return what became of a fleet that served as prior; empty where none did."""
+    if not f.with_prior:
+        return ""
+    prior = f"The fleet that was the prior of {amount(f.with_prior, 'calibration')} is taken out here"
+    return f"{prior}: these are the estimates of the units' own data."
+
+
 def _few(names: Sequence[str]) -> str:
     """Return the first of some names in a list, and how many others there are."""
     others = len(names) - MAX_NAMED

@@ -25,6 +25,7 @@ from gimbalcal.history import StoredResult, kept, of_store
 from gimbalcal.history.fleet import fleet_of_store
 from gimbalcal.recording import Source, write
 from gimbalcal.report.fleet_page import fleet_report
+from gimbalcal.words.fleet_sentences import prior_in_words
 from tests.campaign.test_campaign import dask_cluster, wait_for
 from tests.fleet.deadly import dies_with_the_second
 from tests.fleet.units import unit, write_units
@@ -236,7 +237,8 @@ def test_the_units_of_a_store_are_a_prior_and_rest_on_no_prior(
     (own,) = [e for e in entries if e.is_calibration and e.content["method"] == "three-stage"]
     assert own.content["provenance"]["options"]["grade"]["name"] == "fleet"
     assert "6 units or more" in own.content["provenance"]["options"]["grade"]["from"]
-    run_batch([f"{tmp_path}/new/*"], store, grade=f"fleet:{store}", workers=1)
+    summary = run_batch([f"{tmp_path}/new/*"], store, grade=f"fleet:{store}", workers=1)
+    assert prior_in_words(summary).startswith("The fleet that was the prior of 1 calibration is taken out here")
     assert fleet_of_store(store).identity == before.identity
 
 

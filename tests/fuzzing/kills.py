@@ -35,7 +35,9 @@ from gimbalcal.cli import main as gimbalcal_main
 from tests.benchmarks.collecting import say
 
 DATA = Path(__file__).parents[2] / "data"
-STAMP = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?([.,]\d+)?(Z|[+-]\d\d:?\d\d)?")
+STAMP = re.compile(  # of the clock, or of the campaign that a page belongs to
+    rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?([.,]\d+)?(Z|[+-]\d\d:?\d\d)?|(?<=content=.campaign )[0-9a-f]{16}"
+)
 STORE, JOURNAL = "unit.sqlite", ("unit.sqlite-wal", "unit.sqlite-shm")  # what SQLite completes a killed writing from
 RESUMED = "out/campaign.parts"  # runs of a campaign that goes on where it was killed
 LATE_SHARE, LATE_FROM = 0.5, 0.67  # of the kills, and from which part of a run
@@ -131,13 +133,15 @@ def _dump(store: Path) -> bytes:
             return "\n".join(opened.iterdump()).encode()
 
 
-def attempt(command: Command, rng: np.random.Generator, references: dict[str, dict[str, bytes]], seconds: float) -> str:
+def attempt(
+    command: Command, rng: np.random.Generator, references: dict[str, dict[str, bytes]], seconds: float, old: Path
+) -> str:
     """Kill a command once and run it again; return what was wrong, empty for nothing."""
     with tempfile.TemporaryDirectory(prefix="kills-") as name:
         place = Path(name)
         replaces = bool(rng.integers(2))
         if replaces:
-            run(command.words("old"), place)
+            shutil.copytree(old, place, dirs_exist_ok=True)
         before = seen(place)
         late = rng.random() < LATE_SHARE
         status = run(command.words("new"), place, seconds * rng.uniform(LATE_FROM if late else 0.0, 1.02))
@@ -179,9 +183,7 @@ def main() -> int:
     rng, kills, wrong = np.random.default_rng(chosen.seed), Counter[str](), list[str]()
     with tempfile.TemporaryDirectory(prefix="kills-") as name:
         commands = [c for c in prepared(Path(name)) if not chosen.commands or c.name in chosen.commands]
-        known: dict[str, tuple[dict[str, dict[str, bytes]], float]] = {}
-        for command in commands:
-            known[command.name] = _reference(command)
+        known = {c.name: _reference(c, Path(name) / f"{c.name} old") for c in commands}
         for k in range(chosen.n):
             command = commands[k % len(commands)]
             problem = attempt(command, rng, *known[command.name])
@@ -195,19 +197,25 @@ def main() -> int:
     return int(bool(wrong))
 
 
-def _reference(command: Command) -> tuple[dict[str, dict[str, bytes]], float]:
-    """Return what undisturbed runs of a command write, alone and after one of the old input, and the seconds of one."""
+def _reference(command: Command, old: Path) -> tuple[dict[str, dict[str, bytes]], float, Path]:
+    """Return what undisturbed runs of a command write, alone and after one of the old input, and the seconds of one.
+
+    old: a folder for the results of the old input, which is returned, too.
+    """
     out = {}
-    for name, ages in (("new", ("new",)), ("both", ("old", "new"))):
-        with tempfile.TemporaryDirectory(prefix="kills-") as place:
+    with tempfile.TemporaryDirectory(prefix="kills-") as name:
+        for case, ages in (("new", ("new",)), ("both", ("old", "new"))):
+            place = Path(name) / case
+            place.mkdir()
             for age in ages:
                 start = time.monotonic()
-                status = run(command.words(age), Path(place))
-                seconds = time.monotonic() - start
-                if status not in (0, 1):
+                if (status := run(command.words(age), place)) not in (0, 1):
                     raise RuntimeError(f"{command.name} ends with {status}")
-            out[name] = seen(Path(place), hidden=True)
-    return out, seconds
+                seconds = time.monotonic() - start
+                if age == "old":
+                    shutil.copytree(place, old)
+            out[case] = seen(place, hidden=True)
+    return out, seconds, old
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.calibration.calibration import from_dict
 from gimbalcal.calibration.gravity_uncertainty import scaled
 from gimbalcal.effects import values
 from gimbalcal.errors import InputError
@@ -18,6 +20,7 @@ from gimbalcal.history.fleet import (
     Fleet,
     fleet,
     fleet_of_store,
+    own_estimate,
     posterior_of_spread,
     rests_on_fleet,
     tail_of_others,
@@ -208,3 +211,16 @@ def test_the_spread_of_simulated_units_is_the_drawn_one(eighteen: Fleet) -> None
     ratio = [d.spread / d.parameter.sigma / SPREAD for d in eighteen.distributions.values()]
     assert 0.9 < np.sqrt(np.mean(np.square(ratio))) < 1.15  # 15 parameters of 20 units: 4 % in the rms
     assert all(d.inside.all() for d in eighteen.distributions.values())
+
+
+def test_the_prior_is_taken_out_again() -> None:
+    """Also after a calibration went through its file."""
+    given = calibrate([unit(2000, 6)[0]])[0]
+    members = {str(k): DatedCalibration(str(k), START, calibrate([unit(k)[0]])[0]) for k in range(MIN_UNITS)}
+    graded = with_fleet(given, fleet(members, "units"))
+    own = own_estimate(from_dict(json.loads(json.dumps(graded.to_dict()))))
+    assert rests_on_fleet(graded)
+    assert not rests_on_fleet(own)
+    assert np.allclose(own.values, given.values, rtol=1e-9)
+    assert np.allclose(own.sigmas, given.sigmas, rtol=1e-9)
+    assert np.any(np.abs(graded.values - given.values) > 0.1 * given.sigmas)
