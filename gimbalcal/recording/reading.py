@@ -172,8 +172,10 @@ def _rows(
     raw = any(is_raw(c.unit) for c in gyros)
     position = detect(to_si(table[checks.clock.name], checks.clock.unit), sensors, rates, raw)
     table[_DETECTED.name] = position.astype(float)
+    count, dwells = int(position.max(initial=0)), int(np.count_nonzero(np.diff(position, prepend=0) * position))
+    at = f" at {count} positions" if count < dwells else ""
     remark = (
-        f"{header.samples}: there is no position column; {amount(int(position.max()), 'dwell')} found where the "
+        f"{header.samples}: there is no position column; {amount(dwells, 'dwell')}{at} found where the "
         "sensors are quiet, numbered in order of time"
         if position.any()
         else f"{header.samples}: the unit is never at rest: its quietest stretches scatter more the longer they are, "

@@ -41,7 +41,8 @@ def term_tests(fitted: ViewsFit, candidates: Sequence[Parameter], stated: bool) 
     tests = _Tests(fitted, stated)
     outside = [p for p in candidates if p not in fitted.parameters and not constants(CATALOGUE[p.effect])]
     added = [tests.of_candidate(p, column) for p, column in zip(outside, tests.columns(outside).T, strict=True)]
-    return (*tests.of_model(), *sorted(filter(None, added), key=lambda t: t.rms_with_arcsec))
+    found = sorted(filter(None, added), key=lambda t: (round(t.rms_with_arcsec, 6), t.tpoint is None))
+    return (*tests.of_model(), *found)  # of equals the one that TPOINT has a name for
 
 
 class _Tests:
