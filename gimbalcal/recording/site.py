@@ -50,7 +50,9 @@ def site_of(document: Document, kind: Kind) -> tuple[Site, tuple[str, ...]]:
         site = with_gravity_stated(latitude, given.get("height"), given["gravity"], sigma)
         return site, _odd_gravity(document, site) if kind.inertial else ()
     site = with_normal_gravity(latitude, given.get("height"))
-    if latitude is not None:
+    columns = document.table("columns").values()
+    weighed = any(isinstance(entry, dict) and entry.get("quantity") == "specific_force" for entry in columns)
+    if latitude is not None or not weighed:
         return site, ()
     off = 1e6 * site.gravity_sigma / G0
     remark = f"{document.path}: neither gravity nor latitude is given in [site]; standard gravity {G0} m/s^2 is used"
