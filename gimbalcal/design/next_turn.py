@@ -135,7 +135,7 @@ def _candidates(experiment: TurningExperiment, sessions: Sequence[Session], hand
         seen = model.innovations(experiment.noise, still).rows.reshape(-1, len(experiment.wanted))
         rows.append(np.linalg.qr(seen, mode="r"))
         turn = f"turn {angle:+g}° about {axis}".replace("-", "−")
-        words.append(f"{start}; {turn}, with stops of {motion.begin[0]:.3g} s")
+        words.append(f"{start}; {turn}, stops of {motion.begin[0]:.3g} s")
     most = max(map(len, rows))
     padded = np.array([np.pad(R, ((0, most - len(R)), (0, 0))) for R in rows])
     up = tuple(tuple((-motion.attitude[0][2]).tolist()) for *_, motion in sessions)

@@ -43,7 +43,7 @@ def next_report(plan: NextPlan, title: str) -> str:
     gains = np.array([s.reduction / s.seconds * HOUR for s in plan.steps])
     chart = Chart(
         (Bars(np.arange(len(gains), dtype=float)[::-1], np.zeros(len(gains)), gains, BLUE, 0.6, lying=True),),
-        "gain in an hour", "decrease of the sum of squares", y_names=[s.words for s in plan.steps][::-1],
+        "gain in an hour", "decrease of the sum of squares", y_names=[f"{k}" for k in range(len(gains), 0, -1)],
         height=24.0 * len(gains) + 60,
     )  # fmt: skip
     best = plan.steps[0] if plan.steps and not plan.reached else None
