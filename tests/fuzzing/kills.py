@@ -184,11 +184,14 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="kills-") as name:
         commands = [c for c in prepared(Path(name)) if not chosen.commands or c.name in chosen.commands]
         known = {c.name: _reference(c, Path(name) / f"{c.name} old") for c in commands}
-        for k in range(chosen.n):
-            command = commands[k % len(commands)]
-            problem = attempt(command, rng, *known[command.name])
-            kills[command.name] += 1
-            wrong += [f"{command.name}, kill {k}: {problem}"] if problem else []
+        try:
+            for k in range(chosen.n):
+                command = commands[k % len(commands)]
+                problem = attempt(command, rng, *known[command.name])
+                kills[command.name] += 1
+                wrong += [f"{command.name}, kill {k}: {problem}"] if problem else []
+        except KeyboardInterrupt:
+            say(f"interrupted before {chosen.n} kills")
     listed = ", ".join(f"{name} {count}" for name, count in kills.items())
     say(f"{sum(kills.values())} kills, seed {chosen.seed} ({listed})")
     say(f"torn folders, damaged stores, or anything left after the next run: {len(wrong)}")
