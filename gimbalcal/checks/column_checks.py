@@ -30,6 +30,7 @@ MAX_STRETCHES = 30  # that a sentence lists
 CALM_STEPS = 2.0  # scatter of the other sensors of a triad, below which a channel with such steps may stand still
 MIN_ROWS = 20  # equal rows that can be called frozen or clipped at all
 MIN_SHARE_CLIPPED = 0.01  # of the rows
+MIN_AT_END = 5  # rows of a turn, of which no other value near the end has two
 CLIPPED_RATIO = 5  # times as many rows as at any of the next values
 NEXT_VALUES = 5
 MAX_ANGLE_RAD = 2e4 * np.pi  # ten thousand turns
@@ -240,6 +241,13 @@ def at_maximum(y: Array) -> Array:
             return rows[:0]
         others_below = others_below[others_below < next_value]
     return rows if len(others_below) else rows[:0]
+
+
+def at_end_of_range(y: Array) -> Array:
+    """Return in which rows (n,) any sensor of a triad y (n, 3) reads an end of its range, where several rows stand."""
+    both = [sign * x for x in y.T for sign in (1, -1)]
+    ends = [float(x.max()) for x in both if len(at_maximum(x)) >= MIN_AT_END]
+    return np.asarray(np.isin(y, [*ends, *np.negative(ends)]).any(axis=1))
 
 
 def runs_of(pieces: Sequence[Array], least: float) -> list[tuple[int, int]]:

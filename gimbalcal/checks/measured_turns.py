@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gimbalcal.checks.column_checks import at_end_of_range
 from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, Correction, scaled
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import PAUSED, dwells, usual_step
@@ -86,10 +87,12 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
     """Return the turns that move the reference most, gravity's direction or else the gimbals; None for too few."""
     visits = dwells(recording)
     y = recording.triad(RATE)
+    clipped = at_end_of_range(y)
     usual = usual_step(recording) if len(recording.time) > 1 else 0.0
     logged = [
         k for k, (a, b) in enumerate(pairwise(visits))
         if b.start > a.stop and np.diff(recording.time[a.stop - 1 : b.start + 1]).max() <= PAUSED * usual
+        and not clipped[a.stop - 1 : b.start + 1].any()
     ]  # fmt: skip
     for reference in (down, _attitude):
         at_rest = reference(recording)

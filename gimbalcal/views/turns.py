@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.readout import in_si
+from gimbalcal.checks.column_checks import at_end_of_range
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
@@ -53,14 +54,16 @@ TURNS = Measurement(
 class Turns(Sweeps):
     """Turns between dwells: readings at rest level zero, and the unit force before and after (m, 3).
 
-    `ends` (m,) is the index of the dwell after each turn, as turns in which the clock paused are left out; `means` are
-    those of all dwells.
+    `ends` (m,) is the index of the dwell after each turn, as turns in which the clock paused or a gyroscope read the
+    end of its range, `clipped` of `logged` ones, are left out unless there is no other; `means` are of all dwells.
     """
 
     before: Array
     after: Array
     ends: NDArray[np.int64]
     means: Recording
+    clipped: int = 0
+    logged: int = 0
 
 
 def turns_between_rests(
@@ -84,9 +87,12 @@ def turns_between_rests(
     )
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     every = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
-    ends = np.flatnonzero([not paused(recording, span) for span in every]) + 1
-    if not len(ends):
+    logged = np.flatnonzero([not paused(recording, span) for span in every]) + 1
+    if not len(logged):
         raise InputError(f"{recording.title!r} has no rows between its rests: log the turns too, for the gyroscopes")
+    clipped = at_end_of_range(y)
+    whole = np.array([k for k in logged if not clipped[every[k - 1]].any()], dtype=np.int64)
+    ends = whole if len(whole) else logged
     spans = [every[k - 1] for k in ends]
     longest = max(s.stop - s.start for s in spans) - 1
     reading, step = np.zeros((len(spans), longest, 3)), np.zeros((len(spans), longest))
@@ -99,7 +105,8 @@ def turns_between_rests(
         force[i, : len(dt)] = f[span][1:]
     flat = reading.reshape(-1, 3)
     s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
-    turns = Turns(reading, step, s, down[ends - 1], down[ends], ends, dwell_means(recording))
+    turns = Turns(reading, step, s, down[ends - 1], down[ends], ends, dwell_means(recording), len(logged) - len(whole),
+                  len(logged))  # fmt: skip
     raw = recording.counted(RATE)
     scale = _rough_scale(turns) if raw else 1.0
     if at_rest:

@@ -93,8 +93,7 @@ def gyroscopes_between_rests(
         fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, accelerometers)
         fit = fits[-1][1]
         said += singular_in_words(fit.condition) or (
-            turns_in_words(turns, accelerometers, level.residual[0], scale, fit.rms)
-            + sizes_in_words(turns, fit.effects)
+            turns_in_words(turns, accelerometers, level.residual[0], scale, fit.rms) + sizes_in_words(turns, fit)
         )
     calibration = replace(_calibration(level, fits, declined, scale), outcome=joined(said))
     return extra.complete(calibration)

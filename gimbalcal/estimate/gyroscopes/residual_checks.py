@@ -11,12 +11,9 @@ with sigma_1, sigma_2 of gravity's direction at the rests and w by how much the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import Effect
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.forward import gyroscopes
 from gimbalcal.number import Array
@@ -28,6 +25,7 @@ from gimbalcal.views.turns import Turns
 WRONG_RANGE = "correct the range or unit"
 MAX_RATE_SCATTER_RATIO = 8.0  # over the noise: the level of two phones wanders by 5.6 and 6.7, of two MPU-9150 by 4.6
 SIGMA_PER_MEDIAN = 1.4826  # times the median of the sizes is one sigma
+MIN_SIGMAS = 3.0  # of a size that is doubted
 MAX_SCALE_ERROR = 0.2  # of the rate, or rad: no gyroscope on the market is off by as much, a wrong range is
 SMALL_RATE = 1e-3  # rad/s; what is linear in the rate shows alone
 MAX_CONDITION_NUMBER = 1e6  # condition number, columns of length one
@@ -57,14 +55,23 @@ def turns_in_words(turns: Turns, accelerometers: Calibration, wander: Array, sca
     wander (m, 3) [rad/s]: misfit of the rests; scale: rad/s per unit of the rates.
     """
     explained = turn_sigma(turns, accelerometers, wander, scale)
+    clipped = [clipped_in_words(turns)] * bool(turns.clipped)
     if not explained or rms <= MAX_RATE_SCATTER_RATIO * explained:
-        return []
+        return clipped
     return [
+        *clipped,
         (
             f"carried through the turns by the gyroscopes, gravity is missed by {np.degrees(rms):.2g} deg rms, "
             f"{rms / explained:.2g} times what their noise explains"
-        )
+        ),
     ]
+
+
+def clipped_in_words(turns: Turns) -> str:
+    """Return in how many turns a gyroscope reads the end of its range."""
+    some = turns.clipped < turns.logged
+    where = f"{turns.clipped} of {turns.logged} turns, which are left out" if some else "every turn"
+    return f"a gyroscope reads the end of its range in {where}: turn more slowly, or raise the range"
 
 
 def turn_sigma(turns: Turns, accelerometers: Calibration, wander: Array, scale: float) -> float:
@@ -95,13 +102,22 @@ def _direction_sigma(turns: Turns, accelerometers: Calibration) -> Array:
     return np.asarray(np.sqrt(sample**2 / turns.means.weight + excess**2) / turns.means.site.gravity)
 
 
-def sizes_in_words(turns: Turns, effects: Sequence[Effect]) -> list[str]:
-    """A sentence where what effects make of a small rate is no error of a gyroscope but of its range, unit or axes."""
-    zero = 0 * turns.stimulus.rate
+def sizes_in_words(turns: Turns, fit: ViewsFit) -> list[str]:
+    """A sentence where what effects make of a small rate is no error of a gyroscope but of its range, unit or axes.
+
+    What the turns hardly determine, because few of them remain, is no reason to doubt a unit.
+    """
+    zero, effects = 0 * turns.stimulus.rate, fit.effects
+    sigma = np.array([
+        max((s for p, s in zip(fit.parameters, fit.sigmas, strict=True) if p.unit in ("ppm", "arcsec")
+             and p.axis.startswith(axis)), default=0.0) for axis in "xyz"
+    ])  # fmt: skip
     D = np.array([
         (gyroscopes(zero + SMALL_RATE * e, turns.stimulus, effects) - gyroscopes(zero, turns.stimulus, effects))[0]
         for e in np.eye(3)
     ]).T / SMALL_RATE  # fmt: skip
+    off = np.abs(D - np.eye(3)) / np.maximum(np.abs(np.diag(D)), 1.0)[:, None]  # of the effects, or of the readings
+    D = np.where(off > MIN_SIGMAS * sigma[:, None], D, np.eye(3))
     i, j = np.unravel_index(int(np.argmax(np.abs(D - np.eye(3)))), (3, 3))
     if abs(D[i, j] - (i == j)) <= MAX_SCALE_ERROR:
         return []

@@ -59,6 +59,17 @@ def test_turns_that_the_gyroscopes_missed_are_told() -> None:
     golden_text(made.outcome)
 
 
+def test_turns_in_which_a_gyroscope_clips_are_left_out() -> None:
+    y = turned().triad(RATE)
+    limit = 0.8 * np.abs(y).max()  # few turns are as fast
+    made, whole = calibrated(with_rates(np.clip(y, -limit, limit))), calibrated(turned())
+    assert "which are left out" in made.outcome
+    assert "times its rate" not in made.outcome
+    at = [i for i, p in enumerate(made.parameters) if p.effect == "gyro_scale_factor"]
+    same = [next(k for k, q in enumerate(whole.parameters) if q.label == made.parameters[i].label) for i in at]
+    assert np.all(np.abs(made.values[at] - whole.values[same]) < 4 * made.sigmas[at])
+
+
 def test_one_odd_rest_hides_no_turn_that_was_missed() -> None:
     y = np.clip(turned().triad(RATE), -0.6, 0.6)
     y[np.asarray(turned().position) == 5] += np.radians(5.0)
