@@ -48,6 +48,7 @@ NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is tak
 MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
 MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
+MAX_GAIN_CHANGE = 0.3  # of a sensor by a law: beyond, it is another sensor
 MAX_DOUBTED_PROBABILITY = 0.45  # of a cause that explains less, or than which a formula is likelier
 
 
@@ -220,6 +221,18 @@ def _best_else(ranked: Ranking) -> float:
     return max(h.ln_weight for h in ranked.hypotheses if len({bool(every[i].rival) for i in h.members}) == 1)
 
 
+def _cancels(law: Law, x: Array) -> bool:
+    """Return whether a law with sizes x (m,) [SI] takes away the response of its own sensor: no sensor is left then.
+
+    The norm of the force is the same in every attitude, too, where accelerometers read nothing but their bias.
+    """
+    own = next((v for v in law.place.variables if v.name.replace(" ", "_") == f"force_{law.place.axis}"), None)
+    if law.place.channel != "specific_force" or own is None or not np.ptp(own.x) > 0:
+        return False
+    f = own.x - own.x.mean()
+    return bool(abs(float(f @ (law.expression.columns @ x)) / float(f @ f)) > MAX_GAIN_CHANGE)
+
+
 def _known(ranked: Ranking, ln_evidence: float) -> str:
     """Known causes that are as likely as a law of this evidence, by name; empty where none are."""
     every = ranked.library.candidates
@@ -333,7 +346,11 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
             if not laws:
                 return Lawful((), undetermined(every, others, g, v.kind)), m
             return Lawful(tuple(laws), law_sentences.LACK_OF_FIT.format(law=laws[0].expression)), with_them
-        with_them, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
+        with_law_too, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
+        if _cancels(best, x):
+            words = law_sentences.LACK_OF_FIT.format(law=printed(best))
+            return (Lawful(tuple(laws), words), with_them) if laws else (Lawful((), words), m)
+        with_them = with_law_too
         number = sum(o.axis == best.place.axis for o in laws) + 1
         law = found(best, x, covariance, (0.0, 0.0), others, v.title, number, v, (*known, *b.name))
         laws.append(replace(law, curve=curve_of(best, x, covariance, with_them.residual, g, others)))
