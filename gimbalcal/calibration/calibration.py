@@ -330,7 +330,7 @@ class Calibration(Displayed):
         if isinstance(recording, Recording):
             marked = (*recording.corrected, self.identity)
             corrected = correct(self, recording)
-            remarks = (*recording.remarks, *self._corrected_before(recording), *extrapolations(self, recording))
+            remarks = (*recording.remarks, *self._corrected_before(recording), *extrapolations(self, corrected))
             return replace(corrected, corrected=marked, remarks=remarks)
         if isinstance(recording, Mapping):
             return correct_arrays(self, recording, units)
@@ -355,6 +355,11 @@ class Calibration(Displayed):
         remark = f"{recording.title!r} has been corrected by {which} calibration already, and is now corrected again"
         return (f"{remark}: give the recording as it was logged, or undo that with --inverse",)
 
+    def effect_class(self, effect_id: str) -> type[Effect]:
+        """Return the class of an effect, which the catalogue need not hold any more: that of a law that was found."""
+        own = (type(e) for e in self.effects if e.id == effect_id)
+        return next(own, None) or CATALOGUE[effect_id]
+
     def to_dict(self) -> Json:
         """Return the content of calibration.json: values in printed units, covariance in SI."""
         covariates = {e.id: getattr(e, "covariate", "") for e in self.effects}
@@ -367,13 +372,12 @@ class Calibration(Displayed):
         }  # fmt: skip
         if self.residual.navigation:
             residual["navigation"] = dict(self.residual.navigation)
-        classes = {**CATALOGUE, **{e.id: type(e) for e in self.effects}}
         return {
             "format": FORMAT,
             "method": self.method,
             "outcome": self.outcome,
             "parameters": rows,
-            "model": [stated_law(classes[i]) for i in dict.fromkeys(p.effect for p in self.parameters)],
+            "model": [stated_law(self.effect_class(i)) for i in dict.fromkeys(p.effect for p in self.parameters)],
             "matrices": {triad: m.to_dict() for triad, m in self.matrices.items()},
             "covariance": np.asarray(self.covariance).tolist(),
             "unobservable": plain(self.unobservable),

@@ -79,7 +79,7 @@ def correct(calibration: Calibration, recording: Recording) -> Recording:
 
 
 def extrapolations(calibration: Calibration, recording: Recording) -> tuple[str, ...]:
-    """Return a remark for each law of the calibration that the recording leads out of where it was determined."""
+    """Return a remark for each law that a corrected recording leads out of where it was determined."""
     laws = [e for e in _of(calibration, recording) if e.domain]
     if not laws:
         return ()

@@ -22,6 +22,8 @@ from gimbalcal.units import from_si
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from gimbalcal.recording import Recording
+
 VERDICTS = ("adequate", "not-identifiable", "unexplained", "missing-physics")  # of two views the later one is reported
 
 
@@ -80,6 +82,7 @@ class Diagnosis(Displayed):
     recommend: str = ""  # what would determine a law, where these data do not
     without: Callable[[str], Calibration] | None = field(default=None, compare=False)  # the refit without an effect
     other_curves: tuple[Curves, ...] = field(default=(), compare=False)  # of the views that do not lead
+    used: Recording | None = field(default=None, compare=False)  # where rows of a recording were omitted: the others
     printer: Callable[[Diagnosis], str] | None = field(default=None, compare=False)  # how it prints itself
 
     def __str__(self) -> str:

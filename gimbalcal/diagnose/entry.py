@@ -68,8 +68,9 @@ def diagnose(
         check_finite(r)
         if calibration is not None and r.platform.axes:
             refuse_other_gimbals(calibration.effects, r)
-    complete = {id(r): completed(r) for r in recordings}  # one that is given twice stays one
-    recordings = [complete[id(r)] for r in recordings]
+    if len({id(r) for r in recordings}) < len(recordings):
+        raise InputError(f"{recordings[0].title!r} is given twice: the same data are no more evidence; give it once")
+    recordings = [completed(r) for r in recordings]
     request = DiagnosisRequest(tuple(recordings), calibration, tuple(baseline), seed, tell)
     date = when_recorded(recordings)
     provenance: dict[str, Any] = {"recorded": date} if date else {}
@@ -83,7 +84,7 @@ def diagnose(
         provenance["grade"] = unit.origin.to_dict()
     if known is not None and diagnosis.calibration is not None:
         diagnosis = replace(diagnosis, calibration=with_fleet(diagnosis.calibration, known, recordings))
-    diagnosis = with_laws(diagnosis, recordings, baseline, known or grade, tell)
+    diagnosis = with_laws(diagnosis, request, known or grade)
     return _with_effect_files(replace(diagnosis, provenance={**diagnosis.provenance, **provenance}))
 
 

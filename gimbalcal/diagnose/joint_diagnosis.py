@@ -61,6 +61,7 @@ def joint_diagnosis(
         laws=tuple(law for p in parts for law in p.laws),
         recommend=next(filter(None, (p.recommend for p in by_weight)), ""), without=refit_without(parts),
         other_curves=tuple(p.curves for p in by_weight[1:]),
+        used=next((p.used for p in parts if p.used is not None), None),
     )  # fmt: skip
 
 

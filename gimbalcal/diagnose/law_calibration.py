@@ -8,38 +8,58 @@ from hashlib import sha256
 
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.laws.law_file import source
-from gimbalcal.effects.loading import EffectFile, loaded_meanwhile
+from gimbalcal.diagnose.of_recording import DiagnosisRequest
+from gimbalcal.effects.loading import EffectFile, temporarily_loaded
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.history.fleet import Fleet
-from gimbalcal.methods import calibrate
-from gimbalcal.pipeline import Tell, silent
+from gimbalcal.method_table import METHODS
+from gimbalcal.methods import calibrate, usual_method
+from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
+from gimbalcal.views.core import carried
 from gimbalcal.words import law_sentences
 
 FILE = "law.py"  # that a diagnosis writes
 
 
-def with_laws(
-    d: Diagnosis, recordings: Sequence[Recording], baseline: Sequence[str], grade: str | Fleet, tell: Tell
-) -> Diagnosis:
+def with_laws(d: Diagnosis, request: DiagnosisRequest, grade: str | Fleet) -> Diagnosis:
     """Return the diagnosis with a calibration that contains its laws and the known causes beside them.
 
-    The constants of a law are fitted with all else. The catalogue holds a law only meanwhile: what is found in one
-    recording changes nothing for the next, and every command takes it by `--effects law.py`. Where no method takes a
-    law, the calibration stays as it is, and its outcome says so.
+    The constants of a law are fitted with all else, to the rows that were diagnosed. The catalogue holds a law during
+    this fit alone, so that a law of one recording changes nothing for the next; commands take it by `--effects law.py`.
+    Where no method takes a law, the calibration stays as it is, and its outcome says so.
     """
     if not d.laws or d.calibration is None:
         return d
-    text = source(d.laws)
-    more = list(dict.fromkeys(one for law in d.laws for one in (*law.beside, law.with_)))
-    tell("calibrating with the formula")
+    recordings, text = [d.used] if d.used is not None else request.recordings, source(d.laws)
+    request.tell("calibrating with the formula")
     try:
-        with loaded_meanwhile(f"{FILE} of {recordings[0].title}", text) as ids:
-            calibration, _ = calibrate(recordings, terms=baseline, more=more, grade=grade, tell=silent)
+        terms, further = _model(request, recordings)
+        more = dict.fromkeys([*further, *(one for law in d.laws for one in (*law.beside, law.with_))])
+        with temporarily_loaded(f"{FILE} of {recordings[0].title}", text) as ids:
+            calibration, _ = calibrate(recordings, terms=terms, more=list(more), grade=grade, tell=silent)
     except InputError as problem:
-        outcome = law_sentences.NOT_CALIBRATED.format(outcome=d.calibration.outcome, problem=problem).strip()
-        return replace(d, calibration=replace(d.calibration, outcome=outcome))
+        reason = law_sentences.NOT_CALIBRATED.format(problem=problem)
+        return replace(d, calibration=replace(d.calibration, outcome=_sentences(d.calibration.outcome, reason)))
     file = EffectFile(FILE, sha256(text.encode()).hexdigest(), ids)
     provenance = replace(calibration.provenance, effects=(file,))
-    outcome = " ".join(filter(None, [law_sentences.CAUSE_UNKNOWN, calibration.outcome]))
+    outcome = _sentences(law_sentences.CAUSE_UNKNOWN, calibration.outcome)
     return replace(d, calibration=replace(calibration, outcome=outcome, provenance=provenance))
+
+
+def _model(request: DiagnosisRequest, recordings: Sequence[Recording]) -> tuple[Sequence[str], list[str]]:
+    """Return the terms of the model as a method takes them, and effects of a given calibration beyond these."""
+    start, terms = request.calibration, request.baseline
+    if start is not None and recordings[0].kind.sighting:
+        return terms or tuple(dict.fromkeys(p.effect for p in start.parameters)), []
+    if "terms" not in METHODS[usual_method(recordings)].options:
+        terms = ()
+    if start is None:
+        return terms, []
+    held = {p.effect for p in calibrate(recordings, terms=terms, tell=silent)[0].parameters}
+    return terms, [e.id for e in carried(start, ()) if e.id not in held]
+
+
+def _sentences(*each: str) -> str:
+    return joined([sentence.rstrip(".") for sentence in each if sentence])

@@ -13,7 +13,6 @@ which the dwells determine:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -142,11 +141,9 @@ def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
 
     Mountings on a rate table are one view of the gyroscopes.
     """
-    if all(r.kind.rotating and r.platform.axes for r in request.recordings):
-        table = view_on_a_table(request.recordings)
-        together = tuple(replace(table, source=r) for r in request.recordings)
-        on_table = replace(_diagnosed_on_table(request, table), together=together)
-        return joint_diagnosis([on_table], [], request.baseline, request.seed)
+    if all(r.kind.rotating and r.platform.axes and not gravity_turns(r) for r in request.recordings):
+        parts, notes = _on_table(request, view_on_a_table(request.recordings))
+        return joint_diagnosis(parts, notes, request.baseline, request.seed)
     check_one_unit(request)
     alone = "its gyroscopes are not looked at together with other recordings; give it alone for them"
     for r in request.recordings:
@@ -175,8 +172,8 @@ def check_one_unit(request: DiagnosisRequest) -> None:
     files = [s for r in recordings for s in r.source if not s.path.endswith(".toml")]  # headers may well be alike
     digests = [s.sha256 for s in files]
     twice = next((s.path for s in files if digests.count(s.sha256) > 1), "")
-    if twice or len({id(r) for r in recordings}) < len(recordings):
-        raise InputError(f"{twice or first.title!r} is given twice: the same data are no more evidence; give it once")
+    if twice:
+        raise InputError(f"{twice!r} is given twice: the same data are no more evidence; give it once")
 
 
 def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[str]) -> tuple[str, ...]:
@@ -209,7 +206,7 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
         sought = v.kind.sighting and not v.noise.own_memories and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS
         off = outliers(d.curves.after) if sought else []
         if not 0 < len(off) <= MAX_OUTLIER_SHARE * n:
-            return [d], notes
+            return [replace(d, used=request.recording if notes else None)], notes
         number = v.stimulus.position
         size = [float(from_si(float(np.linalg.norm(d.curves.after[k] * d.sigma[k])), v.unit)) for k in off]
         at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
@@ -302,34 +299,54 @@ def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
 
 
 def of_rotating_rig(request: DiagnosisRequest) -> Parts:
-    """Diagnose gyroscopes on a rate table that turns steadily, and what was logged at rest between the turns."""
-    recording, table = request.recording, None
-    with suppress(InputError):  # nothing turns steadily, or not all axes were read
+    """Diagnose a rig that turns: rests and the turns between them, or gyroscopes on a table under constant gravity."""
+    recording = request.recording
+    positions = request.of(replace(recording, kind=MULTI_POSITION))
+    if gravity_turns(recording) or (_rests(recording) and by_triad(request.baseline)[0]):
+        return of_gimballed_unit(positions, means=not recording.instant)
+    try:
         table = view_on_a_table([recording])
-    resting = recording.position is not None and np.any(recording.position > 0)
-    if table is not None and not (resting and recording.has(FORCE)):
-        return [_diagnosed_on_table(request, table)], []
-    if not resting:
+    except InputError as problem:
+        if _rests(recording):
+            return of_gimballed_unit(positions, means=not recording.instant)
         raise InputError(
-            f"{recording.title!r} is a rotation recording without rests: `diagnose` compares rests and the turns "
-            "between them, so give a `position` column that numbers the rests and is 0 on the way; on a rate table it "
-            "compares steady rates along three axes, so hold each for ten seconds"
+            f"{problem}; to compare rests and the turns between them, number the rests in a `position` column that is "
+            "0 on the way"
+        ) from None
+    return _on_table(request, table)
+
+
+def _rests(recording: Recording) -> bool:
+    return recording.position is not None and bool(np.any(recording.position > 0))
+
+
+def gravity_turns(recording: Recording) -> bool:
+    """Return whether gravity has several directions in the unit from rest to rest."""
+    if not _rests(recording):
+        return False
+    means = dwell_means(recording)
+    return attitudes(ideal_force(means, means.angles())) > 1
+
+
+def _on_table(request: DiagnosisRequest, table: View) -> Parts:
+    """Diagnose gyroscopes on a rate table, whose angles say how it turns; accelerometers feel one direction there."""
+    mine, gyro = by_triad(request.baseline)
+    if mine and not gyro:
+        raise InputError(
+            f"--baseline names {mine[0]}, and a rate table under constant gravity shows gyroscopes alone; give it a "
+            "gyroscope effect, or record rests in several attitudes"
         )
-    return of_gimballed_unit(request.of(replace(recording, kind=MULTI_POSITION)), not recording.instant, table)
-
-
-def _diagnosed_on_table(request: DiagnosisRequest, table: View) -> ViewDiagnosis:
-    """Diagnose gyroscopes on a rate table, whose angles say how it turns."""
-    gyro = by_triad(request.baseline)[1]
     request.tell(f"the gyroscopes: {table.measurement.channels}")
-    return diagnose_view(replace(table, baseline=tuple(gyro) or table.baseline), request.tell)
+    part = diagnose_view(replace(table, baseline=tuple(gyro) or table.baseline), request.tell)
+    together = tuple(replace(table, source=r) for r in request.recordings) if len(request.recordings) > 1 else ()
+    notes = [diagnosis_sentences.FORCES_NOT_ANALYSED] if any(r.has(FORCE) for r in request.recordings) else []
+    return [replace(part, together=together)], notes
 
 
-def of_gimballed_unit(request: DiagnosisRequest, means: bool = False, table: View | None = None) -> Parts:
+def of_gimballed_unit(request: DiagnosisRequest, means: bool = False) -> Parts:
     """Diagnose the forces at known attitude, then the gyroscopes at rest and between rests, then the slews.
 
-    A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. means: whether rows are means;
-    table: the view of gyroscopes on a rate table, which then takes the place of rests and turns.
+    A baseline of gyroscope effects alone asks for the gyroscopes alone, and so on. means: whether rows are means.
     """
     recording = request.recording
     mine, gyro = by_triad(request.baseline)
@@ -337,9 +354,7 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool = False, table: Vie
     if (recording.has(FORCE) or not recording.has(RATE)) and (mine or not request.baseline):
         parts.append(_known(request, mine))
     forces = parts[0].calibration if parts else None
-    if table is not None and not (mine and not gyro):
-        parts.append(_diagnosed_on_table(request, table))
-    elif recording.has(RATE) and not (mine and not gyro):
+    if recording.has(RATE) and not (mine and not gyro):
         calibration = request.calibration if forces is None else _accelerometers(forces)
         explained = not parts or parts[0].verdict != "unexplained"
         rates, notes = _gyroscopes(request, calibration, gyro, explained)

@@ -39,6 +39,7 @@ from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
+from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences, law_sentences
@@ -62,7 +63,7 @@ class ViewDiagnosis:
 
     Several recordings of one unit in a noise of known scale have one diagnosis, of the view that is off most:
     contradictions between them are said before it, remarks after it, and together are their views. without: the
-    calibration by a model without an effect, by its id.
+    calibration by a model without an effect, by its id. used: the recording without rows that were omitted.
     """
 
     view: View
@@ -83,6 +84,7 @@ class ViewDiagnosis:
     remarks: tuple[str, ...] = ()
     together: tuple[View, ...] = ()
     without: Callable[[str], Calibration] | None = None
+    used: Recording | None = None
 
     @property
     def name(self) -> str:

@@ -24,6 +24,7 @@ import numpy as np
 from gimbalcal.effects.effect import (
     CATALOGUE,
     EVERY_KIND,
+    Domain,
     Effect,
     Stage,
     Stimulus,
@@ -83,7 +84,7 @@ def load_text(name: str, text: str) -> tuple[str, ...]:
 
 
 @contextmanager
-def loaded_meanwhile(name: str, text: str) -> Iterator[tuple[str, ...]]:
+def temporarily_loaded(name: str, text: str) -> Iterator[tuple[str, ...]]:
     """Enter the effects of a text, yield their ids, and take them out of the catalogue again."""
     ids = load_text(name, text)
     try:
@@ -218,6 +219,8 @@ def _law(cls: type[Effect]) -> str:
     def added(step: complex) -> Array:
         return np.asarray(with_values([effect], wanted, x + step * way, GIMBALS)[0].contribution(s))
 
+    if why := next((why for d in cls.domain if (why := _domain(d, s))), ""):
+        return why
     at = added(0.0)
     if not np.all(np.isfinite(at)):
         return "adds what is not finite for parameters of its usual size"
@@ -228,6 +231,16 @@ def _law(cls: type[Effect]) -> str:
     if cls.linear and np.abs(added(1.0) - at - exact).max() > 1e-9 * np.abs(at).max():
         return "is not linear in its parameters; make what enters otherwise a constant, or write linear = False"
     return _smooth_constants(with_values([effect], wanted, x, GIMBALS)[0], s)
+
+
+def _domain(d: object, s: Stimulus) -> str:
+    """Return what is wrong with an entry of `domain`, evaluated on a stimulus; empty if nothing is."""
+    if not isinstance(d, Domain):
+        return f"has the domain {d!r}; write Domain(name, unit, low, high, lambda s: ...)"
+    if not d.low < d.high or np.shape(d.value(s)) != s.time.shape:
+        return f"has a domain of {d.name} that is no range of a variable (n,) of the stimulus"
+    d.exceeded(s)
+    return ""
 
 
 def _smooth_constants(sized: Effect, s: Stimulus) -> str:

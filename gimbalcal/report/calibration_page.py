@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gimbalcal.calibration import AssumedNoise, Calibration
-from gimbalcal.effects import CATALOGUE, Parameter
+from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import amount
 from gimbalcal.number import Array
@@ -57,7 +57,7 @@ def calibration_report(
         **stages(c, truth),
         "matrices": _matrices(c),
         **_correlations(c),
-        **_model(c.parameters),
+        **_model(c),
         **_provenance(c, recordings),
     }
     return render("calibration.html", context)
@@ -124,29 +124,29 @@ def _correlations(c: Calibration) -> Context:
     return {"correlation": drawn, "strongest": strongest}
 
 
-def _model(parameters: Sequence[Parameter]) -> Context:
+def _model(c: Calibration) -> Context:
     """Return the effects whose parameters were estimated, from their own cards, and the literature they cite."""
-    ids = list(dict.fromkeys(p.effect for p in parameters))
-    keys = list(dict.fromkeys(key for i in ids for key in CATALOGUE[i].sources))
+    cards = {i: c.effect_class(i) for i in dict.fromkeys(p.effect for p in c.parameters)}
+    keys = list(dict.fromkeys(key for card in cards.values() for key in card.sources))
     numbers = {key: n for n, key in enumerate(keys, 1)}
     effects = []
-    for i in ids:
-        axes = [naming.spaced(p.axis) for p in parameters if p.effect == i]
+    for i, card in cards.items():
+        axes = [naming.spaced(p.axis) for p in c.parameters if p.effect == i]
         effects.append(
             {
                 "words": naming.spaced(i),
-                "sentence": (CATALOGUE[i].__doc__ or "").strip().split("\n\n")[0].replace("\n", " "),
-                "equation": formula(law) or law if (law := _law(i)) else "",
+                "sentence": (card.__doc__ or "").strip().split("\n\n")[0].replace("\n", " "),
+                "equation": formula(law) or law if (law := _law(card)) else "",
                 "parameters": ", ".join(filter(None, axes)) or "one",
-                "sources": ", ".join(f"[{numbers[key]}]" for key in CATALOGUE[i].sources),
+                "sources": ", ".join(f"[{numbers[key]}]" for key in card.sources),
             }
         )
     return {"effects": effects, "citations": cite(*keys)}
 
 
-def _law(effect: str) -> str:
+def _law(effect: type[Effect]) -> str:
     """Return the equation that defines the parameters of an effect, with T0 where it has one."""
-    card = stated_law(CATALOGUE[effect])
+    card = stated_law(effect)
     if "T0_degC" not in card:
         return str(card["equation"])
     return rf"{card['equation']}, \qquad T_0 = {card['T0_degC']:g}\,\text{{°C}}"

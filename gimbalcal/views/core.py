@@ -281,6 +281,11 @@ def by_triad(ids: Sequence[str]) -> tuple[list[str], list[str]]:
 def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
     """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
     stages = SENSOR_STAGES | GYROSCOPE_STAGES
+    if unknown := [e.id for e in (calibration.effects if calibration else ()) if e.id not in CATALOGUE]:
+        raise InputError(
+            f"calibration holds the effect {unknown[0]!r}, which the catalogue does not have; give the file that "
+            "defines it with --effects law.py, or load it with load_effects"
+        )
     return tuple(e for e in (calibration.effects if calibration else ()) if e.id in baseline or e.stage in stages)
 
 

@@ -19,6 +19,7 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants
 from gimbalcal.units import from_si, printed_unit, to_si
 from gimbalcal.words.diagnosis_sentences import (
     DELAYS,
+    FORCES_NOT_ANALYSED,
     GYROSCOPES_NOT_ANALYSED,
     MAX_ALTERNATIVES,
     MAX_EXCESS_SCATTER,
@@ -91,10 +92,10 @@ def _headline(d: Diagnosis) -> str:
 
 def _adequate(d: Diagnosis) -> str:
     """Return what an adequate fit shows, of the sensors that were analysed, and an unexplained scatter."""
-    omitted = next((n for n in d.provenance.get("notes", ()) if n.startswith(GYROSCOPES_NOT_ANALYSED)), "")
-    if omitted:
-        return (f"Nothing is missing in the model of the accelerometers{_residuals(d.fit)}, whose calibration can be "
-                f"used. {omitted}")  # fmt: skip
+    for start, analysed in ((GYROSCOPES_NOT_ANALYSED, "accelerometers"), (FORCES_NOT_ANALYSED, "gyroscopes")):
+        if omitted := next((n for n in d.provenance.get("notes", ()) if n.startswith(start)), ""):
+            return (f"Nothing is missing in the model of the {analysed}{_residuals(d.fit)}, whose calibration can be "
+                    f"used. {omitted}")  # fmt: skip
     if excess := _excess_scatter(d.fit):
         return (f"No known physics is missing, but outputs change from one position to the next: {excess}. The sigmas "
                 "of the calibration include that scatter.")  # fmt: skip

@@ -267,6 +267,11 @@ def misfit_reduction(v: View, fit: ViewFit) -> str:
     return out
 
 
+FORCES_NOT_ANALYSED = (
+    "The accelerometers were not analysed: gravity has one direction in the unit, which does not calibrate them."
+)
+
+
 def omitted_stars(numbers: Sequence[int], sizes: Sequence[float], unit: str, why: str) -> str:
     """Return that outlying stars were omitted, how far each is off, and why.
 
@@ -316,9 +321,10 @@ def residuals(v: View, fit: ViewFit) -> str:
     ratio, _ = fit.excess_scatter
     if ratio < MAX_EXCESS_SCATTER:
         return f"{start}, {ratio:.2g} times the standard error from the scatter of the samples."
+    row = "stretch" if v.measurement.rows == "stretches" else "position"
     return (
         f"{start}, but {ratio:.2g} times the standard error from the scatter of the samples: the outputs change from "
-        "one position to the next."
+        f"one {row} to the next."
     )
 
 

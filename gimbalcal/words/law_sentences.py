@@ -18,9 +18,9 @@ POWERS = {"**2": "²", "**3": "³"}
 SEARCHING = "looking for a formula in what was recorded"
 SEARCHING_REPLACEMENT = "what was named leaves a residual: looking for a formula that leaves none"
 CAUSE_UNKNOWN = (
-    "The calibration contains a formula whose physical cause is unknown, for the range in which it was found."
+    "The calibration contains a formula whose physical cause is unknown, for the range in which it was found"
 )
-NOT_CALIBRATED = "{outcome} The formula is not part of this calibration: {problem}."
+NOT_CALIBRATED = "The formula is not part of this calibration: {problem}"
 REPEAT_POSITIONS = "record the positions again that were not held where the readouts say: a law is sought when they are"
 DIAGNOSE_SEPARATELY = (
     "diagnose each recording alone, and look for what was changed between them: a formula cannot describe constants "

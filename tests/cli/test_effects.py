@@ -84,8 +84,12 @@ def test_the_catalogue_checks_a_file(own: Path, command: Run, capsys: pytest.Cap
     golden_text(capsys.readouterr().out)
     assert command("catalogue", "--check", own, "gsens") == 2
     golden_text(capsys.readouterr().err)
-    own.write_text(OWN.replace("s.force", "np.abs(s.force)"))
-    assert command("catalogue", "--check", own.parent / "none.py") == 2
+    own.write_text(OWN.replace("self.w *", "np.abs(self.w) *"))
+    assert command("catalogue", "--check", own) == 2
+    golden_text(capsys.readouterr().err)
+    own.write_text(OWN.replace("    stage =", '    domain = ("force",)\n    stage =', 1))
+    assert command("catalogue", "--check", own) == 2
+    golden_text(capsys.readouterr().err)
 
 
 def test_a_calibration_says_that_it_needs_the_file(own: Path, command: Run, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ import pytest
 from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording
+from gimbalcal.pipeline import load
+from gimbalcal.recording import Recording, write
 from tests.estimate.gyroscopes.test_rate_table import run
 
 pytestmark = pytest.mark.usefixtures("own_catalogue")
@@ -65,9 +67,26 @@ def test_mountings_are_diagnosed_jointly() -> None:
     assert d.verdict == "adequate"
     assert d.calibration is not None
     assert {p.axis for p in d.calibration.parameters if p.effect == "gyro_scale_factor"} == {"x", "y", "z"}
-    assert len(d.calibration.provenance.recordings) == len({f.path for f in d.calibration.provenance.recordings})
     (finding,) = diagnose([run(axis, 31 + k, asymmetry=3e-4) for k, axis in enumerate("xyz")]).findings
     assert finding.effect == "gyro_scale_asymmetry"
+
+
+def test_a_mounting_that_is_given_twice_is_refused(tmp_path: Path) -> None:
+    r = run("z", 41)
+    with pytest.raises(InputError, match="given twice"):
+        diagnose([r, r])
+    write(r, tmp_path / "one")
+    write(r, tmp_path / "two")
+    with pytest.raises(InputError, match="given twice"):
+        diagnose(list(load([tmp_path / "one", tmp_path / "two"])))
+
+
+def test_accelerometers_on_a_table_are_said_not_to_be_analysed() -> None:
+    r = run("z", 43, force=True)
+    d = diagnose([r])
+    assert "The accelerometers were not analysed" in d.in_words
+    with pytest.raises(InputError, match="gyroscopes alone"):
+        diagnose([r], baseline=["bias", "scale_factor"])
 
 
 def test_a_table_that_stands_is_refused_with_what_to_do() -> None:

@@ -26,7 +26,7 @@ from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, is_usual, likeliest_variants, search
-from gimbalcal.diagnose.search.refit import fitted_columns
+from gimbalcal.diagnose.search.refit import fitted_columns, with_columns
 from gimbalcal.diagnose.search.stepwise import SearchResult, SelectedCause, with_causes
 from gimbalcal.diagnose.verdict.agreement import against, inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
@@ -290,7 +290,8 @@ def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -
     """Return the causes in the place of which a formula of the same rows is much likelier than anything known, or none.
 
     Two causes may imitate a formula together, so all are removed at once, then one after the other. Effects that every
-    rig of the kind has stay in the model.
+    rig of the kind has stay in the model. A formula that leaves more scatter than the causes replaces none: in noise
+    with a memory a slow curve has much evidence and explains little of what a periodic cause does.
     """
     special = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind))
     for own in dict.fromkeys([special, *((cause,) for cause in special)]):
@@ -299,6 +300,8 @@ def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -
         s = search(without, library(without), noises(without))
         b = _compared_in(without, s)
         if b is None or not b.laws or b.laws[0].evidence < max(h.ln_weight for h in s.hypotheses) + CLAIM:
+            continue
+        if with_columns(without, b.laws[0].columns).scatter > c.end.scatter:
             continue
         at = [i for o in s.library.candidates if o.key in names for v in o.variants for i in v.index]
         if _remainder(without, b.laws[0].columns, s.library.X[:, at]) > SAME_RESPONSE:

@@ -72,7 +72,9 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraE
     table = on_a_table(recordings)
     extra, linear = NO_EXTENSION, table.linear
     if more:
-        sizes = tuple(p for e in more for p in e.parameters(()))
+        sizes = tuple(p for e in more for p in e.parameters(()) if (p.effect, p.axis) not in table.view.gauge)
+        if lost := next((e.effect for e in more if e.effect not in {p.effect for p in sizes}), ""):
+            raise InputError(f"--with {lost}: no stretch of steady turning shows it; leave it out")
         extra = extension(more, sizes, table.view.stimulus, linear.cost_of_sizes(sizes))
         linear = _fit(table.view, (*linear.parameters, *extra.parameters), extra.effects)
     best, declined = _chosen(table.view, linear, {e.effect for e in more})

@@ -269,3 +269,35 @@ def test_none_is_named_where_nothing_small_fits() -> None:
     assert not d.laws
     assert d.recommend
     assert d.to_dict()["laws"] == []
+
+
+def test_the_calibration_with_a_law_is_of_the_rows_that_were_diagnosed() -> None:
+    r = sky(lambda k: {"readout": np.column_stack([np.cos(2 * k.inner) * np.sin(3 * k.outer), 0 * k.t])}, 40.0)
+    elevation = r.channels["gimbal_angle", "elevation"].copy()
+    elevation[33] += 4000 * unknown_mount.ARCSEC  # one star that is not the one it is taken for
+    d = diagnose([replace(r, channels={**r.channels, ("gimbal_angle", "elevation"): elevation})])
+    clean = diagnose([r]).calibration
+    assert d.laws
+    assert "was omitted" in d.in_words
+    assert d.calibration is not None
+    assert clean is not None
+    for name, rms in clean.residual.rms.items():
+        assert d.calibration.residual.rms[name] < 1.2 * rms
+
+
+def test_a_given_calibration_stays_in_the_model_with_a_law() -> None:
+    def cubic(b: plant.Bench) -> Array:
+        return 8 * np.outer(b.ideal[:, 2] ** 3, [0.0, 0.0, 1.0])
+
+    def both(b: plant.Bench) -> dict[str, Array]:
+        return {"output": cubic(b) + np.outer(np.tanh((b.body - 23.2) / 0.6), [0.0, 1.0, 0.0])}
+
+    def recorded(seed: int, error: plant.Error) -> Recording:
+        return plant.record(np.random.default_rng(seed), error, 50 * plant.UG, unit=np.random.default_rng(77))
+
+    known = calibrate(recorded(4, lambda b: {"output": cubic(b)}), more=["cubic_nonlinearity:z"])
+    d = diagnose([recorded(3, both)], calibration=known)
+    assert d.calibration is not None
+    effects = {p.effect for p in d.calibration.parameters}
+    assert {"cubic_nonlinearity", "law_specific_force_y"} <= effects
+    assert d.calibration.residual.chi2 < 1.1 * d.calibration.residual.dof
