@@ -2,10 +2,10 @@
 
     python docs/build_measured.py
 
-`make bench` writes what each benchmark prints to docs/measured/NAME.txt, and docs/build_navigation.py a table to
-docs/measured/quasi_static.md; docs/measured/unseen_recordings.md is written by hand. A page shows a result between the
-lines `<!-- measured: NAME -->` and `<!-- end of NAME -->`; no page contains a measured figure that is not in these
-files.
+`make bench` writes what each benchmark prints to docs/measured/NAME.txt, docs/build_navigation.py a table to
+docs/measured/quasi_static.md, and docs/build_hidden.py docs/measured/hidden_causes.txt;
+docs/measured/unseen_recordings.md is written by hand. A page shows a result between the lines
+`<!-- measured: NAME -->` and `<!-- end of NAME -->`; no page contains a measured figure that is not in these files.
 """
 
 from __future__ import annotations

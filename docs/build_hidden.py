@@ -1,9 +1,9 @@
-"""What is said of real recordings whose cause has been taken out of the catalogue: is its law found?
+"""Write what is said of real recordings whose cause has been taken out of the catalogue: whether its law is found.
 
-    python -m tests.benchmarks.bench_hidden FOLDER
+    python docs/build_hidden.py FOLDER
 
 FOLDER contains the recordings by name (docs/real-recordings.md says where they are from). Each is diagnosed twice, with
-the whole catalogue and without the effects that explain it.
+the whole catalogue and without the effects that explain it; docs/measured/hidden_causes.txt is written.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from pathlib import Path
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.pipeline import load
-from tests.benchmarks.collecting import say
 
 
 @dataclass(frozen=True)
@@ -30,10 +29,11 @@ class Case:
     baseline: tuple[str, ...] = ()
 
 
+DRIFT = ("gimbal_zero", "gimbal_zero_drift")
 CASES = (
-    Case("phd_2212", ("periodic_worm_error",), "worm, 598 s"),
-    Case("phd_0020", ("periodic_worm_error",), "worm, 598 s; best free period 608 s"),
-    Case("heq_0801_2", ("periodic_worm_error",), "worm, 479 s, of 2.1 arcsec"),
+    Case("phd_2212", ("periodic_worm_error",), "worm, 598 s", DRIFT),
+    Case("phd_0020", ("periodic_worm_error",), "worm, 598 s; best free period 608 s", DRIFT),
+    Case("heq_0801_2", ("periodic_worm_error",), "worm, 479 s, of 2.1 arcsec", DRIFT),
     Case("mmtabs_20230702", (), "sin(azimuth) of a second encoder, which no catalogue has"),
     Case("mmt_20250326", ("refraction", "tube_flexure"), "cot(elevation) or cos(elevation)"),
     Case("kim2", ("gyro_g_sensitivity_rate",), "rate about x follows the force along x", ("gyro_bias",)),
@@ -59,16 +59,17 @@ def answer(d: Diagnosis) -> str:
 
 
 def main() -> None:
-    """Print both answers of each recording."""
+    """Write both answers of each recording."""
     folder = Path(sys.argv[1])
-    say("with the whole catalogue, and without what explains the recording (in parentheses)")
+    lines = ["with the whole catalogue, and without what explains the recording (in parentheses)"]
     for case in CASES:
         recordings = load([folder / case.name])
-        say(f"\n{case.name}: {case.physics}")
-        say(f"  {answer(diagnose(recordings, baseline=case.baseline))}")
+        lines += ["", f"{case.name}: {case.physics}", f"  {answer(diagnose(recordings, baseline=case.baseline))}"]
         if case.hidden:
             with hidden(case.hidden):
-                say(f"  ({', '.join(case.hidden)}) {answer(diagnose(recordings, baseline=case.baseline))}")
+                without = answer(diagnose(recordings, baseline=case.baseline))
+            lines.append(f"  ({', '.join(case.hidden)}) {without}")
+    (Path(__file__).parent / "measured" / "hidden_causes.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
