@@ -5,6 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from tests.benchmarks.bench_gate import OTHER_MACHINE
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -14,4 +18,6 @@ def test_no_ratio_to_a_peer_is_worse_by_a_fifth() -> None:
         [sys.executable, "-m", "tests.benchmarks.bench_gate", "--against", "docs/measured/bench_gate.txt"],
         cwd=ROOT, capture_output=True, text=True, check=False, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
     )  # fmt: skip
+    if run.returncode == OTHER_MACHINE:
+        pytest.skip(run.stdout.strip())
     assert run.returncode == 0, run.stdout + run.stderr

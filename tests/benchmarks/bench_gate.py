@@ -7,12 +7,15 @@ A peer is work of the same nature that no change of this package touches: polars
 an overlapping Allan deviation, solves small systems as a fit of a few positions does, and multiplies the matrices of a
 dense Kalman filter. Processor seconds of the whole process and all its threads; no imports. A machine that is busy adds
 to single rounds, so a ratio that seems too large is measured again, up to `TRIES` times, and its best round counts.
+Interpreter and BLAS do not gain alike on another processor (NumPy's products change by a factor of 2.6 with the
+kernels of OpenBLAS), so ratios are compared on the same kind of machine; on another the status is 3.
 """
 
 from __future__ import annotations
 
 import argparse
 import gc
+import platform
 import sys
 import tempfile
 import time
@@ -21,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
+from threadpoolctl import threadpool_info
 
 import gimbalcal
 from gimbalcal.inference import square_root_filter
@@ -30,6 +34,7 @@ from tests.benchmarks.bench_speed import WORSE, ratios
 from tests.benchmarks.collecting import say
 
 ROUNDS, TRIES = 4, 4
+OTHER_MACHINE = 3  # the status
 MIN_SECONDS = 0.15  # of one round of a piece of work, which is repeated for as long
 Work = Callable[[], object]
 
@@ -88,6 +93,12 @@ ROWS = {
 }
 
 
+def machine() -> str:
+    """Return what ratios depend on: the architecture, the kernels that OpenBLAS chose, and the version of NumPy."""
+    kernels = sorted({lib["architecture"] for lib in threadpool_info() if "architecture" in lib})
+    return f"{platform.machine()}, {' '.join(kernels)} kernels, NumPy {np.__version__}"
+
+
 def seconds(work: Work) -> float:
     """Return the processor seconds of one call, over as many as take `MIN_SECONDS`."""
     start, calls = time.process_time(), 0
@@ -119,9 +130,13 @@ def main() -> int:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--against", type=Path, default=None)
     chosen = options.parse_args()
-    before = ratios(chosen.against.read_text(encoding="utf-8")) if chosen.against else {}
+    stored = chosen.against.read_text(encoding="utf-8") if chosen.against else ""
+    before, here = ratios(stored), machine()
+    if stored and here not in stored:
+        say(f"{chosen.against} was measured on another kind of machine than this one ({here}): nothing is compared")
+        return OTHER_MACHINE
     gc.disable()
-    say(f"processor time of one call, best of {ROUNDS} rounds, ours and the peer in turn")
+    say(f"{here}: processor time of one call, best of {ROUNDS} rounds, ours and the peer in turn")
     worse = []
     with tempfile.TemporaryDirectory(prefix="gate-") as folder:
         for name in ROWS:

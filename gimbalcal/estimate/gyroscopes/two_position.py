@@ -100,19 +100,18 @@ def _calibration(solutions: Sequence[ViewsFit]) -> Calibration:
         f"what is left is {times:.2g} times the noise"
     )
     outcome = in_words(solutions, [f"the x axis {_north(f):.4g} deg east of north" for f in solutions])
-    if outcome:
-        outcome += "; a rest turned about the vertical tells"
+    sentences = [f"{outcome}; a rest turned about the vertical tells"] if outcome else []
     if chance < SIGNIFICANCE:
         worst = int(np.argmax(np.abs(best.residual[0]).max(axis=1)))
         surprise = f"= {chance:.1g}" if chance > 1e-12 else "< 1e-12"
-        outcome = (
+        sentences.append(
             f"one bias and the Earth's rate leave {times:.2g} times the noise (p {surprise}), most "
             f"in rest {worst + 1}: the bias moved, the readouts are not how the unit stood, or "
             "gravity acts on the gyroscopes"
         )
     options = Options(direction=DIRECTION, frame="the gimbals' platform", in_words=words, north=North(east, off))
     return best.calibration(
-        "two-position", Residual(chi2, dof, {RATE: best.rms}), outcome=outcome, covariance=covariance,
+        "two-position", Residual(chi2, dof, {RATE: best.rms}), outcome="; ".join(sentences), covariance=covariance,
         unobservable=(*best.unobservable, *_unobservable(best.views[0])),
         provenance=Provenance(recordings=best.views[0].source.source, options=options,
                               other_solutions=entries(solutions)),
