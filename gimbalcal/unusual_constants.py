@@ -85,8 +85,8 @@ def with_reversed_angle(c: Calibration, recordings: Sequence[Recording], again: 
     )
     if not tried or not np.isfinite(tried[0].misfit):
         return c
-    found = tried[0].candidate
-    words = f"the data are explained if {found.words}: write sign = -1 for {found.remedy} in [columns]"
+    reversed_axis = tried[0].candidate
+    words = f"the data are explained if {reversed_axis.words}: write sign = -1 for {reversed_axis.remedy} in [columns]"
     return replace(c, outcome=f"{words}; {c.outcome}")
 
 

@@ -132,8 +132,8 @@ def _candidates(experiment: TurningExperiment, sessions: Sequence[Session], hand
     for start, axis, angle, motion in sessions:
         model = experiment.stretches(motion)
         still = ~motion.moving(np.concatenate([[0.0], model.time[:-1]]), model.time) if handled else None
-        seen = model.innovations(experiment.noise, still).rows.reshape(-1, len(experiment.wanted))
-        rows.append(np.linalg.qr(seen, mode="r"))
+        innovation_rows = model.innovations(experiment.noise, still).rows.reshape(-1, len(experiment.wanted))
+        rows.append(np.linalg.qr(innovation_rows, mode="r"))
         turn = f"turn {angle:+g}° about {axis}".replace("-", "−")
         words.append(f"{start}; {turn}, stops of {motion.begin[0]:.3g} s")
     most = max(map(len, rows))

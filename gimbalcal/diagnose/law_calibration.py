@@ -57,8 +57,8 @@ def _model(request: DiagnosisRequest, recordings: Sequence[Recording]) -> tuple[
         terms = ()
     if start is None:
         return terms, []
-    held = {p.effect for p in calibrate(recordings, terms=terms, tell=silent)[0].parameters}
-    return terms, [e.id for e in carried(start, ()) if e.id not in held]
+    modelled = {p.effect for p in calibrate(recordings, terms=terms, tell=silent)[0].parameters}
+    return terms, [e.id for e in carried(start, ()) if e.id not in modelled]
 
 
 def _sentences(*each: str) -> str:

@@ -454,8 +454,8 @@ def _in_units(log: Log, context: _Context) -> Proposal:
             "1 rest is found: enough for `gimbalcal noise`; a calibration takes six or more in different attitudes"
         )
     positions = 0 if recording.position is None else len(np.unique(recording.position[recording.position > 0]))
-    found = f"{rests} rests{f' at {positions} positions' if 0 < positions < rests else ''}"
-    kind = f"multi-position, for {found} are found; rotation is for turns that are navigated sample by sample"
+    dwells_in_words = f"{rests} rests{f' at {positions} positions' if 0 < positions < rests else ''}"
+    kind = f"multi-position, for {dwells_in_words} are found; rotation is for turns that are navigated sample by sample"
     notes.setdefault("kind", kind)
     notes["noise"] = _noise_note(rests == len(recording.time) and not log.has("sigma"), log.has("gimbal_angle"))
     recording = replace(recording, remarks=(*recording.remarks, *refuse_implausible(recording)))

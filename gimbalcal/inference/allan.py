@@ -170,9 +170,9 @@ def _behind_a_filter(c: AllanCurve, model: Array, spread: Array, first: int) -> 
     allowed = np.ones(first)
     if (less := np.flatnonzero(ratio < 0.5)).size:
         x = tau[:, None] / (np.geomspace(1e-2, 1e2, 401) * tau[less[-1]])
-        left = 1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x)
-        T = int(np.argmin(np.abs(left[less[-1]] - ratio[less[-1]])))
-        allowed = np.minimum(MAX_FILTER_RATIO * left[:, T], 1.0)
+        passed = 1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x)
+        T = int(np.argmin(np.abs(passed[less[-1]] - ratio[less[-1]])))
+        allowed = np.minimum(MAX_FILTER_RATIO * passed[:, T], 1.0)
     return bool(np.all(ratio <= allowed + sure / model[:first]))
 
 

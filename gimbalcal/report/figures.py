@@ -133,8 +133,8 @@ def _in_view(p: Panel) -> Array | None:
 def formula_over_variable(c: LawCurve, title: str, unit: str) -> Chart:
     """Draw a formula with its sigma over what it follows, partial residuals about it, and formulas that fit as well."""
     order = np.argsort(c.x, kind="stable")
-    line, seen = order[thin(len(order))], order[np.isfinite(c.observed[order])]
-    groups = [g for g in np.array_split(seen, min(seen.size, MAX_BARS) or 1) if g.size]
+    line, shown = order[thin(len(order))], order[np.isfinite(c.observed[order])]
+    groups = [g for g in np.array_split(shown, min(shown.size, MAX_BARS) or 1) if g.size]
     x, y = (np.array([v[g].mean() for g in groups]) for v in (c.x, c.observed))
     points = [Points(x, y, "ink", size=2.4, label="observed")] if groups else []
     others = [Line(c.x[line], other[line], "grey", text, DASHES[k + 1]) for k, (text, other) in enumerate(c.others)]

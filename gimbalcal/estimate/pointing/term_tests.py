@@ -41,8 +41,8 @@ def term_tests(fitted: ViewsFit, candidates: Sequence[Parameter], stated: bool) 
     tests = _Tests(fitted, stated)
     outside = [p for p in candidates if p not in fitted.parameters and not constants(CATALOGUE[p.effect])]
     added = [tests.of_candidate(p, column) for p, column in zip(outside, tests.columns(outside).T, strict=True)]
-    found = sorted(filter(None, added), key=lambda t: (round(t.rms_with_arcsec, 6), t.tpoint is None))
-    return (*tests.of_model(), *found)  # of equals the one that TPOINT has a name for
+    ranked = sorted(filter(None, added), key=lambda t: (round(t.rms_with_arcsec, 6), t.tpoint is None))
+    return (*tests.of_model(), *ranked)  # of equals the one that TPOINT has a name for
 
 
 class _Tests:
@@ -76,13 +76,13 @@ class _Tests:
         if not square > (MIN_INDEPENDENT_SHARE * np.linalg.norm(column)) ** 2:
             return None
         x = float(own @ self.r) / square
-        left = self.r - own * x
-        scale = 1.0 if self.stated else sqrt(float(left @ left) / max(self.fitted.solution.dof - 1, 1))
+        after = self.r - own * x
+        scale = 1.0 if self.stated else sqrt(float(after @ after) / max(self.fitted.solution.dof - 1, 1))
         A = np.column_stack([self.J, column])
         A /= np.maximum(np.linalg.norm(A, axis=0), 1e-300)
         R = correlations(np.linalg.pinv(A.T @ A))[-1]
         others = {q.label: float(c) for q, c in zip(self.fitted.parameters, R[:-1], strict=True)}
-        return self._test(_Estimate(p, x, scale / sqrt(square)), False, self.r, left, 1, others)
+        return self._test(_Estimate(p, x, scale / sqrt(square)), False, self.r, after, 1, others)
 
     def columns(self, wanted: Sequence[Parameter]) -> Array:
         """Return whitened derivatives (q, k) of the rows by parameters of absent effects."""
@@ -93,16 +93,19 @@ class _Tests:
         return np.concatenate([c.reshape(-1, len(wanted)) for c in each]) / self.sigma[:, None]
 
     def _test(
-        self, term: _Estimate | str, in_model: bool, without: Array, left: Array, k: int, others: Mapping[str, float]
+        self, term: _Estimate | str, in_model: bool, without: Array, after: Array, k: int, others: Mapping[str, float]
     ) -> TermTest:
         """Return the test of a term from the residuals (q,) without it and with it, of k parameters."""
         dof = None if self.stated else max(self.fitted.solution.dof - (0 if in_model else k), 0)
-        gain, scale = float(without @ without - left @ left), 1.0 if dof is None else float(left @ left) / max(dof, 1)
+        gain, scale = (
+            float(without @ without - after @ after),
+            1.0 if dof is None else float(after @ after) / max(dof, 1),
+        )
         F = max(gain, 0.0) / k / max(scale, 1e-300)
         largest = sorted(others, key=lambda label: -abs(others[label]))[:MAX_CORRELATIONS]
         label = term if isinstance(term, str) else term.parameter.label
         return TermTest(
-            label, in_model, self._rms(without), self._rms(left), F, (k, dof),
+            label, in_model, self._rms(without), self._rms(after), F, (k, dof),
             probability(k * F, k, np.inf if dof is None else dof), {q: others[q] for q in largest},
             self.names.get(label), *((None, None, None) if isinstance(term, str) else term.printed),
         )  # fmt: skip
