@@ -213,7 +213,16 @@ def square_root_filter() -> float:
 
     e = _example()
     f = square_root_filter.filter(
-        e["Phi"], e["Psi"], e["Q"], np.zeros((3, 2)), e["z"], np.array([0]), e["R"], e["x"], e["theta"], e["S"]
+        e["Phi"],
+        e["Psi"],
+        square_root_filter.roots(e["Q"]),
+        np.zeros((3, 2)),
+        e["z"],
+        np.array([0]),
+        e["R"],
+        e["x"],
+        e["theta"],
+        e["S"],
     )
     means, spreads = joint_solution()
     mean = np.concatenate([f.x[-1], f.theta[-1]])
@@ -226,7 +235,16 @@ def adjoint_smoother() -> float:
 
     e = _example()
     f = square_root_filter.filter(
-        e["Phi"], e["Psi"], e["Q"], np.zeros((3, 2)), e["z"], np.array([0]), e["R"], e["x"], e["theta"], e["S"]
+        e["Phi"],
+        e["Psi"],
+        square_root_filter.roots(e["Q"]),
+        np.zeros((3, 2)),
+        e["z"],
+        np.array([0]),
+        e["R"],
+        e["x"],
+        e["theta"],
+        e["S"],
     )
     return float(np.abs(adjoint.smooth(e["Phi"], e["Psi"], np.array([0]), f) - joint_solution()[0][:, :2]).max())
 
@@ -237,9 +255,10 @@ def adjoint_covariance() -> float:
 
     e, observed = _example(), np.array([0])
     d, none = np.zeros((3, 2)), np.zeros((3, 2, 0))
-    f = square_root_filter.filter(e["Phi"], e["Psi"], e["Q"], d, e["z"], observed, e["R"], e["x"], e["theta"], e["S"])
+    root = square_root_filter.roots(e["Q"])
+    f = square_root_filter.filter(e["Phi"], e["Psi"], root, d, e["z"], observed, e["R"], e["x"], e["theta"], e["S"])
     known = square_root_filter.filter(
-        e["Phi"], none, e["Q"], d, e["z"], observed, e["R"], e["x"], np.zeros(0), e["S"][:2, :2]
+        e["Phi"], none, root, d, e["z"], observed, e["R"], e["x"], np.zeros(0), e["S"][:2, :2]
     )
     before = e["S"][:2, 2:] @ np.linalg.inv(e["S"][2:, 2:])
     covariance = adjoint.covariance(e["Phi"], e["Psi"], observed, known, before, f.factor[2:, 2:])

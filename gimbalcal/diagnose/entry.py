@@ -69,7 +69,9 @@ def diagnose(
         if calibration is not None and r.platform.axes:
             refuse_other_gimbals(calibration.effects, r)
     if len({id(r) for r in recordings}) < len(recordings):
-        raise InputError(f"{recordings[0].title!r} is given twice: the same data are no more evidence; give it once")
+        files = (s.path for s in recordings[0].source if not s.path.endswith(".toml"))
+        name = next(files, recordings[0].title)
+        raise InputError(f"{name!r} is given twice: the same data are no more evidence; give it once")
     recordings = [completed(r) for r in recordings]
     request = DiagnosisRequest(tuple(recordings), calibration, tuple(baseline), seed, tell)
     date = when_recorded(recordings)

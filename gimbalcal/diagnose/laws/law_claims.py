@@ -49,6 +49,7 @@ MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probabilit
 MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
 MAX_GAIN_CHANGE = 0.3  # of a sensor by a law: beyond, it is another sensor
+MAX_SCATTER_RATIO = 1.5  # of a formula to causes, which have more parameters, from which on it replaces none
 MAX_DOUBTED_PROBABILITY = 0.45  # of a cause that explains less, or than which a formula is likelier
 
 
@@ -290,8 +291,8 @@ def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -
     """Return the causes in the place of which a formula of the same rows is much likelier than anything known, or none.
 
     Two causes may imitate a formula together, so all are removed at once, then one after the other. Effects that every
-    rig of the kind has stay in the model. A formula that leaves more scatter than the causes replaces none: in noise
-    with a memory a slow curve has much evidence and explains little of what a periodic cause does.
+    rig of the kind has stay in the model. A formula that leaves far more scatter than the causes replaces none: in
+    noise with a memory a slow curve has much evidence and explains little of what a periodic cause does.
     """
     special = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind))
     for own in dict.fromkeys([special, *((cause,) for cause in special)]):
@@ -301,7 +302,7 @@ def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -
         b = _compared_in(without, s)
         if b is None or not b.laws or b.laws[0].evidence < max(h.ln_weight for h in s.hypotheses) + CLAIM:
             continue
-        if with_columns(without, b.laws[0].columns).scatter > c.end.scatter:
+        if with_columns(without, b.laws[0].columns).scatter > MAX_SCATTER_RATIO * c.end.scatter:
             continue
         at = [i for o in s.library.candidates if o.key in names for v in o.variants for i in v.index]
         if _remainder(without, b.laws[0].columns, s.library.X[:, at]) > SAME_RESPONSE:

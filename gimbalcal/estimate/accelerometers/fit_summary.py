@@ -158,6 +158,11 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
     if schedule is None or not missing:
         return ""
     extra = planned(schedule, float(np.median(p.weight))).select(np.array(missing) - 1)
+    logged = {
+        key: np.full(len(missing), x.mean()) for key, x in p.readings.recording.channels.items()
+        if key[0] in ("temperature", "covariate")
+    }  # fmt: skip
+    extra = replace(extra, channels={**extra.channels, **logged})  # of effects that follow them
     views = [view_of_positions(q, noise) for q in (p, problem(extra, p.parameters, p.effects))]
     effects = with_values(p.effects, p.parameters, solution.x, p.platform.axis_names)
     full = solve(information_of(views, effects, p.parameters))

@@ -13,6 +13,7 @@ from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.estimate.fit import information_of
 from gimbalcal.inference.information import solve
+from gimbalcal.methods import calibrate
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.views.positions import view_of_positions
@@ -148,6 +149,14 @@ def test_missing_positions_go_through_and_what_they_cost_is_told() -> None:
     assert len(none.unobservable) > 10
     golden_text(none.provenance["lost"])
     assert joint(trusted_positions(recording)).provenance.lost is None
+
+
+def test_missing_positions_and_an_effect_of_temperature_go_together() -> None:
+    _, recording = recorded(12)
+    channels = {**recording.channels, ("temperature", ""): 20 + np.linspace(0, 5, len(recording.time))}
+    warm = replace(recording, channels=channels).select(~np.isin(recording.position, [8, 9]))
+    few, _ = calibrate([warm], more=["bias_temperature:z"])
+    assert "positions 8, 9 of schedule wu2018-18 missing" in str(few.provenance.lost)
 
 
 def test_without_angles_it_refuses_and_says_what_to_do() -> None:
