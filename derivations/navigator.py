@@ -207,23 +207,20 @@ def joint_solution() -> tuple[Any, Any]:
     return np.array([x[at(k)] for k in range(K + 1)]), np.array([C[np.ix_(at(k), at(k))] for k in range(K + 1)])
 
 
-def square_root_filter() -> float:
-    """Return the last epoch of the filter of a few states beside constants: mean and covariance."""
+def _filtered() -> Any:
+    """Return the example filtered, its covariance by square roots."""
     from gimbalcal.inference import square_root_filter
 
     e = _example()
-    f = square_root_filter.filter(
-        e["Phi"],
-        e["Psi"],
-        square_root_filter.roots(e["Q"]),
-        np.zeros((3, 2)),
-        e["z"],
-        np.array([0]),
-        e["R"],
-        e["x"],
-        e["theta"],
-        e["S"],
+    root = square_root_filter.roots(e["Q"])
+    return square_root_filter.filter(
+        e["Phi"], e["Psi"], root, np.zeros((3, 2)), e["z"], np.array([0]), e["R"], e["x"], e["theta"], e["S"]
     )
+
+
+def square_root_filter() -> float:
+    """Return the last epoch of the filter of a few states beside constants: mean and covariance."""
+    f = _filtered()
     means, spreads = joint_solution()
     mean = np.concatenate([f.x[-1], f.theta[-1]])
     return float(max(np.abs(mean - means[-1]).max(), np.abs(f.factor @ f.factor.T - spreads[-1]).max()))
@@ -231,21 +228,9 @@ def square_root_filter() -> float:
 
 def adjoint_smoother() -> float:
     """Return the moving states at every epoch."""
-    from gimbalcal.inference import adjoint, square_root_filter
+    from gimbalcal.inference import adjoint
 
-    e = _example()
-    f = square_root_filter.filter(
-        e["Phi"],
-        e["Psi"],
-        square_root_filter.roots(e["Q"]),
-        np.zeros((3, 2)),
-        e["z"],
-        np.array([0]),
-        e["R"],
-        e["x"],
-        e["theta"],
-        e["S"],
-    )
+    e, f = _example(), _filtered()
     return float(np.abs(adjoint.smooth(e["Phi"], e["Psi"], np.array([0]), f) - joint_solution()[0][:, :2]).max())
 
 
@@ -254,12 +239,10 @@ def adjoint_covariance() -> float:
     from gimbalcal.inference import adjoint, square_root_filter
 
     e, observed = _example(), np.array([0])
-    d, none = np.zeros((3, 2)), np.zeros((3, 2, 0))
-    root = square_root_filter.roots(e["Q"])
-    f = square_root_filter.filter(e["Phi"], e["Psi"], root, d, e["z"], observed, e["R"], e["x"], e["theta"], e["S"])
+    root, none = square_root_filter.roots(e["Q"]), np.zeros((3, 2, 0))
     known = square_root_filter.filter(
-        e["Phi"], none, root, d, e["z"], observed, e["R"], e["x"], np.zeros(0), e["S"][:2, :2]
+        e["Phi"], none, root, np.zeros((3, 2)), e["z"], observed, e["R"], e["x"], np.zeros(0), e["S"][:2, :2]
     )
     before = e["S"][:2, 2:] @ np.linalg.inv(e["S"][2:, 2:])
-    covariance = adjoint.covariance(e["Phi"], e["Psi"], observed, known, before, f.factor[2:, 2:])
+    covariance = adjoint.covariance(e["Phi"], e["Psi"], observed, known, before, _filtered().factor[2:, 2:])
     return float(np.abs(covariance - joint_solution()[1][:, :2, :2]).max())

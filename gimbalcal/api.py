@@ -73,11 +73,10 @@ def calibrate(
     more, states, grade, without: as `--terms`, `--with`, `--states`, `--grade`, `--without`. Raises InputError as the
     command does; of several sensors logged side by side the first is returned.
     """
-    return _printing(
-        methods.calibrate(_listed(recordings), method, _each(terms), tell, _each(more), states, grade, _each(without))[
-            0
-        ]
+    calibration, _ = methods.calibrate(
+        _listed(recordings), method, _each(terms), tell, _each(more), states, grade, _each(without)
     )
+    return _printing(calibration)
 
 
 def diagnose(

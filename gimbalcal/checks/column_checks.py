@@ -168,14 +168,14 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
 
 
 def _calm(s: StreamChecks, c: Column, start: int, stop: int, quantum: float) -> bool:
-    """Return whether others live in rows of one value, and those of the triad scatter by a step or two of its own.
+    """Return whether other channels vary in rows of one value, those of its triad by no more than `CALM_STEPS` steps.
 
     The unit is at rest there, and what scatters elsewhere is its motion: a channel with coarse steps stands still.
     """
     triad = [o for o in s.sensors if (o.sensor, o.quantity) == (c.sensor, c.quantity) and o.name != c.name]
     others = [to_si(s.whole(o.name)[start:stop], o.unit) for o in triad]
-    lives = any(np.ptp(s.whole(o.name)[start:stop]) > 0 for o in s.sensors if o.name != c.name)
-    return lives and bool(others) and all(float(np.std(x)) <= CALM_STEPS * to_si(quantum, c.unit) for x in others)
+    varying = any(np.ptp(s.whole(o.name)[start:stop]) > 0 for o in s.sensors if o.name != c.name)
+    return varying and bool(others) and all(float(np.std(x)) <= CALM_STEPS * to_si(quantum, c.unit) for x in others)
 
 
 def _clipped(s: StreamChecks, c: Column, x: Array, first: int) -> str:

@@ -28,6 +28,7 @@ from gimbalcal.navigate.uncertainty import uncertain
 from gimbalcal.pipeline import Tell, silent
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import FOLLOWED
 from gimbalcal.schedule.commands import standing
 from gimbalcal.views.segments import turned_in_place
 from gimbalcal.words.diagnosis_sentences import cost_in_words
@@ -103,7 +104,7 @@ def _costs(unit: _Unit) -> Mapping[str, Cost]:
 def _swung(base: Recording, recordings: Sequence[Recording]) -> Recording:
     """The base with temperature and other logged channels going once a day through the range they were recorded in."""
     turn = np.sin(2 * np.pi * base.time / SOLAR_DAY)
-    around = {k: v for r in recordings for k, v in r.channels.items() if k[0] in ("temperature", "covariate")}
+    around = {k: v for r in recordings for k, v in r.channels.items() if k[0] in FOLLOWED}
     swung = {k: (v.max() + v.min()) / 2 + (v.max() - v.min()) / 2 * turn for k, v in around.items()}
     return replace(base, channels=dict(base.channels) | swung)
 

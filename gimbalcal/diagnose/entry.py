@@ -39,6 +39,7 @@ from gimbalcal.history.fleet import Fleet, grade_and_fleet, with_fleet
 from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.recording import Recording, completed, join, when_recorded
 from gimbalcal.recording.columns import SPARSE
+from gimbalcal.recording.joining import refuse_twice
 from gimbalcal.unusual_constants import with_question
 from gimbalcal.views.core import by_triad
 from gimbalcal.views.pointing import nights, read_axes
@@ -68,10 +69,7 @@ def diagnose(
         check_finite(r)
         if calibration is not None and r.platform.axes:
             refuse_other_gimbals(calibration.effects, r)
-    if len({id(r) for r in recordings}) < len(recordings):
-        files = (s.path for s in recordings[0].source if not s.path.endswith(".toml"))
-        name = next(files, recordings[0].title)
-        raise InputError(f"{name!r} is given twice: the same data are no more evidence; give it once")
+    refuse_twice(recordings)
     recordings = [completed(r) for r in recordings]
     request = DiagnosisRequest(tuple(recordings), calibration, tuple(baseline), seed, tell)
     date = when_recorded(recordings)

@@ -41,10 +41,10 @@ def with_laws(d: Diagnosis, request: DiagnosisRequest, grade: str | Fleet) -> Di
             calibration, _ = calibrate(recordings, terms=terms, more=list(more), grade=grade, tell=silent)
     except InputError as problem:
         reason = law_sentences.NOT_CALIBRATED.format(problem=problem)
-        return replace(d, calibration=replace(d.calibration, outcome=_sentences(d.calibration.outcome, reason)))
+        return replace(d, calibration=replace(d.calibration, outcome=joined([d.calibration.outcome, reason])))
     file = EffectFile(FILE, sha256(text.encode()).hexdigest(), ids)
     provenance = replace(calibration.provenance, effects=(file,))
-    outcome = _sentences(law_sentences.CAUSE_UNKNOWN, calibration.outcome)
+    outcome = joined([law_sentences.CAUSE_UNKNOWN, calibration.outcome])
     return replace(d, calibration=replace(calibration, outcome=outcome, provenance=provenance))
 
 
@@ -59,7 +59,3 @@ def _model(request: DiagnosisRequest, recordings: Sequence[Recording]) -> tuple[
         return terms, []
     modelled = {p.effect for p in calibrate(recordings, terms=terms, tell=silent)[0].parameters}
     return terms, [e.id for e in carried(start, ()) if e.id not in modelled]
-
-
-def _sentences(*each: str) -> str:
-    return joined([sentence.rstrip(".") for sentence in each if sentence])

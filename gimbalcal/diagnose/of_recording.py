@@ -156,7 +156,7 @@ def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
 
 
 def check_one_unit(request: DiagnosisRequest) -> None:
-    """Raise InputError where recordings are not of one unit at known attitude, or where one is given twice."""
+    """Raise InputError where recordings are not of one unit at known attitude."""
     recordings, first = request.recordings, request.recording
     for r in recordings:
         if lacks_known_attitude(r):
@@ -169,11 +169,6 @@ def check_one_unit(request: DiagnosisRequest) -> None:
                 f"{first.title!r} is of platform {first.platform.name!r} and {r.title!r} of {r.platform.name!r}: "
                 "`diagnose` combines recordings of one unit; run it on each"
             )
-    files = [s for r in recordings for s in r.source if not s.path.endswith(".toml")]  # headers may well be alike
-    digests = [s.sha256 for s in files]
-    twice = next((s.path for s in files if digests.count(s.sha256) > 1), "")
-    if twice:
-        raise InputError(f"{twice!r} is given twice: the same data are no more evidence; give it once")
 
 
 def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[str]) -> tuple[str, ...]:

@@ -49,7 +49,7 @@ def unit_of_sessions(
     entries = tuple(c.session(rests=len(dwells(r))) for c, r in zip(compared, sessions, strict=True))
     return replace(
         calibration,
-        outcome=joined(list(filter(None, [_outcome(compared), calibration.outcome]))),
+        outcome=joined([_outcome(compared), calibration.outcome]),
         provenance=calibration.provenance.with_options(sessions=entries),
         stages=(*calibration.stages, *(_stage(a, c) for a, c in zip(alone, compared, strict=True) if a)),
     )

@@ -42,7 +42,7 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     calibration = _both(recording, terms, more)
     return replace(
         calibration,
-        outcome=joined([*norm_outliers_in_words(odd), *filter(None, [calibration.outcome])]),
+        outcome=joined([*norm_outliers_in_words(odd), calibration.outcome]),
         provenance=calibration.provenance.with_options(left_out=tuple(s.position for s in odd) or None),
     )
 
@@ -61,7 +61,7 @@ def _both(recording: Recording, terms: Sequence[str], more: Sequence[ExtraEffect
     except InputError as problem:
         if of_rate or turning:
             raise
-        outcome = joined(list(filter(None, [calibration.outcome, f"the gyroscopes are not calibrated: {problem}"])))
+        outcome = joined([calibration.outcome, f"the gyroscopes are not calibrated: {problem}"])
         provenance = calibration.provenance.with_options(gyroscopes=str(problem))
         return replace(calibration, outcome=outcome, provenance=provenance)
 
@@ -90,7 +90,7 @@ def with_gyroscopes(
         residual=replace(accelerometers.residual, rms={**accelerometers.residual.rms, **g.residual.rms}),
         provenance=accelerometers.provenance.with_options(gyro=g.provenance.options),
         stages=(*accelerometers.stages, *g.stages),
-        outcome=joined(list(filter(None, [accelerometers.outcome, g.outcome]))),
+        outcome=joined([accelerometers.outcome, g.outcome]),
         readout=replace(accelerometers.readout, gyroscopes=g.readout.gyroscopes),
     )
 

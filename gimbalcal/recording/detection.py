@@ -56,6 +56,10 @@ RAW_TURNING = 100.0  # times the usual distance from the level, of counts whose 
 TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's rate and any drift of a bias
 
 
+_LAST: list[tuple[list[weakref.ref[Array]], NDArray[np.int64]]] = []
+"""Columns that were searched last, and their positions: checks and estimator of a long recording ask for the same."""
+
+
 def detect(
     time: Array, channels: Mapping[str, Array], rates: Mapping[str, Array] | None = None, raw: bool = False
 ) -> NDArray[np.int64]:
@@ -120,10 +124,6 @@ def with_rests(recording: Recording) -> Recording:
         position = detect(recording.time, forces or rates, rates, recording.counted(RATE))
         _LAST[:] = [([weakref.ref(each) for each in arrays], position)]
     return replace(recording, position=_LAST[0][1].copy())
-
-
-_LAST: list[tuple[list[weakref.ref[Array]], NDArray[np.int64]]] = []
-"""Columns that were searched last, and their positions: checks and estimator of a long recording ask for the same."""
 
 
 def _window(

@@ -58,10 +58,11 @@ def join(sessions: Sequence[Recording]) -> Recording:
 
 
 def refuse_twice(sessions: Sequence[Recording]) -> None:
-    """Raise InputError where the same data stand in two recordings."""
+    """Raise InputError where the same data stand in two recordings, or one recording stands twice."""
     files = [s for r in sessions for s in r.source if not s.path.endswith(".toml")]  # headers may well be alike
     digests = [s.sha256 for s in files]
-    twice = next((s.path for s in files if digests.count(s.sha256) > 1), "")
+    without_files = [r.title for r in sessions if not r.source and sum(r is other for other in sessions) > 1]
+    twice = next((s.path for s in files if digests.count(s.sha256) > 1), next(iter(without_files), ""))
     if twice:
         raise InputError(f"{twice!r} is given twice: the same data are no more evidence; give it once")
 

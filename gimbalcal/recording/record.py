@@ -53,6 +53,7 @@ COLOURED: Mapping[str, tuple[str, str]] = MappingProxyType(
 )  # fmt: skip
 """Coloured noise that ``[noise]`` of a rotation recording may state: the quantity, and that of its unit."""
 
+FOLLOWED = ("temperature", "covariate")  # quantities that effects follow
 ANGLES = ("gimbal_angle", "attitude_error", "true_angle")
 """Quantities that are angles: they may wrap."""
 

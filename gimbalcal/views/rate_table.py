@@ -31,7 +31,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dwell import PAUSED, usual_step
 from gimbalcal.recording.kinds import ROTATION
-from gimbalcal.recording.record import FORCE, RATE, Key
+from gimbalcal.recording.record import FOLLOWED, FORCE, RATE, Key
 from gimbalcal.rotation import normal_to, rotation_vector
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Measurement, View, gyroscope_parameters_without, nuisance, recording_fields
@@ -48,7 +48,6 @@ RATE_TABLE = Measurement(
     "rate table", "deg/h", "stretches", channels="the rates on the table", channel="the rate about {axis} on the table",
     acts_on=(RATE,), patterns=frozenset({"fast time", "temperature"}),
 )  # fmt: skip
-LOGGED = ("temperature", "covariate")  # quantities that effects follow
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +115,7 @@ def stretches_of(r: Recording) -> Stretches:
         np.array([C[span].mean(0) for span in spans]),
         np.array([r.time[middle[g]].mean() for g in groups]),
         _up(r),
-        {key: np.array([x[span].mean() for span in spans]) for key, x in r.channels.items() if key[0] in LOGGED},
+        {key: np.array([x[span].mean() for span in spans]) for key, x in r.channels.items() if key[0] in FOLLOWED},
     )
 
 

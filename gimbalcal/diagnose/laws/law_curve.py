@@ -63,14 +63,9 @@ def _of_same_place(law: Law, others: Sequence[Law]) -> list[Law]:
 
 def _aligned(other: Law, law: Law, value: Array, g: Ground) -> Array:
     """Return what another law adds (n,) [SI], moved to the `value` of a law by what the calibration takes up."""
-
-    def beyond_calibration(X: Array) -> Array:
-        A = g.whiten(law.place.columns(X))
-        return np.asarray(A - g.Q @ (g.Q.T @ A))
-
-    B, x = other.expression.columns, law.expression.variables[0].x
-    added = B @ np.linalg.lstsq(beyond_calibration(B), g.y, rcond=1e-9)[0]
+    x = law.expression.variables[0].x
+    added = other.expression.columns @ np.linalg.lstsq(g.remainder(g.whiten(other.columns)), g.y, rcond=1e-9)[0]
     line = np.stack([np.ones_like(x), (x - x.mean()) / max(float(np.ptp(x)), 1e-300)], axis=1)
-    size = np.linalg.norm(g.whiten(law.place.columns(line)), axis=0)
-    taken = line[:, np.linalg.norm(beyond_calibration(line), axis=0) < ABSORBED * size]
+    A = g.whiten(law.place.columns(line))
+    taken = line[:, np.linalg.norm(g.remainder(A), axis=0) < ABSORBED * np.linalg.norm(A, axis=0)]
     return np.asarray(added + taken @ np.linalg.lstsq(taken, value - added, rcond=1e-9)[0])

@@ -89,6 +89,10 @@ class Ground:
     shape: tuple[int, int]
     parts: Callable[[Array], Sequence[Array]] = lambda X: (X,)
 
+    def remainder(self, A: Array) -> Array:
+        """Return what the calibration leaves of whitened columns A (R, m)."""
+        return np.asarray(A - self.Q @ (self.Q.T @ A))
+
 
 @dataclass(frozen=True, eq=False)
 class Screen:
@@ -114,7 +118,7 @@ def screen(g: Ground, place: Place) -> Screen:
     """Return the response of the whitened rows, calibration removed, to even additions over blocks."""
     blocks = int(place.block[-1]) + 1
     M = g.whiten(place.columns((place.block[:, None] == np.arange(blocks)).astype(float)))
-    remainder = M - g.Q @ (g.Q.T @ M)
+    remainder = g.remainder(M)
     lam, V = np.linalg.eigh(remainder.T @ remainder)
     keep = lam > 1e-12 * max(float(lam.max(initial=0.0)), 1e-300)
     root = np.sqrt(lam[keep])[:, None] * V[:, keep].T
@@ -452,8 +456,7 @@ def same(g: Ground, one: Law, other: Law) -> bool:
     """Return whether two laws are one here: each explains the columns of the other, calibration removed."""
 
     def fit(law: Law) -> Array:
-        X = g.whiten(law.columns)
-        Q = orthonormal(X - g.Q @ (g.Q.T @ X))
+        Q = orthonormal(g.remainder(g.whiten(law.columns)))
         return np.asarray(Q @ (Q.T @ g.y))
 
     a, b = fit(one), fit(other)

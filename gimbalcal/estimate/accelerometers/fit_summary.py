@@ -15,7 +15,7 @@ from gimbalcal.estimate.fit import information_of
 from gimbalcal.inference.information import Solution, Unobservable, solve
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.recording.record import FORCE
+from gimbalcal.recording.record import FOLLOWED, FORCE
 from gimbalcal.schedule import SCHEDULES, Schedule
 from gimbalcal.units import from_si
 from gimbalcal.views.positions import Noise, Problem, model, planned, problem, view_of_positions
@@ -107,8 +107,8 @@ def larger_noise_in_words(p: Problem, fit: PositionFit) -> str:
 
 
 def joined(sentences: Sequence[str]) -> str:
-    """Sentences in a row, each with its capital."""
-    return ". ".join(s[0].upper() + s[1:] for s in sentences)
+    """Return sentences in a row, each with its capital and without the last stop; empty ones are left out."""
+    return ". ".join(s[0].upper() + s[1:].rstrip(".") for s in sentences if s)
 
 
 def provenance(p: Problem, fit: PositionFit, faults: Sequence[Fault]) -> Provenance:
@@ -160,7 +160,7 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
     extra = planned(schedule, float(np.median(p.weight))).select(np.array(missing) - 1)
     logged = {
         key: np.full(len(missing), x.mean()) for key, x in p.readings.recording.channels.items()
-        if key[0] in ("temperature", "covariate")
+        if key[0] in FOLLOWED
     }  # fmt: skip
     extra = replace(extra, channels={**extra.channels, **logged})  # of effects that follow them
     views = [view_of_positions(q, noise) for q in (p, problem(extra, p.parameters, p.effects))]

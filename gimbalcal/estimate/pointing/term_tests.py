@@ -97,10 +97,8 @@ class _Tests:
     ) -> TermTest:
         """Return the test of a term from the residuals (q,) without it and with it, of k parameters."""
         dof = None if self.stated else max(self.fitted.solution.dof - (0 if in_model else k), 0)
-        gain, scale = (
-            float(without @ without - after @ after),
-            1.0 if dof is None else float(after @ after) / max(dof, 1),
-        )
+        gain = float(without @ without - after @ after)
+        scale = 1.0 if dof is None else float(after @ after) / max(dof, 1)
         F = max(gain, 0.0) / k / max(scale, 1e-300)
         largest = sorted(others, key=lambda label: -abs(others[label]))[:MAX_CORRELATIONS]
         label = term if isinstance(term, str) else term.parameter.label
@@ -139,6 +137,7 @@ def _terms(parameters: Sequence[Parameter]) -> list[list[int]]:
 
 
 def _is_constant(p: Parameter) -> bool:
+    """Return whether a parameter is a non-linear constant of its effect."""
     return p.field in {f.name for f in constants(CATALOGUE[p.effect])}
 
 
