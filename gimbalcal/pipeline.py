@@ -13,17 +13,17 @@ from pathlib import Path
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.checks.table import refuse_implausible
+from gimbalcal.effects import Stimulus
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.trusted_positions import Positions, misfit_of_positions, trusted_positions
-from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, extra_effects
+from gimbalcal.estimate.accelerometers.trusted_positions import misfit_of_positions, trusted_positions
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, Cost, Extension, ExtraEffect, extension, extra_effects
 from gimbalcal.estimate.fusion import both_levels, fuse
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.static_run.system import misfit_of_run, static, static_parameters, static_readings
 from gimbalcal.method_table import Request
-from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording, completed, dwells, read
 from gimbalcal.recording.header import read_header
 from gimbalcal.recording.record import RATE
@@ -104,7 +104,7 @@ def _three_stages(
     at_rest = static_readings(run) if run is not None else None
     if device is None and run is not None and at_rest is not None:
         tell("system level: static run alone")
-        extra = _extension(more, None, at_rest)
+        extra = _extension(more, [misfit_of_run(at_rest, more)] if more else [])
         wanted = (*static_parameters(at_rest), *extra.parameters)
         return extra.complete(static(run, extra.effects, wanted))
     if device is None:
@@ -117,7 +117,9 @@ def _three_stages(
     tell("stage 2: fine, from the norm of the force at every position")
     second = fine(positions, first)
     tell("stage 2: all 18 coefficients jointly, with the setting error of each position")
-    extra = _extension(more, positions, at_rest)
+    costs = [misfit_of_positions(device, positions, more)] if more else []
+    costs += [misfit_of_run(at_rest, more)] if more and at_rest is not None else []
+    extra = _extension(more, costs)
     if more:
         shown = extra.shown_by(device)
         positions = trusted_positions(device, shown.effects, shown.parameters)
@@ -136,10 +138,8 @@ def _three_stages(
     return extra.complete(replace(third, method="three-stage", stages=(*stages, *alone, *third.stages)))
 
 
-def _extension(more: Sequence[ExtraEffect], positions: Positions | None, run: Readings | None) -> Extension:
+def _extension(more: Sequence[ExtraEffect], parts: Sequence[tuple[Cost, Stimulus]]) -> Extension:
     """The extra effects, with constants that start where all recordings together fit best."""
-    parts = [misfit_of_positions(positions, more)] if positions is not None and more else []
-    parts += [misfit_of_run(run, more)] if run is not None and more else []
     if not parts:
         return NO_EXTENSION
     stimulus = parts[0][1]

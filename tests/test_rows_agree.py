@@ -10,7 +10,7 @@ from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.pipeline import load
 from gimbalcal.recording import dwell_means
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
-from gimbalcal.views.positions import by_visit, problem
+from gimbalcal.views.positions import Noise, by_visit, view_of_positions
 
 DATA = Path(__file__).parents[1] / "data"
 ROUNDING = 1e-12  # of the largest: products of the same numbers in another order
@@ -24,14 +24,14 @@ def test_positions() -> None:
     (recording,) = load([DATA / "space_stable_18"])
     means = dwell_means(recording)
     o = fit_baseline(view_at_known_attitude(means), steps=0)
-    p = problem(means, o.parameters)
-    mine = by_visit(p, np.zeros(len(o.parameters)), np.zeros((p.visits, p.turns)))
+    view = view_of_positions(means, Noise(1e-4, 5e-6), [q.effect for q in o.parameters])
+    mine = by_visit(view, (), o.parameters, np.zeros(len(o.parameters)))
     scale = np.array([q.sigma for q in o.parameters])
     s = stimulus_from_readings(means)
     J = jacobian(means.platform, s, (), o.parameters)["specific_force"]
     same(mine.J, J)
     same(o.Z * o.sigma[:, None] / scale, J)
-    same(o.residual * o.sigma, p.force - predict(means.platform, s, ())["specific_force"])
+    same(o.residual * o.sigma, means.triad("specific_force") - predict(means.platform, s, ())["specific_force"])
     same(mine.r, o.residual * o.sigma)
 
 

@@ -102,15 +102,14 @@ def force_at_positions() -> float:
 def _coarse() -> tuple[Any, Any]:
     """Return parameters and estimate of the coarse stage, whose model has no nonlinearity."""
     from gimbalcal.estimate.accelerometers import coarse
-    from gimbalcal.views.positions import Noise, position_parameters, problem
+    from gimbalcal.views.positions import Noise, position_parameters, view_of_positions
 
-    p = problem(_positions(_angles(), 0 * K_NL))
-    ids = ("gimbal_zero", "misalignment", "scale_factor", "bias")
-    p = replace(p, parameters=position_parameters(p.platform, ids))
-    return p.parameters, coarse._settle(p, Noise(1e-6, 1e-9)).x
+    view = view_of_positions(_positions(_angles(), 0 * K_NL), Noise(1e-6, 1e-9))
+    wanted = position_parameters(view.source.platform, ("gimbal_zero", "misalignment", "scale_factor", "bias"))
+    return wanted, coarse.closed_form(view, (), wanted)[0].x
 
 
-@checks(SOURCE, "Eq. (7)", where=f"{COARSE}._settle", tolerance=SETTLED)
+@checks(SOURCE, "Eq. (7)", where=f"{COARSE}.closed_form", tolerance=SETTLED)
 def coarse_fixed_point() -> float:
     """Scale factors, biases (over g), misalignments and zeros from outputs that follow (7)."""
     wanted, x = _coarse()
@@ -120,12 +119,11 @@ def coarse_fixed_point() -> float:
 
 def _package_rank(rows: tuple[int, ...], ids: tuple[str, ...]) -> int:
     """Return the rank of the package's readings of some positions in the parameters of some effects."""
-    from gimbalcal.views.positions import by_visit, position_parameters, problem
+    from gimbalcal.views.positions import Noise, by_visit, position_parameters, view_of_positions
 
-    p = problem(_positions(_angles()[np.array(rows) - 1], 0 * K_NL, 0 * ZEROS))
-    wanted = position_parameters(p.platform, ids)
-    p = replace(p, parameters=wanted)
-    J = by_visit(p, np.zeros(len(wanted)), np.zeros((p.visits, p.turns))).J
+    view = view_of_positions(_positions(_angles()[np.array(rows) - 1], 0 * K_NL, 0 * ZEROS), Noise(1e-6, 1e-9))
+    wanted = position_parameters(view.source.platform, ids)
+    J = by_visit(view, (), wanted, np.zeros(len(wanted))).J
     return int(np.linalg.matrix_rank(J.reshape(-1, len(wanted)) * [q.sigma for q in wanted]))
 
 
@@ -154,14 +152,15 @@ def relevelled() -> float:
     return float(np.abs(true - schedule[:, 1:3]).max())
 
 
-@checks(SOURCE, "Eq. (7)", where="views.positions.model")
+@checks(SOURCE, "Eq. (7)", where="views.known_attitude.view_of_readings")
 def set_off() -> float:
     """Outputs where the gimbals stand off their readouts, of a perfect unit."""
-    from gimbalcal.views.positions import model, problem
+    from gimbalcal.views.positions import Noise, force_of_visits, view_of_positions
 
-    p = problem(_positions(_angles(), 0 * K_NL))
+    view = view_of_positions(_positions(_angles(), 0 * K_NL), Noise(1e-6, 1e-9))
+    assert view.local is not None
     off = 1e-3 * np.sin(np.arange(18 * 4.0)).reshape(18, 4)
-    ours = model(p, np.zeros(len(p.parameters)), off)
+    ours = force_of_visits(view) - view.local.evaluate((), off).residual
     return float(np.abs(ours - _force(_angles() + off[:, :3])).max() / G_NORMAL)
 
 
@@ -193,11 +192,11 @@ def fine_fixed_point() -> float:
     The sums of misalignments, 1e-4 rad, stay at zero, which leaves their squares.
     """
     from gimbalcal.estimate.accelerometers import fine
-    from gimbalcal.views.positions import position_parameters, problem
+    from gimbalcal.views.positions import Noise, position_parameters, view_of_positions
 
-    p = problem(_positions(_angles(), K_NL))
-    wanted = position_parameters(p.platform, fine.FORCE_TERMS)
-    x, _ = fine._iterate(p, wanted, np.zeros(len(wanted)), 1e-6)
+    view = view_of_positions(_positions(_angles(), K_NL), Noise(1e-6, 1e-9))
+    wanted = position_parameters(view.source.platform, fine.FORCE_TERMS)
+    x, _ = fine._iterate(view, wanted, np.zeros(len(wanted)), 1e-6)
     size = np.r_[np.ones(3), np.full(3, G_NORMAL), np.full(3, 1 / G_NORMAL), np.ones(3)]
     return float(np.abs(fine.combinations(np.ones(3)) @ (x - _truth(wanted)) / size).max())
 
@@ -269,7 +268,6 @@ def means_of_force() -> float:
 
 @once
 def _run() -> Any:
-    from dataclasses import replace
 
     from gimbalcal.readings import readings
 

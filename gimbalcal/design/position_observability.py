@@ -37,7 +37,7 @@ from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.file import read_schedule
 from gimbalcal.units import from_si, to_si
-from gimbalcal.views.positions import Noise, planned, position_parameters, problem, view_of_positions
+from gimbalcal.views.positions import Noise, planned, position_parameters, view_of_positions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -223,7 +223,7 @@ def observe_static(
 
 def information_in_positions(plan: Recording, wanted: Sequence[Parameter], noise: Noise) -> Information:
     """Return the information of planned positions about the parameters, setting errors eliminated."""
-    return information_of([view_of_positions(problem(plan, wanted), noise)], (), wanted)
+    return information_of([view_of_positions(plan, noise, [p.effect for p in wanted])], (), wanted)
 
 
 def information_at_rest(plan: Recording, wanted: Sequence[Parameter], noise: Mapping[str, float]) -> Information:

@@ -91,7 +91,7 @@ def _of_positions(recording: Recording) -> list[str]:
     """Return the caveats of `three-stage` on positions at known angles in the stated noise."""
     positions = trusted_positions(recording)
     solution = positions.fit.solution
-    larger = larger_noise_in_words(positions.problem, positions.fit)
+    larger = larger_noise_in_words(positions)
     return outliers_in_words(positions.faults) + excess_in_words(solution.chi2, solution.dof, larger)
 
 

@@ -35,7 +35,7 @@ from gimbalcal.inference.information import (
 )
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.views.core import View
-from gimbalcal.views.local import VisitRows, Whitened
+from gimbalcal.views.local import VisitRows, Whitened, eliminate
 
 MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
@@ -480,8 +480,9 @@ class _Part:
         if local is None:
             return columns.reshape(-1, columns.shape[-1]), None
         sigma = np.broadcast_to(np.asarray(self.view.noise.sigma), self.rows.residual.shape)
-        groups = local.eliminated(self.rows, columns, sigma, self.e)
-        return groups[1].rows[0], groups
+        linear = local.by_group(self.rows, columns, sigma, self.e)
+        white = eliminate(linear, 1.0, local.sigma**2)
+        return white.rows[0], (linear, white)
 
 
 @dataclass(frozen=True, eq=False)
@@ -526,7 +527,7 @@ def _about(
     J, r, parts = [], [], []
     for v, own, e in zip(views, _own(views, wanted), local or [NONE] * len(views), strict=True):
         rows, columns, misfit = _of_view(v, effects, wanted, x, own, e)
-        part = _Part(v, rows, e if v.local is None or e.size else v.local.zero(rows))
+        part = _Part(v, rows, e if v.local is None or e.size else v.local.zero)
         own_columns, groups = part.whitened(columns)
         J.append(own_columns)
         r.append(misfit.ravel() if groups is None else groups[1].rows[1])
@@ -549,8 +550,8 @@ def _of_view(
     v: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, own: slice, e: Array
 ) -> tuple[Rows, Array, Array]:
     """Return the rows of one view about its effects, the columns (n, C, p) of all parameters, and the misfit (n, C)."""
-    view = v if v.about is None else v.about(x[own])
-    rows = (v.local.about(e) if v.local is not None and e.size else view).evaluate(_acting(v, effects))
+    view, acting = v if v.about is None else v.about(x[own]), _acting(v, effects)
+    rows = v.local.evaluate(acting, e) if v.local is not None and e.size else view.evaluate(acting)
     at = [i for i, q in enumerate(wanted) if q.effect and (v.acting is None or q.effect in v.acting)]
     columns, misfit = np.zeros((*rows.residual.shape, len(wanted))), rows.residual
     columns[..., at] = rows.jacobian([wanted[i] for i in at])

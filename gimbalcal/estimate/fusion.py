@@ -17,14 +17,13 @@ from dataclasses import replace
 from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.errors import amount
-from gimbalcal.estimate.accelerometers.trusted_positions import Positions
+from gimbalcal.estimate.accelerometers.position_fit import Positions
 from gimbalcal.estimate.fit import fit, information_of
 from gimbalcal.estimate.sharing import agreement
 from gimbalcal.estimate.static_run.system import outcome, static_view
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.readings import Readings
-from gimbalcal.views.positions import view_of_positions
 
 SIGNIFICANCE = 1e-4  # probability below which two stages that are both right would differ so much
 
@@ -37,10 +36,9 @@ def both_levels(
     The base tilt and whatever else is of the run alone does not act in the positions. `effects` are where the fit
     begins.
     """
-    p = positions.problem
-    device, level = view_of_positions(p, positions.noise), static_view(run, wanted)
-    fitted = fit([device, level], tuple(dict.fromkeys((*p.parameters, *wanted))), effects)
-    own = information_of([device], fitted.effects, p.parameters, fitted.local[:1])
+    device, level, mine = positions.view, static_view(run, wanted), positions.fit.parameters
+    fitted = fit([device, level], tuple(dict.fromkeys((*mine, *wanted))), effects)
+    own = information_of([device], fitted.effects, mine, fitted.local[:1])
     return own, information_of([level], fitted.effects, wanted), fitted.solution
 
 

@@ -89,7 +89,6 @@ class View:
     finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
     relinearise: Callable[[Effect, Sequence[Parameter]], View] | None = None  # with this in the model as well
     calibrate: Callable[[Sequence[Effect], Sequence[Parameter]], Calibration] | None = None  # a model, to convergence
-    displaced: Callable[[Sequence[Effect], Array], View] | None = None  # at readouts displaced by (n, k) [rad]
     added: Callable[[str, str, Array], Array] | None = None  # columns of a basis added to a sensor that is no channel
     missed_by_turns: Callable[[Sequence[Effect]], float] | None = None  # rad of gravity, with these effects at rest
     misheld: Callable[[], tuple[str, ...]] | None = None  # positions that were not held as read, in sentences
@@ -121,6 +120,11 @@ class View:
     def weight(self) -> Array:
         """Weights (n, C) in units of which all rows are equally sure; the surest have one."""
         return self.noise.weight((len(self), len(self.channels)))
+
+    @property
+    def local_sigma(self) -> float:
+        """Return one sigma of the local parameters, SI; zero where there are none."""
+        return 0.0 if self.local is None else self.local.sigma
 
     @property
     def sensors_may_walk(self) -> bool:

@@ -30,6 +30,7 @@ from gimbalcal.recording.noise_levels import header_noise, sample_sigma
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import to_si
 from gimbalcal.views.core import Fit, Measurement, View
+from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
 POSITIONS = Measurement("positions", "", acts_on=(FORCE, "gimbal_angle"), known_attitude=True)
@@ -56,30 +57,38 @@ def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), k
         sigma=row_sigma(read, known),
         scale_known=True,
         block=_blocks(recording),
-        setting=one_sigma(header_noise(recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),))),
     )
-    return view_of_readings(read, noise, baseline)
+    setting = one_sigma(header_noise(recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),)))
+    return view_of_readings(read, noise, baseline, setting=setting)
 
 
 def view_of_readings(
-    read: Readings, noise: NoiseModel, baseline: Sequence[str] = (), stages: Iterable[Stage] = Stage
+    read: Readings,
+    noise: NoiseModel,
+    baseline: Sequence[str] = (),
+    stages: Iterable[Stage] = Stage,
+    setting: float = 0.0,
 ) -> View:
-    """Return the view of readings at known attitude with this noise; stages: those of effects that are asked for."""
-    recording, s, n = read.recording, read.stimulus, len(read.recording.time)
+    """Return the view of readings at known attitude with this noise; stages: those of effects that are asked for.
 
-    def displaced(effects: Sequence[Effect], shift: Array) -> View:
-        there = replace(read, stimulus=s.at(readout=s.readout + shift))
-        moved = np.einsum("nck,nk->nc", there.rows(effects, [Stage.ENCODER]).sensitivity[Stage.ENCODER], shift)
-        return replace(view, evaluate=replace(there, value=there.value + moved).rows)
+    setting: one sigma [rad] by which the gimbals are set at each visit of a position, which is a local parameter.
+    """
+    recording, s, n, stages = read.recording, read.stimulus, len(read.recording.time), tuple(stages)
+    visit = np.unique(s.visit, return_inverse=True)[1]
 
-    view = View(
+    def off(effects: Sequence[Effect], e: Array) -> Rows:
+        angle = s.readout + e[visit]
+        return replace(read, stimulus=s.at(readout=angle, angle=angle)).rows(effects, stages)
+
+    in_positions = not recording.kind.stabilised
+    return View(
         STATIC_RUN if recording.kind.stabilised else POSITIONS,
         title=recording.title,
         kind=recording.kind,
         channels=read.channels,
         time=recording.time - recording.time[0],
         stimulus=s,
-        evaluate=partial(read.rows, stages=tuple(stages)),
+        evaluate=partial(read.rows, stages=stages),
         stages=frozenset(stages),
         baseline=tuple(baseline) or BASELINE[recording.kind],
         grade=recording.grade,
@@ -88,10 +97,13 @@ def view_of_readings(
         label=s.position,
         read_gimbals=recording.axes("gimbal_angle"),
         readout=Readout(gimbals=recording.platform.axis_names),
-        displaced=displaced,
+        local=Local(visit, s.readout.shape[1], setting, _by_readouts, off) if in_positions else None,
         source=recording,
     )
-    return view
+
+
+def _by_readouts(rows: Rows) -> Array:
+    return rows.sensitivity[Stage.ENCODER]
 
 
 def fit_baseline(view: View, known: Sequence[Effect] = (), steps: int = 2) -> Fit:

@@ -34,35 +34,41 @@ class Local:
     """k parameters of each of m groups of rows, with one prior sigma, which may be zero or infinite.
 
     group (n,): ordinal of the group of each row, 0 ... m - 1; columns: rows to the derivative (n, C, k) by those of the
-    row's own group; about: the same view at values (m, k), as the rows are not linear in them.
+    row's own group; evaluate: effects and values (m, k) to the rows about both, as the rows are not linear in them.
     """
 
     group: NDArray[np.int64]
+    size: int
     sigma: float
     columns: Callable[[Rows], Array]
-    about: Callable[[Array], View]
+    evaluate: Callable[[Sequence[Effect], Array], Rows]
 
-    def eliminated(self, rows: Rows, J: Array, sigma: Array, e: Array) -> tuple[VisitRows, Whitened]:
-        """Return rows about values e (m, k) by group, J (n, C, p) among them, and with these parameters eliminated.
+    @property
+    def first(self) -> NDArray[np.int64]:
+        """Return the first row (m,) of each group."""
+        return np.flatnonzero(np.diff(self.group, prepend=-1))
+
+    @property
+    def zero(self) -> Array:
+        """Return values (m, k) of zero."""
+        return np.zeros((int(self.group[-1]) + 1, self.size))
+
+    def by_group(self, rows: Rows, J: Array, sigma: Array, e: Array) -> VisitRows:
+        """Return rows about values e (m, k) with their derivatives J (n, C, p), by group.
 
         sigma (n, C) is one sigma of each row, the same for all channels.
         """
         G = self.columns(rows)
-        linear = visit_rows(J, rows.residual + apply_matrix(G, e[self.group]), G, self.group, sigma[:, 0] ** -2)
-        return linear, eliminate(linear, 1.0, self.sigma**2)
-
-    def zero(self, rows: Rows) -> Array:
-        """Return values (m, k) of zero."""
-        return np.zeros((self.group[-1] + 1, self.columns(rows).shape[-1]))
+        return visit_rows(J, rows.residual + apply_matrix(G, e[self.group]), G, self.group, sigma[:, 0] ** -2)
 
     def start(self, view: View, effects: Sequence[Effect]) -> Array:
         """Return values (m, k) that effects call for, so that large ones do not throw the first step off."""
-        e = self.zero(view.evaluate(effects))
+        e = self.zero
         for _ in range(START_ITERATIONS if self.sigma > SMALL_SETTING_RAD else 0):
-            rows = self.about(e).evaluate(effects)
+            rows = self.evaluate(effects, e)
             sigma = np.broadcast_to(np.asarray(view.noise.sigma), rows.residual.shape)
-            linear, w = self.eliminated(rows, np.zeros((*rows.residual.shape, 0)), sigma, e)
-            e = apply_matrix(w.gain, linear.r)
+            linear = self.by_group(rows, np.zeros((*rows.residual.shape, 0)), sigma, e)
+            e = apply_matrix(eliminate(linear, 1.0, self.sigma**2).gain, linear.r)
         return e
 
 

@@ -17,19 +17,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.sensor_grades import GRADES, Grade
-from gimbalcal.number import Array, apply_matrix
+from gimbalcal.number import Array
 from gimbalcal.platform import Platform
-from gimbalcal.readings import Readings, readings
+from gimbalcal.readings import readings
 from gimbalcal.recording import Recording, Site, dwell_means
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE
 from gimbalcal.schedule import Schedule
 from gimbalcal.views.core import View
 from gimbalcal.views.known_attitude import view_of_readings
-from gimbalcal.views.local import Local, VisitRows, Whitened, eliminate, group_means, visit_rows
+from gimbalcal.views.local import VisitRows, group_means
 from gimbalcal.views.noise import NoiseModel
 
 
@@ -41,60 +41,6 @@ class Noise:
     setting: float
     accelerometer_from: str = "header"
     setting_from: str = "header"
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """A least-squares problem: readings (n, 3), `weight` (n,) raw samples each, `visit` (n,) = 0 ... m-1 of a row."""
-
-    readings: Readings
-    weight: Array
-    visit: Array
-    positions: Array  # (m,) name of the position of each visit
-    effects: tuple[Effect, ...]
-    parameters: tuple[Parameter, ...]
-
-    @property
-    def platform(self) -> Platform:
-        """The gimbal chain."""
-        return self.readings.recording.platform
-
-    @property
-    def grade(self) -> Grade:
-        """The grade of the unit, which sets the usual sizes of its imperfections."""
-        return self.readings.recording.grade
-
-    @property
-    def stimulus(self) -> Stimulus:
-        """The stimulus of the hardware as far as the readouts determine it."""
-        return self.readings.stimulus
-
-    @property
-    def force(self) -> Array:
-        """Specific force read (n, 3) [m/s^2]."""
-        return self.readings.value
-
-    @property
-    def visits(self) -> int:
-        """Number of visits m."""
-        return len(self.positions)
-
-    @property
-    def turns(self) -> int:
-        """Number k of setting errors of a visit: one per gimbal."""
-        return len(self.platform.axes)
-
-    def without(self, visits: Sequence[int]) -> Problem:
-        """The problem with some visits left out."""
-        keep = ~np.isin(np.arange(self.visits), visits)
-        rows = keep[self.visit]
-        return replace(
-            self,
-            readings=self.readings.select(rows),
-            weight=self.weight[rows],
-            visit=(np.cumsum(keep) - 1)[self.visit[rows]],
-            positions=self.positions[keep],
-        )
 
 
 def position_parameters(
@@ -109,80 +55,66 @@ def position_parameters(
     return tuple(p for p in wanted if not (p.effect == "gimbal_zero" and p.axis in vertical))
 
 
-def problem(
-    recording: Recording,
-    wanted: Sequence[Parameter] | None = None,
-    effects: Sequence[Effect] = (),
-    averaged: bool = True,
-) -> Problem:
-    """The fit of a recording: of one mean per dwell, or of every row where what happens inside a dwell matters."""
+def view_of_positions(
+    recording: Recording, noise: Noise, effects: Sequence[str] = BASELINE["multi-position"], averaged: bool = True
+) -> View:
+    """Return the view of positions in which these effects act; the setting errors of a visit are its local parameters.
+
+    Rows are the means of dwells; not `averaged`, every row at rest, where what happens inside a dwell matters.
+    """
     rows = dwell_means(recording) if averaged else recording
     if not averaged and recording.position is not None:
         rows = recording.select(recording.position > 0)
     rows.triad(FORCE)  # all three axes, or InputError
+    stages = dict.fromkeys((*(CATALOGUE[i].stage for i in effects), Stage.ENCODER))
     read = readings(rows)
-    visit = read.stimulus.visit
-    return Problem(
-        readings=read,
-        weight=np.asarray(rows.weight, dtype=float),
-        visit=visit,
-        positions=np.asarray(read.stimulus.position)[np.flatnonzero(np.diff(visit, prepend=-1))],
-        effects=tuple(effects),
-        parameters=tuple(wanted if wanted is not None else position_parameters(rows.platform, grade=rows.grade)),
-    )
+    view = view_of_readings(read, _model(noise, rows), stages=stages, setting=noise.setting)
+    return replace(view, acting=frozenset(effects))
 
 
-def model(p: Problem, x: Array, e: Array) -> Array:
-    """Readings (n, 3) [m/s^2] that parameters x (p,) and setting errors e (m, k) predict."""
-    return set_off(p, e).predicted(_effects(p, x))
+def in_noise(view: View, noise: Noise) -> View:
+    """Return a view of positions in another noise."""
+    assert view.local is not None
+    return replace(view, noise=_model(noise, view.source), local=replace(view.local, sigma=noise.setting))
 
 
-def _effects(p: Problem, x: Array) -> tuple[Effect, ...]:
-    return with_values(p.effects, p.parameters, x, p.platform.axis_names)
+def _model(noise: Noise, rows: Recording) -> NoiseModel:
+    return NoiseModel(noise.accelerometer / np.sqrt(np.asarray(rows.weight, dtype=float))[:, None], scale_known=True)
 
 
-def set_off(p: Problem, e: Array) -> Readings:
-    """The readings when the gimbals stand off their readouts by e (m, k) [rad]."""
-    s = p.stimulus
-    angle = s.readout + e[p.visit]
-    return replace(p.readings, stimulus=s.at(readout=angle, angle=angle))
+def without_visits(view: View, visits: Sequence[int]) -> View:
+    """Return a view of positions without some visits; what effects follow from visit to visit stays as it was."""
+    assert view.local is not None
+    assert view.noise.sigma is not None
+    keep = ~np.isin(view.local.group, visits)
+    read = replace(readings(view.source.select(keep)), stimulus=view.stimulus.select(keep))
+    noise = replace(view.noise, sigma=view.noise.sigma[keep])
+    few = view_of_readings(read, noise, stages=view.stages, setting=view.local.sigma)
+    return replace(few, acting=view.acting)
 
 
-def by_visit(p: Problem, x: Array, e: Array) -> VisitRows:
-    """Exact derivatives at parameters x and setting errors e, by visit."""
-    stages = dict.fromkeys((*(CATALOGUE[q.effect].stage for q in p.parameters), Stage.ENCODER))
-    rows = set_off(p, e).rows(_effects(p, x), stages)
-    J, G = rows.jacobian(p.parameters), rows.sensitivity[Stage.ENCODER]
-    return visit_rows(J, rows.residual + J @ x + apply_matrix(G, e[p.visit]), G, p.visit, p.weight)
+def numbers_of_visits(view: View) -> Array:
+    """Return the number (m,) of the position of each visit."""
+    assert view.local is not None
+    return np.asarray(view.label)[view.local.first]
 
 
-def visit_means(p: Problem, a: Array) -> Array:
-    """Weighted means over the rows of each visit: (n, ...) to (m, ...)."""
-    return group_means(a, p.visit, p.weight)
+def by_visit(
+    view: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, e: Array | None = None
+) -> VisitRows:
+    """Return the rows y - h + G e + J x about parameters x (p,) and setting errors e (m, k; none: zero), by visit."""
+    assert view.local is not None
+    e = view.local.zero if e is None else e
+    rows = view.local.evaluate(with_values(effects, wanted, x, view.stimulus.axis_names), e)
+    sigma = np.broadcast_to(np.asarray(view.noise.sigma), rows.residual.shape)
+    linear = view.local.by_group(rows, rows.jacobian(wanted), sigma, e)
+    return replace(linear, r=linear.r + linear.J @ x, r_inside=linear.r_inside + linear.J_inside @ x)
 
 
-def whiten(linear: VisitRows, noise: Noise) -> Whitened:
-    """Scale to unit noise with the setting errors eliminated, see `views.local`."""
-    return eliminate(linear, noise.accelerometer**2, noise.setting**2)
-
-
-def view_of_positions(p: Problem, noise: Noise) -> View:
-    """Return the view of the readings, with the setting error of each visit as local parameters."""
-    stages = dict.fromkeys((*(CATALOGUE[q.effect].stage for q in p.parameters), Stage.ENCODER))
-    sigma = noise.accelerometer / np.sqrt(p.weight)[:, None]
-
-    def about(e: Array) -> View:
-        view = view_of_readings(set_off(p, e), NoiseModel(sigma, scale_known=True), stages=stages)
-        ids = (*(e.id for e in p.effects), *(q.effect for q in p.parameters))
-        local = Local(p.visit, noise.setting, lambda rows: rows.sensitivity[Stage.ENCODER], about)
-        return replace(view, local=local, acting=frozenset(ids))
-
-    return about(np.zeros((p.visits, p.turns)))
-
-
-def starting_values(p: Problem, effects: Sequence[Effect]) -> Array:
-    """Values (p,) of the problem's parameters in `effects`, the prior mean where absent."""
-    return np.asarray(values(effects, p.parameters), dtype=float)
+def force_of_visits(view: View) -> Array:
+    """Return the mean specific force (m, 3) [m/s^2] read at each visit."""
+    assert view.local is not None
+    return group_means(view.source.triad(FORCE), view.local.group, view.source.weight)
 
 
 def planned(schedule: Schedule, samples: float = 1.0, site: Site | None = None) -> Recording:

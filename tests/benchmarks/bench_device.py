@@ -24,7 +24,8 @@ from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, PAIRS, fine
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
-from gimbalcal.views.positions import Noise, by_visit, problem, starting_values, whiten
+from gimbalcal.views.local import eliminate
+from gimbalcal.views.positions import Noise, by_visit, view_of_positions
 from tests.benchmarks.collecting import say
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, draw, effects, measured
 
@@ -46,8 +47,8 @@ class Bound:
 
 def bound(truth: np.ndarray, setting: float) -> Bound:
     """From the whitened Jacobian at the truth."""
-    p = problem(measured(truth, np.random.default_rng(0), setting), PARAMETERS, effects(truth))
-    w = whiten(by_visit(p, starting_values(p, p.effects), np.zeros((p.visits, p.turns))), Noise(SAMPLE, setting))
+    view = view_of_positions(measured(truth, np.random.default_rng(0), setting), Noise(SAMPLE, setting))
+    w = eliminate(by_visit(view, effects(truth), PARAMETERS, truth), 1.0, setting**2)
     _, S, Vt = np.linalg.svd(w.information(PARAMETERS).rows[:, :-1])
     V, S = Vt[S >= MIN_SIGNAL_TO_NOISE].T, S[S >= MIN_SIGNAL_TO_NOISE]
     covariance = (V / S**2) @ V.T * np.outer(SCALE, SCALE)

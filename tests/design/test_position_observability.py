@@ -10,14 +10,14 @@ import pytest
 from gimbalcal.design.position_observability import Observability, observe, observe_static
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.position_fit import gauss_newton
+from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
 from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, FACE_POSITIONS, Schedule
 from gimbalcal.schedule.file import schedule_toml
 from gimbalcal.units import from_si, to_si
-from gimbalcal.views.positions import Noise, model, problem
-from tests.estimate.device import ARCSEC, SAMPLE, SAMPLES, draw, measured
+from gimbalcal.views.positions import Noise, view_of_positions
+from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SAMPLES, draw, measured, outputs
 from tests.golden import golden_text, refused
 
 LATITUDE = np.deg2rad(40.0)
@@ -129,7 +129,7 @@ def test_what_the_calibration_swallows_is_said() -> None:
 def test_strength_is_what_a_fit_leaves_as_chi_squared() -> None:
     seen = observe("wu2018-18", force_sigma=2.0, candidates=["cross_coupling"])
     kind = CATALOGUE["cross_coupling"]
-    p = problem(measured(np.zeros(18), np.random.default_rng(0), 0.0, samples=10**12))
+    r, noise = measured(np.zeros(18), np.random.default_rng(0), 0.0, samples=10**12), Noise(to_si(2.0, "ug"), ARCSEC)
     # all coefficients at prior size, signs drawn: chi^2 has the mean strength^2
     field = kind.__dataclass_fields__["K_c"]
     sigma, n = to_si(field.metadata["sigma"], field.metadata["unit"]), len(field.metadata["axes"])
@@ -137,9 +137,10 @@ def test_strength_is_what_a_fit_leaves_as_chi_squared() -> None:
     for i in range(n):
         size = np.zeros(n)
         size[i] = sigma
-        read = model(replace(p, effects=(kind(K_c=size),)), np.zeros(18), np.zeros((18, 4)))
-        bent = replace(p, readings=replace(p.readings, value=read))
-        total += gauss_newton(replace(bent, weight=np.ones(18)), Noise(to_si(2.0, "ug"), ARCSEC)).solution.chi2
+        read = outputs(view_of_positions(r, noise), (kind(K_c=size),))
+        force = {("specific_force", a): f for a, f in zip("xyz", read.T, strict=True)}
+        bent = replace(r, channels={**r.channels, **force}, weight=np.ones(18))
+        total += fit_in_noise(view_of_positions(bent, noise), noise, PARAMETERS).fit.solution.chi2
     (candidate,) = seen.candidates
     # gravity 9.80146 against 9.80665, and the square of the effect
     assert np.sqrt(total) == pytest.approx(candidate.strength, rel=5e-3)

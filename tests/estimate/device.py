@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.effects import Parameter, with_values
+from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, Schedule
 from gimbalcal.units import to_si
-from gimbalcal.views.positions import model, planned, position_parameters, problem
+from gimbalcal.views.core import View
+from gimbalcal.views.positions import Noise, planned, position_parameters, view_of_positions
 
 ARCSEC = np.pi / 648000
 SAMPLE = 1.96e-4  # m/s^2 of one sample: 20 ug
@@ -24,6 +25,7 @@ SIZES = {
     "misalignment": 20 * ARCSEC,
     "gimbal_zero": 20 * ARCSEC,
 }
+NOISE = Noise(SAMPLE, ARCSEC)
 STATED = {"accelerometer": SAMPLE, "gimbal_angle": 1.0 * ARCSEC}
 
 
@@ -47,11 +49,18 @@ def measured(
         plan = replace(
             plan, channels={**plan.channels, **{("gimbal_angle", a): readouts[:, i] for i, a in enumerate(names)}}
         )
-    p = problem(plan, PARAMETERS)
-    e = setting * rng.normal(size=(p.visits, p.turns))
-    force = model(p, truth, e) + SAMPLE / np.sqrt(samples) * rng.normal(size=(p.visits, 3))
+    view = view_of_positions(plan, NOISE)
+    e = setting * rng.normal(size=view.local.zero.shape)
+    force = outputs(view, effects(truth), e) + SAMPLE / np.sqrt(samples) * rng.normal(size=(len(e), 3))
     return replace(
         plan, channels={**plan.channels, **{("specific_force", a): force[:, i] for i, a in enumerate("xyz")}}
+    )
+
+
+def outputs(view: View, effects: tuple[Effect, ...], e: np.ndarray | None = None) -> np.ndarray:
+    """Outputs (n, 3) [m/s^2] of a unit whose gimbals stand off their readouts by e (m, k) [rad] at each visit."""
+    return (
+        view.source.triad("specific_force") - view.local.evaluate(effects, view.local.zero if e is None else e).residual
     )
 
 

@@ -17,9 +17,10 @@ from gimbalcal.number import Array
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.views.norm import norm
-from gimbalcal.views.positions import model, problem
+from gimbalcal.views.positions import view_of_positions
 from tests.diagnose.plant import ARCSEC, UG, record
 from tests.estimate.accelerometers.test_multiposition import rested, scattered
+from tests.estimate.device import NOISE, outputs
 from tests.estimate.static_runs import run
 
 DRAWS = 12
@@ -28,9 +29,9 @@ DRAWS = 12
 def positions(truth: tuple[Effect, ...], rng: np.random.Generator) -> Recording:
     """18 positions of 12 s with the stated noise of samples and settings."""
     blank = record(rng, dwell=12)
-    p = problem(blank, (), truth, averaged=False)
-    e = ARCSEC * rng.standard_normal((p.visits, p.turns))
-    force = model(p, np.zeros(0), e) + 20 * UG * rng.standard_normal(p.force.shape)
+    view = view_of_positions(blank, NOISE, averaged=False)
+    e = ARCSEC * rng.standard_normal(view.local.zero.shape)
+    force = outputs(view, truth, e) + 20 * UG * rng.standard_normal((len(view), 3))
     return replace(
         blank, channels={**blank.channels, **{("specific_force", a): force[:, i] for i, a in enumerate("xyz")}}
     )

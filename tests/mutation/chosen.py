@@ -245,7 +245,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "diagnose/search/test_relinearise.py::test_about_the_angles_of_each_visit_nothing_is_curved": (
         ("diagnose.search.relinearise", "_settings", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),
-        ("views.known_attitude", "view_of_readings", "there.value + moved", "there.value - moved"),
+        ("diagnose.search.relinearise", "_at", "rows.residual + back", "rows.residual - back"),
     ),
     "diagnose/search/test_stepwise.py::test_the_first_step_takes_away_most": (
         ("diagnose.search.stepwise", "ordered", "np.argmin([m.scatter", "np.argmax([m.scatter"),

@@ -21,7 +21,7 @@ EQUIVALENT: Mapping[tuple[str, str], str] = {
         "h = np.where(high > low, time[high] - time[low], 2.0)",
     ): "where a dwell has one row the difference over it is zero",
     (
-        "estimate.accelerometers.coarse._as_fit",
-        "return PositionFit(solution, setting, settled.linear, noise, 2)",
+        "estimate.accelerometers.coarse.coarse",
+        "fit = ViewsFit((view,), absent, effects, solution, (np.zeros(1),), 2, local=(setting,))",
     ): "steps are counted, and asked only whether there are none",
 }

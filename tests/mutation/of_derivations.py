@@ -68,7 +68,7 @@ ERRORS = tuple(Error(*e) for e in (
     ("estimate.accelerometers.fine", 'PAIRS = (("yz", "xz")', 'PAIRS = (("xz", "yz")'),
     ("views.local", "white + reached_variance", "white + 2 * reached_variance"),
     ("views.local", "share = np.where(s > 0, 1 /", "share = np.where(s > 0, -1 /"),
-    ("views.positions", "angle = s.readout + e[p.visit]", "angle = s.readout - e[p.visit]"),
+    ("views.known_attitude", "angle = s.readout + e[visit]", "angle = s.readout - e[visit]"),
     # static run
     ("estimate.static_run.combined_coefficients", "gain = P @ (H /", "gain = 2 * P @ (H /"),
     ("estimate.static_run.combined_coefficients", '"gimbal_zero:inner": {"phi_0": S}',

@@ -174,7 +174,7 @@ def _states(o: Fit, blocks: _Blocks, noise: Mapping[str, Noise], alone: str) -> 
 
 def curved(o: Fit) -> bool:
     """Return whether gimbals are set so loosely that it shows along the force, of second order."""
-    return _shows(_blocks(o).along, SettingError((max(SETTING) * o.view.noise.setting) ** 2))
+    return _shows(_blocks(o).along, SettingError((max(SETTING) * o.view.local_sigma) ** 2))
 
 
 def _shows(along: Array, short: SettingError) -> bool:
@@ -183,7 +183,7 @@ def _shows(along: Array, short: SettingError) -> bool:
 
 def dwell_noise(o: Fit, setting: float, walk: float) -> Mapping[str, Noise]:
     """`setting` times the stated repeatability, and a walk that reaches `walk` sigmas of a dwell mean at the end."""
-    repeatability = setting * o.view.noise.setting
+    repeatability = setting * o.view.local_sigma
     rows, end = len(o.residual) / len(np.unique(o.view.stimulus.visit)), float(_block_time(o)[-1])
     return {
         "specific_force": (WhiteNoise(1.0), RandomWalk(walk / float(np.sqrt(rows * end)))),

@@ -15,6 +15,7 @@ unit: the residual would then resemble further causes. The rows are linearised a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,9 +24,10 @@ from gimbalcal.diagnose.evidence.stated_noise import curved, scale_to_scatter
 from gimbalcal.diagnose.search.fitted_causes import calibration_fit, fit_causes, fitted_effects
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.search.stepwise import SearchResult, stepwise
-from gimbalcal.effects import Stage, values, with_values
+from gimbalcal.effects import Effect, Stage, values, with_values
 from gimbalcal.errors import InputError
-from gimbalcal.number import Array
+from gimbalcal.forward import Rows
+from gimbalcal.number import Array, apply_matrix
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit, absent_effect
 from gimbalcal.views.known_attitude import given_back, linearised, linearised_at, read_gimbals
@@ -38,21 +40,20 @@ def about_settings(o: Fit) -> Fit:
     """Return the rows about the angles of each visit; unchanged where a setting is too small to curve anything."""
     if o.view.kind.stabilised or not read_gimbals(o.view) or not curved(o):
         return o
-    visit = np.unique(o.view.stimulus.visit, return_inverse=True)[1]
     for _ in range(ROUNDS):
-        x, delta, remaining = _settings(o, visit)
-        o = _at(o, x, delta[visit], remaining)
+        o = _at(o, *_settings(o))
     return o
 
 
-def _settings(o: Fit, visit: Array) -> tuple[Array, Array, float]:
+def _settings(o: Fit) -> tuple[Array, Array, float]:
     """Return corrections of the constants (q,) in prior sigmas and of the readouts (v, k) [rad] of each visit.
 
     The third value is the share of the variance by settings that remains in the rows.
     """
-    sigma, k, C, blocks = o.view.noise.setting, read_gimbals(o.view), o.residual.shape[1], len(o.view.noise.starts)
-    v = int(visit.max()) + 1
-    mine = visit[o.view.noise.starts][:, None] == np.arange(v)
+    k, C, blocks, local = read_gimbals(o.view), o.residual.shape[1], len(o.view.noise.starts), o.view.local
+    assert local is not None
+    sigma, v = local.sigma, len(local.zero)
+    mine = local.group[o.view.noise.starts][:, None] == np.arange(v)
     H = o.reduced(o.rows.sensitivity[Stage.ENCODER][:, :, k] * sigma).reshape(blocks, C, 1, len(k))
     E = (H * mine[:, None, :, None]).reshape(blocks * C, -1)
     A = np.concatenate([o.reduced(o.Z), E], axis=1)
@@ -64,13 +65,19 @@ def _settings(o: Fit, visit: Array) -> tuple[Array, Array, float]:
 
 
 def _at(o: Fit, x: Array, delta: Array, remaining: float) -> Fit:
-    """Return rows about corrected constants and readouts (delta (n, k) [rad]), its first order back in the residual."""
-    names, scale = o.view.stimulus.axis_names, np.array([p.sigma for p in o.parameters])
+    """Return rows about corrected constants and settings (delta (v, k) [rad]), its first order back in the residual."""
+    names, scale, local = o.view.stimulus.axis_names, np.array([p.sigma for p in o.parameters]), o.view.local
     effects = with_values(o.effects, o.parameters, values(o.effects, o.parameters) + x * scale, names)
-    shift = np.zeros_like(o.view.stimulus.readout)
-    shift[:, read_gimbals(o.view)] = delta
-    assert o.view.displaced is not None
-    there = replace(o.view.displaced(effects, shift), noise=replace(o.view.noise, setting_left=remaining))
+    assert local is not None
+    e = local.zero
+    e[:, read_gimbals(o.view)] = delta
+    back = apply_matrix(local.columns(local.evaluate(effects, e)), e[local.group])
+
+    def evaluate(effects: Sequence[Effect]) -> Rows:
+        rows = local.evaluate(effects, e)
+        return replace(rows, residual=rows.residual + back)
+
+    there = replace(o.view, evaluate=evaluate, noise=replace(o.view.noise, setting_left=remaining))
     return linearised(there, effects, o.parameters)
 
 

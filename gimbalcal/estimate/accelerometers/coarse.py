@@ -20,17 +20,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Readout, Residual
-from gimbalcal.effects import with_values
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.estimate.accelerometers.fit_summary import joined, outliers_in_words, provenance, rms, stage
-from gimbalcal.estimate.accelerometers.position_fit import PositionFit
-from gimbalcal.estimate.accelerometers.trusted_positions import Positions, trusted_positions
+from gimbalcal.estimate.accelerometers.position_fit import Positions
+from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Solution, information, solve
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
-from gimbalcal.views.local import VisitRows, Whitened
-from gimbalcal.views.positions import Noise, Problem, by_visit, position_parameters, visit_means, whiten
+from gimbalcal.views.core import View
+from gimbalcal.views.local import VisitRows, Whitened, eliminate
+from gimbalcal.views.positions import by_visit, force_of_visits, position_parameters
 
 OMITTED_TERM = "scale_nonlinearity"
 MIN_FACE_COSINE = np.cos(np.deg2rad(10.0))  # cosine of the vertical: a face, even if the zeros are off by degrees
@@ -45,60 +47,55 @@ def coarse(positions: Positions) -> Calibration:
     Where an axis lacks a face, all coefficients come from one least squares over all positions; what these do not
     determine is named in `unobservable`.
     """
+    view, absent = positions.view, positions.fit.absent
     kept = [name for name in BASELINE["multi-position"] if name != OMITTED_TERM]
-    wanted = position_parameters(positions.recording.platform, kept, positions.recording.grade)
-    p, noise = replace(positions.problem, parameters=wanted), positions.noise
-    settled = _settle(p, noise)
-    fit = _as_fit(p, noise, settled)
-    x, covariance, solution = settled.x, settled.covariance, settled.solution
-    estimate = with_values(p.effects, wanted, x, p.platform.axis_names)
-    lack = f"axis {', '.join(settled.faceless)} lacks a face: one least squares over all positions took its place"
-    notes = [lack] if settled.faceless else []
-    return Calibration(
-        method="coarse",
-        effects=estimate,
-        parameters=wanted,
-        covariance=covariance,
+    wanted = position_parameters(view.source.platform, kept, view.grade)
+    solution, setting, faceless = closed_form(view, absent, wanted)
+    effects = with_values(absent, wanted, solution.x, view.stimulus.axis_names)
+    fit = ViewsFit((view,), absent, effects, solution, (np.zeros(1),), 1, local=(setting,))
+    p = replace(positions, fit=fit)
+    lack = f"axis {', '.join(faceless)} lacks a face: one least squares over all positions took its place"
+    notes = [lack] if faceless else []
+    return fit.calibration(
+        "coarse",
+        Residual(solution.chi2, solution.dof, rms(p)),
+        outcome=joined(outliers_in_words(p.faults)),
+        provenance=replace(provenance(p), notes=tuple(notes)),
         unobservable=solution.unobservable,
-        residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
-        outcome=joined(outliers_in_words(positions.faults)),
-        provenance=replace(provenance(p, fit, positions.faults), notes=tuple(notes)),
-        readout=Readout(gimbals=p.platform.axis_names),
-        stages=(stage("coarse", p, fit, joined(["faces and tilted positions, nonlinearity ignored", *notes])),),
+        stages=(stage("coarse", p, joined(["faces and tilted positions, nonlinearity ignored", *notes])),),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Settled:
-    """The converged result of both steps: x (p,), its covariance, the last linearisation and the last solution."""
-
-    x: Array
-    covariance: Array
-    linear: VisitRows
-    solution: Solution
-    faceless: str  # axes without both faces
-
-
-def _settle(p: Problem, noise: Noise) -> Settled:
+def closed_form(view: View, absent: Sequence[Effect], wanted: tuple[Parameter, ...]) -> tuple[Solution, Array, str]:
     """Faces, then tilted positions, until nothing moves; with the covariance of both steps.
 
-    Where an axis lacks a face, one least squares over all positions takes the place of both steps.
+    Where an axis lacks a face, one least squares over all positions takes the place of both steps. Returned are the
+    solution, whose chi^2 is that of all visits, nonlinearity in the misfit, the setting errors (m, k) and the axes
+    without both faces.
     """
-    x = np.zeros(len(p.parameters))
-    scale = np.array([q.sigma for q in p.parameters])
+    x = np.zeros(len(wanted))
+    scale = np.array([q.sigma for q in wanted])
     for _ in range(MAX_ITERATIONS):
-        linear = by_visit(p, x, np.zeros((p.visits, p.turns)))
+        linear = by_visit(view, absent, wanted, x)
         before, x = x, x.copy()
-        axes, faces, faceless = _faces(p, linear, before)
+        axes, faces, faceless = _faces(view, wanted, linear, before)
         for i, axis in enumerate(axes):
-            x[_at(p, "scale_factor", i)], x[_at(p, "bias", i)] = axis.values
-        columns = _tilt_columns(p) if axes else np.arange(len(x))
+            x[_at(wanted, "scale_factor", i)], x[_at(wanted, "bias", i)] = axis.values
+        columns = _tilt_columns(wanted) if axes else np.arange(len(x))
         rows = ~faces if axes and not faces.all() else np.ones_like(faces)
-        solution = _least_squares(p, whiten(linear, noise), x, columns, rows)
+        w = eliminate(linear, 1.0, view.local_sigma**2)
+        solution = _least_squares(wanted, w, x, columns, rows)
         x[columns] = solution.x
         if np.all(np.abs(x - before) < 1e-7 * scale):  # 1e-5 arcsec, 5e-5 ug
             break
-    return Settled(x, _covariance(p, linear, noise, axes, columns, rows), linear, solution, faceless)
+    K = position_parameters(view.source.platform, [OMITTED_TERM], view.grade)
+    bend = by_visit(view, absent, K, np.zeros(3)).J * np.array([q.sigma for q in K])
+    count = int(np.isfinite(w.sigma).sum())
+    every = replace(
+        solution, parameters=wanted, x=x, covariance=_covariance(wanted, linear, w, axes, columns, rows, bend),
+        chi2=float(((w.r - w.J @ x) ** 2).sum()), dof=count - len(wanted) + len(solution.unobservable),
+    )  # fmt: skip
+    return every, apply_matrix(w.gain, linear.r - linear.J @ x), faceless
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,16 +106,16 @@ class AxisFit:
     derivative: Array
 
 
-def _faces(p: Problem, linear: VisitRows, x: Array) -> tuple[list[AxisFit], Array, str]:
+def _faces(view: View, wanted: Sequence[Parameter], linear: VisitRows, x: Array) -> tuple[list[AxisFit], Array, str]:
     """Step 1: a line through the two clusters of faces, which is the closed form; which visits are faces (m,).
 
     No axis is fitted, and those that lack a face are named, unless each has both.
     """
-    measured = visit_means(p, p.force)
+    measured = force_of_visits(view)
     h = measured - (linear.r - linear.J @ x)
-    scale, bias = (np.array([x[_at(p, name, i)] for i in range(3)]) for name in ("scale_factor", "bias"))
+    scale, bias = (np.array([x[_at(wanted, name, i)] for i in range(3)]) for name in ("scale_factor", "bias"))
     u = (1 + scale) * (h - bias)
-    vertical = np.abs(u) > MIN_FACE_COSINE * p.stimulus.gravity
+    vertical = np.abs(u) > MIN_FACE_COSINE * view.stimulus.gravity
     both = np.any(vertical & (u > 0), axis=0) & np.any(vertical & (u < 0), axis=0)
     out = []
     for i in range(3) if both.all() else ():
@@ -130,23 +127,26 @@ def _faces(p: Problem, linear: VisitRows, x: Array) -> tuple[list[AxisFit], Arra
     return out, vertical.any(axis=1), "".join(np.array(["x", "y", "z"])[~both])
 
 
-def _least_squares(p: Problem, w: Whitened, x: Array, columns: Array, rows: Array) -> Solution:
+def _least_squares(wanted: Sequence[Parameter], w: Whitened, x: Array, columns: Array, rows: Array) -> Solution:
     """Step 2: some parameters from some visits, the others held at x."""
     others = np.setdiff1d(np.arange(len(x)), columns)
     r = w.r[rows] - w.J[rows][..., others] @ x[others]
-    return solve(information(w.J[rows][..., columns], r, [p.parameters[i] for i in columns]))
+    return solve(information(w.J[rows][..., columns], r, [wanted[i] for i in columns]))
 
 
 def _covariance(
-    p: Problem, linear: VisitRows, noise: Noise, axes: Sequence[AxisFit], columns: Array, rows: Array
-) -> Array:
-    """Both steps are linear in the readings, x = A y: noise and setting errors through A, and the neglected K."""
-    m, P = p.visits, len(p.parameters)
+    wanted: Sequence[Parameter], linear: VisitRows, w: Whitened, axes: Sequence[AxisFit], columns: Array, rows: Array,
+    bend: Array,
+) -> Array:  # fmt: skip
+    """Both steps are linear in the readings, x = A y: noise and setting errors through A, and the neglected K.
+
+    bend (m, 3, 3): what one sigma of K does to the readings.
+    """
+    m, P = len(w.W), len(wanted)
     A = np.zeros((P, m, 3))
     for i, axis in enumerate(axes):
-        A[[_at(p, "scale_factor", i), _at(p, "bias", i)], :, i] = axis.derivative
-    w = whiten(linear, noise)
-    scale = np.array([p.parameters[i].sigma for i in columns])
+        A[[_at(wanted, "scale_factor", i), _at(wanted, "bias", i)], :, i] = axis.derivative
+    scale = np.array([wanted[i].sigma for i in columns])
     U, S, Vt = np.linalg.svd((w.J[rows][..., columns] * scale).reshape(-1, scale.size), full_matrices=False)
     keep = S >= MIN_SIGNAL_TO_NOISE
     B = np.zeros((scale.size, m, 3))
@@ -154,33 +154,18 @@ def _covariance(
     B[:, rows] = np.einsum("qvi,vij->qvj", gain, w.W[rows])
     A[columns] = B - np.einsum("qmi,mip,pnj->qnj", B, linear.J, A)
     spread = np.einsum("pmi,mij->pmj", A, np.linalg.inv(w.W)).reshape(P, -1)
-    K = replace(p, parameters=position_parameters(p.platform, [OMITTED_TERM], p.grade))
-    J_K = by_visit(K, np.zeros(3), np.zeros((m, p.turns))).J * np.array([q.sigma for q in K.parameters])
-    bent = np.einsum("qmi,mik->qk", A, J_K)
+    bent = np.einsum("qmi,mik->qk", A, bend)
     unobservable = np.zeros((P, P))
     unobservable[np.ix_(columns, columns)] = (scale[:, None] * Vt[~keep].T) @ (Vt[~keep] * scale)
     return np.asarray(spread @ spread.T + bent @ bent.T + unobservable)
 
 
-def _at(p: Problem, effect: str, index: int) -> int:
-    return next(i for i, q in enumerate(p.parameters) if q.effect == effect and q.index == index)
+def _at(wanted: Sequence[Parameter], effect: str, index: int) -> int:
+    return next(i for i, q in enumerate(wanted) if q.effect == effect and q.index == index)
 
 
-def _tilt_columns(p: Problem) -> Array:
-    return np.array([i for i, q in enumerate(p.parameters) if q.effect in ("misalignment", "gimbal_zero")])
-
-
-def _as_fit(p: Problem, noise: Noise, settled: Settled) -> PositionFit:
-    """Return the result as it is reported: its chi^2 is that of all visits, with the nonlinearity in the misfit."""
-    w = whiten(settled.linear, noise)
-    residual = w.r - w.J @ settled.x
-    count = int(np.isfinite(w.sigma).sum())
-    solution = replace(
-        settled.solution, parameters=p.parameters, x=settled.x, covariance=settled.covariance,
-        chi2=float((residual**2).sum()), dof=count - len(p.parameters) + len(settled.solution.unobservable),
-    )  # fmt: skip
-    setting = apply_matrix(w.gain, settled.linear.r - settled.linear.J @ settled.x)
-    return PositionFit(solution, setting, settled.linear, noise, 1)
+def _tilt_columns(wanted: Sequence[Parameter]) -> Array:
+    return np.array([i for i, q in enumerate(wanted) if q.effect in ("misalignment", "gimbal_zero")])
 
 
 @dataclass(frozen=True)

@@ -19,16 +19,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration, Readout, Residual, StageResult
+from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import Parameter, values, with_values
 from gimbalcal.effects.accelerometer import leaning
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words, outliers_in_words, provenance
-from gimbalcal.estimate.accelerometers.trusted_positions import Positions
+from gimbalcal.estimate.accelerometers.position_fit import Positions
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, Unobservable, information, solve
 from gimbalcal.number import Array
-from gimbalcal.views.positions import Problem, position_parameters, visit_means
+from gimbalcal.views.core import View
+from gimbalcal.views.positions import force_of_visits, position_parameters
 
 FORCE_TERMS = [name for name in BASELINE["multi-position"] if name != "gimbal_zero"]
 PAIRS = (("yz", "xz"), ("xy", "zy"), ("zx", "yx"))  # first less second: the differences that Eq. (17) holds
@@ -45,37 +46,39 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
     `coarse` is where the iteration begins and supplies what the norm cannot see: sums of misalignments and gimbal
     zeros, with their covariance. Without it these stay at zero with their prior sigma.
     """
-    p, noise = positions.problem, positions.noise
-    wanted = position_parameters(p.platform, FORCE_TERMS, p.grade)
+    view, sample = positions.view, positions.noise.accelerometer
+    platform, visits, weight = view.source.platform, len(positions.setting), view.source.weight
+    wanted = position_parameters(platform, FORCE_TERMS, view.grade)
     start = coarse.effects if coarse else ()
-    x, info = _iterate(p, wanted, values(start, wanted), noise.accelerometer)
+    x, info = _iterate(view, wanted, values(start, wanted), sample)
     solution = solve(info)
-    every = position_parameters(p.platform, grade=p.grade)
+    every = position_parameters(platform, grade=view.grade)
     labels = [q.label for q in every]
     first = values(start, every)
     first[[labels.index(q.label) for q in wanted]] = x
     covariance = _combine(info, solution, coarse, every)
-    residual_rms = np.sqrt(solution.chi2 / p.visits) * noise.accelerometer / np.sqrt(np.mean(p.weight))
+    residual_rms = np.sqrt(solution.chi2 / visits) * sample / np.sqrt(np.mean(weight))
     misfit = misfit_in_words(solution.chi2, solution.dof)
     return Calibration(
         method="fine",
-        effects=with_values(start, every, first, p.platform.axis_names),
+        effects=with_values(start, every, first, platform.axis_names),
         parameters=every,
         covariance=covariance,
         unobservable=_unobservable(solution, coarse),
         residual=Residual(solution.chi2, solution.dof, {NORM: float(residual_rms)}),
         outcome=joined([*outliers_in_words(positions.faults), *misfit]),
-        provenance=provenance(p, positions.fit, positions.faults),
-        readout=Readout(gimbals=p.platform.axis_names),
+        provenance=provenance(positions),
+        readout=view.readout,
         stages=(_stage(solution, x, float(residual_rms)),),
     )
 
 
-def _iterate(p: Problem, wanted: tuple[Parameter, ...], x: Array, sigma: float) -> tuple[Array, Information]:
+def _iterate(view: View, wanted: tuple[Parameter, ...], x: Array, sigma: float) -> tuple[Array, Information]:
     """Gauss-Newton on Eq. (16); directions that the norm does not see stay where they are."""
-    measured, weight = visit_means(p, p.force), np.bincount(p.visit, p.weight)
+    assert view.local is not None
+    measured, weight = force_of_visits(view), np.bincount(view.local.group, view.source.weight)
     for _ in range(MAX_ITERATIONS):
-        info = norm_rows(measured, weight, x, wanted, p.stimulus.gravity, sigma)
+        info = norm_rows(measured, weight, x, wanted, view.stimulus.gravity, sigma)
         solution = solve(info)
         x = x + solution.x
         if np.all(np.abs(solution.x) < 1e-6 * solution.sigma):

@@ -8,46 +8,43 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import AssumedNoise, Provenance, StageResult
-from gimbalcal.effects import with_values
-from gimbalcal.estimate.accelerometers.position_fit import RESIDUAL, PositionFit, deviance, fit_with_noise
-from gimbalcal.estimate.accelerometers.position_outliers import Fault, acceptable
+from gimbalcal.estimate.accelerometers.position_fit import RESIDUAL, Fault, Positions, deviance, fit_with_noise
+from gimbalcal.estimate.accelerometers.position_outliers import acceptable
 from gimbalcal.estimate.fit import information_of
-from gimbalcal.inference.information import Solution, Unobservable, solve
+from gimbalcal.inference.information import Unobservable, solve
 from gimbalcal.inference.p_value import probability
-from gimbalcal.number import Array, apply_matrix
+from gimbalcal.number import apply_matrix
 from gimbalcal.recording.record import FOLLOWED, FORCE
 from gimbalcal.schedule import SCHEDULES, Schedule
 from gimbalcal.units import from_si
-from gimbalcal.views.positions import Noise, Problem, model, planned, problem, view_of_positions
+from gimbalcal.views.positions import Noise, planned, view_of_positions
 
 NOTABLE_SIGMA_RATIO = 1.5  # every sigma that grew by more than this is reported; else the one that grew most
 SAME_DIRECTION_RAD = np.deg2rad(10.0)  # angle between two forces within which they count as one position of a schedule
 
 
-def rms(p: Problem, fit: PositionFit) -> Mapping[str, float]:
+def rms(p: Positions) -> Mapping[str, float]:
     """Root mean square [m/s^2] by channel of what is left when setting errors are taken out."""
-    residual = p.force - model(p, fit.solution.x, fit.setting)
-    mean_square = np.average(residual**2, axis=0, weights=p.weight)
+    mean_square = np.average(p.fit.residual[0] ** 2, axis=0, weights=p.view.source.weight)
     return {f"{FORCE}:{axis}": float(np.sqrt(v)) for axis, v in zip("xyz", mean_square, strict=True)}
 
 
-def stage(name: str, p: Problem, fit: PositionFit, in_words: str) -> StageResult:
+def stage(name: str, p: Positions, in_words: str) -> StageResult:
     """The fit as a stage of the calibration: estimate, sigma, and rms of the misfit with setting errors left in."""
-    residual = p.force - model(p, fit.solution.x, np.zeros_like(fit.setting))
-    labels = tuple(q.label for q in p.parameters)
-    return StageResult(name, labels, fit.solution.x, fit.solution.sigma, float(np.sqrt(np.mean(residual**2))), in_words)
+    residual = p.view.evaluate(p.fit.effects).residual
+    return p.fit.stage(name, in_words, float(np.sqrt(np.mean(residual**2))))
 
 
-def outcome(fit: PositionFit, faults: Sequence[Fault], larger: str = "") -> str:
+def outcome(p: Positions, larger: str = "") -> str:
     """Return why this calibration should not be used as it is; empty where nothing speaks against it.
 
     larger: which larger noise would explain the misfit, as `larger_noise` says it.
     """
-    sentences = outliers_in_words(faults)
-    if not fit.steps:
+    sentences = outliers_in_words(p.faults)
+    if not p.fit.steps:
         sentences.append("the fit did not converge, so its numbers mean nothing: check signs, axes and units")
     else:
-        sentences += misfit_in_words(fit.solution.chi2, fit.solution.dof, larger)
+        sentences += misfit_in_words(p.fit.solution.chi2, p.fit.solution.dof, larger)
     return joined(sentences)
 
 
@@ -75,33 +72,33 @@ def excess_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
     return [", ".join(filter(None, [words, larger]))]
 
 
-def larger_noise_in_words(p: Problem, fit: PositionFit) -> str:
+def larger_noise_in_words(p: Positions) -> str:
     """Words "explained only if ..." for a misfit that one larger noise, at its most likely size, explains; else empty.
 
     The setting repeatability is tried, and outputs that wander from one visit to the next.
     """
-    s = fit.solution
+    fit, s = p.fit, p.fit.solution
     if not fit.steps or acceptable(s.chi2, s.dof):
         return ""
     causes = []
     opened = {
-        "setting": replace(fit.noise, setting_from=RESIDUAL),
-        "accelerometer": replace(fit.noise, accelerometer_from=RESIDUAL),
+        "setting": replace(p.noise, setting_from=RESIDUAL),
+        "accelerometer": replace(p.noise, accelerometer_from=RESIDUAL),
     }
     for name, noise in opened.items():
-        stated = getattr(fit.noise, name)
-        if getattr(fit.noise, f"{name}_from") == RESIDUAL or not 0 < stated < np.inf:
+        stated = getattr(p.noise, name)
+        if getattr(p.noise, f"{name}_from") == RESIDUAL or not 0 < stated < np.inf:
             continue
-        free = fit_with_noise(p, noise, s.x)
+        free = fit_with_noise(p.view, noise, fit.parameters, fit.absent, s.x)
         times = getattr(free.noise, name) / stated
-        if free.steps and times > 1 and acceptable(free.solution.chi2, free.solution.dof):
-            causes.append((deviance(free.linear, free.noise, p.parameters), name, times))
+        if free.fit.steps and times > 1 and acceptable(free.fit.solution.chi2, free.fit.solution.dof):
+            causes.append((deviance(free, free.noise), name, times))
     if not causes:
         return ""
     _, name, times = min(causes)
     if name == "setting":
         return f"explained only if the setting repeatability is {times:.2g} times the stated"
-    mean = fit.noise.accelerometer / np.sqrt(float(np.median(p.weight)))
+    mean = p.noise.accelerometer / np.sqrt(float(np.median(p.view.source.weight)))
     wander = from_si(float(np.sqrt(times**2 - 1) * mean), "ug")
     return f"explained only if the outputs wander by {wander:.2g} ug from one position to the next"
 
@@ -111,19 +108,19 @@ def joined(sentences: Sequence[str]) -> str:
     return ". ".join(s[0].upper() + s[1:].rstrip(".") for s in sentences if s)
 
 
-def provenance(p: Problem, fit: PositionFit, faults: Sequence[Fault]) -> Provenance:
+def provenance(p: Positions) -> Provenance:
     """Return the provenance: files, noise and its source, visits left out, setting errors, positions missing."""
-    recording = p.readings.recording
+    recording = p.view.source
     names = recording.platform.axis_names
     return Provenance(
         recordings=recording.source,
-        noise=assumed_noise(fit.noise),
+        noise=assumed_noise(p.noise),
         setting_errors_arcsec=tuple(
             {"position": int(position), **dict(zip(names, np.round(e, 4).tolist(), strict=True))}
-            for position, e in zip(p.positions, from_si(fit.setting, "arcsec"), strict=True)
+            for position, e in zip(p.numbers, from_si(p.setting, "arcsec"), strict=True)
         ),
-        left_out=tuple(tuple(f.positions) for f in faults),
-        lost=lost(p, fit.noise, fit.solution) or None,
+        left_out=tuple(tuple(f.positions) for f in p.faults),
+        lost=lost(p) or None,
         remarks=recording.remarks,
     )
 
@@ -151,24 +148,24 @@ def rotations_of_the_triad() -> list[Unobservable]:
     ]
 
 
-def lost(p: Problem, noise: Noise, solution: Solution) -> str:
+def lost(p: Positions) -> str:
     """Return in a sentence what skipped positions of a published schedule would have added."""
+    recording, fit, solution = p.view.source, p.fit, p.fit.solution
     schedule = next((s for s in SCHEDULES.values() if _follows(p, s)), None)
-    missing = sorted(set(range(1, len(schedule.holds) + 1)) - {int(q) for q in p.positions}) if schedule else []
+    missing = sorted(set(range(1, len(schedule.holds) + 1)) - {int(q) for q in p.numbers}) if schedule else []
     if schedule is None or not missing:
         return ""
-    extra = planned(schedule, float(np.median(p.weight))).select(np.array(missing) - 1)
+    extra = planned(schedule, float(np.median(recording.weight))).select(np.array(missing) - 1)
     logged = {
-        key: np.full(len(missing), x.mean()) for key, x in p.readings.recording.channels.items()
+        key: np.full(len(missing), x.mean()) for key, x in recording.channels.items()
         if key[0] in FOLLOWED
     }  # fmt: skip
     extra = replace(extra, channels={**extra.channels, **logged})  # of effects that follow them
-    views = [view_of_positions(q, noise) for q in (p, problem(extra, p.parameters, p.effects))]
-    effects = with_values(p.effects, p.parameters, solution.x, p.platform.axis_names)
-    full = solve(information_of(views, effects, p.parameters))
+    views = [p.view, view_of_positions(extra, p.noise, sorted(p.view.acting or ()))]
+    full = solve(information_of(views, fit.effects, fit.parameters))
     grown = solution.sigma / full.sigma
     worst = [i for i in np.argsort(-grown) if grown[i] > NOTABLE_SIGMA_RATIO] or [int(np.argmax(grown))]
-    cost = ", ".join(f"{p.parameters[i].label} by {grown[i]:.2g}" for i in worst)
+    cost = ", ".join(f"{fit.parameters[i].label} by {grown[i]:.2g}" for i in worst)
     names = ", ".join(map(str, missing))
     plural = "s" if len(missing) > 1 else ""
     words = f"position{plural} {names} of schedule {schedule.name} missing: sigma grows most for "
@@ -176,15 +173,12 @@ def lost(p: Problem, noise: Noise, solution: Solution) -> str:
     return words + cost + (f"; {more} further direction{'s' if more > 1 else ''} not seen at all" if more > 0 else "")
 
 
-def _follows(p: Problem, schedule: Schedule) -> bool:
+def _follows(p: Positions, schedule: Schedule) -> bool:
     """Return whether positions of the recording are those of the schedule under the same numbers."""
-    if schedule.platform != p.platform or p.positions.min() < 1 or p.positions.max() > len(schedule.holds):
+    platform, numbers, local = p.view.source.platform, p.numbers, p.view.local
+    assert local is not None
+    if schedule.platform != platform or numbers.min() < 1 or numbers.max() > len(schedule.holds):
         return False
-    mine = -apply_matrix(p.platform.attitude(_readouts(p)), np.array([0.0, 0.0, 1.0]))
-    theirs = -schedule.gravity_directions()[p.positions - 1]
+    mine = -apply_matrix(platform.attitude(p.view.stimulus.readout[local.first]), np.array([0.0, 0.0, 1.0]))
+    theirs = -schedule.gravity_directions()[numbers - 1]
     return bool(np.all((mine * theirs).sum(axis=-1) > np.cos(SAME_DIRECTION_RAD)))
-
-
-def _readouts(p: Problem) -> Array:
-    first = np.flatnonzero(np.diff(p.visit, prepend=-1))
-    return np.asarray(p.stimulus.readout[first])

@@ -11,14 +11,14 @@ Cramer-Rao bound of all that the positions show, with poor ones it passes over i
 
 from __future__ import annotations
 
-from gimbalcal.calibration import Calibration, Readout, Residual
-from gimbalcal.effects import with_values
+from dataclasses import replace
+
+from gimbalcal.calibration import Calibration, Residual
+from gimbalcal.effects import values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.accelerometers.fit_summary import larger_noise_in_words, outcome, provenance, rms, stage
-from gimbalcal.estimate.accelerometers.position_fit import PositionFit, gauss_newton
-from gimbalcal.estimate.accelerometers.trusted_positions import Positions
+from gimbalcal.estimate.accelerometers.position_fit import Positions, fit_in_noise
 from gimbalcal.units import from_si
-from gimbalcal.views.positions import Problem, starting_values
 
 
 def joint(positions: Positions, start: Calibration | None = None, judged: bool = True) -> Calibration:
@@ -28,31 +28,27 @@ def joint(positions: Positions, start: Calibration | None = None, judged: bool =
     Positions that do not belong where the readouts say are named in `outcome`, and if it is to be `judged` which larger
     noise would explain a misfit: that takes as long as the fit.
     """
-    p = positions.problem
-    first = starting_values(p, start.effects) if start else positions.fit.solution.x
-    fit = gauss_newton(p, positions.noise, first)
-    estimate = with_values(p.effects, p.parameters, fit.solution.x, p.platform.axis_names)
-    origin = provenance(p, fit, positions.faults)
-    words = "; ".join(filter(None, [in_words(p, fit), origin.lost]))
-    return Calibration(
-        method="joint",
-        effects=estimate,
-        parameters=p.parameters,
-        covariance=fit.solution.covariance,
-        unobservable=fit.solution.unobservable,
-        residual=Residual(fit.solution.chi2, fit.solution.dof, rms(p, fit)),
-        outcome=outcome(fit, positions.faults, larger_noise_in_words(p, fit) if judged else ""),
+    before = positions.fit
+    first = values(start.effects, before.parameters) if start else before.x
+    p = fit_in_noise(positions.view, positions.noise, before.parameters, before.absent, first)
+    p = replace(p, faults=positions.faults)
+    origin = provenance(p)
+    words = "; ".join(filter(None, [in_words(p), origin.lost]))
+    return p.fit.calibration(
+        "joint",
+        Residual(p.fit.solution.chi2, p.fit.solution.dof, rms(p)),
+        outcome=outcome(p, larger_noise_in_words(p) if judged else ""),
         provenance=origin,
-        stages=(stage("joint", p, fit, words),),
-        readout=Readout(gimbals=p.platform.axis_names),
+        unobservable=p.fit.solution.unobservable,
+        stages=(stage("joint", p, words),),
     )
 
 
-def in_words(p: Problem, fit: PositionFit) -> str:
+def in_words(p: Positions) -> str:
     """Describe the fit in one sentence."""
-    setting = from_si(fit.noise.setting, "arcsec")
+    setting = from_si(p.noise.setting, "arcsec")
     return (
-        f"{len(p.parameters)} coefficients from the force at {p.visits} visits, with their setting errors of "
-        f"{setting:.3g} arcsec (from the {fit.noise.setting_from}); "
-        f"{amount(len(fit.solution.unobservable), 'direction')} not seen"
+        f"{len(p.fit.parameters)} coefficients from the force at {len(p.setting)} visits, with their setting errors of "
+        f"{setting:.3g} arcsec (from the {p.noise.setting_from}); "
+        f"{amount(len(p.fit.solution.unobservable), 'direction')} not seen"
     )

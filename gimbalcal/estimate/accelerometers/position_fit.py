@@ -11,35 +11,68 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects import Parameter
-from gimbalcal.estimate.fit import MAX_PRIOR_SIGMAS, fit
-from gimbalcal.inference.information import Solution, prior
+from gimbalcal.effects import Effect, Parameter
+from gimbalcal.estimate.fit import MAX_PRIOR_SIGMAS, ViewsFit, fit
+from gimbalcal.inference.information import prior
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.noise_levels import header_noise, sample_sigma
 from gimbalcal.recording.record import FORCE
-from gimbalcal.views.local import VisitRows
-from gimbalcal.views.positions import Noise, Problem, by_visit, view_of_positions, whiten
+from gimbalcal.views.core import View
+from gimbalcal.views.local import VisitRows, eliminate
+from gimbalcal.views.positions import Noise, by_visit, in_noise, numbers_of_visits
 
 FIRST_SETTING_RAD = np.deg2rad(1 / 3600)  # rad, start of the search: what a good gimbal repeats to
 FIRST_SAMPLE_SIGMA = 1e-5 * G0  # m/s^2, start of the search
 HEADER, SAMPLES, RESIDUAL, ATTITUDE = "header", "samples", "residual", "attitude unknown"
 
 
-@dataclass(frozen=True, eq=False)
-class PositionFit:
-    """A converged fit: its solution, the setting errors (m, k) [rad] and the last linearisation."""
+@dataclass(frozen=True)
+class Fault:
+    """Visits that do not belong where they are said to be: one mis-set, or two interchanged."""
 
-    solution: Solution
-    setting: Array
-    linear: VisitRows
+    visits: tuple[int, ...]
+    positions: tuple[int, ...]
+    in_words: str
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """The fit of the force vector at visits that can be trusted, its noise, and the faults of the other visits.
+
+    noise: of a sample and of a gimbal setting, as stated or as samples or the residual of the fit show.
+    """
+
+    fit: ViewsFit
     noise: Noise
-    steps: int  # 0 where it did not converge
+    faults: tuple[Fault, ...] = ()
+
+    @property
+    def view(self) -> View:
+        """Return the view of the positions."""
+        return self.fit.views[0]
+
+    @property
+    def setting(self) -> Array:
+        """Return the setting errors (m, k) [rad] of the visits."""
+        return self.fit.local[0]
+
+    @property
+    def numbers(self) -> Array:
+        """Return the number (m,) of the position of each visit."""
+        return numbers_of_visits(self.view)
+
+    @cached_property
+    def rows(self) -> VisitRows:
+        """Return the rows about the estimate, by visit; about the prior where the fit ran away and says nothing."""
+        x = self.fit.x if self.fit.steps else prior(self.fit.parameters)[0]
+        return by_visit(self.view, self.fit.absent, self.fit.parameters, x, self.setting)
 
 
 def noise_of_positions(recording: Recording) -> Noise:
@@ -65,43 +98,42 @@ def inside_dwells(recording: Recording) -> float:
     return float(np.sqrt(np.mean(shown**2)))
 
 
-def gauss_newton(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
-    """Fit parameters and setting errors; `steps` is 0 where the fit runs away."""
-    mean, scale = prior(p.parameters)
+def fit_in_noise(
+    view: View, noise: Noise, wanted: Sequence[Parameter], absent: Sequence[Effect] = (), start: Array | None = None
+) -> Positions:
+    """Fit parameters and setting errors from `start` (p,), unless that is beyond what a unit can be."""
+    mean, scale = prior(wanted)
     plausible = start is not None and np.all(np.abs(start - mean) <= MAX_PRIOR_SIGMAS * scale)
-    fitted = fit([view_of_positions(p, noise)], p.parameters, p.effects, start if plausible else mean)
-    linear = by_visit(p, fitted.x if fitted.steps else mean, fitted.local[0])  # where it ran away nothing can be read
-    return PositionFit(fitted.solution, fitted.local[0], linear, noise, fitted.steps)
+    return Positions(fit([in_noise(view, noise)], wanted, absent, start if plausible else mean), noise)
 
 
-def fit_with_noise(p: Problem, noise: Noise, start: Array | None = None) -> PositionFit:
+def fit_with_noise(
+    view: View, noise: Noise, wanted: Sequence[Parameter], absent: Sequence[Effect] = (), start: Array | None = None
+) -> Positions:
     """Fit, with what the noise does not state estimated from the residual (two rounds: the linearisation moves)."""
-    fit = gauss_newton(p, noise, start)
+    p = fit_in_noise(view, noise, wanted, absent, start)
     if RESIDUAL in (noise.accelerometer_from, noise.setting_from):
         for _ in range(2):
-            fit = gauss_newton(p, residual_noise(p, fit), fit.solution.x)
-            if not fit.steps:
+            p = fit_in_noise(view, residual_noise(p), wanted, absent, p.fit.x)
+            if not p.fit.steps:
                 break
-    return fit
+    return p
 
 
-def residual_noise(p: Problem, fit: PositionFit) -> Noise:
+def residual_noise(p: Positions) -> Noise:
     """The noise that makes the residual of a fit most likely, over what header and samples left open."""
     from scipy.optimize import minimize
 
-    opened = [
-        name
-        for name, source in (("accelerometer", fit.noise.accelerometer_from), ("setting", fit.noise.setting_from))
-        if source == RESIDUAL
-    ]
-    start = np.log([getattr(fit.noise, name) for name in opened])
+    sources = (("accelerometer", p.noise.accelerometer_from), ("setting", p.noise.setting_from))
+    opened = [name for name, source in sources if source == RESIDUAL]
+    start = np.log([getattr(p.noise, name) for name in opened])
 
     def cost(logs: Array) -> float:
-        return deviance(fit.linear, _with(fit.noise, opened, logs), p.parameters)
+        return deviance(p, _with(p.noise, opened, logs))
 
     # two starts: the likelihood has a second, flat mode where all is put down to the other noise
     minima = [minimize(cost, start + shift, method="Nelder-Mead", options={"xatol": 1e-3}) for shift in (0.0, 4.0)]
-    return _with(fit.noise, opened, min(minima, key=lambda result: float(result.fun)).x)
+    return _with(p.noise, opened, min(minima, key=lambda result: float(result.fun)).x)
 
 
 def _with(noise: Noise, names: list[str], logs: Array) -> Noise:
@@ -109,14 +141,13 @@ def _with(noise: Noise, names: list[str], logs: Array) -> Noise:
     return replace(noise, **dict(zip(names, np.exp(np.clip(logs, -28, 0)).tolist(), strict=True)))
 
 
-def deviance(linear: VisitRows, noise: Noise, parameters: Sequence[Parameter]) -> float:
-    """Return -2 ln of the restricted likelihood with the parameters under their prior, up to a constant."""
-    w = whiten(linear, noise)
-    mean, scale = prior(parameters)
-    J = np.concatenate([w.J.reshape(-1, scale.size), w.J_inside.reshape(-1, scale.size)])
-    r = np.concatenate([np.concatenate([w.r.ravel(), w.r_inside.ravel()]) - J @ mean, np.zeros(scale.size)])
-    rows = J * scale
-    R = np.linalg.qr(np.column_stack([np.concatenate([rows, np.eye(scale.size)]), r]), mode="r")
+def deviance(p: Positions, noise: Noise) -> float:
+    """Return -2 ln of the restricted likelihood of a noise, the parameters under their prior, up to a constant."""
+    w = eliminate(p.rows, (noise.accelerometer / p.noise.accelerometer) ** 2, noise.setting**2)
+    mean, scale = prior(p.fit.parameters)
+    J, r = w.rows
+    rows = np.concatenate([J * scale, np.eye(scale.size)])
+    R = np.linalg.qr(np.column_stack([rows, np.concatenate([r - J @ mean, np.zeros(scale.size)])]), mode="r")
     diagonal = np.abs(np.diag(R))
     sigma = w.sigma[np.isfinite(w.sigma)]
     inside = w.r_inside.size - (3 * len(w.r) if w.r_inside.size else 0)

@@ -16,17 +16,23 @@ is missing physics, and no position is blamed for it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
-from gimbalcal.estimate.accelerometers.position_fit import RESIDUAL, PositionFit, fit_with_noise
-from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
+from gimbalcal.effects import Effect, Parameter, values
+from gimbalcal.estimate.accelerometers.position_fit import RESIDUAL, Fault, Positions, fit_with_noise
+from gimbalcal.estimate.fit import ViewsFit
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Solution
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array, apply_matrix
+from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
-from gimbalcal.views.positions import Noise, Problem, by_visit, model, starting_values, visit_means, whiten
+from gimbalcal.views.core import View
+from gimbalcal.views.local import eliminate
+from gimbalcal.views.positions import Noise, by_visit, force_of_visits, in_noise, numbers_of_visits, without_visits
 
 SIGNIFICANCE = 1e-3  # probability, number of trials paid, below which chance is not believed
 MAX_REMAINING_EXCESS = 0.01  # share of the excess chi^2 that may remain where something else is wrong besides
@@ -35,53 +41,44 @@ GROSS_FORCE_ERROR = 0.1  # of the force: beyond the errors of any sensor on gimb
 MAX_SUSPECTS = 40  # visits among which interchanged ones are looked for, worst first: keeps long recordings quick
 
 
-@dataclass(frozen=True)
-class Fault:
-    """Visits that do not belong where they are said to be: one mis-set, or two interchanged."""
-
-    visits: tuple[int, ...]
-    positions: tuple[int, ...]
-    in_words: str
-
-
 def acceptable(chi2: float, dof: int) -> bool:
     """Return whether chance alone may leave a chi^2 as large as this."""
     return probability(chi2, dof) >= SIGNIFICANCE
 
 
 def fit_without_outliers(
-    p: Problem, noise: Noise, start: Array | None = None
-) -> tuple[Problem, PositionFit, tuple[Fault, ...]]:
-    """The visits that can be trusted, their fit, and the faults found in the others."""
-    whole = fit_with_noise(p, noise, start)
+    view: View, noise: Noise, wanted: Sequence[Parameter], absent: Sequence[Effect] = (), start: Array | None = None
+) -> Positions:
+    """The fit of the visits that can be trusted, and the faults found in the others."""
+    whole = fit_with_noise(view, noise, wanted, absent, start)
     scaled = noise.setting_from == RESIDUAL  # an estimated setting error hides a fault from the test of the whole
-    if acceptable(whole.solution.chi2, whole.solution.dof) and not scaled:
-        return p, whole, ()
-    groups = _suspects(p, noise, scaled)
+    if acceptable(whole.fit.solution.chi2, whole.fit.solution.dof) and not scaled:
+        return whole
+    groups = _suspects(in_noise(view, noise), wanted, absent, scaled)
     if not groups:
-        return p, whole, ()
-    rest = p.without([visit for group in groups for visit in group])
-    fit = fit_with_noise(rest, noise)
-    if not (scaled or _believed(whole, fit)):
-        return p, whole, ()
-    return rest, fit, tuple(_fault(p, fit, group) for group in groups)
+        return whole
+    rest = fit_with_noise(without_visits(view, [i for group in groups for i in group]), noise, wanted, absent)
+    if not (scaled or _believed(whole.fit.solution, rest.fit.solution)):
+        return whole
+    return replace(rest, faults=tuple(_fault(view, rest.fit, group) for group in groups))
 
 
-def _believed(whole: PositionFit, fit: PositionFit) -> bool:
-    before, after = (f.solution.chi2 - f.solution.dof for f in (whole, fit))
-    return acceptable(fit.solution.chi2, fit.solution.dof) or after < MAX_REMAINING_EXCESS * before
+def _believed(whole: Solution, rest: Solution) -> bool:
+    before, after = (s.chi2 - s.dof for s in (whole, rest))
+    return acceptable(rest.chi2, rest.dof) or after < MAX_REMAINING_EXCESS * before
 
 
-def _suspects(p: Problem, noise: Noise, scaled: bool) -> list[tuple[int, ...]]:
+def _suspects(view: View, wanted: Sequence[Parameter], absent: Sequence[Effect], scaled: bool) -> list[tuple[int, ...]]:
     """Greedy search on the problem linearised at nominal parameters, which no fault has pulled away."""
-    x = starting_values(p, p.effects)
-    linear = by_visit(p, x, np.zeros((p.visits, p.turns)))
-    w = whiten(linear, noise)
-    J = w.J * np.array([q.sigma for q in p.parameters])
-    measured = visit_means(p, p.force)
+    x, local = values(absent, wanted), view.local
+    assert local is not None
+    linear = by_visit(view, absent, wanted, x)
+    w = eliminate(linear, 1.0, local.sigma**2)
+    J = w.J * np.array([q.sigma for q in wanted])
+    measured = force_of_visits(view)
     off = np.linalg.norm(linear.r - linear.J @ x, axis=1) > GROSS_FORCE_ERROR * np.linalg.norm(measured, axis=1)
     free = w.reached | off[:, None]
-    active, groups = np.arange(p.visits), []
+    active, groups = np.arange(len(measured)), []
     for _ in range(MAX_FAULTS):
         worst = _worst(J[active], w.r[active], w.W[active], free[active], measured[active], scaled)
         if worst is None:
@@ -175,18 +172,22 @@ def _exchanged(r: Array, W: Array, measured: Array, pair: tuple[int, int]) -> Ar
     return rows
 
 
-def _fault(p: Problem, fit: PositionFit, visits: tuple[int, ...]) -> Fault:
-    names = tuple(int(p.positions[v]) for v in visits)
+def _fault(view: View, rest: ViewsFit, visits: tuple[int, ...]) -> Fault:
+    """Return the fault of visits of a view, in words, by what the fit of the others predicts."""
+    numbers = numbers_of_visits(view)
+    names = tuple(int(numbers[v]) for v in visits)
     if len(visits) == 2:
         words = f"positions {names[0]} and {names[1]} are interchanged: each reads what the angles of the other predict"
         return Fault(visits, names, words)
-    rows = p.visit == visits[0]
-    ideal = model(p, fit.solution.x, np.zeros((p.visits, p.turns)))[rows].mean(axis=0)
-    measured = p.force[rows].mean(axis=0)
+    assert view.local is not None
+    rows = view.local.group == visits[0]
+    force = view.source.triad(FORCE)[rows]
+    ideal = (force - view.evaluate(rest.effects).residual[rows]).mean(axis=0)
+    measured = force.mean(axis=0)
     cross = np.linalg.norm(np.cross(measured, ideal))
     angle = from_si(float(np.arctan2(cross, measured @ ideal)), "arcsec")
     size = from_si(float(np.linalg.norm(measured) - np.linalg.norm(ideal)), "ug")
     off = f"{angle:.3g} arcsec off the direction" if angle < 3600 else f"{angle / 3600:.3g} deg off the direction"
-    repeated = f" (visit {visits[0] + 1})" if np.sum(p.positions == names[0]) > 1 else ""
+    repeated = f" (visit {visits[0] + 1})" if np.sum(numbers == names[0]) > 1 else ""
     words = f"position {names[0]}{repeated} is mis-set: its force is {off} and {size:+.3g} ug off the size predicted"
     return Fault(visits, names, words)

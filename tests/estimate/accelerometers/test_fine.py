@@ -16,10 +16,10 @@ from gimbalcal.estimate.accelerometers.fine import (
     fine,
     norm_rows,
 )
-from gimbalcal.estimate.accelerometers.position_fit import gauss_newton
+from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
 from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.platform import SPACE_STABLE
-from gimbalcal.views.positions import Noise, position_parameters, problem
+from gimbalcal.views.positions import Noise, position_parameters, view_of_positions
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, measured
 
 WANTED = position_parameters(SPACE_STABLE, FORCE_TERMS)
@@ -69,7 +69,8 @@ def test_the_fixed_point_is_the_fit_of_the_norm() -> None:
     rng = np.random.default_rng(2)
     recording = measured(draw(rng), rng)
     c = fine(trusted_positions(recording))
-    engine = gauss_newton(problem(recording, WANTED), Noise(SAMPLE, np.inf))
+    free = Noise(SAMPLE, np.inf)
+    engine = fit_in_noise(view_of_positions(recording, free), free, WANTED).fit
     assert c.residual.dof == engine.solution.dof == 6
     # chi^2 by the squared norm and by the residual along the force differ by the scale factors, 1e-3
     assert c.residual.chi2 == pytest.approx(engine.solution.chi2, rel=5e-3)

@@ -16,7 +16,6 @@ from gimbalcal.inference.information import solve
 from gimbalcal.methods import calibrate
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
-from gimbalcal.views.positions import view_of_positions
 from tests.estimate.device import ARCSEC, PARAMETERS, draw, interchanged, measured, misread
 from tests.golden import golden_text, refused
 
@@ -96,8 +95,7 @@ def test_information_of_a_recording_solves_to_its_joint_fit() -> None:
     _, recording = recorded(8)
     c = joint(trusted_positions(recording))
     positions = trusted_positions(recording)
-    view = view_of_positions(positions.problem, positions.noise)
-    again = solve(information_of([view], c.effects, PARAMETERS, [positions.fit.setting]))
+    again = solve(information_of([positions.view], c.effects, PARAMETERS, [positions.setting]))
     # linearised at the estimate instead of one step before it: 1e-3 sigma is where the iteration stops
     np.testing.assert_allclose(again.x, c.values, atol=2e-3 * c.sigmas.min())
     assert again.dof == c.residual.dof

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.estimate.accelerometers.position_fit import HEADER, RESIDUAL, SAMPLES, fit_with_noise, noise_of_positions
-from gimbalcal.views.positions import problem
-from tests.estimate.device import ARCSEC, SAMPLE, STATED, draw, measured
+from gimbalcal.views.positions import view_of_positions
+from tests.estimate.device import ARCSEC, NOISE, PARAMETERS, SAMPLE, STATED, draw, measured
 
 
 def test_header_comes_first() -> None:
@@ -37,7 +37,8 @@ def test_setting_error_comes_from_the_residual(setting: float) -> None:
         rng = np.random.default_rng(seed)
         recording = measured(draw(rng), rng, setting * ARCSEC)
         stated = {"accelerometer": SAMPLE}
-        fit = fit_with_noise(problem(recording), noise_of_positions(replace(recording, noise=stated)))
+        noise = noise_of_positions(replace(recording, noise=stated))
+        fit = fit_with_noise(view_of_positions(recording, NOISE), noise, PARAMETERS)
         assert fit.noise.setting_from == RESIDUAL
         ratios.append(fit.noise.setting / ARCSEC / setting)
     # 36 angles and 4 runs, less 11 coefficients each: about 7 % at 1 arcsec; below that the samples' noise blurs it
@@ -49,7 +50,7 @@ def test_both_noises_are_told_apart_by_the_norm() -> None:
     for seed in range(4):
         rng = np.random.default_rng(seed)
         recording = replace(measured(draw(rng), rng, 10 * ARCSEC), noise={}, scatter={})
-        fit = fit_with_noise(problem(recording), noise_of_positions(recording))
+        fit = fit_with_noise(view_of_positions(recording, NOISE), noise_of_positions(recording), PARAMETERS)
         found.append((fit.noise.accelerometer / SAMPLE, fit.noise.setting / ARCSEC / 10))
     # the norm has 6 degrees of freedom a run, 24 together: 14 %; the angles have more
     np.testing.assert_allclose(np.sqrt(np.mean(np.square(found), axis=0)), 1, atol=0.4)

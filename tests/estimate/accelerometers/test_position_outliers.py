@@ -6,11 +6,22 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.estimate.accelerometers.position_fit import noise_of_positions
+from gimbalcal.estimate.accelerometers.position_fit import Positions, noise_of_positions
 from gimbalcal.estimate.accelerometers.position_outliers import acceptable, fit_without_outliers, probability
 from gimbalcal.recording import Recording
-from gimbalcal.views.positions import model, problem
-from tests.estimate.device import ARCSEC, SAMPLE, draw, effects, interchanged, measured, misread
+from gimbalcal.views.positions import view_of_positions
+from tests.estimate.device import (
+    ARCSEC,
+    NOISE,
+    PARAMETERS,
+    SAMPLE,
+    draw,
+    effects,
+    interchanged,
+    measured,
+    misread,
+    outputs,
+)
 from tests.golden import golden_text
 
 
@@ -20,8 +31,12 @@ def clean() -> Recording:
     return measured(draw(rng), rng)
 
 
+def trusted(recording: Recording) -> Positions:
+    return fit_without_outliers(view_of_positions(recording, NOISE), noise_of_positions(recording), PARAMETERS)
+
+
 def faults_of(recording: Recording) -> list[tuple[int, ...]]:
-    return [f.positions for f in fit_without_outliers(problem(recording), noise_of_positions(recording))[2]]
+    return [f.positions for f in trusted(recording).faults]
 
 
 def without_noise(recording: Recording) -> Recording:
@@ -51,7 +66,8 @@ def test_two_pairs_are_found(clean: Recording) -> None:
 @pytest.mark.parametrize("angle", [20 * ARCSEC, 1e-3, 0.1, np.pi / 4 + 0.01])
 def test_a_mis_set_position_is_named_with_its_angle(clean: Recording, angle: float) -> None:
     recording = misread(clean, 6, "inner", angle)
-    _, fit, (fault,) = fit_without_outliers(problem(recording), noise_of_positions(recording))
+    p = trusted(recording)
+    fit, (fault,) = p.fit, p.faults
     assert fault.positions == (7,)
     golden_text(fault.in_words)
     said, unit = fault.in_words.split("its force is ")[1].split()[:2]
@@ -89,10 +105,10 @@ def test_two_positions_far_off_are_two_faults(clean: Recording) -> None:
 
 def test_what_is_left_is_the_calibration_without_that_position(clean: Recording) -> None:
     spoiled = misread(clean, 6, "inner", 1e-3)
-    rest, fit, _ = fit_without_outliers(problem(spoiled), noise_of_positions(spoiled))
+    rest = trusted(spoiled)
     fair = clean.select(np.arange(18) != 6)
-    _, expected, _ = fit_without_outliers(problem(fair), noise_of_positions(fair))
-    assert rest.positions.tolist() == fair.position.tolist()
+    fit, expected = rest.fit, trusted(fair).fit
+    assert rest.numbers.tolist() == fair.position.tolist()
     np.testing.assert_allclose(fit.solution.x, expected.solution.x, atol=1e-6 * expected.solution.sigma.min())
 
 
@@ -102,15 +118,14 @@ def test_missing_physics_is_no_fault_of_a_position(clean: Recording, effect: str
     field = next(f for f in kind.__dataclass_fields__.values() if "sigma" in f.metadata)
     size = np.zeros(len(field.metadata["axes"]))
     size[0] = 3e-4 if effect in ("scale_factor_asymmetry", "base_tilt") else 3e-6
-    p = problem(clean)
-    truth = draw(np.random.default_rng(11))
-    with_it = replace(p, effects=(*effects(truth), kind(**{field.name: size})))
-    more = model(with_it, truth, np.zeros((18, 4))) - model(p, truth, np.zeros((18, 4)))
+    view, truth = view_of_positions(clean, NOISE), effects(draw(np.random.default_rng(11)))
+    more = outputs(view, (*truth, kind(**{field.name: size}))) - outputs(view, truth)
     bent = {**clean.channels, **{("specific_force", a): clean.channels["specific_force", a] + more[:, i]
                                  for i, a in enumerate("xyz")}}  # fmt: skip
     recording = replace(clean, channels=bent)
-    _, fit, faults = fit_without_outliers(problem(recording), noise_of_positions(recording))
-    assert faults == ()
+    p = trusted(recording)
+    fit = p.fit
+    assert p.faults == ()
     assert not acceptable(fit.solution.chi2, fit.solution.dof)
 
 
@@ -127,7 +142,7 @@ def test_a_repeated_position_is_named_with_its_visit(clean: Recording) -> None:
     )
     assert faults_of(both) == []
     recording = misread(both, 25, "middle", 60 * ARCSEC)
-    _, _, (fault,) = fit_without_outliers(problem(recording), noise_of_positions(recording))
+    (fault,) = trusted(recording).faults
     assert fault.visits == (25,)
     golden_text(fault.in_words)
 

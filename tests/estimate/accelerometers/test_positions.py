@@ -16,7 +16,7 @@ def test_every_stage_leaves_out_the_positions_that_were_found_once(monkeypatch: 
     rng = np.random.default_rng(3)
     recording = interchanged(measured(draw(rng), rng), 3, 9)
     positions = trusted_positions(recording)
-    monkeypatch.setattr(position_fit, "gauss_newton", None)  # whoever fits again to find noise or faults fails
+    monkeypatch.setattr(position_fit, "fit_with_noise", None)  # whoever fits again to find noise or faults fails
     first = coarse(positions)
     second = fine(positions, first)
     third = joint(positions, second)

@@ -5,33 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
-from gimbalcal.estimate.accelerometers.position_fit import gauss_newton
+from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
 from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording
 from gimbalcal.schedule import FACE_POSITIONS
 from gimbalcal.units import to_si
+from gimbalcal.views.local import eliminate
 from gimbalcal.views.positions import (
     Noise,
     VisitRows,
     by_visit,
-    model,
     position_parameters,
-    problem,
-    set_off,
     view_of_positions,
-    whiten,
 )
 from tests.estimate.accelerometers.test_fine import half_squared_norm
-from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, effects, measured
+from tests.estimate.device import ARCSEC, NOISE, PARAMETERS, SAMPLE, SITE, draw, effects, measured, outputs
 
 NO_K = np.array([float(q.effect != "scale_nonlinearity") for q in PARAMETERS])
 LABELS = [q.label for q in PARAMETERS]
-NOISE = Noise(SAMPLE, ARCSEC)
 WANTED = position_parameters(SPACE_STABLE, FORCE_TERMS)
 
 
@@ -153,13 +148,12 @@ def test_without_a_coarse_stage_the_sums_keep_their_prior() -> None:
 
 
 def test_a_setting_error_adds_to_the_readout_as_a_zero_of_that_gimbal_does() -> None:
-    p = problem(made(18))
-    linear = by_visit(p, np.zeros(len(PARAMETERS)), np.zeros((p.visits, p.turns)))
+    view = view_of_positions(made(18), NOISE)
+    linear = by_visit(view, (), PARAMETERS, np.zeros(len(PARAMETERS)))
     for i, axis in enumerate(SPACE_STABLE.axis_names[:3]):
         np.testing.assert_allclose(linear.G[..., i], linear.J[..., LABELS.index(f"gimbal_zero:{axis}")], atol=1e-9)
-    off = np.full((p.visits, p.turns), 3 * ARCSEC)
-    moved = set_off(p, off).stimulus
-    np.testing.assert_array_equal(moved.readout, p.stimulus.readout + off)
+    moved = view.local.evaluate((), np.full(view.local.zero.shape, 3 * ARCSEC)).stimulus
+    np.testing.assert_array_equal(moved.readout, view.stimulus.readout + 3 * ARCSEC)
     np.testing.assert_array_equal(moved.angle, moved.readout)
 
 
@@ -169,7 +163,7 @@ def test_deviations_inside_a_dwell_are_in_sigmas_of_a_sample() -> None:
         rng.standard_normal((2, 3, 4)), rng.standard_normal((2, 3)), rng.standard_normal((2, 3, 3)), np.full(2, 120.0),
         rng.standard_normal((6, 3, 4)), rng.standard_normal((6, 3)),
     )  # fmt: skip
-    w = whiten(linear, Noise(0.02, 0.1))
+    w = eliminate(linear, 0.02**2, 0.1**2)
     np.testing.assert_allclose(w.J_inside, linear.J_inside / 0.02)
     np.testing.assert_allclose(w.r_inside, linear.r_inside / 0.02)
     np.testing.assert_allclose(w.J, w.W @ linear.J)
@@ -178,28 +172,30 @@ def test_deviations_inside_a_dwell_are_in_sigmas_of_a_sample() -> None:
 def test_the_setting_errors_of_a_fit_take_up_what_the_gimbals_did() -> None:
     rng = np.random.default_rng(21)
     truth = draw(rng)
-    p = problem(measured(truth, rng), PARAMETERS[:1], effects(truth))
-    e = 20 * ARCSEC * rng.standard_normal((p.visits, p.turns))
-    told = replace(p, readings=replace(p.readings, value=model(p, truth[:1], e)))
-    fit = gauss_newton(told, Noise(SAMPLE, 20 * ARCSEC), truth[:1])
+    blank, loose = measured(truth, rng), Noise(SAMPLE, 20 * ARCSEC)
+    view = view_of_positions(blank, loose)
+    e = 20 * ARCSEC * rng.standard_normal(view.local.zero.shape)
+    force = {("specific_force", a): f for a, f in zip("xyz", outputs(view, effects(truth), e).T, strict=True)}
+    told = view_of_positions(replace(blank, channels={**blank.channels, **force}), loose)
+    fit = fit_in_noise(told, loose, PARAMETERS[:1], effects(truth), truth[:1])
     # turns about the force itself are not seen: two of every three directions come back, with their sign
     share = (fit.setting * e).sum() / (e * e).sum()
     assert 0.4 < share < 0.8
 
 
 def test_a_start_that_is_far_off_in_one_coefficient_is_not_taken() -> None:
-    p = problem(made(22))
+    view = view_of_positions(made(22), NOISE)
     wild = np.zeros(len(PARAMETERS))
     wild[0] = 2e3 * PARAMETERS[0].sigma  # a scale factor of 2
-    from_nothing, from_there = gauss_newton(p, NOISE), gauss_newton(p, NOISE, wild)
+    from_nothing, from_there = (fit_in_noise(view, NOISE, PARAMETERS, (), x).fit for x in (None, wild))
     assert from_there.steps == from_nothing.steps > 0
     np.testing.assert_array_equal(from_there.solution.x, from_nothing.solution.x)
 
 
 def test_a_start_that_is_near_is_taken_and_saves_steps() -> None:
-    p = problem(made(23))
-    from_nothing = gauss_newton(p, NOISE)
-    again = gauss_newton(p, NOISE, from_nothing.solution.x)
+    view = view_of_positions(made(23), NOISE)
+    from_nothing = fit_in_noise(view, NOISE, PARAMETERS).fit
+    again = fit_in_noise(view, NOISE, PARAMETERS, (), from_nothing.x).fit
     assert 0 < again.steps < from_nothing.steps
     np.testing.assert_allclose(again.solution.x, from_nothing.solution.x, atol=1e-3 * again.solution.sigma.min())
 
@@ -207,16 +203,15 @@ def test_a_start_that_is_near_is_taken_and_saves_steps() -> None:
 def test_poor_angles_are_aimed_at_what_the_force_shows() -> None:
     rng = np.random.default_rng(24)
     truth, poor = draw(rng), Noise(SAMPLE, np.deg2rad(3.0))
-    p = problem(measured(truth, rng, setting=poor.setting), PARAMETERS)
-    nowhere = np.zeros((p.visits, p.turns))
-    effects = with_values(p.effects, p.parameters, truth, p.platform.axis_names)
+    recording, model = measured(truth, rng, setting=poor.setting), effects(truth)
 
     def aimed(noise: Noise) -> np.ndarray:
-        view = view_of_positions(p, noise)
-        assert view.local is not None
-        return view.local.start(view, effects)
+        view = view_of_positions(recording, noise)
+        return view.local.start(view, model)
 
-    before, after = (np.abs(p.force - model(p, truth, e)).max() for e in (nowhere, aimed(poor)))
+    local = view_of_positions(recording, poor).local
+    nowhere = local.zero
+    before, after = (np.abs(local.evaluate(model, e).residual).max() for e in (nowhere, aimed(poor)))
     assert before > to_si(50.0, "mg")
     assert after < to_si(1.0, "mg")  # ten arcsec of 6 degrees, and the third order of those
     np.testing.assert_array_equal(aimed(NOISE), nowhere)  # good angles are believed
