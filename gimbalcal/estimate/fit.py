@@ -58,46 +58,28 @@ Linearise = Callable[[Array], Information]
 """Information about all parameters from rows that are linearised at x (p,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Minimum:
-    """The solution of the rows that were linearised last, and the number of steps; 0 where it did not converge."""
-
-    solution: Solution
-    steps: int
-
-
 def gauss_newton(
-    linearise: Linearise,
-    start: Array,
-    bounds: Array | None = None,
-    *,
-    seen: float = MIN_SIGNAL_TO_NOISE,
-    limit: int = MAX_STEPS,
-    arrived: Callable[[Array, Array, Solution], bool] | None = None,
-    diverged: Callable[[Array], bool] | None = None,
-    damped: bool = False,
-) -> Minimum:
-    """Iterate the solution of the linearised rows from `start` (p,) until a step no longer matters.
+    linearise: Linearise, x: Array, bounds: Array | None, seen: float, damped: bool,
+    arrived: Callable[[int, Array, Solution], bool], diverged: Callable[[Array], bool],
+) -> tuple[Solution, int]:  # fmt: skip
+    """Return the solution of the rows linearised last, from x (p,) on, and the number of steps; 0 where it diverged.
 
     bounds (2, p): least and greatest value of each parameter, see `range_of_constants`; None for a model without
-    nonlinear constants, whose steps are not damped. seen: as in `solve`. arrived(x, new x, solution): whether a step
-    was small enough (default: `TOLERANCE` sigmas); diverged(x): whether to give up; damped: halve steps that raise
-    chi^2 without nonlinear constants, too.
+    nonlinear constants, whose steps are halved where they raise chi^2 only if they are `damped`. seen: as in `solve`.
+    arrived(step, x, solution): whether the step from x was small enough; diverged(x): whether to give up.
     """
-    arrived = arrived or _small_step
-    x, info = start, linearise(start)
-    for step in range(1, limit + 1):
+    info = linearise(x)
+    for step in range(1, MAX_STEPS + 1):
         solution = solve_about(info, x, bounds, seen)
-        target = solution.x
-        if arrived(x, target, solution):
-            return Minimum(solution, step)
-        if step == limit or (diverged is not None and diverged(target)):
+        if arrived(step, x, solution):
+            return solution, step
+        if step == MAX_STEPS or diverged(solution.x):
             break
-        if bounds is None:
-            x, info = _halved(linearise, info, x, target) if damped else (target, linearise(target))
+        if damped or bounds is not None:
+            x, info = _damped(linearise, info, x, solution.x, bounds, seen)
         else:
-            x, info = _damped(linearise, info, x, target, bounds, seen)
-    return Minimum(solution, 0)
+            x, info = solution.x, linearise(solution.x)
+    return solution, 0
 
 
 def solve_about(
@@ -355,15 +337,14 @@ def fit(
         info = information(J, r + J @ x, scaled)
         return replace(info, count=info.count - last[x.tobytes()].dependent)
 
-    def arrived(x: Array, target: Array, solution: Solution) -> bool:
-        quadratic = next(steps) < MAX_QUADRATIC_STEPS and not has_local
-        tolerance = VIEW_TOLERANCE if quadratic else TOLERANCE
+    def arrived(step: int, x: Array, solution: Solution) -> bool:
+        tolerance = VIEW_TOLERANCE if step <= MAX_QUADRATIC_STEPS and not has_local else TOLERANCE
         enough = np.maximum(tolerance * solution.sigma, ROUNDING * prior(solution.parameters)[1])
-        return bool(np.all(np.abs(target - x) <= enough)) and last[x.tobytes()].settled(target)
+        return bool(np.all(np.abs(solution.x - x) <= enough)) and last[x.tobytes()].settled(solution.x)
 
     def diverged(x: Array) -> bool:
         mean, sigma = prior(scaled)
-        return not np.all(np.abs(x - mean) <= MAX_PRIOR_SIGMAS * sigma)  # nor where it is no number any more
+        return has_local and not np.all(np.abs(x - mean) <= MAX_PRIOR_SIGMAS * sigma)  # nor where it is no number
 
     def widened(x: Array) -> Array:
         """Return the excess that the rows leave if nothing holds the parameters but priors of nuisances."""
@@ -386,19 +367,17 @@ def fit(
     if np.any(excess > 0):
         excess = widened(x)
     for _ in range(MAX_SCALE_ROUNDS):
-        steps = itertools.count()
-        minimum = gauss_newton(linearise, x, bounds, seen=min_signal, arrived=arrived, damped=not has_local,
-                             diverged=diverged if has_local else None)  # fmt: skip
-        x = minimum.solution.x
-        if not minimum.steps or not np.any(shape > 0):
+        solution, steps = gauss_newton(linearise, x, bounds, min_signal, not has_local, arrived, diverged)
+        x = solution.x
+        if not steps or not np.any(shape > 0):
             break
         new = widened(x)
         if np.all(np.abs(new - excess) <= SCALE_TOLERANCE * excess):
             break
         excess = new
-    solution = replace(minimum.solution, parameters=every)
+    solution = replace(solution, parameters=every)
     excesses, local = tuple(excess[k] for k in of_views), tuple(next(iter(last.values())).local_at(x))
-    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, minimum.steps, min_signal, local)
+    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, steps, min_signal, local)
 
 
 def cost_of_sizes(
@@ -628,33 +607,21 @@ def excess_sigma(r: Array, own: Array, dof: int) -> float:
     return high if (r**2 / own).sum() > dof else 0.0
 
 
-def _small_step(x: Array, target: Array, solution: Solution) -> bool:
-    return bool(np.all(np.abs(target - x) <= TOLERANCE * solution.sigma))
-
-
-def _halved(linearise: Linearise, info: Information, x: Array, target: Array) -> tuple[Array, Information]:
-    """A step towards the target, halved until chi^2 does not rise, and the rows where it ends."""
-    before, h = chi2(info, x), 1.0
-    while True:
-        new = x + h * (target - x)
-        there = linearise(new)
-        if chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING:
-            return new, there
-        h /= 2
-
-
 def _damped(
-    linearise: Linearise, info: Information, x: Array, target: Array, bounds: Array, seen: float
+    linearise: Linearise, info: Information, x: Array, target: Array, bounds: Array | None, seen: float
 ) -> tuple[Array, Information]:
-    """A step of the constants towards the target, halved until chi^2 does not rise, and the rows where it ends.
+    """A step towards the target, halved until chi^2 does not rise, and the rows where it ends.
 
-    Everything that is linear follows its constants (variable projection): a curved valley costs no steps.
+    Of a model with constants these alone take the step, and everything that is linear follows them (variable
+    projection): a curved valley costs no steps.
     """
-    before, h, constant = chi2(info, x), 1.0, np.isfinite(bounds[0])
+    before, h = chi2(info, x), 1.0
+    constant = np.ones(len(x), dtype=bool) if bounds is None else np.isfinite(bounds[0])
     while True:
         new = np.where(constant, x + h * (target - x), target)
         there = linearise(new)
-        new = _conditional(there, new[constant], constant, seen)
+        if bounds is not None:
+            new = _conditional(there, new[constant], constant, seen)
         if chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING:
-            return new, linearise(new)
+            return new, there if bounds is None else linearise(new)
         h /= 2

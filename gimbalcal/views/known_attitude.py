@@ -59,7 +59,7 @@ def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), k
         block=_blocks(recording),
     )
     setting = one_sigma(header_noise(recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),)))
-    return view_of_readings(read, noise, baseline, setting=setting)
+    return view_of_readings(read, noise, baseline, setting=None if recording.kind.stabilised else setting)
 
 
 def view_of_readings(
@@ -67,11 +67,11 @@ def view_of_readings(
     noise: NoiseModel,
     baseline: Sequence[str] = (),
     stages: Iterable[Stage] = Stage,
-    setting: float = 0.0,
+    setting: float | None = None,
 ) -> View:
     """Return the view of readings at known attitude with this noise; stages: those of effects that are asked for.
 
-    setting: one sigma [rad] by which the gimbals are set at each visit of a position, which is a local parameter.
+    setting: one sigma [rad] by which gimbals are set at each visit of a position; None where no row is set anew.
     """
     recording, s, n, stages = read.recording, read.stimulus, len(read.recording.time), tuple(stages)
     visit = np.unique(s.visit, return_inverse=True)[1]
@@ -80,7 +80,6 @@ def view_of_readings(
         angle = s.readout + e[visit]
         return replace(read, stimulus=s.at(readout=angle, angle=angle)).rows(effects, stages)
 
-    in_positions = not recording.kind.stabilised
     return View(
         STATIC_RUN if recording.kind.stabilised else POSITIONS,
         title=recording.title,
@@ -97,7 +96,7 @@ def view_of_readings(
         label=s.position,
         read_gimbals=recording.axes("gimbal_angle"),
         readout=Readout(gimbals=recording.platform.axis_names),
-        local=Local(visit, s.readout.shape[1], setting, _by_readouts, off) if in_positions else None,
+        local=None if setting is None else Local(visit, s.readout.shape[1], setting, _by_readouts, off),
         source=recording,
     )
 
