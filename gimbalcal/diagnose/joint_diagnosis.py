@@ -11,7 +11,7 @@ import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.verdict.refit_calibration import origin
-from gimbalcal.diagnose.verdict.view_calibration import FittedView, calibrated_views
+from gimbalcal.diagnose.verdict.view_calibration import calibrated_views
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.effects.effect import constants
@@ -110,8 +110,6 @@ def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
                 outcome=outcome or calibration.outcome,
                 provenance=origin(_views(parts), causes),
             )
-    fitted_views = [
-        FittedView((v,), m.effects, m.parameters, m.covariance, m.residual)
-        for v, m in fitted if not v.measurement.timing  # time stamps are shifted, not calibrated
-    ]  # fmt: skip
-    return calibrated_views(_views(parts), fitted_views, causes, outcome, forces)
+    # time stamps are shifted, not calibrated
+    fits = [replace(m, view=v) for v, m in fitted if not v.measurement.timing]
+    return calibrated_views(_views(parts), fits, causes, outcome, forces)

@@ -1,16 +1,12 @@
-r"""Damped Gauss-Newton on linearised rows: estimate, joint covariance, and what the rows do not determine, by name.
+"""One fit of all views: the parameters that they share, the excess of their noise, and what rows do not determine.
 
-.. math:: x_{k+1} = x_k + h \, (\hat x_k - x_k)
-
-with :math:`\hat x_k` the least-squares solution of the rows linearised at x_k. Every linear model of this package takes
-h = 1; with a nonlinear constant among the parameters (a time constant, a period) h is halved until chi^2 falls, and the
-constant stays within the range that the rows can resolve.
+Nuisances of a view are fitted within their priors, local parameters of its groups of rows are eliminated.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -19,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, values, with_values
-from gimbalcal.effects.effect import constants
-from gimbalcal.effects.grids import limits
+from gimbalcal.effects import Effect, Parameter, values, with_values
 from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
 from gimbalcal.forward import Rows
+from gimbalcal.inference.gauss_newton import gauss_newton
 from gimbalcal.inference.information import (
     MIN_SIGNAL_TO_NOISE,
     Information,
@@ -34,13 +29,10 @@ from gimbalcal.inference.information import (
     solve,
 )
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.views.core import View
+from gimbalcal.views.core import View, range_of_constants
 from gimbalcal.views.local import VisitRows, Whitened, eliminate
 
-MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
-MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
 TOLERANCE = 1e-3  # sigmas by which the last step may move an estimate
-ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
 MAX_SCALE_ROUNDS = 20  # fits, each in the noise that the one before leaves
 SCALE_TOLERANCE = 1e-6  # relative change of the excess sigma at which the rounds end
 VIEW_TOLERANCE = 1e-6  # `TOLERANCE` of a fit of views, which takes a few steps where these converge quadratically
@@ -53,87 +45,6 @@ MAX_PRIOR_SIGMAS = 1e3  # beyond them positions mean nothing: 0.5 g of bias, 50 
 MAX_SETTING_STEP = 1e-2  # sigmas of a row by which the last step of local parameters may move it
 READING_ROUNDING = 1e-15  # of gravity: smaller steps are the rounding of numbers without noise
 MIN_RELATIVE_SIGNAL = 1e-8  # singular value over the largest, below which rounding speaks
-
-Linearise = Callable[[Array], Information]
-"""Information about all parameters from rows that are linearised at x (p,)."""
-
-
-def gauss_newton(
-    linearise: Linearise, x: Array, bounds: Array | None, seen: float, damped: bool,
-    arrived: Callable[[int, Array, Solution], bool], diverged: Callable[[Array], bool],
-) -> tuple[Solution, int]:  # fmt: skip
-    """Return the solution of the rows linearised last, from x (p,) on, and the number of steps; 0 where it diverged.
-
-    bounds (2, p): least and greatest value of each parameter, see `range_of_constants`; None for a model without
-    nonlinear constants, whose steps are halved where they raise chi^2 only if they are `damped`. seen: as in `solve`.
-    arrived(step, x, solution): whether the step from x was small enough; diverged(x): whether to give up.
-    """
-    info = linearise(x)
-    for step in range(1, MAX_STEPS + 1):
-        solution = solve_about(info, x, bounds, seen)
-        if arrived(step, x, solution):
-            return solution, step
-        if step == MAX_STEPS or diverged(solution.x):
-            break
-        if damped or bounds is not None:
-            x, info = _damped(linearise, info, x, solution.x, bounds, seen)
-        else:
-            x, info = solution.x, linearise(solution.x)
-    return solution, 0
-
-
-def solve_about(
-    info: Information, x: Array, bounds: Array | None = None, seen: float = MIN_SIGNAL_TO_NOISE
-) -> Solution:
-    r"""Return the solution of rows that are linearised at x (p,), nonlinear constants within their bounds (2, p).
-
-    .. math:: \delta c = \left[ (1 - U U^T) R_c \right]^+ (1 - U U^T) z
-
-    is the step of the constants, with U the directions of the rows R that the linear parameters take up (variable
-    projection after Kaufman, BIT 15, 1975); these are then solved with the constants held. Directions that the rows do
-    not determine are left out on the way alike, and what the rows do not say of a constant leaves it where it is. The
-    covariance is that of all parameters together.
-    """
-    solution = solve(info, seen)
-    if bounds is None:
-        return solution
-    constant = np.isfinite(bounds[0])
-    mean, scale = prior(info.parameters)
-    R, at = info.rows[:, :-1], ((x - mean) / scale)[constant]
-    U, S, _ = np.linalg.svd(R[:, ~constant], full_matrices=False)
-    U = U[:, seen <= S]
-    free = np.column_stack([R[:, constant], info.rows[:, -1] - R[:, constant] @ at])
-    free -= U @ (U.T @ free)
-    V, size, Wt = np.linalg.svd(free[:, :-1], full_matrices=False)
-    step = Wt.T @ (np.where(size >= seen, 1 / np.maximum(size, seen), 0.0) * (V.T @ free[:, -1]))
-    c = np.clip(x[constant] + scale[constant] * step, *bounds[:, constant])
-    target = _conditional(info, c, constant, seen)
-    return replace(solution, x=target, chi2=chi2(info, target))
-
-
-def _conditional(info: Information, c: Array, constant: NDArray[np.bool_], seen: float) -> Array:
-    """The solution x (p,) with the constants held at c."""
-    out = np.zeros(len(constant))
-    known = {p: float(v) for p, v in zip(np.array(info.parameters, dtype=object)[constant], c, strict=True)}
-    out[constant], out[~constant] = c, solve(info.at(known), seen).x
-    return out
-
-
-def range_of_constants(wanted: Sequence[Parameter], *stimuli: Stimulus) -> Array | None:
-    """Least and greatest value (2, p) of each parameter that any of these rows resolve; None without constants."""
-    fields = {(p.effect, f.name): f for p in wanted for f in constants(CATALOGUE[p.effect])}
-    each = [(p.effect, p.field) for p in wanted]
-    if not any(key in fields for key in each):
-        return None
-    free = (-np.inf, np.inf)
-    ranges = [[limits(fields[k], s) if k in fields else free for k in each] for s in stimuli]
-    return np.stack([np.min(ranges, axis=0)[:, 0], np.max(ranges, axis=0)[:, 1]])
-
-
-def chi2(info: Information, x: Array) -> float:
-    """Sum of squares of the rows at parameters x (p,), as far as they are linear."""
-    mean, scale = prior(info.parameters)
-    return float(np.sum((info.rows[:, -1] - info.rows[:, :-1] @ ((x - mean) / scale)) ** 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,8 +139,28 @@ class ViewsFit:
     @cached_property
     def whitened(self) -> tuple[Array, Array]:
         """Jacobian (q, p) and misfit (q,) of all rows about the estimate, in units of their noise."""
-        x = self.solution.x
-        return whitened(self.views, self.effects, self.solution.parameters, self.excesses, x, self.local)
+        return self.rows_by(self.solution.parameters, self.solution.x)
+
+    def rows_by(self, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
+        """Return Jacobian (q, p) by any parameters and misfit (q,) of all rows about x (p,), in units of noise."""
+        linear, sigma = _about(self.views, self.effects, wanted, x, self.local), _row_sigma(self.views, self.excesses)
+        return linear.J / sigma[:, None], linear.r / sigma
+
+    def with_fixed_nuisances(self, views: Sequence[View]) -> ViewsFit:
+        r"""Return the fit with what the nuisances of these views add to its covariance, which are not part of it.
+
+        .. math:: \delta x = -A \, \nu, \quad A = J^+ N, \quad P_x + A A^T
+
+        with N the rows of one sigma of each nuisance (implicit function theorem at the minimum).
+        """
+        p, fixed = len(self.parameters), [q for v in views for q in v.nuisances]
+        wanted = (*self.parameters, *(replace(q, index=i) for i, q in enumerate(fixed)))
+        of_views = replace(self, views=tuple(views), local=())
+        J, _ = of_views.rows_by(wanted, np.append(self.x, np.zeros(len(fixed))))
+        N = J[:, p:] * prior(wanted)[1][p:]
+        size = np.linalg.norm(J[:, :p], axis=0)
+        A = np.linalg.lstsq(J[:, :p] / size, N, rcond=None)[0] / size[:, None]
+        return replace(self, solution=replace(self.solution, covariance=self.covariance + A @ A.T))
 
     @property
     def determined(self) -> bool:
@@ -284,11 +215,18 @@ class ViewsFit:
         return float(np.sqrt(np.mean(np.concatenate([r.ravel() for r in self.left_out[0]]) ** 2)))
 
     def cost_of_sizes(self, sizes: Sequence[Parameter]) -> Cost:
-        """Return chi^2 as a function of absent effects whose `sizes` are free in addition to what was fitted."""
-        return cost_of_sizes(
-            self.views, self.effects, self.solution.parameters, sizes, self.excesses, self.solution.x, self.local,
-            self.min_signal,
-        )  # fmt: skip
+        """Return chi^2, linear about the fit, by absent effects whose `sizes` are free beside what was fitted."""
+        wanted, x, sigma = self.solution.parameters, self.solution.x, _row_sigma(self.views, self.excesses)
+        linear = _about(self.views, self.effects, wanted, x, self.local)
+        J = linear.J / sigma[:, None]
+        y = linear.r / sigma + J @ x
+
+        def cost(absent: Sequence[Effect]) -> float:
+            parts = [part.whitened(columns_of_sizes(part.rows, absent, sizes))[0] for part in linear.parts]
+            X = np.concatenate([J, np.concatenate(parts) / sigma[:, None]], axis=1)
+            return solve(information(X, y, (*wanted, *sizes)), self.min_signal).chi2
+
+        return cost
 
 
 def fit(
@@ -380,42 +318,6 @@ def fit(
     return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, steps, min_signal, local)
 
 
-def cost_of_sizes(
-    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], sizes: Sequence[Parameter],
-    excesses: Sequence[Array], x: Array, local: Sequence[Array] = (), min_signal: float = MIN_SIGNAL_TO_NOISE,
-) -> Cost:  # fmt: skip
-    """Return chi^2 of views, linear about x (p,), by absent effects whose `sizes` are free beside the wanted ones.
-
-    excesses: as in `ViewsFit`; local: values (m, k) of the local parameters of each view (none: zero).
-    """
-    linear, sigma = _about(views, effects, wanted, x, local), _row_sigma(views, excesses)
-    J, every = linear.J / sigma[:, None], (*wanted, *sizes)
-    y = linear.r / sigma + J @ x
-
-    def cost(absent: Sequence[Effect]) -> float:
-        parts = [part.whitened(columns_of_sizes(part.rows, absent, sizes))[0] for part in linear.parts]
-        X = np.concatenate([J, np.concatenate(parts) / sigma[:, None]], axis=1)
-        return solve(information(X, y, every), min_signal).chi2
-
-    return cost
-
-
-def fixed_nuisances(fitted: ViewsFit, views: Sequence[View]) -> ViewsFit:
-    r"""Return a fit with what the nuisances of views add to its covariance, which are not part of it.
-
-    .. math:: \delta x = -A \, \nu, \quad A = J^+ N, \quad P_x + A A^T
-
-    with N the rows of one sigma of each nuisance (implicit function theorem at the minimum).
-    """
-    p = len(fitted.parameters)
-    wanted = (*fitted.parameters, *(replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)))
-    J, _ = whitened(views, fitted.effects, wanted, fitted.excesses, np.append(fitted.x, np.zeros(len(wanted) - p)))
-    N = J[:, p:] * prior(wanted)[1][p:]
-    size = np.linalg.norm(J[:, :p], axis=0)
-    A = np.linalg.lstsq(J[:, :p] / size, N, rcond=None)[0] / size[:, None]
-    return replace(fitted, solution=replace(fitted.solution, covariance=fitted.covariance + A @ A.T))
-
-
 def independent(J: Array) -> bool:
     """Return whether no combination of columns (q, p), each of length one, vanishes but for rounding."""
     size = np.linalg.norm(J, axis=0)
@@ -433,15 +335,6 @@ def information_of(
     J, r = linear.J / sigma[:, None], linear.r / sigma
     info = information(J, r + J @ x, wanted)
     return replace(info, count=info.count - linear.dependent)
-
-
-def whitened(
-    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], excesses: Sequence[Array], x: Array,
-    local: Sequence[Array] = (),
-) -> tuple[Array, Array]:  # fmt: skip
-    """Return Jacobian (q, p) and misfit (q,) of the rows of views about x (p,), in units of their noise."""
-    linear, sigma = _about(views, effects, wanted, x, local), _row_sigma(views, excesses)
-    return linear.J / sigma[:, None], linear.r / sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -605,23 +498,3 @@ def excess_sigma(r: Array, own: Array, dof: int) -> float:
         mid = (low + high) / 2
         low, high = (mid, high) if (r**2 / (own + mid**2)).sum() > dof else (low, mid)
     return high if (r**2 / own).sum() > dof else 0.0
-
-
-def _damped(
-    linearise: Linearise, info: Information, x: Array, target: Array, bounds: Array | None, seen: float
-) -> tuple[Array, Information]:
-    """A step towards the target, halved until chi^2 does not rise, and the rows where it ends.
-
-    Of a model with constants these alone take the step, and everything that is linear follows them (variable
-    projection): a curved valley costs no steps.
-    """
-    before, h = chi2(info, x), 1.0
-    constant = np.ones(len(x), dtype=bool) if bounds is None else np.isfinite(bounds[0])
-    while True:
-        new = np.where(constant, x + h * (target - x), target)
-        there = linearise(new)
-        if bounds is not None:
-            new = _conditional(there, new[constant], constant, seen)
-        if chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING:
-            return new, there if bounds is None else linearise(new)
-        h /= 2

@@ -12,6 +12,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Readout
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants, follows, lacking
+from gimbalcal.effects.grids import limits
 from gimbalcal.effects.sensor_grades import Grade, drift_rate_factor
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
@@ -297,6 +298,17 @@ def absent_effect(effect_id: str, s: Stimulus, source: str = "", **constants: fl
     """Return an effect of the catalogue with zero parameters, these constants, following covariate `source`."""
     named: dict[str, Any] = {"covariate": source} if source else {}
     return replace(absent(CATALOGUE[effect_id], s.axis_names), **constants, **named)
+
+
+def range_of_constants(wanted: Sequence[Parameter], *stimuli: Stimulus) -> Array | None:
+    """Least and greatest value (2, p) of each parameter that any of these rows resolve; None without constants."""
+    fields = {(p.effect, f.name): f for p in wanted for f in constants(CATALOGUE[p.effect])}
+    each = [(p.effect, p.field) for p in wanted]
+    if not any(key in fields for key in each):
+        return None
+    free = (-np.inf, np.inf)
+    ranges = [[limits(fields[k], s) if k in fields else free for k in each] for s in stimuli]
+    return np.stack([np.min(ranges, axis=0)[:, 0], np.max(ranges, axis=0)[:, 1]])
 
 
 def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:

@@ -10,7 +10,7 @@ import pytest
 
 from gimbalcal import methods
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.verdict.view_calibration import FittedView, calibrated_views
+from gimbalcal.diagnose.verdict.view_calibration import calibrated_views
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES
@@ -22,7 +22,7 @@ from gimbalcal.recording import Recording, Site, dwell_means
 from gimbalcal.recording import kinds as recording_kinds
 from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import FORCE, Key
-from gimbalcal.views.core import Measurement, View, recording_fields
+from gimbalcal.views.core import Fit, Measurement, View, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import norm
 
@@ -125,7 +125,7 @@ def test_views_that_share_parameters_are_calibrated_in_one_frame() -> None:
         alone, angles = norm(r), inclined(r)
         tied_down = tuple(p for i in ACCELEROMETER_TERMS for p in alone.parameters_of(i))
         each = [(v, fit([v], wanted)) for v, wanted in ((alone, tied_down), (angles, WANTED))]
-        seen = [FittedView((v,), m.effects, m.parameters, m.covariance, m.residual[0]) for v, m in each]
+        seen = [Fit(v, m.effects, m.parameters, m.residual[0], m.residual[0][..., None], m.covariance) for v, m in each]
         made = calibrated_views([alone, angles], seen, (), "")
         true = with_values((), WANTED, TRUE)
         assert {p.label for p in made.parameters} == {p.label for p in WANTED}

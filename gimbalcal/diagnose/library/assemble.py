@@ -88,8 +88,7 @@ class _Columns:
 
 def columns_at(fit: Fit, c: Candidate, at: Constants) -> Array:
     """Return the reduced columns (R, p) of a cause at these constants, per prior sigma, in noise of known scale."""
-    effect = absent_effect(c.effect, fit.view.stimulus, c.source, **dict(at))
-    return _Columns(fit, fit.rows, np.zeros((0, 0))).of(effect, c.parameters)
+    return _Columns(fit, fit.rows, np.zeros((0, 0))).of(c.absent(fit.view.stimulus, at), c.parameters)
 
 
 def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Candidate]:

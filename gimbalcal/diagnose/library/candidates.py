@@ -70,6 +70,10 @@ class Candidate:
         """The key by which candidates of different libraries are the same cause."""
         return self.effect, self.axis, self.source, self.mechanism
 
+    def absent(self, s: Stimulus, at: Constants = ()) -> Effect:
+        """Return the effect of the cause with these constants and of no size."""
+        return absent_effect(self.effect, s, self.source, **dict(at))
+
     @property
     def once(self) -> bool:
         """Return whether it is part of one recording, as a mistake at one position or a step at one moment does."""

@@ -18,7 +18,6 @@ from gimbalcal.effects import Effect, Parameter, parameters, with_values
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import kind, limits
 from gimbalcal.number import Array
-from gimbalcal.views.core import absent_effect
 
 
 @dataclass(frozen=True)
@@ -141,7 +140,7 @@ def fitted_effects(s: Search, f: FittedCauses) -> list[tuple[Effect, Candidate]]
         c = s.library.candidates[m]
         size = f.x[at : at + len(c.parameters)] * [p.sigma for p in c.parameters]
         at += len(c.parameters)
-        none = absent_effect(c.effect, s.fit.view.stimulus, c.source, **dict(c.variants[v].constants))
+        none = c.absent(s.fit.view.stimulus, c.variants[v].constants)
         out.append((with_values((none,), c.parameters, size, names)[0], c))
     return out
 
@@ -186,6 +185,6 @@ def columns_of_causes(s: Search, f: FittedCauses) -> Array:
         if column is not None:
             out.append(column[:, :, None])
         elif not c.rival:
-            effect = absent_effect(c.effect, o.view.stimulus, c.source, **dict(c.variants[v].constants))
+            effect = c.absent(o.view.stimulus, c.variants[v].constants)
             out.append(o.rows.columns(effect, c.parameters) * np.array([p.sigma for p in c.parameters]))
     return np.concatenate(out, axis=-1)

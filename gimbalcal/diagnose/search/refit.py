@@ -11,12 +11,12 @@ from gimbalcal.diagnose.evidence.channel_scales import distinguishable, likelies
 from gimbalcal.diagnose.evidence.scale import Channels
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import Grid, constants
-from gimbalcal.effects.grids import kind, limits
+from gimbalcal.effects.grids import kind
 from gimbalcal.errors import InputError
 from gimbalcal.inference.algebra import basis
 from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
-from gimbalcal.views.core import Fit, View
+from gimbalcal.views.core import Fit, View, range_of_constants
 
 RANK = 1e-7  # relative singular value of a modelled column below which it is one of the others again
 SETTLED = 1e-7  # step in prior sigmas at which a fit has arrived
@@ -96,7 +96,8 @@ def _descended(
     v: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x0: Array, free: Array, c0: Array
 ) -> tuple[tuple[Effect, ...], Array]:
     """The effects at the minimum over x0 + free c, free (p, q) in SI, and c (q,) there; from c0 on."""
-    names, n, (low, high) = v.stimulus.axis_names, len(v) * len(v.channels), _range(v, wanted)
+    names, n, bounds = v.stimulus.axis_names, len(v) * len(v.channels), range_of_constants(wanted, v.stimulus)
+    low, high = (-np.inf, np.inf) if bounds is None else bounds  # a constant within what the recording can tell
 
     def at(c: Array, _: Array) -> tuple[Array, Array]:
         model = with_values(effects, wanted, np.clip(x0 + free @ c[0], low, high), names)
@@ -108,15 +109,6 @@ def _descended(
 
     minimum = minimise(at, c0[None], SETTLED, gain=GAIN, damping=1e-9)
     return with_values(effects, wanted, np.clip(x0 + free @ minimum.x[0], low, high), names), minimum.x[0]
-
-
-def _range(v: View, wanted: Sequence[Parameter]) -> Array:
-    """Lowest and highest values (2, p): a non-linear constant within what the recording can tell, others anywhere."""
-    fields = {(p.effect, f.name): f for p in wanted for f in constants(CATALOGUE[p.effect])}
-    each = [(p.effect, p.field) for p in wanted]
-    return (
-        np.array([limits(fields[k], v.stimulus) if k in fields else (-np.inf, np.inf) for k in each]).reshape(-1, 2).T
-    )
 
 
 def _left(r: Array, J: Array) -> Array:

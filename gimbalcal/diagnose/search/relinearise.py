@@ -29,7 +29,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.pipeline import Tell
-from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import given_back, linearised, linearised_at, read_gimbals
 
 MIN_CHI2_RATIO = 4.0  # of a model without causes to one with them, from which products of errors matter
@@ -104,9 +104,7 @@ def about_first_cause(c: SearchResult, tell: Tell) -> SearchResult:
     cause, variant = c.causes[0]
     tell(f"again, about the constants that belong to {cause.in_words}")
     try:
-        v = v.relinearise(
-            absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants)), cause.parameters
-        )
+        v = v.relinearise(cause.absent(v.stimulus, variant.constants), cause.parameters)
     except InputError as problem:
         tell(str(problem))
         return c

@@ -24,11 +24,11 @@ from gimbalcal.diagnose.search.ranking import (
     total,
 )
 from gimbalcal.diagnose.search.refit import refit, start, with_columns, with_constants
-from gimbalcal.effects import Effect, values
+from gimbalcal.effects import values
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.views.core import Fit, View, absent_effect
+from gimbalcal.views.core import Fit, View
 from gimbalcal.views.known_attitude import refuse_too_little
 
 MAX_ROUNDS = 8
@@ -277,7 +277,8 @@ def needed_evidence(fit: Fit, cause: Candidate) -> float:
 
 def evidence_for(without: Fit, selected: SelectedCause) -> float:
     """Return the ln Bayes factor of one cause with the others in the model, in correlated noise."""
-    cause, effect = selected[0], _absent(without.view, selected)
+    cause, variant = selected
+    effect = cause.absent(without.view.stimulus, variant.constants)
     effects = without.effects if cause.effect in {e.id for e in without.effects} else [*without.effects, effect]
     X = without.view.noise_free(effects).jacobian(cause.parameters) * np.array([p.sigma for p in cause.parameters])
     return ln_bayes(without, without.reduced(X), cause)
@@ -355,15 +356,9 @@ def with_causes(model: Fit, selected: Sequence[SelectedCause]) -> Fit:
     cache, key = v.cache, (v.noise.one_scale, model.parameters, these)
     if key not in cache:
         effects, wanted = list(model.effects), list(model.parameters)
-        for this in selected:
-            if not this[0].rival and this[0].effect not in {e.id for e in effects}:
-                effects.append(_absent(v, this))
-            wanted += this[0].parameters
+        for cause, variant in selected:
+            if not cause.rival and cause.effect not in {e.id for e in effects}:
+                effects.append(cause.absent(v.stimulus, variant.constants))
+            wanted += cause.parameters
         cache[key] = refit(v, effects, wanted)
     return cache[key]
-
-
-def _absent(v: View, selected: SelectedCause) -> Effect:
-    """Return the effect of a cause, with its constants and of no size."""
-    cause, variant = selected
-    return absent_effect(cause.effect, v.stimulus, cause.source, **dict(variant.constants))

@@ -31,7 +31,7 @@ from gimbalcal.estimate.sharing import Scope, scope_of
 from gimbalcal.inference.information import Information, Solution, information, solve
 from gimbalcal.number import Array
 from gimbalcal.recording import when_recorded
-from gimbalcal.views.core import Fit, View, absent_effect
+from gimbalcal.views.core import Fit, View
 
 ROUNDS = 4  # linearisations at most: each leaves a product of two errors of what is left
 FAR = 20.0  # prior sigmas of one step: interchanged positions ask for nonlinearities that no force could be read with
@@ -193,8 +193,8 @@ class _RecordingRows:
         for i in self.which:
             c = self.sized.causes[i]
             if c.effect not in {e.id for e in effects}:
-                fixed = {name: value for name, value, _ in self.sized.constants[i]}
-                effects = (*effects, absent_effect(c.effect, self.fit.view.stimulus, c.source, **fixed))
+                at_constants = tuple((name, value) for name, value, _ in self.sized.constants[i])
+                effects = (*effects, c.absent(self.fit.view.stimulus, at_constants))
             size = values(effects, c.parameters) + self.sized.x[at[i] : at[i + 1]]
             effects = with_values(effects, c.parameters, size, names)
         return effects

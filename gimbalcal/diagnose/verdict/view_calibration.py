@@ -9,7 +9,7 @@ another.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,30 +18,18 @@ from gimbalcal.diagnose.verdict.refit_calibration import origin
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
 from gimbalcal.estimate.accelerometers.fit_summary import rotations_of_the_triad
 from gimbalcal.estimate.fit import fit
+from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.information import Unobservable, keeps_prior
 from gimbalcal.number import Array
-from gimbalcal.views.core import View
+from gimbalcal.views.core import Fit, View
 
-
-@dataclass(frozen=True, eq=False)
-class FittedView:
-    """A model of a view, the last of `views` that it was fitted to: covariance (p, p) in SI, misfit (n, C) in SI."""
-
-    views: tuple[View, ...]
-    effects: tuple[Effect, ...]
-    parameters: tuple[Parameter, ...]
-    covariance: Array
-    residual: Array
-
-    @property
-    def view(self) -> View:
-        """The view whose misfit this is."""
-        return self.views[-1]
+Block = tuple[tuple[Effect, ...], tuple[Parameter, ...], Array]
+"""Effects, their parameters and the covariance of these."""
 
 
 def calibrated_views(
     views: Sequence[View],
-    fits: Sequence[FittedView],
+    fits: Sequence[Fit],
     causes: Sequence[str],
     outcome: str,
     forces: Calibration | None = None,
@@ -51,7 +39,7 @@ def calibrated_views(
     forces: the calibration of the accelerometers at known attitude.
     """
     readout = _readout(views, fits)
-    blocks = [_block(s, readout.gimbals) for s in _joint(fits, readout.gimbals)]
+    blocks = [_model(group, readout.gimbals) for group in _sharing(fits)]
     if forces is not None:
         blocks.insert(0, (forces.effects, forces.parameters, forces.covariance))
     effects: tuple[Effect, ...] = ()
@@ -62,8 +50,7 @@ def calibrated_views(
         effects = (*effects, *(e for e in theirs if e.id not in {o.id for o in effects}))
         mine = tuple(fitted[i] for i in new)
         effects = with_values(effects, mine, values(theirs, mine), readout.gimbals)
-        P = np.block([[P, np.zeros((len(P), len(new)))],
-                      [np.zeros((len(new), len(P))), covariance[np.ix_(new, new)]]])  # fmt: skip
+        P = block_diagonal([P, covariance[np.ix_(new, new)]])
         wanted = (*wanted, *mine)
     P[np.diag_indices_from(P)] = np.maximum(np.diag(P), 0.0)  # of numbers without noise variances are their rounding
     return Calibration(
@@ -79,46 +66,38 @@ def calibrated_views(
     )
 
 
-def _joint(fits: Sequence[FittedView], gimbals: Sequence[str]) -> list[FittedView]:
-    """Return the views, those that share linear parameters with the model of their joint fit."""
-    out: list[FittedView] = []
-    for s in fits:
-        labels = {p.label for p in s.parameters}
-        alike = [o for o in out if labels & {p.label for p in o.parameters}]
-        if not alike:
-            out.append(s)
-            continue
-        views = [v for o in (*alike, s) for v in o.views]
-        every = [p for o in (*alike, s) for p in o.parameters]
-        sigma = {p.label: max(q.sigma for q in every if q.label == p.label) for p in every}
-        wanted = tuple({p.label: replace(p, sigma=sigma[p.label]) for p in every}.values())
-        effects = tuple({e.id: e for o in (*alike, s) for e in o.effects}.values())
-        fitted = fit(views, wanted, with_values(effects, wanted, _values(wanted, (*alike, s)), gimbals))
-        joint = FittedView(tuple(views), fitted.effects, fitted.parameters, fitted.covariance, s.residual)
-        out = [*(o for o in out if o not in alike), joint]
+def _sharing(fits: Sequence[Fit]) -> list[list[Fit]]:
+    """Return the models in groups that share linear parameters."""
+    out: list[list[Fit]] = []
+    for m in fits:
+        labels = {p.label for p in m.parameters}
+        alike = [group for group in out if labels & {p.label for o in group for p in o.parameters}]
+        out = [*(group for group in out if group not in alike), [*(o for group in alike for o in group), m]]
     return out
 
 
-def _values(wanted: Sequence[Parameter], each: Sequence[FittedView]) -> Array:
-    """Return the value of each parameter in the last model that holds it."""
-    values_by_label = {p.label: float(x) for s in each
-             for p, x in zip(s.parameters, values(s.effects, s.parameters), strict=True)}  # fmt: skip
-    return np.array([values_by_label[p.label] for p in wanted])
+def _model(group: Sequence[Fit], gimbals: Sequence[str]) -> Block:
+    """Return what was fitted in views that share parameters, the model of their joint fit where there are several.
+
+    Constants that were chosen (epochs, whole numbers) have a sigma of zero.
+    """
+    effects, wanted, covariance = group[-1].effects, group[-1].parameters, group[-1].covariance
+    if len(group) > 1:
+        every = [p for m in group for p in m.parameters]
+        sigma = {p.label: max(q.sigma for q in every if q.label == p.label) for p in every}
+        wanted = tuple({p.label: replace(p, sigma=sigma[p.label]) for p in every}.values())
+        effects = tuple({e.id: e for m in group for e in m.effects}.values())
+        last = {p.label: x for m in group for p, x in zip(m.parameters, values(m.effects, m.parameters), strict=True)}
+        start = with_values(effects, wanted, np.array([last[p.label] for p in wanted]), gimbals)
+        fitted = fit([m.view for m in group], wanted, start)
+        effects, wanted, covariance = fitted.effects, fitted.parameters, fitted.covariance
+    linear, ids = {p for e in effects for p in parameters(type(e), gimbals)}, {p.effect for p in wanted}
+    constants = (p for e in effects if e.id in ids for p in parameters(type(e), gimbals, constants=True))
+    chosen = tuple(p for p in constants if p not in linear and p not in wanted)
+    return effects, (*wanted, *chosen), block_diagonal([covariance, np.zeros((len(chosen), len(chosen)))])
 
 
-def _block(s: FittedView, gimbals: Sequence[str]) -> tuple[tuple[Effect, ...], tuple[Parameter, ...], Array]:
-    """Return effects of a view, what was fitted, and constants that were chosen (epochs, whole numbers): sigma zero."""
-    linear = {p for e in s.effects for p in parameters(type(e), gimbals)}
-    ids = {p.effect for p in s.parameters}
-    every = (p for e in s.effects if e.id in ids for p in parameters(type(e), gimbals, constants=True))
-    fixed = tuple(p for p in every if p not in linear and p not in s.parameters)
-    n, m = len(s.parameters), len(fixed)
-    P = np.zeros((n + m, n + m))
-    P[:n, :n] = s.covariance
-    return s.effects, (*s.parameters, *fixed), P
-
-
-def _unseen(fits: Sequence[FittedView]) -> list[Unobservable]:
+def _unseen(fits: Sequence[Fit]) -> list[Unobservable]:
     """Parameters of which these rows say nothing: they keep their prior; and what turns a triad as a whole."""
     out: list[Unobservable] = []
     for s in fits:
@@ -132,7 +111,7 @@ def _unseen(fits: Sequence[FittedView]) -> list[Unobservable]:
     return out
 
 
-def _residual(fits: Sequence[FittedView], forces: Calibration | None) -> Residual:
+def _residual(fits: Sequence[Fit], forces: Calibration | None) -> Residual:
     """Misfit by channel, SI. Where nobody stated the noise it is the misfit, and chi^2 its degrees of freedom."""
     rms = dict(forces.residual.rms) if forces else {}
     for s in fits:
@@ -144,7 +123,7 @@ def _residual(fits: Sequence[FittedView], forces: Calibration | None) -> Residua
     return Residual(float(dof), dof, rms)
 
 
-def _readout(views: Sequence[View], fits: Sequence[FittedView]) -> Readout:
+def _readout(views: Sequence[View], fits: Sequence[Fit]) -> Readout:
     """Return nominal scales of what counts, as the first of the views that were seen had them, and the gimbals."""
     each = [s.view.readout for s in fits]
     forces = next((r.accelerometers for r in each if r.accelerometers), None)

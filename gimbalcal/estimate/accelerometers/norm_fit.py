@@ -25,7 +25,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, parameters, values
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
-from gimbalcal.estimate.fit import ViewsFit, fit, whitened
+from gimbalcal.estimate.fit import ViewsFit, fit
 from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE
@@ -92,7 +92,7 @@ def covariance_of_omitted_terms(fitted: ViewsFit, terms: Sequence[str]) -> Array
     if not omitted:
         return np.zeros((n, n))
     every = (*solution.parameters, *omitted)
-    both, r = whitened([view], fitted.effects, every, fitted.excesses, values(fitted.effects, every))
+    both, r = fitted.rows_by(every, values(fitted.effects, every))
     J, C = both[:, :n], both[:, n:]
     Q = np.linalg.qr(J)[0]
     C_left, r_left = C - Q @ (Q.T @ C), r - Q @ (Q.T @ r)

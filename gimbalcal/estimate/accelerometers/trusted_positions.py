@@ -7,8 +7,7 @@ all coefficients to the force vector at every visit: here it is made, and the st
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
+from dataclasses import replace
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values
 from gimbalcal.effects.effect import happens_once
@@ -16,7 +15,6 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.position_fit import Positions, noise_of_positions
 from gimbalcal.estimate.accelerometers.position_outliers import fit_without_outliers
 from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
-from gimbalcal.estimate.fit import cost_of_sizes
 from gimbalcal.recording import Recording
 from gimbalcal.views.positions import position_parameters, view_of_positions, without_visits
 
@@ -32,7 +30,7 @@ def misfit_of_positions(
         e = view.local.zero if view.local else e
     else:
         view = without_visits(view, [visit for fault in positions.faults for visit in fault.visits])
-    return cost_of_sizes([view], fit.effects, fit.parameters, sizes, [np.zeros(1)], fit.x, [e]), view.stimulus
+    return replace(fit, views=(view,), local=(e,)).cost_of_sizes(sizes), view.stimulus
 
 
 def trusted_positions(

@@ -17,7 +17,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_val
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
-from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit, fixed_nuisances, independent
+from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit, independent
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -111,4 +111,4 @@ def linear_effects(turns: Turns) -> tuple[Effect, ...]:
 
 def with_reference_error(fitted: ViewsFit, turns: Turns, accelerometers: Calibration) -> ViewsFit:
     """Return the fit with what the accelerometers' covariance adds to that of the estimate."""
-    return fixed_nuisances(fitted, [gravity_after_turns(turns, accelerometers, fitted.effects)])
+    return fitted.with_fixed_nuisances([gravity_after_turns(turns, accelerometers, fitted.effects)])

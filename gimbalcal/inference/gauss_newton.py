@@ -1,0 +1,111 @@
+r"""Damped Gauss-Newton on linearised rows: the estimate with its joint covariance.
+
+.. math:: x_{k+1} = x_k + h \, (\hat x_k - x_k)
+
+with :math:`\hat x_k` the least-squares solution of the rows linearised at x_k. Every linear model of this package takes
+h = 1; with a nonlinear constant among the parameters (a time constant, a period) h is halved until chi^2 falls, and the
+constant stays within the range that the rows can resolve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimbalcal.inference.information import Information, Solution, prior, solve
+from gimbalcal.number import Array
+
+MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
+MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
+ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
+
+Linearise = Callable[[Array], Information]
+"""Information about all parameters from rows that are linearised at x (p,)."""
+
+
+def gauss_newton(
+    linearise: Linearise, x: Array, bounds: Array | None, seen: float, damped: bool,
+    arrived: Callable[[int, Array, Solution], bool], diverged: Callable[[Array], bool],
+) -> tuple[Solution, int]:  # fmt: skip
+    """Return the solution of the rows linearised last, from x (p,) on, and the number of steps; 0 where it diverged.
+
+    bounds (2, p): least and greatest value of each parameter, see `views.core.range_of_constants`; None for a model
+    without nonlinear constants, whose steps are halved where they raise chi^2 only if `damped`. seen: as in `solve`.
+    arrived(step, x, solution): whether the step from x was small enough; diverged(x): whether to give up.
+    """
+    info = linearise(x)
+    for step in range(1, MAX_STEPS + 1):
+        solution = solve_about(info, x, bounds, seen)
+        if arrived(step, x, solution):
+            return solution, step
+        if step == MAX_STEPS or diverged(solution.x):
+            break
+        if damped or bounds is not None:
+            x, info = _damped(linearise, info, x, solution.x, bounds, seen)
+        else:
+            x, info = solution.x, linearise(solution.x)
+    return solution, 0
+
+
+def solve_about(info: Information, x: Array, bounds: Array | None, seen: float) -> Solution:
+    r"""Return the solution of rows that are linearised at x (p,), nonlinear constants within their bounds (2, p).
+
+    .. math:: \delta c = \left[ (1 - U U^T) R_c \right]^+ (1 - U U^T) z
+
+    is the step of the constants, with U the directions of the rows R that the linear parameters take up (variable
+    projection after Kaufman, BIT 15, 1975); these are then solved with the constants held. Directions that the rows do
+    not determine are left out on the way alike, and what the rows do not say of a constant leaves it where it is. The
+    covariance is that of all parameters together.
+    """
+    solution = solve(info, seen)
+    if bounds is None:
+        return solution
+    constant = np.isfinite(bounds[0])
+    mean, scale = prior(info.parameters)
+    R, at = info.rows[:, :-1], ((x - mean) / scale)[constant]
+    U, S, _ = np.linalg.svd(R[:, ~constant], full_matrices=False)
+    U = U[:, seen <= S]
+    free = np.column_stack([R[:, constant], info.rows[:, -1] - R[:, constant] @ at])
+    free -= U @ (U.T @ free)
+    V, size, Wt = np.linalg.svd(free[:, :-1], full_matrices=False)
+    step = Wt.T @ (np.where(size >= seen, 1 / np.maximum(size, seen), 0.0) * (V.T @ free[:, -1]))
+    c = np.clip(x[constant] + scale[constant] * step, *bounds[:, constant])
+    target = _conditional(info, c, constant, seen)
+    return replace(solution, x=target, chi2=chi2(info, target))
+
+
+def _conditional(info: Information, c: Array, constant: NDArray[np.bool_], seen: float) -> Array:
+    """The solution x (p,) with the constants held at c."""
+    out = np.zeros(len(constant))
+    known = {p: float(v) for p, v in zip(np.array(info.parameters, dtype=object)[constant], c, strict=True)}
+    out[constant], out[~constant] = c, solve(info.at(known), seen).x
+    return out
+
+
+def chi2(info: Information, x: Array) -> float:
+    """Sum of squares of the rows at parameters x (p,), as far as they are linear."""
+    mean, scale = prior(info.parameters)
+    return float(np.sum((info.rows[:, -1] - info.rows[:, :-1] @ ((x - mean) / scale)) ** 2))
+
+
+def _damped(
+    linearise: Linearise, info: Information, x: Array, target: Array, bounds: Array | None, seen: float
+) -> tuple[Array, Information]:
+    """A step towards the target, halved until chi^2 does not rise, and the rows where it ends.
+
+    Of a model with constants these alone take the step, and everything that is linear follows them (variable
+    projection): a curved valley costs no steps.
+    """
+    before, h = chi2(info, x), 1.0
+    constant = np.ones(len(x), dtype=bool) if bounds is None else np.isfinite(bounds[0])
+    while True:
+        new = np.where(constant, x + h * (target - x), target)
+        there = linearise(new)
+        if bounds is not None:
+            new = _conditional(there, new[constant], constant, seen)
+        if chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING:
+            return new, there if bounds is None else linearise(new)
+        h /= 2
