@@ -123,7 +123,16 @@ def rates_of_the_table(e: Examined) -> str:
 
 
 def refuse_unlike_table(recording: Recording) -> None:
-    """Raise `InputError` where the gyroscopes do not feel the rig turn as stated, whatever the kind of recording."""
+    """Raise `InputError` where three gyroscopes and the angles of a rig are not logged, or they do not feel it turn."""
+    if set(recording.axes(RATE)) != {"x", "y", "z"}:
+        raise InputError(
+            f"{recording.title!r} does not hold rates along x, y and z; a rate table calibrates three gyroscopes"
+        )
+    if not recording.platform.axes or not recording.has(ANGLE):
+        raise InputError(
+            f'{recording.title!r} does not say how the table turned: give its angle as a column, quantity = "{ANGLE}", '
+            "and its axis in [platform]; against an attitude that was logged: --method attitude"
+        )
     if sentence := rates_of_the_table(Examined(recording)):
         raise InputError(f"{recording.label}: {sentence}")
 

@@ -20,7 +20,6 @@ from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.diagnose.laws.law_claims import (
-    MAX_DOUBTED_PROBABILITY,
     MIN_EXPLAINED,
     Lawful,
     beyond_walk,
@@ -133,7 +132,7 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
     if law.laws:
         return _report(case, c, none, law)
     doubted = law.formula_is_likelier or diagnosis.fit.explained < MIN_EXPLAINED
-    return diagnosis.with_probabilities_below(MAX_DOUBTED_PROBABILITY) if doubted else diagnosis
+    return diagnosis.doubted() if doubted else diagnosis
 
 
 def _challenged(c: Ranking, members: Sequence[int], fit: StatedNoiseFit) -> bool:

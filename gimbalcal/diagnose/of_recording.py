@@ -297,12 +297,13 @@ def of_rotating_rig(request: DiagnosisRequest) -> Parts:
     """Diagnose a rig that turns: rests and the turns between them, or gyroscopes on a table under constant gravity."""
     recording = request.recording
     positions = request.of(replace(recording, kind=MULTI_POSITION))
-    if gravity_turns(recording) or (_rests(recording) and by_triad(request.baseline)[0]):
+    rests = recording.position is not None and bool(np.any(recording.position > 0))
+    if gravity_turns(recording) or (rests and by_triad(request.baseline)[0]):
         return of_gimballed_unit(positions, means=not recording.instant)
     try:
         table = view_on_a_table([recording])
     except InputError as problem:
-        if _rests(recording):
+        if rests:
             return of_gimballed_unit(positions, means=not recording.instant)
         raise InputError(
             f"{problem}; to compare rests and the turns between them, number the rests in a `position` column that is "
@@ -311,13 +312,9 @@ def of_rotating_rig(request: DiagnosisRequest) -> Parts:
     return _on_table(request, table)
 
 
-def _rests(recording: Recording) -> bool:
-    return recording.position is not None and bool(np.any(recording.position > 0))
-
-
 def gravity_turns(recording: Recording) -> bool:
     """Return whether gravity has several directions in the unit from rest to rest."""
-    if not _rests(recording):
+    if recording.position is None or not np.any(recording.position > 0):
         return False
     means = dwell_means(recording)
     return attitudes(ideal_force(means, means.angles())) > 1

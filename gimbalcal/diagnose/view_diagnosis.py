@@ -91,9 +91,9 @@ class ViewDiagnosis:
         """The view as diagnosis.json calls it."""
         return "forces" if self.view.measurement.known_attitude else self.view.name
 
-    def with_probabilities_below(self, most: float) -> ViewDiagnosis:
-        """Return the diagnosis with findings no surer than `most`, as a formula says it better or much is left."""
-        doubted = tuple(replace(f, probability=min(f.probability, most)) for f in self.findings)
+    def doubted(self) -> ViewDiagnosis:
+        """Return the diagnosis with findings that are hardly likely, as a formula says it better or much is left."""
+        doubted = tuple(replace(f, probability=min(f.probability, MAX_DOUBTED_PROBABILITY)) for f in self.findings)
         return replace(self, findings=doubted, verdict="not-identifiable")
 
     def with_walk(self, walk: RandomWalkFinding, only: bool) -> ViewDiagnosis:
@@ -180,7 +180,7 @@ def diagnosis_as(
         if lawful.known and not findings and not refused and walk is None:
             with_known = result_of(c.start, lawful.known, refused=True)
             perhaps = diagnosis_as(with_known, judged_in_turn(with_known), tell, refused=True)
-            return replace(perhaps.with_probabilities_below(MAX_DOUBTED_PROBABILITY), unexplained=shapes)
+            return replace(perhaps.doubted(), unexplained=shapes)
         lawful = with_heldout(lawful, fit_law)
         if walk is not None:
             advice = diagnosis_sentences.repeat_advice(v.kind.stabilised, by_hand=not v.stimulus.axis_names)
@@ -203,7 +203,7 @@ def diagnosis_as(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
         recommend=lawful.recommend,
     )  # fmt: skip
-    diagnosis = diagnosis.with_probabilities_below(MAX_DOUBTED_PROBABILITY) if doubted else diagnosis
+    diagnosis = diagnosis.doubted() if doubted else diagnosis
     return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
 
 

@@ -16,6 +16,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.fit_summary import excess_in_words, larger_noise_in_words, outliers_in_words
 from gimbalcal.estimate.accelerometers.multiposition import multiposition, scatter_in_words
 from gimbalcal.estimate.accelerometers.norm_fit import unknowns
+from gimbalcal.estimate.accelerometers.position_fit import Positions
 from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.estimate.static_run.system import static
 from gimbalcal.estimate.systematic.calibrate import systematic
@@ -38,7 +39,7 @@ def caveats(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
     if not recording.kind.in_positions or recording.position is None or not recording.has(FORCE):
         return out
     if recording.has("gimbal_angle"):
-        out += _reported(lambda: _of_positions(recording)) if usual else []
+        out += _reported(lambda: _of_positions(trusted_positions(recording))) if usual else []
     mine, gyro = by_triad(baseline)
     if recording.has("gimbal_angle") and not recording.has(RATE):
         return out
@@ -87,12 +88,10 @@ def _reported(ask: Callable[[], list[str]]) -> list[str]:
         return []
 
 
-def _of_positions(recording: Recording) -> list[str]:
+def _of_positions(p: Positions) -> list[str]:
     """Return the caveats of `three-stage` on positions at known angles in the stated noise."""
-    positions = trusted_positions(recording)
-    solution = positions.fit.solution
-    larger = larger_noise_in_words(positions)
-    return outliers_in_words(positions.faults) + excess_in_words(solution.chi2, solution.dof, larger)
+    s = p.fit.solution
+    return outliers_in_words(p.faults) + excess_in_words(s.chi2, s.dof, larger_noise_in_words(p))
 
 
 def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[str]:

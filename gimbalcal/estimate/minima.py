@@ -17,7 +17,7 @@ import numpy as np
 
 from gimbalcal.calibration.provenance import AlternativeSolution
 from gimbalcal.effects import Parameter
-from gimbalcal.estimate.fit import ViewsFit, fit
+from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
@@ -30,11 +30,9 @@ def cost(fitted: ViewsFit) -> float:
     return float((fitted.whitened[1] ** 2).sum())
 
 
-def minima(
-    views: Sequence[View], wanted: Sequence[Parameter], starts: Sequence[Array], min_signal: float
-) -> tuple[ViewsFit, ...]:
+def minima(views: Sequence[View], wanted: Sequence[Parameter], starts: Sequence[Array]) -> tuple[ViewsFit, ...]:
     """Return the distinct minima that the rows do not exclude, from several starts (p + m,), the likeliest first."""
-    fits = sorted((fit(views, wanted, start=x, min_signal=min_signal) for x in starts), key=cost)
+    fits = sorted((fit(views, wanted, start=x, min_signal=LEAST_SIGNAL) for x in starts), key=cost)
     dof = sum(r.size for r in fits[0].residual) - len(fits[0].solution.x)
     scale = max(1.0, cost(fits[0]) / max(dof, 1))
     distinct: list[ViewsFit] = []

@@ -85,14 +85,6 @@ class JointCovariance:
     constants: tuple[tuple[int, Parameter], ...]
     covariance: Array
 
-    @property
-    def information(self) -> Array:
-        """The inverse of the covariance (p + k, p + k); zero where nothing is known."""
-        sigma = np.sqrt(np.diag(self.covariance))
-        scale = np.where(sigma > 0, sigma, np.inf)
-        correlation = self.covariance / np.outer(scale, scale)
-        return np.asarray(np.linalg.pinv(correlation, rcond=1e-13, hermitian=True) / np.outer(scale, scale))
-
     def sigma_of(self, member: int) -> dict[str, float]:
         """Return one sigma of each continuous constant of a member, by name, SI."""
         own = np.sqrt(np.diag(self.covariance)[len(self.covariance) - len(self.constants) :])
@@ -121,14 +113,14 @@ def joint_covariance(s: Search, f: FittedCauses) -> JointCovariance:
     if k:
         G = project(f.projection.node, rows_like(s.rows, np.concatenate(columns, axis=1))).G.whole
         G[range(p, p + k), range(p, p + k)] += 1.0
-        joint, without_constants = (inverse_of_information(A) for A in (G, G[:p, :p]))
+        joint, without_constants = (scaled_inverse(A) for A in (G, G[:p, :p]))
         C += joint
         C[:p, :p] -= without_constants
     return JointCovariance(tuple(of), C * np.outer(scale, scale))
 
 
-def inverse_of_information(G: Array) -> Array:
-    """Return the inverse of an information matrix, scaled so that a weak combination keeps its large variance."""
+def scaled_inverse(G: Array) -> Array:
+    """Return the inverse of an information or covariance, scaled so that a weak combination keeps its own; 0 of 0."""
     scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
     return np.asarray(np.linalg.pinv(G / np.outer(scale, scale), rcond=1e-13, hermitian=True) / np.outer(scale, scale))
 

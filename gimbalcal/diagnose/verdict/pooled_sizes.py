@@ -25,8 +25,8 @@ from gimbalcal.diagnose.search.fitted_causes import (
     JointCovariance,
     constant_value,
     fit_causes,
-    inverse_of_information,
     joint_covariance,
+    scaled_inverse,
 )
 from gimbalcal.diagnose.search.ranking import Ranking, Search, reduced
 from gimbalcal.diagnose.verdict.agreement import UNOBSERVABLE, inverse_of, mean_of
@@ -201,8 +201,8 @@ def _joint(by_recording: Sequence[RecordingCauses], causes: Sequence[Candidate])
     for part in by_recording:
         at = [i for j in part.ordinals for i in range(starts[j], starts[j + 1])]
         at += [p + constants.index(one) for one in part.joint.constants]
-        N[np.ix_(at, at)] += part.joint.information
-    return JointCovariance(constants, inverse_of_information(N))
+        N[np.ix_(at, at)] += scaled_inverse(part.joint.covariance)
+    return JointCovariance(constants, scaled_inverse(N))
 
 
 def agreement_on_size(by_recording: Sequence[RecordingCauses], ordinal: int) -> Agreement:

@@ -177,7 +177,7 @@ class Levelled:
     leftover: tuple[Array, ...]
 
 
-def relevel(measure: Callable[[Array], Recording], angles: Array, negligible: float = NEGLIGIBLE_ZERO_RAD) -> Levelled:
+def relevel(measure: Callable[[Array], Recording], angles: Array) -> Levelled:
     """Turn the platform back by the estimated zeros and calibrate again, until the zeros that are left are negligible.
 
     measure(readouts (m, k) [rad]) holds the platform at these readouts and records; angles (m, k) are the schedule's.
@@ -194,6 +194,6 @@ def relevel(measure: Callable[[Array], Recording], angles: Array, negligible: fl
             if q.effect == "gimbal_zero" and q.axis != recording.platform.axes[0].name:
                 zero[recording.platform.axis_names.index(q.axis)] = value
         history.append(zero - corrected)
-        if np.all(np.abs(history[-1]) < negligible) or len(history) == 10:
+        if np.all(np.abs(history[-1]) < NEGLIGIBLE_ZERO_RAD) or len(history) == 10:
             return Levelled(calibration, recording, tuple(history))
         corrected = zero

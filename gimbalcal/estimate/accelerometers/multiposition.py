@@ -18,7 +18,7 @@ from math import nan
 
 import numpy as np
 
-from gimbalcal.calibration import DIRECTION, Calibration, Counts, Options, Provenance, Residual, StageResult
+from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
@@ -81,7 +81,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     more_sigma = covariance_of_omitted_terms(best, list(declined))
     wider = omitted_terms_in_words(more_sigma, best.solution.covariance)
     reasons = [(term, why + wider) for term, why in declined.items()]
-    own = noise_of_a_mean(recording, sample_sigma(view), view.readout.accelerometers)
+    own = noise_of_a_mean(view, [resolution(recording.channels[FORCE, a]) for a in "xyz"])
     calibration = _calibration(fits, reasons, own)
     return extra.complete(replace(calibration, covariance=calibration.covariance + more_sigma))
 
@@ -183,17 +183,16 @@ def _stage(terms: Sequence[str], fitted: ViewsFit) -> StageResult:
     return fitted.stage(" + ".join(terms), words)
 
 
-def noise_of_a_mean(recording: Recording, sample: float, counts: Counts | None = None) -> float:
+def noise_of_a_mean(view: View, steps: Sequence[float]) -> float:
     """Return the noise [m/s^2] of the mean of a position from that of a sample; 0 where it is unknown.
 
-    Where samples scatter less than a step of the converter, their mean is no better than the step.
+    Where samples scatter less than a step of the converter, (3,) in the unit of the readings, their mean is no better.
     """
-    means = dwell_means(recording)
-    if not means.sigma("accelerometer"):
+    if not view.source.sigma("accelerometer"):
         return 0.0
-    own = sample / float(np.sqrt(np.median(means.weight)))
-    scale = counts.scale if counts else (1.0, 1.0, 1.0)
-    step = max(resolution(recording.channels[FORCE, a]) * k for a, k in zip("xyz", scale, strict=True))
+    sample, counts = sample_sigma(view), view.readout.accelerometers
+    own = sample / float(np.sqrt(np.median(view.source.weight)))
+    step = max(np.multiply(steps, counts.scale if counts else 1.0))
     return float(max(own, step / np.sqrt(12))) if sample < step else own
 
 

@@ -27,7 +27,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
 from gimbalcal.views.core import View
 from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, VERTICAL
-from gimbalcal.views.turns import Turns, gravity_after_turns, logged_turns, turns_between_rests, with_headings
+from gimbalcal.views.turns import gravity_after_turns, logged_turns, turns_between_rests, with_headings
 
 MIN_RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 
@@ -46,10 +46,14 @@ def view_at_rest(
     between the rests say how much a count is.
     """
     calibration = accelerometers or usual_accelerometers(recording)
-    moving = logged_turns(recording)
+    moving, turns, scale = logged_turns(recording), None, 1.0
     if recording.counted(RATE) and not moving:
         return None
-    turns, scale = _turns(recording, calibration) if moving else (None, 1.0)
+    try:
+        turns, _, scale = turns_between_rests(recording, calibration) if moving else (None, None, 1.0)
+    except InputError:  # too few turns: nothing carries the heading from dwell to dwell
+        if recording.counted(RATE):
+            raise
     still = rests(recording, calibration, scale, turns)
     unknown = any(p.name == VERTICAL for p in still.nuisances) and len(still) >= MIN_RESTS
     # in the scatter of the dwells: in that of the samples a vertical rate takes up all of a common g-sensitivity
@@ -66,17 +70,6 @@ def view_at_rest(
         still, baseline=tuple(baseline) or still.baseline, noise=noise, readout=_readout(still, scale),
         missed_by_turns=missed if moving else None,
     )  # fmt: skip
-
-
-def _turns(recording: Recording, calibration: Calibration) -> tuple[Turns | None, float]:
-    """The turns between dwells and rad/s per unit; none where they are too few, or none is without a pause."""
-    try:
-        turns, _, scale = turns_between_rests(recording, calibration)
-    except InputError:
-        if recording.counted(RATE):
-            raise
-        return None, 1.0
-    return turns, scale
 
 
 def view_of_turns(

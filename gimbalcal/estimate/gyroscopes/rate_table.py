@@ -103,7 +103,6 @@ def on_a_table(recordings: Sequence[Recording]) -> OnTable:
     """Return gyroscopes on a table with their linear model. Raises InputError as `gyroscopes_on_a_table`."""
     refuse_twice(recordings)
     for r in recordings:
-        _refuse(r)
         refuse_unlike_table(r)
     each = [stretches_of(r) for r in recordings]
     scale = _nominal([r.counted(RATE) for r in recordings], each)
@@ -114,16 +113,6 @@ def on_a_table(recordings: Sequence[Recording]) -> OnTable:
     M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in BASE[1:]))
     view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
     return OnTable(view, _fit(view, wanted), unseen, scale, tuple(len(s.time) for s in each))
-
-
-def _refuse(r: Recording) -> None:
-    if set(r.axes(RATE)) != {"x", "y", "z"}:
-        raise InputError(f"{r.title!r} does not hold rates along x, y and z; a rate table calibrates three gyroscopes")
-    if not r.platform.axes or not r.has("gimbal_angle"):
-        raise InputError(
-            f'{r.title!r} does not say how the table turned: give its angle as a column, quantity = "gimbal_angle", '
-            "and its axis in [platform]; against an attitude that was logged: --method attitude"
-        )
 
 
 def _nominal(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:

@@ -17,7 +17,7 @@ from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, R
 from gimbalcal.calibration.provenance import North
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit
+from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.minima import cost, entries, in_words, minima
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.inference.p_value import probability
@@ -48,7 +48,7 @@ def two_position(recording: Recording) -> Calibration:
     sigma = sample / np.sqrt(dwell_means(recording).weight)[:, None] * np.ones((1, 3))
     view, wanted = rest_rates_on_gimbals(recording, sigma), parameters(CATALOGUE[BIAS])
     starts = [np.append(np.zeros(3), alpha) for alpha in np.arange(8) * np.pi / 4]
-    solutions = minima([view], wanted, starts, LEAST_SIGNAL)
+    solutions = minima([view], wanted, starts)
     best = solutions[0]
     if not best.determined or best.nuisance(HEADING)[1][0] > MAX_NORTH_SIGMA_RAD:
         raise InputError(

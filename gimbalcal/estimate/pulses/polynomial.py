@@ -20,6 +20,8 @@ import numpy as np
 
 from gimbalcal.number import Array
 
+MAX_STEPS = 30  # of Newton, from the linear answer
+
 
 def lower(E: Array) -> Array:
     """Unit lower-triangular C (..., 3, 3) of Eqs. (5) and (8) from E = (E_yx, E_zx, E_zy), (..., 3)."""
@@ -66,7 +68,7 @@ class Pulses:
         """Counts N (..., n, 3) [pulse/s] to force [m/s^2] or rate [rad/s] in the orthogonal frame."""
         return along(lower(self.E), self.along_axes(N))
 
-    def counts(self, v: Array, steps: int = 30) -> Array:
+    def counts(self, v: Array) -> Array:
         """Force or rate (..., n, 3) in the orthogonal frame to counts [pulse/s]: the exact inverse of `physical`.
 
         Newton on each axis from the linear answer; stops at a relative step of 1e-15. Raises ValueError where the
@@ -75,7 +77,7 @@ class Pulses:
         u = along(np.linalg.inv(lower(self.E)), np.asarray(v))
         K1, K2, K3 = (np.asarray(k)[..., None, :] for k in (self.K1, self.K2, self.K3))
         N = (u - np.asarray(self.bias)[..., None, :]) / K1
-        for _ in range(steps):
+        for _ in range(MAX_STEPS):
             slope = (3 * K3 * N + 2 * K2) * N + K1
             if np.any(slope * np.sign(K1) <= 0):
                 raise ValueError("the scale polynomial folds inside the measured range: no unique count")

@@ -12,8 +12,8 @@ from gimbalcal.diagnose.search.fitted_causes import (
     calibration_fit,
     constant_value,
     fit_causes,
-    inverse_of_information,
     joint_covariance,
+    scaled_inverse,
 )
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.effects import CATALOGUE
@@ -170,6 +170,6 @@ def test_sizes_and_lag_have_one_covariance() -> None:
 def test_a_combination_that_nothing_determines_keeps_its_variance() -> None:
     """Of a decay that is shorter than the means only size times time constant shows: a cut-off made it sure."""
     G = np.array([[0.776, 1038.8], [1038.8, 1.0388**2 * 1e6 / 0.776 * (1 + 1e-6)]])
-    joint, held = inverse_of_information(G), inverse_of_information(G[:1, :1])
+    joint, held = scaled_inverse(G), scaled_inverse(G[:1, :1])
     np.testing.assert_allclose(joint @ G, np.eye(2), atol=1e-3)
     assert joint[0, 0] > 1e5 * held[0, 0]
