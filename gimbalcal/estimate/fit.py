@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import Effect, Parameter, values, with_values
-from gimbalcal.estimate.extra_effects import Cost, columns_of_sizes
+from gimbalcal.estimate.extra_effects import (
+    NO_EXTENSION,
+    Cost,
+    Extension,
+    ExtraEffect,
+    columns_of_sizes,
+    extension,
+)
 from gimbalcal.forward import Rows
 from gimbalcal.inference.gauss_newton import gauss_newton
 from gimbalcal.inference.information import (
@@ -136,6 +143,12 @@ class ViewsFit:
         """Root mean square of all residuals, SI."""
         return float(np.sqrt(np.mean(np.concatenate([r.ravel() for r in self.residual]) ** 2)))
 
+    @property
+    def rms_by_channel(self) -> dict[str, float]:
+        """Root mean square of the residuals of the first view, SI, by "quantity:axis"."""
+        rms = np.sqrt(np.mean(self.residual[0] ** 2, axis=0))
+        return {":".join(key): float(x) for key, x in zip(self.views[0].channels, rms, strict=True)}
+
     @cached_property
     def whitened(self) -> tuple[Array, Array]:
         """Jacobian (q, p) and misfit (q,) of all rows about the estimate, in units of their noise."""
@@ -227,6 +240,15 @@ class ViewsFit:
             return solve(information(X, y, (*wanted, *sizes)), self.min_signal).chi2
 
         return cost
+
+    def extension(self, more: Sequence[ExtraEffect], sizes: Sequence[Parameter] | None = None) -> Extension:
+        """Return the extra effects, with constants that start where they fit best beside what was fitted.
+
+        sizes: their linear parameters, if not all of them are free.
+        """
+        s = self.views[0].stimulus
+        free = [p for e in more for p in e.parameters(s.axis_names)] if sizes is None else sizes
+        return extension(more, free, s, self.cost_of_sizes(free)) if more else NO_EXTENSION
 
 
 def fit(

@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 
-from gimbalcal.calibration import Readout
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
@@ -29,7 +28,7 @@ from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise_levels import header_noise, sample_sigma
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import to_si
-from gimbalcal.views.core import Fit, Measurement, View
+from gimbalcal.views.core import Fit, Measurement, View, recording_fields
 from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
@@ -81,24 +80,12 @@ def view_of_readings(
         return replace(read, stimulus=s.at(readout=angle, angle=angle)).rows(effects, stages)
 
     return View(
-        STATIC_RUN if recording.kind.stabilised else POSITIONS,
-        title=recording.title,
-        kind=recording.kind,
-        channels=read.channels,
-        time=recording.time - recording.time[0],
-        stimulus=s,
-        evaluate=partial(read.rows, stages=stages),
-        stages=frozenset(stages),
+        STATIC_RUN if recording.kind.stabilised else POSITIONS, channels=read.channels, **recording_fields(recording),
+        stimulus=s, evaluate=partial(read.rows, stages=stages), stages=frozenset(stages), noise=noise, label=s.position,
         baseline=tuple(baseline) or BASELINE[recording.kind],
-        grade=recording.grade,
         groups=np.arange(n) * FOLDS // n if recording.kind.stabilised else s.visit,
-        noise=noise,
-        label=s.position,
-        read_gimbals=recording.axes("gimbal_angle"),
-        readout=Readout(gimbals=recording.platform.axis_names),
         local=None if setting is None else Local(visit, s.readout.shape[1], setting, _by_readouts, off),
-        source=recording,
-    )
+    )  # fmt: skip
 
 
 def _by_readouts(rows: Rows) -> Array:

@@ -33,7 +33,7 @@ from gimbalcal.estimate.accelerometers.norm_fit import (
     unknowns,
 )
 from gimbalcal.estimate.accelerometers.position_fit import ATTITUDE, HEADER, SAMPLES
-from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension, unfit
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, unfit
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.term_selection import MAX_SCATTER_RATIO, Fits, coefficients, needed, refusal, selected
 from gimbalcal.inference.information import Unobservable
@@ -63,7 +63,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     _check(wanted, recording, "--terms")
     _check(tuple(requested), recording, "--with")
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
-    extra = _extension(view, base, more)
+    extra = norm_fit(view, base).extension(more) if more else NO_EXTENSION
     tried, positions = coefficients(wanted) - coefficients(base), f"{len(view)} positions"
 
     def attempt(terms: tuple[str, ...], without: ViewsFit) -> ViewsFit | str:
@@ -107,14 +107,6 @@ def usual_accelerometers(recording: Recording) -> Calibration:
     if attitudes(view.source.triad(FORCE)) < coefficients(SIX_TERMS):
         return Calibration.ideal("ideal")
     return multiposition(recording, view.baseline)
-
-
-def _extension(view: View, base: Sequence[str], more: Sequence[ExtraEffect]) -> Extension:
-    """Return the extra effects, with constants that start where the misfit beside the base terms is smallest."""
-    if not more:
-        return NO_EXTENSION
-    sizes = tuple(p for e in more for p in e.parameters(()))
-    return extension(more, sizes, view.stimulus, norm_fit(view, base).cost_of_sizes(sizes))
 
 
 def _check(terms: Sequence[str], recording: Recording, option: str) -> None:

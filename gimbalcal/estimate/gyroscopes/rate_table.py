@@ -27,7 +27,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.position_fit import SAMPLES
-from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
+from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
@@ -70,12 +70,12 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraE
     never turned.
     """
     table = on_a_table(recordings)
-    extra, linear = NO_EXTENSION, table.linear
+    linear = table.linear
+    sizes = [p for e in more for p in e.parameters(()) if (p.effect, p.axis) not in table.view.gauge]
+    if lost := next((e.effect for e in more if e.effect not in {p.effect for p in sizes}), ""):
+        raise InputError(f"--with {lost}: no stretch of steady turning shows it; leave it out")
+    extra = linear.extension(more, sizes)
     if more:
-        sizes = tuple(p for e in more for p in e.parameters(()) if (p.effect, p.axis) not in table.view.gauge)
-        if lost := next((e.effect for e in more if e.effect not in {p.effect for p in sizes}), ""):
-            raise InputError(f"--with {lost}: no stretch of steady turning shows it; leave it out")
-        extra = extension(more, sizes, table.view.stimulus, linear.cost_of_sizes(sizes))
         linear = _fit(table.view, (*linear.parameters, *extra.parameters), extra.effects)
     best, declined = _chosen(table.view, linear, {e.effect for e in more})
     calibration = extra.complete(_calibration(best, table.unseen, declined, table.stretches))

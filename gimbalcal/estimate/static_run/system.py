@@ -109,7 +109,7 @@ def static(
     J = run.jacobian(effects, solution.parameters)
     return fitted.calibration(
         "static-run",
-        Residual(solution.chi2, solution.dof, rms_by_channel(run, effects)),
+        Residual(solution.chi2, solution.dof, fitted.rms_by_channel),
         outcome=outcome(solution),
         provenance=Provenance(recordings=recording.source, noise=AssumedNoise(from_=noise_from(run))),
         stages=(stage(run, effects, combined(run, start, effects, solution, J)), *filter_stage(run, start)),
@@ -130,12 +130,6 @@ def outcome(solution: Solution) -> str:
     if solution.chi2 < MAX_REDUCED_CHI2 * solution.dof:
         return ""
     return joined([f"in the static run {words}" for words in misfit_in_words(solution.chi2, solution.dof)])
-
-
-def rms_by_channel(run: Readings, effects: Sequence[Effect]) -> dict[str, float]:
-    """Root mean square of what the effects leave, SI, by "quantity:axis"."""
-    rms = np.sqrt(np.mean(run.residual(effects) ** 2, axis=0))
-    return {f"{q}:{axis}": float(x) for (q, axis), x in zip(run.channels, rms, strict=True)}
 
 
 def stage(run: Readings, fitted: Sequence[Effect], table: Combined) -> StageResult:

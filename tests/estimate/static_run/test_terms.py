@@ -9,7 +9,7 @@ from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.position_fit import HEADER, SAMPLES
 from gimbalcal.estimate.static_run.combined_coefficients import NAMES, matrix
 from gimbalcal.estimate.static_run.force_filter import observation_matrix, projection
-from gimbalcal.estimate.static_run.system import noise_from, rms_by_channel, static, static_parameters, static_readings
+from gimbalcal.estimate.static_run.system import noise_from, static, static_parameters, static_readings
 from gimbalcal.forward import accelerometers
 from gimbalcal.kinematics import with_phase_of_force
 from gimbalcal.readings import readings
@@ -77,5 +77,4 @@ def test_the_residual_of_a_run_is_its_noise_channel_by_channel() -> None:
     assert found.residual.rms["attitude_error:roll"] == pytest.approx(NOISE["attitude"], rel=0.2)
     assert found.stages[0].rms == pytest.approx(NOISE["accelerometer"], rel=0.15)
     left = static_readings(recording).residual(found.effects)
-    again = rms_by_channel(static_readings(recording), found.effects)
-    assert again["specific_force:x"] == pytest.approx(np.sqrt(np.mean(left[:, 0] ** 2)), rel=1e-12)
+    assert found.residual.rms["specific_force:x"] == pytest.approx(np.sqrt(np.mean(left[:, 0] ** 2)), rel=1e-12)
