@@ -205,8 +205,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("words.diagnosis_sentences", "constants_disagreement", "recording {odd + 1}", "recording {odd}"),
     ),
     "diagnose/search/test_combine.py::test_order_does_not_matter_and_singles_add_up": (
-        ("diagnose.search.combine", "combine", "np.where(rival, np.log(UNKNOWN), np.log(SINGLE))",
-         "np.where(rival, np.log(SINGLE), np.log(UNKNOWN))"),
+        ("diagnose.search.ranking", "ranked_hypotheses", "UNKNOWN if c.rival else SINGLE",
+         "SINGLE if c.rival else UNKNOWN"),
     ),
     (
         "diagnose/verdict/test_random_walk.py::test_walks_compete_with_what_was_found "

@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.odds import DETECTED, SINGLE, UNKNOWN
+from gimbalcal.diagnose.evidence.odds import DETECTED
 from gimbalcal.diagnose.library.candidates import Candidate, Library
-from gimbalcal.diagnose.search.ranking import ABSENT, Hypothesis, Ranking, Search, beside, log_priors, pairs
+from gimbalcal.diagnose.search.ranking import ABSENT, Ranking, Search, beside, log_priors, ranked_hypotheses
 from gimbalcal.number import Array
 
 Pairs = dict[tuple[int, ...], dict[int, float]]
@@ -69,19 +69,15 @@ def combine(searches: Sequence[Search]) -> Ranking:
         return searches[0]
     candidates, place = matched(searches)
     prior = log_priors(candidates)
-    rival = np.array([bool(c.rival) for c in candidates])
-    share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
-    c = CombinedRanking(Library(candidates, np.zeros((0, 0))), (), share, tuple(searches), place)
+    c = CombinedRanking(Library(candidates, np.zeros((0, 0))), (), prior, tuple(searches), place)
     ln = c.summed([s.singles for s in searches])
     own = [{} if ln.max() > DETECTED else _own_pairs(s) for s in searches]
 
     def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
         return _with_second(c, members, seconds, keep, own)[list(seconds)]
 
-    hypotheses = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
-    hypotheses += pairs(candidates, ln, prior, float((ln + prior).max()), gained)
-    hypotheses.sort(key=lambda h: -h.ln_weight)
-    return replace(c, hypotheses=tuple(hypotheses))
+    hypotheses, share = ranked_hypotheses(candidates, ln, prior, float((ln + prior).max()), gained)
+    return replace(c, hypotheses=hypotheses, share=share)
 
 
 def _with_second(

@@ -241,17 +241,26 @@ def ranked(
     """Rank singles, and pairs where a single cause is found wanting or none is found, from the factors of singles."""
     null, ln, joint = factors
     prior = log_priors(library.candidates, fit.view.kind)
-    rival = np.array([bool(c.rival) for c in library.candidates])
-    share = np.where(rival, np.log(UNKNOWN), np.log(SINGLE)) + prior
-    hypotheses = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
 
     def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
         return beside(projections, library, null, joint, members, seconds, keep)
 
     floor = float(joint.max() - logsumexp(null)) + float(prior.min())
-    hypotheses += pairs(library.candidates, ln, prior, floor, gained)
-    hypotheses.sort(key=lambda h: -h.ln_weight)
-    return Search(library, tuple(hypotheses), share, fit, rows, projections, null, joint, ln)
+    hypotheses, share = ranked_hypotheses(library.candidates, ln, prior, floor, gained)
+    return Search(library, hypotheses, share, fit, rows, projections, null, joint, ln)
+
+
+def ranked_hypotheses(
+    candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float, gained: Gained
+) -> tuple[tuple[Hypothesis, ...], Array]:
+    """Return singles, pairs and thirds, best first, and ln of the prior share (candidates,) of each alone; see `pairs`.
+
+    ln (candidates,) is the ln Bayes factor of each alone.
+    """
+    share = prior + np.log([UNKNOWN if c.rival else SINGLE for c in candidates])
+    singles = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
+    every = singles + pairs(candidates, ln, prior, floor, gained)
+    return tuple(sorted(every, key=lambda h: -h.ln_weight)), share
 
 
 def _visible(library: Library, p: Projection) -> Library:
