@@ -34,7 +34,8 @@ class Local:
     """k parameters of each of m groups of rows, with one prior sigma, which may be zero or infinite.
 
     group (n,): ordinal of the group of each row, 0 ... m - 1; columns: rows to the derivative (n, C, k) by those of the
-    row's own group; evaluate: effects and values (m, k) to the rows about both, as the rows are not linear in them.
+    row's own group; evaluate: effects and values (m, k) to the rows about both, as the rows are not linear in them;
+    remaining: share of their variance that is left in rows about recovered values.
     """
 
     group: NDArray[np.int64]
@@ -42,6 +43,7 @@ class Local:
     sigma: float
     columns: Callable[[Rows], Array]
     evaluate: Callable[[Sequence[Effect], Array], Rows]
+    remaining: float = 1.0
 
     @property
     def first(self) -> NDArray[np.int64]:

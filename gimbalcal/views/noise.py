@@ -17,10 +17,9 @@ class NoiseModel:
     r"""Noise of n rows of C channels: white with a scale that is known, or that is integrated over, and correlated.
 
     Scale known: sigma (C,) [SI] is one sigma of a row, weights (n, C), of mean one, are those of samples with heavy
-    tails, of excess kurtosis `kurtosis`; of the variance of local parameters a share `setting_left` is not recovered
-    from the rows. Rows are reduced without loss for slow physics: a dwell to the means of a few blocks, `block` (n,)
-    being the ordinal of that of each row; without blocks, each channel to its orthonormal cosine transform, in which
-    white noise stays white and a random walk becomes diagonal.
+    tails, of excess kurtosis `kurtosis`. Rows are reduced without loss for slow physics: a dwell to the means of a few
+    blocks, `block` (n,) being the ordinal of that of each row; without blocks, each channel to its orthonormal cosine
+    transform, in which white noise stays white and a random walk becomes diagonal.
 
     Else: sigma (n, C) is what the samples say of one row against another, where they do; sample (n, C) what their
     scatter alone makes of a row, which bounds the scale; wander (n, C, m) how what m sensors wander from row to row
@@ -44,7 +43,6 @@ class NoiseModel:
     one_scale: bool = False  # of all channels, as one of them shows no noise
     weights: Array | None = None
     kurtosis: float = 0.0
-    setting_left: float = 1.0
 
     @property
     def starts(self) -> Array:

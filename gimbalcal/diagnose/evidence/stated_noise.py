@@ -161,7 +161,7 @@ def _states(o: Fit, blocks: _Blocks, noise: Mapping[str, Noise], alone: str) -> 
     block; anew at each visit, an angle of each gimbal and what these take of the force along themselves.
     """
     (turned,), (wandering,) = noise["gimbal_angle"], noise["specific_force"][1:]
-    short = SettingError(o.view.noise.setting_left * one_sigma((turned,)) ** 2)
+    short = SettingError((o.view.local.remaining if o.view.local else 1.0) * one_sigma((turned,)) ** 2)
     along = blocks.along if _shows(blocks.along, short) else blocks.along[:, :, :0]
     H = np.concatenate([blocks.walks, blocks.angles, along], axis=-1)
     walks = [wandering if alone in ("", axis) else RandomWalk(0.0) for _, axis in o.view.channels]

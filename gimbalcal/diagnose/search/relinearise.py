@@ -77,7 +77,7 @@ def _at(o: Fit, x: Array, delta: Array, remaining: float) -> Fit:
         rows = local.evaluate(effects, e)
         return replace(rows, residual=rows.residual + back)
 
-    there = replace(o.view, evaluate=evaluate, noise=replace(o.view.noise, setting_left=remaining))
+    there = replace(o.view, evaluate=evaluate, local=replace(local, remaining=remaining))
     return linearised(there, effects, o.parameters)
 
 

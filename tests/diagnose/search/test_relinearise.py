@@ -35,11 +35,12 @@ def misfit(o: Fit) -> float:
 def test_about_the_angles_of_each_visit_nothing_is_curved() -> None:
     loose = observed(DEGREE)
     about = about_settings(loose)
-    assert about.view.noise.setting_left < 0.01
+    assert about.view.local.remaining < 0.01
     again = about.view.evaluate(about.effects).over(about.sigma)  # what is read there is what the rows hold
     np.testing.assert_allclose(again.residual, about.residual, atol=1e-6)
     assert 0.8 < misfit(about) < 1.3
-    same_noise = replace(loose, view=replace(loose.view, noise=about.view.noise))
+    spread = replace(loose.view.local, remaining=about.view.local.remaining)
+    same_noise = replace(loose, view=replace(loose.view, noise=about.view.noise, local=spread))
     assert misfit(same_noise) > 20  # about the angles that were read
 
 
