@@ -105,6 +105,7 @@ def observe(
 @click.command(
     epilog=example(
         "gimbalcal design -n 12 --step 45 --angle-sigma 5 --out schedule",
+        "gimbalcal design --learn temperature --angle-sigma 5 --out warm",
         "gimbalcal design --kind rotation --states 30 --against wei2022-30 --tries 400",
     )
 )
@@ -118,6 +119,7 @@ def observe(
 @FORCE_SIGMA
 @names_option("--terms", "Effects to estimate (default: the baseline).")
 @names_option("--separate", "Effects that the schedule should distinguish.")
+@names_option("--learn", "One or two variables of an unknown law that the schedule should show.")
 @click.option(
     "--criterion",
     type=click.Choice(["D", "A", "position", "max", "sum"]),
@@ -146,9 +148,9 @@ def observe(
 @output_options("schedule.toml and report.html", "PLATFORM-schedule, here")
 def design(
     kind: str, platform: str, positions: int, step: float, angle_sigma: float | None, force_sigma: float,
-    terms: tuple[str, ...], separate: tuple[str, ...], criterion: str | None, states: str, total: float, rate: float,
-    ramp: float, limit: float, against: tuple[str, ...], latitude: float, rate_noise: float, force_noise: float,
-    velocity_sigma: float, tries: int, seed: int, output: Output,
+    terms: tuple[str, ...], separate: tuple[str, ...], learn: tuple[str, ...], criterion: str | None, states: str,
+    total: float, rate: float, ramp: float, limit: float, against: tuple[str, ...], latitude: float,
+    rate_noise: float, force_noise: float, velocity_sigma: float, tries: int, seed: int, output: Output,
 ) -> None:  # fmt: skip
     """Choose the positions, or the sequence of turns, that show most within the limits of a rig."""
     from gimbalcal.atomic import write
@@ -158,6 +160,8 @@ def design(
     from gimbalcal.words.tables import bounds_table
 
     turning = kind == "rotation"
+    if turning and learn:
+        raise InputError("--learn plans positions: leave out --kind rotation")
     named = ["turns" if turning else platform]
     plan: PositionsDesign | TurnsDesign
     target = output.folder(named, "schedule", ("schedule.toml", "report.html"))
@@ -179,8 +183,16 @@ def design(
 
         _only(criterion, ("D", "A", "position"), kind)
         rig = rig_of(platform, step, angle_sigma, force_sigma)
-        chosen = run(rig, positions, terms, criterion or "D", separate, latitude=latitude)
-        plan, text, table = chosen, schedule_toml(chosen.schedule), bounds_table(chosen)
+        if learn:
+            from gimbalcal.design.learning import design_learning
+
+            if separate or criterion:
+                raise InputError("--learn is a goal of its own: leave out --separate and --criterion")
+            chosen = design_learning(rig, positions, learn, terms)
+        else:
+            chosen = run(rig, positions, terms, criterion or "D", separate, latitude=latitude)
+        environment = chosen.law.toml if chosen.law else ""
+        plan, text, table = chosen, schedule_toml(chosen.schedule) + environment, bounds_table(chosen)
     if target is not None:
         with output.staged(target.folder) as new:
             write(new / "schedule.toml", text)

@@ -17,7 +17,7 @@ import numpy as np
 from gimbalcal.design.budget import PRIOR_SHARE, position_sensitivity
 from gimbalcal.design.position_observability import PredictedSigma, predicted_sigmas
 from gimbalcal.design.rig_positions import PositioningRig, design_parameters, distinct, whitened_rows
-from gimbalcal.earth import normal_gravity
+from gimbalcal.earth import HOUR, normal_gravity
 from gimbalcal.effects import Parameter
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.entries import Json, plain
@@ -60,7 +60,7 @@ def design(
             f"criterion {criterion!r} is not known; choose D (volume), A (mean variance) or position (of a day's "
             "navigation)"
         )
-    wanted = design_parameters(rig, (*(terms or _default(rig)), *separate))
+    wanted = design_parameters(rig, (*(terms or default_terms(rig)), *separate))
     settings, rows = distinct(rig.candidates(), rig, wanted)
     if len(settings) < 2:
         raise InputError(f"the rig {rig.platform.name!r} has no axis that moves gravity: widen its grid of angles")
@@ -72,7 +72,7 @@ def design(
     holds = tuple(Hold(tuple(float(a) for a in settings[chosen[i]]), duration) for i in order)
     schedule = Schedule(f"{criterion}-optimal-{count}", rig.platform, holds)
     everything = interest if criterion == "position" else np.ones(len(wanted), dtype=bool)
-    others = compare or _published(rig)
+    others = compare or published(rig)
     return assessed_design(schedule, rig, wanted, criterion, others, len(settings), everything)
 
 
@@ -94,7 +94,8 @@ def position_response(
     return np.asarray(S.reshape(-1, len(wanted)) / np.sqrt(len(S)))
 
 
-def _default(rig: PositioningRig) -> tuple[str, ...]:
+def default_terms(rig: PositioningRig) -> tuple[str, ...]:
+    """Return the effects that positions of this rig calibrate."""
     return TERMS if np.isinf(rig.setting) else BASELINE["multi-position"]
 
 
@@ -108,7 +109,7 @@ def _visiting_order(settings: Array) -> list[int]:
     return order
 
 
-def _published(rig: PositioningRig) -> tuple[Schedule, ...]:
+def published(rig: PositioningRig) -> tuple[Schedule, ...]:
     """Return published schedules of the rig's platform; without angles all of them, as only directions matter."""
     return tuple(s for s in SCHEDULES.values() if np.isinf(rig.setting) or s.platform.name == rig.platform.name)
 
@@ -162,11 +163,51 @@ class ScheduleComparison:
         }  # fmt: skip
 
 
+@dataclass(frozen=True)
+class LawPlan:
+    """What a plan shows of an unknown law: its variables, the share that nothing else imitates, and how to run it.
+
+    usual: the same share of other schedules, as long, while the temperature rises. mean, amplitude [degC] and period
+    [s] are those of a sine of the temperature, zero where none is needed.
+    """
+
+    variables: tuple[str, ...]
+    share: float
+    usual: Mapping[str, float]
+    hours: float
+    mean: float = 0.0
+    amplitude: float = 0.0
+    period: float = 0.0
+
+    @property
+    def in_words(self) -> str:
+        """What the plan shows, and how to run it, in one sentence."""
+        names = " and ".join(v.replace("_", " ") for v in self.variables)
+        rising = ", as long and while the temperature rises" if self.period else ""
+        usual = ", ".join(f"{100 * s:.0f} % in {name}" for name, s in self.usual.items())
+        text = f"nothing else that varies imitates {100 * self.share:.0f} % of a law in {names}"
+        text += f" ({usual}{rising})" if usual else ""
+        text += f"; hold the positions in this order, {self.hours:.3g} h in all"
+        if not self.period:
+            return text
+        low, high = self.mean - self.amplitude, self.mean + self.amplitude
+        return f"{text}, while the temperature goes from {low:g} to {high:g} °C and back in {self.period / HOUR:.3g} h"
+
+    @property
+    def toml(self) -> str:
+        """The temperature as [environment] of a scenario; empty where none is needed."""
+        if not self.period:
+            return ""
+        sine = f'shape = "sinusoid", mean = {self.mean!r}, amplitude = {self.amplitude!r}'
+        return f'\n[environment]\ntemperature = {{ {sine}, period = {{ value = {self.period!r}, unit = "s" }} }}\n'
+
+
 @dataclass(frozen=True, eq=False)
 class PositionsDesign:
     """A schedule of positions: sigma (p,) in SI of each parameter, also of other schedules, and comparisons with them.
 
     candidates: attitudes among which it was chosen; setting [rad]: error of an angle, infinite where none is known.
+    law: what it shows of an unknown law, where it was chosen for that.
     """
 
     schedule: Schedule
@@ -179,6 +220,7 @@ class PositionsDesign:
     unobservable: tuple[Unobservable, ...]
     other_sigmas: Mapping[str, Array]
     against: Mapping[str, ScheduleComparison]
+    law: LawPlan | None = None
 
     @property
     def rows(self) -> tuple[PredictedSigma, ...]:
@@ -212,7 +254,8 @@ class PositionsDesign:
     def remarks(self) -> list[str]:
         """Sentences on the position error, the comparisons, and the parameters that it does not support."""
         compared = [f"against {name}: {a.in_words}" for name, a in self.against.items()]
-        return [*filter(None, [self.position_error]), *compared, *self.unsupported]
+        law = self.law.in_words if self.law else ""
+        return [*filter(None, [self.position_error, law]), *compared, *self.unsupported]
 
     @property
     def in_words(self) -> str:
@@ -233,7 +276,7 @@ class PositionsDesign:
             "unsupported": self.unsupported,
             "against": {name: a.to_dict() for name, a in self.against.items()},
             "in_words": self.in_words,
-        }
+        } | ({"law": plain(self.law)} if self.law else {})
 
 
 def assessed_design(
@@ -274,16 +317,28 @@ def _against(
     return ScheduleComparison(criterion, own, other, m, radius, ratio, float(each.min()), float(each.max()))
 
 
-def optimise(rows: Array, count: int, criterion: str, interest: Array, seed: int) -> Array:
-    """Return indices (count,) of the best candidates (c, 3, p); interest: which parameters (p,), or S (q, p)."""
+def optimise(
+    rows: Array, count: int, criterion: str, interest: Array, seed: int, number_of_starts: int = STARTS
+) -> Array:
+    """Return indices (count,) of the best candidates; interest: which parameters (p,), or S (q, p).
+
+    rows: (c, 3, p) of each candidate, or (count, c, 3, p) where they differ from one position in order to the next.
+    """
     rng = np.random.default_rng(seed)
+    ordered = rows.ndim == 4
+    slots = rows if ordered else np.broadcast_to(rows, (count, *rows.shape))
     starts = [
-        _greedy(rows, count, criterion, interest),
-        *(rng.integers(0, len(rows), count) for _ in range(STARTS - 1)),
+        _greedy(slots, criterion, interest),
+        *(rng.integers(0, slots.shape[1], count) for _ in range(number_of_starts - 1)),
     ]
-    improved = [_exchange(rows, chosen, criterion, interest) for chosen in starts]
-    best = max(improved, key=lambda chosen: value(rows[chosen], criterion, interest))
-    return np.sort(best)
+    improved = [_exchange(slots, chosen, criterion, interest) for chosen in starts]
+    best = max(improved, key=lambda chosen: value(_taken(slots, chosen), criterion, interest))
+    return best if ordered else np.sort(best)
+
+
+def _taken(slots: Array, chosen: Array) -> Array:
+    """Return the rows (count, 3, p) of the candidate that is chosen in each slot (count, c, 3, p)."""
+    return np.asarray(slots[np.arange(len(slots)), chosen])
 
 
 def value(rows: Array, criterion: str, interest: Array) -> float:
@@ -314,21 +369,22 @@ def gains(rows: Array, F: Array, criterion: str, interest: Array) -> Array:
     return full - np.linalg.slogdet(np.eye(rows.shape[1]) + other @ Pn @ np.swapaxes(other, -1, -2))[1]
 
 
-def _greedy(rows: Array, count: int, criterion: str, interest: Array) -> Array:
-    F, chosen = np.eye(rows.shape[-1]), []
-    for _ in range(count):
+def _greedy(slots: Array, criterion: str, interest: Array) -> Array:
+    F, chosen = np.eye(slots.shape[-1]), []
+    for rows in slots:
         best = int(np.argmax(gains(rows, F, criterion, interest)))
         chosen.append(best)
         F = F + rows[best].T @ rows[best]
     return np.array(chosen)
 
 
-def _exchange(rows: Array, chosen: Array, criterion: str, interest: Array) -> Array:
+def _exchange(slots: Array, chosen: Array, criterion: str, interest: Array) -> Array:
     chosen = np.array(chosen)
-    F = np.eye(rows.shape[-1]) + np.einsum("cip,ciq->pq", rows[chosen], rows[chosen])
+    own = _taken(slots, chosen)
+    F = np.eye(slots.shape[-1]) + np.einsum("cip,ciq->pq", own, own)
     for _ in range(MAX_ROUNDS):
         exchanged = False
-        for i in range(len(chosen)):
+        for i, rows in enumerate(slots):
             without = F - rows[chosen[i]].T @ rows[chosen[i]]
             gain = gains(rows, without, criterion, interest)
             best = int(np.argmax(gain))

@@ -111,6 +111,11 @@ def design_parameters(rig: PositioningRig, terms: Sequence[str]) -> tuple[Parame
     return position_parameters(rig.platform, terms)
 
 
+def stimulus_of_settings(settings: Array, rig: PositioningRig) -> Stimulus:
+    """Return the stimulus of the settings (c, k) [rad] of a rig without errors."""
+    return stimulus_from_angles(_noiseless(settings, rig))
+
+
 def _noiseless(settings: Array, rig: PositioningRig) -> Recording:
     """Return a noiseless recording of the settings (c, k) [rad], one row each."""
     n = len(settings)
@@ -138,7 +143,7 @@ def distinct(settings: Array, rig: PositioningRig, wanted: Sequence[Parameter]) 
 
 def whitened_rows(settings: Array, rig: PositioningRig, wanted: Sequence[Parameter]) -> Array:
     """Return the rows (c, 3, p) of each setting, in units of its noise and of the priors, setting errors eliminated."""
-    s = stimulus_from_angles(_noiseless(settings, rig))
+    s = stimulus_of_settings(settings, rig)
     return rows_at_rest(s, rig.platform, wanted, rig.accelerometer, rig.setting)
 
 

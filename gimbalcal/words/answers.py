@@ -74,6 +74,7 @@ def positions_answer(d: PositionsDesign) -> str:
     text = sentence(f"{d.origin}, determine {share} of the parameters")
     text += _precision(d.rows, d.unobservable)
     text += f" {sentence(d.position_error)}" if d.position_error else ""
+    text += f" {sentence(d.law.in_words)}" if d.law else ""
     what, which = ("that error", "") if d.position_error else ("σ", ", on average")
     ratios = {n: a.criterion_ratio if d.position_error else a.sigma_ratio for n, a in d.against.items()}
     compared = [answered(f"In the time that {n} takes, {what} is {x:.2f} times that of {n}{which}")
