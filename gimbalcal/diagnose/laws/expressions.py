@@ -102,6 +102,7 @@ FORMS = {
         Form("harmonic", lambda x, n: [np.cos(n * x), np.sin(n * x)], WAVES, (0, 0),
              (Constant("n", "", "fixed"),), True),
         Form("wave", lambda x, k: [np.cos(k * x), np.sin(k * x)], WAVES, (0, 0), (K,), True),
+        Form("phased", lambda x, k, p: [np.cos(k * x + p)], ("cos({0}*{x} + {1})",), (0,), (K, PHASE)),
         Form("fade", lambda x, tau: [np.exp(-x / tau)], ("exp(-{x}/{0})",), (0,), (TAU,)),
         Form("log", lambda x, tau: [np.log1p(x / tau)], ("log(1 + {x}/{0})",), (0,), (TAU,)),
         Form("ring", _ring, tuple(f"exp(-{{x}}/{{1}})*{w}" for w in WAVES), (0, 0), (K, TAU), True),
@@ -251,10 +252,10 @@ class Expression:
 
     @property
     def simpler(self) -> bool:
-        """Return whether no column needs the last one of a form, so that a simpler form says the same."""
+        """Return whether no column needs a factor, or the last one of its form, so that a simpler law says the same."""
         last = {"to x^2": 1, "to x^3": 2, "knee": 1, "rectified": 1}
-        return any(all(own[i] != last[t.form.key] for own in self.factors)
-                   for i, t in enumerate(self.terms) if t.form.key in last)  # fmt: skip
+        return any(all(own[i] < 0 or own[i] != last.get(t.form.key, own[i]) for own in self.factors)
+                   for i, t in enumerate(self.terms))  # fmt: skip
 
     def without(self, dropped: Sequence[int]) -> Expression:
         """Return the law without these of its columns."""
@@ -414,8 +415,11 @@ def tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[
     return out
 
 
-def relatives(e: Expression) -> list[Expression]:
-    """Return laws with a richer form in the place of one of a law: what a wave, a threshold or a size may really be."""
+def relatives(e: Expression, several: bool) -> list[Expression]:
+    """Return laws with a richer form in the place of one of a law: what a wave, a threshold or a size may really be.
+
+    Beside a free origin, and at `several` axes, a wave may also have one phase in common.
+    """
     out = []
     for i, t in enumerate(e.terms):
         span = float(np.ptp(t.variable.x))
@@ -424,6 +428,8 @@ def relatives(e: Expression) -> list[Expression]:
             k = t.constants[0]
             phases = 2 * np.pi * np.arange(PHASES) / PHASES
             variants += [Term(t.variable, FORMS["pulse"], (k, p, q), PHASES * 3) for p in phases for q in PULSES]
+            if several or any(other.free_origin for other in e.terms if other is not t):
+                variants += [Term(t.variable, FORMS["phased"], (k, p), PHASES) for p in phases[: PHASES // 2]]
             variants += [Term(t.variable, FORMS["sawtooth"], (k, p), PHASES) for p in phases]
             variants += [Term(t.variable, FORMS["rectified"], (k / n, p), PHASES) for p in phases for n in (1, 2)]
         elif t.form.key == "above" and t.variable.group != "course":

@@ -7,7 +7,7 @@ that `calibrate --with` and every other command take it by `--effects law.py`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,17 +17,17 @@ from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER, UNKNOWN
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.grounds import ground, together, with_law
-from gimbalcal.diagnose.laws.law_curve import curve_of
+from gimbalcal.diagnose.laws.law_curve import curves_of
 from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
-from gimbalcal.diagnose.laws.law_search import RARE, Ground, Law, laws_of, same, trimmed
+from gimbalcal.diagnose.laws.law_search import ABSORBED, RARE, Ground, Law, laws_of, same, trimmed
 from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared, with_cause
 from gimbalcal.diagnose.library.assemble import library
-from gimbalcal.diagnose.library.candidates import Candidate
-from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
+from gimbalcal.diagnose.library.candidates import Candidate, Library
+from gimbalcal.diagnose.result import LawCurve, LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, is_usual, likeliest_variants, search
 from gimbalcal.diagnose.search.refit import fitted_columns, with_columns
-from gimbalcal.diagnose.search.stepwise import SearchResult, SelectedCause, with_causes
+from gimbalcal.diagnose.search.stepwise import Key, SearchResult, SelectedCause, with_causes
 from gimbalcal.diagnose.verdict.agreement import against, inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
 from gimbalcal.diagnose.verdict.mismatch import LEFT, scan
@@ -35,7 +35,7 @@ from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
 from gimbalcal.diagnose.verdict.separation import expected_ln_bayes, fastest
 from gimbalcal.diagnose.verdict.verify import residual_rows, row_sigma, verify
 from gimbalcal.effects import Stage
-from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.algebra import basis, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit
@@ -47,9 +47,10 @@ MOST = 3  # laws of one view
 NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is taken
 MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
 MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
+SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it holds
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
 MAX_GAIN_CHANGE = 0.3  # of a sensor by a law: beyond, it is another sensor
-MAX_SCATTER_RATIO = 1.5  # of a formula to causes, which have more parameters, from which on it replaces none
+MAX_SCATTER_RATIO = 1.5  # of a formula to causes with more parameters, from which on it replaces none
 MAX_DOUBTED_PROBABILITY = 0.45  # of a cause that explains less, or than which a formula is likelier
 
 
@@ -71,12 +72,12 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
     """
     if not laws or laws[0].evidence < max(CLAIM, shape - TOGETHER):
         return None, []
-    equivalent = [trimmed(law) for law in laws if law.evidence > laws[0].evidence - TOGETHER]
+    equivalent = [trimmed(g, law) for law in laws if law.evidence > laws[0].evidence - TOGETHER]
     equivalent = [law for law in equivalent if not law.expression.simpler] or equivalent
     first = [law for law in equivalent if not law.table] or equivalent
     first = [law for law in first if law.evidence > first[0].evidence - NEARLY_BEST_NATS]
     best = min(first, key=lambda law: (free(law), len(printed(law)), -law.evidence))
-    equivalent = [law for law in equivalent if law.place is not best.place or printed(law) != printed(best)]
+    equivalent = [law for law in equivalent if law.places != best.places or printed(law) != printed(best)]
     alike = [same(g, best, law) for law in equivalent]
     others = [law for law, one in zip(equivalent, alike, strict=True) if not one or free(law) <= free(best)]
     return best, others
@@ -188,12 +189,16 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     if any(h.left < LEFT or h.strained >= -np.log(LEFT) for h in fits):
         advice = advice or law_sentences.LACK_OF_FIT.format(law=printed(best))
     title = " and ".join(s.fit.view.source.title for s in searches)
-    law = found(best, x, C, (before, after), others, title, beside=b.name)
+    laws = found(best, x, C, (before, after), others, title, beside=b.name)
     parts = g.parts(best.columns)
     remainders = [residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, parts, strict=True)]
     joint = np.concatenate([r.reshape(-1, *g.shape[1:]) for r in remainders])  # rows of one channel, of several
-    law = replace(law, curve=curve_of(best, x, C, joint, g, others))
-    return Lawful((law,), advice, tuple(zip(fits, remainders, strict=True)))
+    laws = _with_curves(laws, curves_of(best, x, C, joint, g, others))
+    return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)))
+
+
+def _with_curves(laws: Sequence[LawResult], curves: Sequence[LawCurve]) -> tuple[LawResult, ...]:
+    return tuple(replace(law, curve=curve) for law, curve in zip(laws, curves, strict=True))
 
 
 def ln_evidence_of_formula(ranked: Ranking, members: Sequence[int]) -> float:
@@ -227,11 +232,12 @@ def _cancels(law: Law, x: Array) -> bool:
 
     The norm of the force is the same in every attitude, too, where accelerometers read nothing but their bias.
     """
-    own = next((v for v in law.place.variables if v.name.replace(" ", "_") == f"force_{law.place.axis}"), None)
-    if law.place.channel != "specific_force" or own is None or not np.ptp(own.x) > 0:
+    if law.channel != "specific_force":
         return False
-    f = own.x - own.x.mean()
-    return bool(abs(float(f @ (law.expression.columns @ x)) / float(f @ f)) > MAX_GAIN_CHANGE)
+    each = zip(law.places, x.reshape(len(law.places), -1), strict=True)
+    sizes = {f"force_{place.axis}": law.expression.columns @ size for place, size in each}
+    forces = ((v.x - v.x.mean(), sizes[v.name]) for v in law.places[0].variables if v.name in sizes)
+    return any(abs(float(f @ added)) > MAX_GAIN_CHANGE * float(f @ f) for f, added in forces if f.any())
 
 
 def _known(ranked: Ranking, ln_evidence: float) -> str:
@@ -291,8 +297,9 @@ def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -
     """Return the causes in the place of which a formula of the same rows is much likelier than anything known, or none.
 
     Two causes may imitate a formula together, so all are removed at once, then one after the other. Effects that every
-    rig of the kind has stay in the model. A formula that leaves far more scatter than the causes replaces none: in
-    noise with a memory a slow curve has much evidence and explains little of what a periodic cause does.
+    rig of the kind has stay in the model. A formula that leaves far more scatter than the causes replaces none, and one
+    with as many coefficients none if it leaves more scatter at all: in noise with a memory a slow curve has much
+    evidence and explains little of what a periodic cause does.
     """
     special = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind))
     for own in dict.fromkeys([special, *((cause,) for cause in special)]):
@@ -302,18 +309,35 @@ def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -
         b = _compared_in(without, s)
         if b is None or not b.laws or b.laws[0].evidence < max(h.ln_weight for h in s.hypotheses) + CLAIM:
             continue
-        if with_columns(without, b.laws[0].columns).scatter > MAX_SCATTER_RATIO * c.end.scatter:
+        fewer = _visible_columns(without, b.laws[0].columns) < sum(len(cause.parameters) for cause in own)
+        limit = MAX_SCATTER_RATIO if fewer else 1.0
+        if with_columns(without, b.laws[0].columns).scatter > limit * c.end.scatter:
             continue
-        at = [i for o in s.library.candidates if o.key in names for v in o.variants for i in v.index]
-        if _remainder(without, b.laws[0].columns, s.library.X[:, at]) > SAME_RESPONSE:
+        if _beyond_known(without, b.laws[0].columns, s.library, names) > SAME_RESPONSE:
             return own
     return ()
 
 
-def _remainder(m: Fit, columns: Array, X: Array) -> float:
-    """Return the share of the squared response that fitted columns (n, C, q) add and reduced columns X do not hold."""
+def _visible_columns(m: Fit, columns: Array) -> int:
+    """Return how many of the columns (n, C, q) of a formula the model does not hold already."""
+    Q, A = basis(m.reduced(m.jacobian)), m.reduced(columns)
+    remainder = (A - Q @ (Q.T @ A)) / np.linalg.norm(A, axis=0)
+    return int(np.linalg.matrix_rank(remainder, tol=ABSORBED))
+
+
+def _beyond_known(m: Fit, columns: Array, known: Library, names: Container[Key]) -> float:
+    """Return the share of the squared response of fitted columns (n, C, q) that causes of these names do not hold.
+
+    A cause whose columns the formula spans is a term of it, as the square of the temperature is of a polynomial: such
+    causes are added to those of these names.
+    """
     Q = basis(m.reduced(m.jacobian))
-    A, X, y = (B - Q @ (Q.T @ B) for B in (m.reduced(columns), X, m.reduced(m.residual[:, :, None])))
+    A, X, y = (B - Q @ (Q.T @ B) for B in (m.reduced(columns), known.X, m.reduced(m.residual[:, :, None])))
+    law = orthonormal(A)
+    norm = np.linalg.norm(X, axis=0)
+    term = np.linalg.norm(X - law @ (law.T @ X), axis=0) < SAME_COLUMN * norm
+    every = [(c.key in names, list(v.index)) for c in known.candidates if not c.rival for v in c.variants]
+    X = X[:, [i for named, index in every if named or term[index].all() for i in index]]
     added = A @ np.linalg.lstsq(A, y, rcond=1e-9)[0]
     unexplained = added - X @ np.linalg.lstsq(X, added, rcond=1e-9)[0]
     return float((unexplained**2).sum() / max((added**2).sum(), 1e-300))
@@ -335,7 +359,7 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
     v, laws, with_them, remaining = m.view, list[LawResult](), m, search(m, library(m), noises(m))
     one = float(np.sqrt(np.mean(v.noise.weighted(sigma) ** 2)))
     hidden = remaining.ln_total < CLAIM
-    while not laws or (remaining.ln_total >= 2 * CLAIM and len(laws) < MOST):
+    while not laws or (remaining.ln_total >= 2 * CLAIM and len({o.effect for o in laws}) < MOST):
         b = compared([remaining], noises(m, memory=False), remaining, alone=bool(laws) or hidden, sigma=one)
         if b is None:
             return Lawful((), "" if hidden else law_sentences.REPEAT_TURNS), m
@@ -355,9 +379,9 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
             words = law_sentences.LACK_OF_FIT.format(law=printed(best))
             return (Lawful(tuple(laws), words), with_them) if laws else (Lawful((), words), m)
         with_them = with_law_too
-        number = sum(o.axis == best.place.axis for o in laws) + 1
-        law = found(best, x, covariance, (0.0, 0.0), others, v.title, number, v, (*known, *b.name))
-        laws.append(replace(law, curve=curve_of(best, x, covariance, with_them.residual, g, others)))
+        ids = [o.effect for o in laws]
+        new = found(best, x, covariance, (0.0, 0.0), others, v.title, ids, v, (*known, *b.name))
+        laws += _with_curves(new, curves_of(best, x, covariance, with_them.residual, g, others))
         remaining = search(with_them, library(with_them), noises(with_them))
     return Lawful(tuple(laws)), with_them
 
@@ -393,6 +417,7 @@ def _varied(o: Fit, law: Law) -> Iterator[Array]:
 
 def _columns(o: Fit, law: Law, e: Expression) -> Array:
     """Return what a unit of each coefficient adds to the reduced rows of a recording, (R, m)."""
-    stage = Stage[STAGES[law.place.channel]]
-    names = o.view.stimulus.axis_names if stage is Stage.ENCODER else "xyz"
-    return np.asarray(o.reduced(o.rows.added(stage, names.index(law.place.axis), e.on(o.rows.seen[stage]).columns)))
+    stage = Stage[STAGES[law.channel]]
+    names, X = o.view.stimulus.axis_names if stage is Stage.ENCODER else "xyz", e.on(o.rows.seen[stage]).columns
+    added = [o.rows.added(stage, names.index(p.axis), X) for p in law.places]
+    return np.asarray(o.reduced(np.concatenate(added, axis=-1)))

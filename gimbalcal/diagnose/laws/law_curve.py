@@ -25,47 +25,54 @@ MAX_OTHERS = 2  # laws that fit as well, in a picture
 MIN_RESPONSE = 0.2  # of the largest response of a row: less shows mostly noise of the sensor
 
 
-def curve_of(law: Law, x: Array, covariance: Array, remainder: Array, g: Ground, others: Sequence[Law]) -> LawCurve:
-    """Return the curve of a law with coefficients x (m,) and their covariance (m, m), SI.
+def curves_of(
+    law: Law, x: Array, covariance: Array, remainder: Array, g: Ground, others: Sequence[Law]
+) -> tuple[LawCurve, ...]:
+    """Return the curve of a law at each of its q places, with coefficients x (q m,) and their covariance, SI.
 
     remainder (n', C): what the rows leave with the law in the model, in the unit of the columns of the law's place.
     """
-    unit = PRINTED.get(law.place.channel, "arcsec")
-    B = law.expression.columns
-    value, sigma = B @ x, np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", B, covariance, B), 0.0))
-    response = law.place.columns(np.ones((len(B), 1)))[..., 0]
-    size = (response**2).sum(axis=1)
-    observed = np.full(len(B), np.nan)
-    if response.shape == remainder.shape and len(size) == len(B):
-        shown = size > MIN_RESPONSE**2 * size.max(initial=0.0)
-        part = (response * remainder).sum(axis=1)
-        observed[shown] = value[shown] + part[shown] / size[shown]
+    unit = PRINTED.get(law.channel, "arcsec")
+    B, others = law.expression.columns, _of_same_places(law, others)
     v, alone = law.expression.variables[0], len(law.expression.variables) == 1
     name = f"{v.name.replace('_', ' ')} [{v.unit or 'as logged'}]"
 
     def in_print(y: Array) -> Array:
         return np.asarray(from_si(y, unit))
 
-    return LawCurve(
-        x=np.asarray(v.printed(v.x)) if alone else in_print(value),
-        x_label=name if alone else f"the formula [{unit}]",
-        law=in_print(value),
-        sigma=in_print(sigma),
-        observed=in_print(observed),
-        others=tuple((printed(o), in_print(_aligned(o, law, value, g))) for o in _of_same_place(law, others)),
-    )
+    out = []
+    for k, place in enumerate(law.places):
+        own = slice(k * B.shape[1], (k + 1) * B.shape[1])
+        value, sigma = B @ x[own], np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", B, covariance[own, own], B), 0.0))
+        response = place.columns(np.ones((len(B), 1)))[..., 0]
+        size = (response**2).sum(axis=1)
+        observed = np.full(len(B), np.nan)
+        if response.shape == remainder.shape and len(size) == len(B):
+            shown = size > MIN_RESPONSE**2 * size.max(initial=0.0)
+            part = (response * remainder).sum(axis=1)
+            observed[shown] = value[shown] + part[shown] / size[shown]
+        out.append(LawCurve(
+            x=np.asarray(v.printed(v.x)) if alone else in_print(value),
+            x_label=name if alone else f"the formula [{unit}]",
+            law=in_print(value),
+            sigma=in_print(sigma),
+            observed=in_print(observed),
+            others=tuple((printed(o), in_print(_aligned(o, law, k, value, g))) for o in others),
+        ))  # fmt: skip
+    return tuple(out)
 
 
-def _of_same_place(law: Law, others: Sequence[Law]) -> list[Law]:
-    alike = (o for o in others if (o.place.channel, o.place.axis) == (law.place.channel, law.place.axis))
+def _of_same_places(law: Law, others: Sequence[Law]) -> list[Law]:
+    alike = (o for o in others if (o.channel, o.axis) == (law.channel, law.axis))
     return list({printed(o): o for o in alike}.values())[:MAX_OTHERS]
 
 
-def _aligned(other: Law, law: Law, value: Array, g: Ground) -> Array:
-    """Return what another law adds (n,) [SI], moved to the `value` of a law by what the calibration takes up."""
-    x = law.expression.variables[0].x
-    added = other.expression.columns @ np.linalg.lstsq(g.remainder(g.whiten(other.columns)), g.y, rcond=1e-9)[0]
+def _aligned(other: Law, law: Law, k: int, value: Array, g: Ground) -> Array:
+    """Return what another law adds at place k (n,) [SI], moved to the `value` of a law by what is calibrated there."""
+    x, B = law.expression.variables[0].x, other.expression.columns
+    size = np.linalg.lstsq(g.remainder(g.whiten(other.columns)), g.y, rcond=1e-9)[0]
+    added = B @ size.reshape(len(law.places), -1)[k]
     line = np.stack([np.ones_like(x), (x - x.mean()) / max(float(np.ptp(x)), 1e-300)], axis=1)
-    A = g.whiten(law.place.columns(line))
+    A = g.whiten(law.places[k].columns(line))
     taken = line[:, np.linalg.norm(g.remainder(A), axis=0) < ABSORBED * np.linalg.norm(A, axis=0)]
     return np.asarray(added + taken @ np.linalg.lstsq(taken, value - added, rcond=1e-9)[0])

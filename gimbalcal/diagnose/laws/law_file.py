@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -81,7 +81,7 @@ class {name}(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """{form}."""
         law = {code}
-        return law[..., None] * {to}
+        return law{to}
 '''
 
 
@@ -126,7 +126,7 @@ def stated(e: Expression) -> Stated:
         divided.append("".join(_per(t, k) for t, _, _, k in parts))
     names = LETTERS[: len(shown)]
     text = " + ".join(f"{a}*{w}" for a, w in zip(names, shown, strict=True)).replace("- -", "+ ")
-    code = " + ".join(f"self.{a}[0] * {w}" for a, w in zip(names, lines, strict=True))
+    code = " + ".join(f"self.{a} * ({w})[..., None]" for a, w in zip(names, lines, strict=True))
     return Stated(text, code, tuple(zip(names, divided, strict=True)), tuple(named))
 
 
@@ -172,7 +172,7 @@ def printed(law: Law) -> str:
 
 def _elsewhere(other: Law, law: Law) -> str:
     """Return another law in print, with its sensor or gimbal where that is not the one of a law."""
-    here, there = ((o.place.channel, o.place.axis) for o in (law, other))
+    here, there = ((o.channel, o.axis) for o in (law, other))
     return printed(other) + (f" in {' '.join(there).replace('_', ' ')}" if there != here else "")
 
 
@@ -185,46 +185,53 @@ def _with(text: str, values: Mapping[str, float]) -> str:
 
 def found(
     law: Law, x: Array, covariance: Array, heldout: tuple[float, float], others: Sequence[Law], title: str,
-    number: int = 1, view: View | None = None, beside: Sequence[str] = (),
-) -> LawResult:  # fmt: skip
-    """A law with its coefficients x (m,) and their covariance (m, m) in SI, and those that fit as well.
+    taken: Sequence[str] = (), view: View | None = None, beside: Sequence[str] = (),
+) -> tuple[LawResult, ...]:  # fmt: skip
+    """Return a law at each of its q axes: one effect with coefficients x (q m,), covariance (q m, q m) in SI.
 
-    number: which one it is of those of its axis, in a `view`; what is fed to a navigator is calibrated by a filter, and
-    that has to be given the constants. beside: known causes that it stands beside, as --with takes them.
+    others: those that fit as well. taken: ids of effects that are laws already. view: what is fed to a navigator is
+    calibrated by a filter, and that has to be given the constants. beside: known causes that it stands beside, as
+    --with takes them.
     """
-    description, e, place = stated(law.expression), law.expression, law.place
-    rows = _parameters(law, description, x, covariance)
+    description, e = stated(law.expression), law.expression
+    m, sigma = e.columns.shape[1], np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    each = [_parameters(law, description, x[i : i + m], sigma[i : i + m]) for i in range(0, len(x), m)]
     filtered = view is not None and view.added is not None
-    effect = _identity(law, number, view.measurement.law_suffix if view is not None else "")
+    effect = _identity(law, taken, view.measurement.law_suffix if view is not None else "")
     stating = {letter for letter, _, _ in description.constants if filtered}
-    argument = ",".join([effect, *(f"{r.name}={r.value:.9g}" for r in rows if r.name in stating)])
+    argument = ",".join([effect, *(f"{r.name}={r.value:.9g}" for r in each[0] if r.name in stating)])
     units = {v.name: v.unit or "as logged" for v in e.variables}
-    result = LawResult(
-        channel=place.channel,
-        axis=place.axis,
-        variables=tuple(units),
-        expression=_with(description.text, {r.name: r.value for r in rows}),
-        form=description.text,
-        unit=PRINTED.get(place.channel, "arcsec"),
-        latex=_latex(description.text, [*units, *(r.name for r in rows)]),
-        parameters=rows,
-        domain={v.name: (float(v.printed(v.x.min())), float(v.printed(v.x.max()))) for v in e.variables},
-        units=units,
-        evidence=round(law.evidence, 2),
-        heldout_before=heldout[0],
-        heldout_after=heldout[1],
-        alternatives=tuple(dict.fromkeys(_elsewhere(o, law) for o in others))[:MAX_ALTERNATIVES],
-        effect=effect,
-        with_=argument,
-        beside=tuple(beside),
+    domain = {v.name: (float(v.printed(v.x.min())), float(v.printed(v.x.max()))) for v in e.variables}
+    latex = _latex(description.text, [*units, *(r.name for r in each[0])])
+    text = _class(law, description, each, domain, effect, latex, title)
+    return tuple(
+        LawResult(
+            channel=place.channel,
+            axis=place.axis,
+            variables=tuple(units),
+            expression=_with(description.text, {r.name: r.value for r in rows}),
+            form=description.text,
+            unit=PRINTED.get(place.channel, "arcsec"),
+            latex=latex,
+            parameters=rows,
+            domain=domain,
+            units=units,
+            evidence=round(law.evidence, 2),
+            heldout_before=heldout[0],
+            heldout_after=heldout[1],
+            alternatives=tuple(dict.fromkeys(_elsewhere(o, law) for o in others))[:MAX_ALTERNATIVES],
+            effect=effect,
+            with_=argument,
+            beside=tuple(beside),
+            source=text,
+        )
+        for place, rows in zip(law.places, each, strict=True)
     )
-    return replace(result, source=_class(law, description, result, title))
 
 
-def _parameters(law: Law, description: Stated, x: Array, covariance: Array) -> tuple[Estimate, ...]:
-    """Coefficients and constants with their sigmas, as they are printed."""
-    unit, rows = PRINTED.get(law.place.channel, "arcsec"), []
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+def _parameters(law: Law, description: Stated, x: Array, sigma: Array) -> tuple[Estimate, ...]:
+    """Return coefficients x (m,) of one axis and the constants with their sigmas, as they are printed."""
+    unit, rows = PRINTED.get(law.channel, "arcsec"), []
     for (name, by), value, spread in zip(description.coefficients, x, sigma, strict=True):
         u = f"{unit}{by}"
         rows.append(Estimate(name, None, float(from_si(value, u)), float(from_si(spread, u)), u))
@@ -244,22 +251,25 @@ def _latex(text: str, names: Sequence[str]) -> str:
     return str(sympy.latex(sympy.sympify(text, locals=symbols), symbol_names=upright))
 
 
-def _identity(law: Law, number: int, suffix: str) -> str:
+def _identity(law: Law, taken: Sequence[str], suffix: str) -> str:
     """An id for the law as an effect that the catalogue does not have yet."""
-    plain = re.sub(r"\W", "_", f"law_{law.place.channel}_{law.place.axis}{suffix}")
-    free = (i for i in (plain, *(f"{plain}_{n}" for n in range(2, 1000))) if i not in CATALOGUE)
-    return next(itertools.islice(free, number - 1, None))
+    axis = f"_{law.axis}" if len(law.places) == 1 else ""
+    plain = re.sub(r"\W", "_", f"law_{law.channel}{axis}{suffix}")
+    numbered = (f"{plain}_{n}" for n in itertools.count(2))
+    return next(i for i in itertools.chain([plain], numbered) if i not in CATALOGUE and i not in taken)
 
 
-def _class(law: Law, description: Stated, result: LawResult, title: str) -> str:
-    """The law as a class of law.py."""
-    i, axis, s = result.effect, law.place.axis, law.place.stimulus
-    per = {r.name: r for r in result.parameters}
-    fields = [
-        f'    {name}: Array = parameter(({axis!r},), unit="{per[name].unit}", '
-        f'sigma={max(abs(per[name].value), per[name].sigma):.6g}, name="{i}_{name}")'
-        for name, _ in description.coefficients
-    ]
+def _class(
+    law: Law, description: Stated, each: Sequence[tuple[Estimate, ...]], domain: Mapping[str, tuple[float, float]],
+    effect: str, latex: str, title: str,
+) -> str:  # fmt: skip
+    """Return the law as a class of law.py, with a size for each of its axes."""
+    axes, s, of_gimbals = tuple(p.axis for p in law.places), law.places[0].stimulus, law.channel == "gimbal_angle"
+    fields = []
+    for k, (name, _) in enumerate(description.coefficients):
+        size = max(max(abs(rows[k].value), rows[k].sigma) for rows in each)
+        fields.append(f'    {name}: Array = parameter({axes!r}, unit="{each[0][k].unit}", '
+                      f'sigma={size:.6g}, name="{effect}_{name}")')  # fmt: skip
     spreads = law.spreads()
     for letter, k, j in description.constants:
         t = law.expression.terms[k]
@@ -268,20 +278,20 @@ def _class(law: Law, description: Stated, result: LawResult, title: str) -> str:
         if t.form.constants[j].kind == "size":
             low, high = max(low, c / FARTHEST), min(high, c * FARTHEST)
         fields.append(f'    {letter}: float = constant({c:.9g}, unit="{unit}", low={low:.9g}, high={high:.9g})')
-    ends = {name: f"{low:.9g}, {high:.9g}" for name, (low, high) in result.domain.items()}
-    domain = [
+    ends = {name: f"{low:.9g}, {high:.9g}" for name, (low, high) in domain.items()}
+    limits = [
         f"        Domain({v.name!r}, {v.unit!r}, {ends[v.name]}, lambda s: {v.code})," for v in law.expression.variables
     ]
-    of_gimbal = f"np.array([float(name == {axis!r}) for name in s.axis_names])"
-    of_sensor = f"np.array([{', '.join(str(float(a == axis)) for a in 'xyz')}])"
+    to = f" @ np.array({[[float(a == axis) for a in 'xyz'] for axis in axes]})" if axes != tuple("xyz") else ""
+    if of_gimbals:
+        to = f" @ np.array([[float(name == axis) for name in s.axis_names] for axis in {axes!r}])"
     return CLASS.format(
-        name="".join(w.capitalize() for w in i.split("_")), title=" ".join(re.findall(r"[\w.,:;+-]+", title)),
-        latex=result.latex, id=i,
-        variables=", ".join(result.variables), stage=STAGES[law.place.channel], channel=law.place.channel,
+        name="".join(w.capitalize() for w in effect.split("_")), title=" ".join(re.findall(r"[\w.,:;+-]+", title)),
+        latex=latex, id=effect, variables=", ".join(v.name for v in law.expression.variables),
+        stage=STAGES[law.channel], channel=law.channel,
         kinds=("pointing",) if s.true_angle is not None else ("multi-position", "static-run", "rotation"),
         needs=tuple(dict.fromkeys(v.needs for v in law.expression.variables if v.needs)), fields="\n".join(fields),
-        domain="\n".join(domain),
-        form=result.form, code=description.code, to=of_gimbal if law.place.channel == "gimbal_angle" else of_sensor,
+        domain="\n".join(limits), form=description.text, code=description.code, to=to,
     )  # fmt: skip
 
 
@@ -295,4 +305,4 @@ def is_found(path: Path) -> bool:
 
 def source(laws: Sequence[LawResult]) -> str:
     """The text of law.py."""
-    return HEAD + "\n".join(law.source for law in laws)
+    return HEAD + "\n".join(dict.fromkeys(law.source for law in laws))

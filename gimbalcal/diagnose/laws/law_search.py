@@ -9,6 +9,9 @@ each; and a constant pays for its grid.
 .. math:: \ln E = \ln BF - \ln n_{grid} - \ln (3 n_{expressions})
 
 The prior of sizes is that of the functions which its columns span, so that neither origins nor units matter.
+
+A law acts on one output, or on all of a triad or platform: one form with one set of constants, and sizes of each. Its
+evidence is that of all outputs together, so that a law too weak in each of them shows in their sum.
 """
 
 from __future__ import annotations
@@ -41,6 +44,7 @@ from gimbalcal.number import Array
 WEIGHED = 60  # expressions whose evidence is worked out in full
 REFINED = 10  # of these, the best of one, two and three terms are refined in their constants
 EXTENDED = 6  # of these, richer forms are tried in the place of theirs
+SHARE_OF_TRIADS = 3  # by which these numbers are divided for laws of all axes
 ROUNDS = 70  # steps of a refinement for each constant
 CHUNK = 400  # columns at a time
 ROWS = 900  # rows of a recording on which expressions are compared
@@ -51,7 +55,8 @@ RIDGE = 1e-4  # of a unit column: two that are alike count as one
 SAME = 0.999  # correlation from which two expressions are one in this recording
 UNUSUAL = 1.5  # nats against a law of an output in gimbal angles, or of a gimbal in forces, and against a rare form
 RARE = ("pulse", "sawtooth", "rectified", "ring")
-NEEDED = 3.0  # nats that a column of a law has to explain to be kept
+NEEDED = 3.0  # nats that a column of a law has to explain to be kept, at each of its places
+LEAST_VARIANCE = 1e-6  # that a law leaves, of the noise without it
 FAR = 2.0  # ranges of a variable from its middle, beyond which powers are not printed from its reference
 
 
@@ -140,17 +145,30 @@ def _thinned(block: Array, blocks: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """An expression at a place, with its evidence: ln Bayes factor less what its choice among others costs."""
+    """An expression at one place, or at all of a channel with sizes of its own at each, and its evidence.
 
-    place: Place
+    The evidence is the ln Bayes factor less what the choice among others costs. seen: the screen of each place.
+    """
+
+    places: tuple[Place, ...]
     expression: Expression
     evidence: float
-    seen: Screen
+    seen: tuple[Screen, ...]
 
     @property
     def columns(self) -> Array:
-        """The rows (n', C, m) that a unit of each coefficient adds."""
-        return self.place.columns(self.expression.columns)
+        """The rows (n', C, q m) that a unit of each coefficient adds, the m of each of q places after the other."""
+        return _columns_at(self.places, self.expression.columns)
+
+    @property
+    def channel(self) -> str:
+        """The channel of its places."""
+        return self.places[0].channel
+
+    @property
+    def axis(self) -> str:
+        """The axes of its places."""
+        return ", ".join(p.axis for p in self.places)
 
     @property
     def table(self) -> bool:
@@ -162,7 +180,7 @@ class Law:
 
         By ordinals of term and constant; the value, or the range of the variable, where the data do not determine it.
         """
-        e = _at_rows(self.expression, self.seen)
+        e = _at_rows(self.expression, self.seen[0])
         moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
         h = np.array([m.step / 4 for m in moves])
 
@@ -185,56 +203,86 @@ def laws_of(g: Ground, products: bool = True) -> list[Law]:
 
     products: whether to look at products too, or at single terms alone.
     """
-    scored, number = list[tuple[float, Seat, Expression]](), np.zeros(3)
+    scored, number = list[Scored](), np.zeros(3)
     for seats in _alike(g):
         own, count = _compared(seats, products)
         scored += own
         number += len(seats) * count
     if not scored:
         return []  # nothing is left that any would take away
-    scored.sort(key=lambda f: -f[0])
-    for _, seat, e in scored[:EXTENDED]:
-        scored += _best([(seat, _screened([seat], relatives(e))[0])])
-    scored.sort(key=lambda f: -f[0])
-    chosen, number_of = list[tuple[Seat, Expression]](), [0, 0, 0]
-    for _, seat, e in scored:
-        number_of[len(e.terms) - 1] += 1
-        best = number_of[len(e.terms) - 1] <= REFINED
-        if best or len(chosen) < WEIGHED:
-            chosen.append((seat, _refined(seat.seen, e) if best else e))
-    chosen = [(seat, e) for seat, e in chosen if _carried(seat.seen, e)]
+    chosen = list[tuple[Seat, Expression]]()
+    for several, share in ((False, 1), (True, SHARE_OF_TRIADS)):
+        own = [s for s in scored if (len(s[1].places) > 1) is several]
+        chosen += _extended_and_refined(own, EXTENDED // share, REFINED // share, WEIGHED // share)
     if not chosen:
         return []
-    chosen = [(seat, e.of({v.name: v for v in seat.place.variables})) for seat, e in chosen]
-    ln = g.evidence([seat.place.columns(spanned(e.columns)) for seat, e in chosen])
+    chosen = [(seat, e.of({v.name: v for v in seat.places[0].variables})) for seat, e in chosen]
+    ln = g.evidence([_columns_at(seat.places, spanned(e.columns)) for seat, e in chosen])
     laws = []
     for (seat, e), gained in zip(chosen, ln, strict=True):
-        cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _unusual(seat.place, e)
-        laws.append(Law(seat.place, e, float(gained - cost), seat.seen))
+        cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _unusual(seat.places[0], e)
+        laws.append(Law(seat.places, e, float(gained - cost), seat.seen))
     return sorted(laws, key=lambda law: -law.evidence)
+
+
+Scored = tuple[float, "Seat", Expression]  # what an expression explains at a seat
+
+
+def _extended_and_refined(
+    scored: list[Scored], extended: int, refined: int, weighed: int
+) -> list[tuple[Seat, Expression]]:
+    """Return the expressions to be weighed: of the best, richer forms too, and the best of each length refined."""
+    scored.sort(key=lambda f: -f[0])
+    for _, seat, e in scored[:extended]:
+        scored += _best([(seat, _screened([seat], relatives(e, len(seat.places) > 1))[0])])
+    scored.sort(key=lambda f: -f[0])
+    out, number_of = list[tuple[Seat, Expression]](), [0, 0, 0]
+    for _, seat, e in scored:
+        number_of[len(e.terms) - 1] += 1
+        best = number_of[len(e.terms) - 1] <= refined
+        if best or len(out) < weighed:
+            out.append((seat, _refined(seat.seen, e) if best else e))
+    return [(seat, e) for seat, e in out if _carried(seat.seen, e)]
+
+
+def _columns_at(places: Sequence[Place], X: Array) -> Array:
+    """Return what additions X (n, m) do at each of some places, one after the other (n', C, q m)."""
+    return np.concatenate([p.columns(X) for p in places], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class Seat:
-    """A place with its screen."""
+    """One place with its screen, or all places of a channel in which the same variables stand.
 
-    place: Place
-    seen: Screen
+    Between outputs that the rows show together, what they explain together is taken as the sum of what each explains:
+    good enough to choose what is weighed.
+    """
+
+    places: tuple[Place, ...]
+    seen: tuple[Screen, ...]
 
 
 def _alike(g: Ground) -> list[list[Seat]]:
     """Return the places with their screens, those together in which the same variables stand."""
     out: dict[tuple[int, int, int], list[Seat]] = {}
     for place in g.places:
-        key = id(place.stimulus), len(place.block), len(place.variables)
-        out.setdefault(key, []).append(Seat(place, screen(g, place)))
-    heard = ([x for x in seats if np.abs(x.seen.before).max() > DEAF] for seats in out.values())
-    return [seats for seats in heard if seats]
+        if np.abs((seen := screen(g, place)).before).max() > DEAF:
+            key = id(place.stimulus), len(place.block), len(place.variables)
+            out.setdefault(key, []).append(Seat((place,), (seen,)))
+    return [[*seats, *_all_of_a_channel(seats)] for seats in out.values()]
 
 
-def _compared(seats: Sequence[Seat], products: bool) -> tuple[list[tuple[float, Seat, Expression]], Array]:
+def _all_of_a_channel(seats: Sequence[Seat]) -> list[Seat]:
+    channels = dict.fromkeys(seat.places[0].channel for seat in seats)
+    each = [[seat for seat in seats if seat.places[0].channel == channel] for channel in channels]
+    return [
+        Seat(tuple(seat.places[0] for seat in own), tuple(seat.seen[0] for seat in own)) for own in each if len(own) > 1
+    ]
+
+
+def _compared(seats: Sequence[Seat], products: bool) -> tuple[list[Scored], Array]:
     """Return the best expressions at places of the same variables, and the number of families of each length (3,)."""
-    place, rows = seats[0].place, seats[0].seen.rows
+    place, rows = seats[0].places[0], seats[0].seen[0].rows
     every = [terms(v, place.stimulus, ALONE[v.group], rows) for v in place.variables]
     ones = [*singles(every), *tables(place.variables, rows, products)]
     count, pairs = np.zeros(3), list[tuple[Term, list[Term]]]()
@@ -259,17 +307,20 @@ def _at_rows(e: Expression, seen: Screen) -> Expression:
     return e.of({v.name: replace(v, x=v.x[seen.rows]) for v in e.variables})
 
 
-def trimmed(law: Law) -> Law:
+def trimmed(g: Ground, law: Law) -> Law:
     """Return the law with powers from the references of its variables, without columns that explain next to nothing.
 
-    What the calibration takes up has no size, and a lower power may be none of the law.
+    What the calibration takes up has no size, and a lower power may be none of the law. The noise is no larger than
+    what the law leaves: where its scale is fitted, the model without a law takes all of the law for noise.
     """
-    e = _at_rows(law.expression, law.seen)
+    e = _at_rows(law.expression, law.seen[0])
     e = e.referred() if all(_near_reference(t.variable) for t in law.expression.terms) else e
+    dof = len(g.y) - g.Q.shape[1]
     while len(groups := e.groups) > 1:
         worth = _worth(law.seen, e)
+        variance = float(np.clip((g.y @ g.y - 2 * worth) / dof, LEAST_VARIANCE, 1.0))
         least, drop = min(((worth - _worth(law.seen, e.without(own)), own) for own in groups), key=lambda x: x[0])
-        if least > NEEDED:
+        if least > NEEDED * len(law.places) * variance:
             break
         e = e.without(drop)
     full = e.of({v.name: v for v in law.expression.variables})
@@ -289,38 +340,44 @@ def _unusual(place: Place, e: Expression) -> float:
 Gains = list[tuple[float, Expression]]
 
 
-def _best(each: Sequence[tuple[Seat, Gains]]) -> list[tuple[float, Seat, Expression]]:
-    """The best constant of each family at each place, the best families."""
-    out = []
-    for seat, every in each:
-        best: dict[str, tuple[float, Expression]] = {}
+def _best(each: Sequence[tuple[Seat, Gains]]) -> list[Scored]:
+    """The best constant of each family at each seat, the best families; at several places those better than at one."""
+    tops = list[dict[str, tuple[float, Expression]]]()
+    for _, every in each:
+        best = dict[str, tuple[float, Expression]]()
         for gain, e in every:
             if gain > best.get(e.family, (0.0, e))[0]:
                 best[e.family] = gain, e
-        top = sorted(best.values(), key=lambda b: -b[0])[:WEIGHED]
-        out += [(gain, seat, e) for gain, e in top]
+        tops.append(best)
+    out, single = [], {seat.places[0]: top for (seat, _), top in zip(each, tops, strict=True) if len(seat.places) == 1}
+    for (seat, _), top in zip(each, tops, strict=True):
+        others = [single[p] for p in seat.places if p in single and len(seat.places) > 1]
+        better = [b for key, b in top.items() if all(b[0] > own[key][0] for own in others if key in own)]
+        out += [(gain, seat, e) for gain, e in sorted(better, key=lambda b: -b[0])[:WEIGHED]]
     return out
 
 
 def _screened(seats: Sequence[Seat], every: Sequence[Expression]) -> list[Gains]:
-    """Return what each expression explains at each place of the misfit, less the cost of coefficients and grid."""
+    """Return what each expression explains at each seat, less the cost of coefficients and grid."""
     out: list[Gains] = [[] for _ in seats]
     by_width: dict[int, list[Expression]] = {}
     for e in every:
         by_width.setdefault(e.columns.shape[1], []).append(e)
     for width, own in by_width.items():
-        paid = np.array([_paid(width, e.tried) for e in own])
+        tried = np.log([e.tried for e in own])
         for k in range(0, len(own) if width <= COEFFICIENTS else 0, CHUNK):
             part = own[k : k + CHUNK]
-            B = seats[0].seen.seen(np.concatenate([e.columns for e in part], axis=1))
-            for seat, mine in zip(seats, out, strict=True):
-                worth = gains(seat.seen, B, width) - paid[k : k + CHUNK]
-                mine.extend(zip(worth.tolist(), part, strict=True))
+            X = np.concatenate([e.columns for e in part], axis=1)
+            for worth, mine in zip(_worths(seats, X, width), out, strict=True):
+                mine.extend(zip((worth - tried[k : k + CHUNK]).tolist(), part, strict=True))
     return out
 
 
-def _paid(coefficients: int, tried: int) -> float:
-    return float(2.0 * coefficients + np.log(tried))
+def _worths(seats: Sequence[Seat], X: Array, width: int) -> list[Array]:
+    """Return what columns X (m, K width), so many at a time, explain at each seat, less the cost of coefficients."""
+    B = seats[0].seen[0].seen(X)
+    each = {id(one): gains(one, B, width) for seat in seats for one in seat.seen}
+    return [np.sum([each[id(one)] - 2.0 * width for one in seat.seen], axis=0) for seat in seats]
 
 
 def _paired(seats: Sequence[Seat], pairs: Sequence[tuple[Term, list[Term]]]) -> list[Gains]:
@@ -344,9 +401,8 @@ def _paired(seats: Sequence[Seat], pairs: Sequence[tuple[Term, list[Term]]]) -> 
             for i, o in enumerate(own):
                 first.setdefault(o.family, []).append(i)
             X = (t.factors[:, None, :, None] * S[:, :, None, :]).reshape(*S.shape[:2], -1)[:, :, both:]
-            B = seats[0].seen.seen(X.reshape(len(X), -1))
-            for seat, mine in zip(seats, out, strict=True):
-                worth = gains(seat.seen, B, width) - _paid(width, t.tried) - tried
+            for gain, mine in zip(_worths(seats, X.reshape(len(X), -1), width), out, strict=True):
+                worth = gain - np.log(t.tried) - tried
                 for at in first.values():
                     i = at[int(np.argmax(worth[at]))]
                     mine.append((float(worth[i]), Expression((t, own[i]))))
@@ -369,18 +425,18 @@ def gains(seen: Screen, B: Array, width: int) -> Array:
     return np.asarray(np.einsum("ki,ki->k", b, np.linalg.solve(G, b[..., None])[..., 0]) / 2)
 
 
-def _carried(seen: Screen, e: Expression) -> bool:
+def _carried(seen: Sequence[Screen], e: Expression) -> bool:
     """Return whether what a law adds is spread over several stretches and not an outlier of one or two."""
-    B = seen.seen(e.columns)
-    X = seen.root @ B
-    added = B @ np.linalg.lstsq(X, seen.y, rcond=1e-6)[0]
-    square = (added - np.median(added)) ** 2
+    B = seen[0].seen(e.columns)
+    added = np.stack([B @ np.linalg.lstsq(one.root @ B, one.y, rcond=1e-6)[0] for one in seen], axis=1)
+    square = ((added - np.median(added, axis=0)) ** 2).sum(axis=1)
     return bool(square.sum() ** 2 > CARRIED * (square**2).sum())
 
 
-def _worth(seen: Screen, e: Expression) -> float:
-    """ln likelihood that an expression at the rows of a screen takes away of the misfit."""
-    return float(gains(seen, seen.seen(e.columns), e.columns.shape[1])[0])
+def _worth(seen: Sequence[Screen], e: Expression) -> float:
+    """ln likelihood that an expression at the rows of some screens takes away of the misfit."""
+    B = seen[0].seen(e.columns)
+    return float(sum(gains(one, B, B.shape[1])[0] for one in seen))
 
 
 @dataclass(frozen=True, eq=False)
@@ -431,7 +487,7 @@ def _moved(e: Expression, moves: Sequence[_Move], u: Array) -> Expression:
     return e.at([m.at(float(x)) for m, x in zip(moves, u, strict=True)])
 
 
-def _refined(seen: Screen, e: Expression) -> Expression:
+def _refined(seen: Sequence[Screen], e: Expression) -> Expression:
     """The expression with its smooth constants where they take away most."""
     from scipy.optimize import minimize
 

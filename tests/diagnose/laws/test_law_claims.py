@@ -24,7 +24,8 @@ from gimbalcal.diagnose.library.variables import Variable, variables
 from gimbalcal.effects import CATALOGUE, Stage
 from gimbalcal.number import Array
 from gimbalcal.pipeline import load
-from gimbalcal.recording import Recording, write
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording, Site, write
 from gimbalcal.report.diagnosis_page import diagnosis_report
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.words.diagnosis_headline import headline
@@ -175,6 +176,43 @@ def test_an_instant_is_told_to_a_row() -> None:
     assert sympy.solve(step.args[0])[0] == pytest.approx(100000, abs=600)
 
 
+def test_a_law_of_all_axes_has_one_form_and_a_size_for_each(tmp_path: Path) -> None:
+    sizes = (25.0, -17.5, 12.5)
+    r = plant.record(
+        np.random.default_rng(8), lambda b: {"output": np.outer(np.sin(2 * np.pi * b.body / 1.3), sizes)}, plant.UG
+    )
+    d = diagnose([r])
+    assert d.verdict == "unexplained"
+    assert [law.axis for law in d.laws] == ["x", "y", "z"]
+    assert {(law.form, law.effect, law.with_) for law in d.laws} == {
+        ("a*cos(k*temperature + phi)", "law_specific_force", "law_specific_force")
+    }
+    T = np.linspace(*d.laws[0].domain["temperature"], 50)
+    for law, size in zip(d.laws, sizes, strict=True):
+        value = sympy.lambdify("temperature", sympy.sympify(law.expression))(T)
+        assert np.abs(value - size * np.sin(2 * np.pi * T / 1.3)).max() < 0.2 * abs(size)
+        assert law.curve is not None
+        assert np.nanstd(law.curve.observed - law.curve.law) < 22  # a sample has 20 ug of noise
+    assert source(d.laws).count("class ") == 1
+    assert explained(d, r, tmp_path) < 1.1
+
+
+def test_a_law_of_all_gyroscopes_is_found_in_noise_of_unknown_scale() -> None:
+    """Rates follow the temperature of a chamber, in noise of unknown scale and memory."""
+    rng = np.random.default_rng(4)
+    T = np.linspace(0.0, 65.0, 29)
+    rate = 250 * np.outer(np.tanh((T - 30.0) / 15.0), [0.5, -1.0, 0.7]) + 30 * rng.standard_normal((29, 3))
+    channels = {("angular_rate", a): rate[:, i] * np.pi / 648000 for i, a in enumerate("xyz")}
+    channels |= {("specific_force", a): np.full(29, 9.81 * (a == "z")) for a in "xyz"}
+    channels["temperature", ""] = T
+    r = Recording("multi-position", "chamber", BENCH, Site(), {}, 240.0 * np.arange(29), np.arange(1, 30), channels)
+    for effect in [i for i in CATALOGUE if i.startswith("gyro_bias_")]:
+        del CATALOGUE[effect]
+    d = diagnose([r], baseline=("gyro_bias",))
+    assert d.verdict == "unexplained"
+    assert [law.axis for law in d.laws] == ["x", "y", "z"]
+
+
 def test_recordings_of_one_unit_have_one_law() -> None:
     def error(r: static_plant.Rest) -> Array:
         return np.outer(np.abs(r.ideal[:, 0]) * (r.T - 20), [0, 1.0, 0])
@@ -219,7 +257,7 @@ def test_what_tells_a_law_from_the_next_is_taken_from_the_menu() -> None:
 
     def law(v: Variable) -> Law:
         plain = [terms(v, o.view.stimulus, ("x",))[0] for v in (x, v)]
-        return Law(place, Expression(tuple(plain)).referred().without([0]), 50.0, None)  # type: ignore[arg-type]
+        return Law((place,), Expression(tuple(plain)).referred().without([0]), 50.0, ())
 
     time, warm = map(law, follows)
     told = separating_manoeuvre(o, warm, np.array([30 * plant.UG / plant.G]), time)
