@@ -11,14 +11,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
 from gimbalcal.checks.column_checks import at_end_of_range
 from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, Correction, scaled
 from gimbalcal.number import Array
-from gimbalcal.recording.dwell import PAUSED, dwells, usual_step
+from gimbalcal.recording.dwell import dwells, moves_between_dwells
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
 from gimbalcal.rotation import exponential
 
@@ -88,11 +87,9 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
     visits = dwells(recording)
     y = recording.triad(RATE)
     clipped = at_end_of_range(y)
-    usual = usual_step(recording) if len(recording.time) > 1 else 0.0
     logged = [
-        k for k, (a, b) in enumerate(pairwise(visits))
-        if b.start > a.stop and np.diff(recording.time[a.stop - 1 : b.start + 1]).max() <= PAUSED * usual
-        and not clipped[a.stop - 1 : b.start + 1].any()
+        k for k, m in enumerate(moves_between_dwells(recording))
+        if m.rows.stop - m.rows.start > 2 and not m.paused and not clipped[m.rows].any()
     ]  # fmt: skip
     for reference in (down, _attitude):
         at_rest = reference(recording)

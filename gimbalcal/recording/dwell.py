@@ -45,6 +45,21 @@ def dwells(recording: Recording) -> tuple[Dwell, ...]:
     return tuple(Dwell(int(p[start]), int(start), int(stop)) for start, stop in pairwise(edges) if p[start] > 0)
 
 
+@dataclass(frozen=True)
+class Move:
+    """Rows from the last of a dwell to the first of the next; `paused`: nobody knows how the unit turned meanwhile."""
+
+    rows: slice
+    paused: bool
+
+
+def moves_between_dwells(recording: Recording) -> tuple[Move, ...]:
+    """Return the move from each dwell to the next; the clock pauses in one where it takes `PAUSED` usual steps."""
+    spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(dwells(recording))]
+    longest = PAUSED * usual_step(recording) if spans else 0.0
+    return tuple(Move(s, bool(np.any(np.diff(recording.time[s]) > longest))) for s in spans)
+
+
 def rests_are_means(recording: Recording) -> bool:
     """Return whether rows of rests are means and those on the way between them are not."""
     p = recording.position

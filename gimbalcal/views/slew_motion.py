@@ -15,10 +15,9 @@ from gimbalcal.forward import rate_of_chain
 from gimbalcal.kinematics import ideal_force, stimulus_from_truth
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwells
-from gimbalcal.recording.dwell import rests_are_means
+from gimbalcal.recording.dwell import moves_between_dwells, rests_are_means
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import exponential, mean_rates
-from gimbalcal.views.turns import paused
 
 FEWEST = 6  # slews: their scatter tells how well a delay is known
 ROWS = 6  # on the way: fewer do not tell how a slew goes
@@ -55,9 +54,10 @@ def slews(recording: Recording) -> list[Slew] | str:
     if rests_are_means(recording):
         return "the rests come as means, and a delay shows where they end"
     out = []
-    for k, (a, b) in enumerate(pairwise(stays), start=1):
+    for k, move in enumerate(moves_between_dwells(recording), start=1):
+        a, b = stays[k - 1 : k + 1]
         n = b.start - a.stop
-        if n < ROWS or paused(recording, slice(a.stop - 1, b.start + 1)):
+        if n < ROWS or move.paused:
             continue
         aside = max(2, round(BESIDE * n))
         first, last = max(a.start, a.stop - aside), min(b.stop, b.start + aside)

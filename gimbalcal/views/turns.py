@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +31,7 @@ from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
-from gimbalcal.recording.dwell import PAUSED, usual_step
+from gimbalcal.recording.dwell import moves_between_dwells
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import cross_matrix, exponential, mean_rates, normal_to
 from gimbalcal.views.core import Measurement, View, gyroscope_parameters_without, nuisance, recording_fields
@@ -86,14 +85,14 @@ def turns_between_rests(
         np.array([np.average(x[d.rows], axis=0, weights=recording.weight[d.rows]) for d in stays]) for x in (y, f)
     )
     down /= np.linalg.norm(down, axis=1, keepdims=True)
-    every = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
-    logged = np.flatnonzero([not paused(recording, span) for span in every]) + 1
+    every = moves_between_dwells(recording)
+    logged = np.flatnonzero([not m.paused for m in every]) + 1
     if not len(logged):
         raise InputError(f"{recording.title!r} has no rows between its rests: log the turns too, for the gyroscopes")
     clipped = at_end_of_range(y)
-    whole = np.array([k for k in logged if not clipped[every[k - 1]].any()], dtype=np.int64)
+    whole = np.array([k for k in logged if not clipped[every[k - 1].rows].any()], dtype=np.int64)
     ends = whole if len(whole) else logged
-    spans = [every[k - 1] for k in ends]
+    spans = [every[k - 1].rows for k in ends]
     longest = max(s.stop - s.start for s in spans) - 1
     reading, step = np.zeros((len(spans), longest, 3)), np.zeros((len(spans), longest))
     bend, swing, force = 0 * reading, 0 * reading, 0 * reading
@@ -125,12 +124,7 @@ def logged_turns(recording: Recording) -> bool:
     """Return whether a turn between two rests was logged from end to end."""
     if not turns_on_record(recording):
         return False
-    return any(not paused(recording, slice(a.stop - 1, b.start + 1)) for a, b in pairwise(dwells(recording)))
-
-
-def paused(recording: Recording, span: slice) -> bool:
-    """Return whether the clock pauses between two rests, so that nobody knows how the unit turned meanwhile."""
-    return bool(np.any(np.diff(recording.time[span]) > PAUSED * usual_step(recording)))
+    return any(not m.paused for m in moves_between_dwells(recording))
 
 
 def _relevelled(turns: Turns, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:

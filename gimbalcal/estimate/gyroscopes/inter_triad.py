@@ -11,7 +11,6 @@ A whole revolution brings gravity back and says nothing here.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -24,10 +23,10 @@ from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, complex_step
 from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording.dwell import moves_between_dwells
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import exponential, frame_rotation, mean_rates
 from gimbalcal.units import from_si
-from gimbalcal.views.turns import paused
 
 MIN_GRAVITY_CHANGE = 0.1  # of its direction: a turn that moves it less, a whole revolution, says nothing of the triads
 
@@ -84,14 +83,14 @@ def rotation_between_triads(gyroscopes: Calibration, recording: Recording, accel
     rests = dwells(recording)
     down = np.array([force[d.rows].mean(0) for d in rests])
     down /= np.linalg.norm(down, axis=1, keepdims=True)
-    spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(rests)]
+    between = moves_between_dwells(recording)
     changes = np.linalg.norm(np.diff(down, axis=0), axis=1) > MIN_GRAVITY_CHANGE
-    used = [i for i, span in enumerate(spans) if changes[i] and not paused(recording, span)]
+    used = [i for i, m in enumerate(between) if changes[i] and not m.paused]
     if len(used) < 3:
         raise InputError(
             f"gravity is moved by {amount(len(used), 'turn')}; three or more tell how the triads lie to each other"
         )
-    turns = np.array([_turn(recording.time, rate, spans[i], rate[rests[i].rows].mean(0)) for i in used])
+    turns = np.array([_turn(recording.time, rate, between[i].rows, rate[rests[i].rows].mean(0)) for i in used])
     fit = from_turns(down[used], down[[i + 1 for i in used]], turns, sigma=1.0)  # scaled by its residuals below
     # each turn has three residuals of rank two
     sigma = fit.rms * np.sqrt(3 * len(used) / max(2 * len(used) - 3, 1))

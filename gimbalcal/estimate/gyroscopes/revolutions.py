@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -30,8 +29,8 @@ from gimbalcal.estimate.pulses.whole_turns import FREE, Revolutions, gyroscope_p
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array, complex_step
 from gimbalcal.recording import Recording, dwells
+from gimbalcal.recording.dwell import moves_between_dwells
 from gimbalcal.recording.record import RATE
-from gimbalcal.views.turns import paused
 
 MAX_REVOLUTION_ERROR = 0.05  # of a revolution: scale errors of low-cost units reach 3 %
 ITERATIONS = 3  # the bias enters the Earth's share of the ramps, a few percent of it: each round takes that factor off
@@ -65,11 +64,8 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
     stays = dwells(recording)
     y = recording.triad(RATE)
     earth = [y[d.rows].mean(0) + (0.0 if bias is None else bias) for d in stays]
-    spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(stays)]
-    moved = [
-        _integrals(recording.time[span], y[span], e, paused(recording, span))
-        for span, e in zip(spans, earth, strict=False)
-    ]
+    between = zip(moves_between_dwells(recording), earth, strict=False)
+    moved = [_integrals(recording.time[m.rows], y[m.rows], e, m.paused) for m, e in between]
     pairs = _pairs(moved)
     if len(pairs) < 6:
         raise InputError(
