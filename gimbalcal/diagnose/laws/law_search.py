@@ -104,7 +104,7 @@ class Screen:
     """A place as seen through blocks: a column b (blocks,) takes away (v.b)^2 / 2 b'K b, of b'K0 b before calibration.
 
     rows (m,): of the variables at which expressions are worked out; block (m,): the block of each. root (r, blocks) and
-    before (r, blocks): K = root' root, K0 = before' before; y (r,): root' y = v.
+    before (s, blocks): K = root' root, K0 = before' before; y (r,): root' y = v.
     """
 
     rows: Array
@@ -128,7 +128,8 @@ def screen(g: Ground, place: Place) -> Screen:
     keep = lam > 1e-12 * max(float(lam.max(initial=0.0)), 1e-300)
     root = np.sqrt(lam[keep])[:, None] * V[:, keep].T
     lam0, V0 = np.linalg.eigh(M.T @ M)
-    before = np.sqrt(np.maximum(lam0, 0.0))[:, None] * V0.T
+    shown = lam0 > 1e-12 * max(float(lam0.max(initial=0.0)), 1e-300)  # fewer than blocks, where rows are few
+    before = np.sqrt(lam0[shown])[:, None] * V0[:, shown].T
     y = (V[:, keep].T @ (remainder.T @ g.y)) / np.sqrt(lam[keep])
     rows = _thinned(place.block, blocks)
     return Screen(rows, place.block[rows], np.bincount(place.block[rows])[:, None], root, before, y)
@@ -413,15 +414,17 @@ def gains(seen: Screen, B: Array, width: int) -> Array:
     """ln likelihood (K,) that additions (blocks, K width), so many at a time, take away of the misfit."""
     X = seen.root @ B
     with np.errstate(over="ignore"):  # of a power that a refinement tries; it shows nothing
-        norm = np.sqrt((X**2).sum(axis=0))
-        shown = np.isfinite(norm) & (norm > ABSORBED * np.sqrt(((seen.before @ B) ** 2).sum(axis=0)))
-    X = X / np.where(shown & (norm > 0), norm, np.inf)
+        norm = np.sqrt(np.einsum("rk,rk->k", X, X))
+        whole = seen.before @ B
+        shown = np.isfinite(norm) & (norm > ABSORBED * np.sqrt(np.einsum("rk,rk->k", whole, whole)))
+    scale = 1.0 / np.where(shown & (norm > 0), norm, np.inf)
     K = X.shape[1] // width
-    b = (X.T @ seen.y).reshape(K, width)
+    b = (seen.y @ X * scale).reshape(K, width)
     if width == 1:
         return np.asarray(b[:, 0] ** 2 / 2)
     A = X.reshape(len(X), K, width).transpose(1, 0, 2)
-    G = np.swapaxes(A, 1, 2) @ A + RIDGE * np.eye(width)
+    scale = scale.reshape(K, width)
+    G = np.swapaxes(A, 1, 2) @ A * (scale[:, :, None] * scale[:, None, :]) + RIDGE * np.eye(width)
     return np.asarray(np.einsum("ki,ki->k", b, np.linalg.solve(G, b[..., None])[..., 0]) / 2)
 
 
