@@ -17,7 +17,7 @@ export MPLBACKEND := Agg
 export PYTHONUTF8 := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint docs mutate bench dist lock clean
+.PHONY: help demo test lint suite docs mutate bench dist lock clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1|/' | column -t -s '|' 2>/dev/null \
@@ -26,7 +26,9 @@ help:  ## list the targets
 demo: $(VENV)/.run-ready  ## calibrate the recordings that ship with the project; the report is out/demo/report.html
 	$(BIN)/gimbalcal demo --out out/demo
 
-test: lint  ## everything that a change has to pass
+test: lint suite  ## everything that a change has to pass; make -j2 test checks types while the tests run
+
+suite: $(VENV)/.dev-ready  ## the tests alone
 	$(BIN)/python -m pytest -q -n 2 --doctest-modules tests gimbalcal
 
 lint: $(VENV)/.dev-ready  ## style, types, the direction of imports, spelling, and words of the field (docs/words.txt)
