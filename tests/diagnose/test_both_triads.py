@@ -49,7 +49,6 @@ def sizes_are(d: Diagnosis, effect: str, truth: Mapping[str, float], near: float
     [
         ("gyro_g_sensitivity_rate", G_SENSITIVITY, "rest rates"),
         ("gyro_scale_nonlinearity", {"x": 1000.0, "y": -800.0, "z": 600.0}, "turns"),
-        ("gyro_scale_asymmetry", {"x": 1500.0, "y": -1200.0, "z": 900.0}, "turns"),
     ],
 )
 def test_what_the_gyroscopes_lack_is_named(effect: str, truth: dict[str, float], view: str) -> None:

@@ -51,7 +51,7 @@ def test_twins_stand_together_with_the_experiment_that_separates_them():
     assert "30 and 60 degrees" in found["separate_by"]
 
 
-@pytest.mark.parametrize("name", ["scrambled", "cycling", "mixed angle"])
+@pytest.mark.parametrize("name", ["scrambled", "mixed angle"])
 def test_what_no_catalogue_holds_is_not_named_by_force(name):
     d = diagnosed(name, 1)
     assert d.verdict == "unexplained"
