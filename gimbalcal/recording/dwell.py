@@ -46,18 +46,18 @@ def dwells(recording: Recording) -> tuple[Dwell, ...]:
 
 
 @dataclass(frozen=True)
-class Move:
+class MoveRows:
     """Rows from the last of a dwell to the first of the next; `paused`: nobody knows how the unit turned meanwhile."""
 
     rows: slice
     paused: bool
 
 
-def moves_between_dwells(recording: Recording) -> tuple[Move, ...]:
+def moves_between_dwells(recording: Recording) -> tuple[MoveRows, ...]:
     """Return the move from each dwell to the next; the clock pauses in one where it takes `PAUSED` usual steps."""
     spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(dwells(recording))]
     longest = PAUSED * usual_step(recording) if spans else 0.0
-    return tuple(Move(s, bool(np.any(np.diff(recording.time[s]) > longest))) for s in spans)
+    return tuple(MoveRows(s, bool(np.any(np.diff(recording.time[s]) > longest))) for s in spans)
 
 
 def rests_are_means(recording: Recording) -> bool:
