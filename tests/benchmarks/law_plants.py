@@ -32,15 +32,14 @@ Value = Callable[[Any], Array]
 class Hidden:
     """A law: its rig, where it acts ("y", "gyro z", an axis of a gimbal), its value of what the rig goes through.
 
-    follows: sets of variables, separated by |, any of which is right; same: ids of effects that say the same;
-    determined: whether the design of the rig determines it; options: of the recording.
+    follows: sets of variables, separated by |, any of which is right; determined: whether the design of the rig
+    determines it; options: of the recording.
     """
 
     rig: str
     where: str
     value: Value
     follows: str
-    same: tuple[str, ...] = ()
     determined: bool = True
     options: tuple[tuple[str, Any], ...] = ()
 
@@ -60,7 +59,7 @@ def positions(seed: int, law: Hidden, size: float) -> Recording:
         value = np.broadcast_to(law.value(b), b.t.shape)
         if law.where in gimbals:
             return plant.turned(gimbals.index(law.where), value)
-        return plant.on("xyz".index(law.where), value)
+        return {"output": np.outer(value, [float(a in law.where) for a in "xyz"])}
 
     unit = ARCSEC if law.where in gimbals else UG
     return plant.record(np.random.default_rng(seed), error, size * unit, **dict(law.options))
@@ -177,6 +176,14 @@ def excess(r: Recording, clean: Recording, with_: tuple[str, ...] = ()) -> float
     if a < b:
         return 0.0
     return float(np.sqrt(a - b if clean.noise and not clean.kind.sighting else (a / b - 1) * dof))
+
+
+def left_by_causes(r: Recording, clean: Recording, names: tuple[str, ...]) -> float:
+    """Sigmas by which a recording is worse than the same noise without a law, known causes fitted in both."""
+    a, b = (calibrate(x, more=list(names)).residual for x in (r, clean))
+    if clean.noise and not clean.kind.sighting:
+        return float(np.sqrt(max(a.chi2 - b.chi2, 0.0)))
+    return float(np.sqrt(max(_sum(a.rms) / _sum(b.rms) - 1, 0.0) * max(b.dof, 1)))
 
 
 def _of_norms(r: Recording, clean: Recording) -> float:
