@@ -19,7 +19,7 @@ from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.grounds import ground, together, with_law
 from gimbalcal.diagnose.laws.law_curve import curves_of
 from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
-from gimbalcal.diagnose.laws.law_search import ABSORBED, RARE, Ground, Law, laws_of, same, trimmed
+from gimbalcal.diagnose.laws.law_search import ABSORBED, RARE, Ground, Law, aliases, laws_of, same, trimmed
 from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared, with_cause
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Candidate, Library
@@ -80,7 +80,7 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
     equivalent = [law for law in equivalent if law.places != best.places or printed(law) != printed(best)]
     alike = [same(g, best, law) for law in equivalent]
     others = [law for law, one in zip(equivalent, alike, strict=True) if not one or free(law) <= free(best)]
-    return best, others
+    return best, [*others, *aliases(g, best)]
 
 
 def free(law: Law) -> int:

@@ -26,6 +26,7 @@ from gimbalcal.diagnose.laws.expressions import (
     ALONE,
     COEFFICIENTS,
     MULTIPLIED,
+    ORDERS,
     Expression,
     Term,
     between,
@@ -38,7 +39,7 @@ from gimbalcal.diagnose.laws.expressions import (
 )
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.effects import Stimulus
-from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.inference.algebra import basis, orthonormal
 from gimbalcal.number import Array
 
 WEIGHED = 60  # expressions whose evidence is worked out in full
@@ -52,6 +53,7 @@ ABSORBED = 3e-2  # of a column: less left by the calibration is nothing to speak
 DEAF = 1.0  # sigmas that one m/s^2, rad/s or rad answers by: rows that answer less are those of no fit
 CARRIED = 2.5  # stretches of a recording, at the least, that a law has to act in: what acts in one is an outlier
 RIDGE = 1e-4  # of a unit column: two that are alike count as one
+SAME_SPACE = 1e-6  # sine of the largest angle between two spaces of columns that are one
 SAME = 0.999  # correlation from which two expressions are one in this recording
 UNUSUAL = 1.5  # nats against a law of an output in gimbal angles, or of a gimbal in forces, and against a rare form
 RARE = ("pulse", "sawtooth", "rectified", "ring")
@@ -509,6 +511,25 @@ def _refined(seen: Sequence[Screen], e: Expression) -> Expression:
     minimum = minimize(cost, begun, method="Nelder-Mead", options={
         "maxfev": ROUNDS * len(moves), "initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-2})  # fmt: skip
     return _moved(e, moves, minimum.x) if minimum.fun < cost(begun) else e
+
+
+def aliases(g: Ground, law: Law) -> list[Law]:
+    """Return the law with other harmonics of its angles whose columns span the same space here, calibration removed.
+
+    At multiples of 45 deg the fifth harmonic is the third: no evidence distinguishes what no row shows.
+    """
+
+    def span(one: Law) -> Array:
+        return basis(g.remainder(g.whiten(one.columns)))
+
+    own, out = span(law), []
+    for i, t in enumerate(law.expression.terms):
+        for n in range(1, ORDERS + 1) if t.form.key == "harmonic" else ():
+            other = replace(law, expression=law.expression.at([(i, 0, float(n))]))
+            Q = span(other) if n != t.constants[0] else own[:, :0]
+            if Q.shape == own.shape and np.linalg.norm(Q - own @ (own.T @ Q), 2) < SAME_SPACE:
+                out.append(other)
+    return out
 
 
 def same(g: Ground, one: Law, other: Law) -> bool:

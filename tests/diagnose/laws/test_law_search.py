@@ -93,6 +93,18 @@ def test_what_shows_only_while_the_unit_turns_has_a_formula_too() -> None:
     assert abs(size.value - truth) < 4 * size.sigma + 0.02 * truth
 
 
+def test_harmonics_that_the_grid_of_angles_makes_equal_are_alternatives() -> None:
+    """At multiples of 45 deg the fifth harmonic of an angle is the third, in cosine, and its negative in sine."""
+
+    def error(b: plant.Bench) -> dict[str, Array]:
+        return plant.on(0, np.cos(5 * b.read[:, 1] + 3 * b.read[:, 0]))
+
+    (law,) = diagnose([plant.record(np.random.default_rng(3), error, 4e-4)]).laws
+    assert law.variables == ("platform", "inner")
+    assert "cos(3*platform)*cos(3*inner)" in law.form
+    assert any("cos(3*platform)*cos(5*inner)" in other for other in law.alternatives)
+
+
 def test_what_acts_in_one_dwell_alone_is_no_law() -> None:
     r = plant.record(np.random.default_rng(12), lambda b: plant.on(0, 1.0 * (b.visit == 7)), 4e-4)
     assert diagnose([r]).laws == ()
