@@ -95,6 +95,8 @@ class ViewsFit:
     @property
     def unobservable(self) -> tuple[Unobservable, ...]:
         """Directions of the effects' parameters that the rows do not determine, or not apart from a nuisance."""
+        if len(self.parameters) == len(self.solution.parameters):
+            return self.solution.unobservable
         own, out = {p.label for p in self.parameters}, dict[frozenset[str], Unobservable]()
         for u in self.solution.unobservable:
             direction = {label: weight for label, weight in u.direction.items() if label in own}

@@ -61,7 +61,6 @@ def coarse(positions: Positions) -> Calibration:
         Residual(solution.chi2, solution.dof, rms(p)),
         outcome=joined(outliers_in_words(p.faults)),
         provenance=replace(provenance(p), notes=tuple(notes)),
-        unobservable=solution.unobservable,
         stages=(stage("coarse", p, joined(["faces and tilted positions, nonlinearity ignored", *notes])),),
     )
 

@@ -39,7 +39,6 @@ def joint(positions: Positions, start: Calibration | None = None, judged: bool =
         Residual(p.fit.solution.chi2, p.fit.solution.dof, rms(p)),
         outcome=outcome(p, larger_noise_in_words(p) if judged else ""),
         provenance=origin,
-        unobservable=p.fit.solution.unobservable,
         stages=(stage("joint", p, words),),
     )
 
@@ -50,5 +49,5 @@ def in_words(p: Positions) -> str:
     return (
         f"{len(p.fit.parameters)} coefficients from the force at {len(p.setting)} visits, with their setting errors of "
         f"{setting:.3g} arcsec (from the {p.noise.setting_from}); "
-        f"{amount(len(p.fit.solution.unobservable), 'direction')} not seen"
+        f"{amount(len(p.fit.unobservable), 'direction')} not seen"
     )
