@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
+from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import Estimate, Finding, RecordingSize, SizeAgreement
 from gimbalcal.diagnose.search.ranking import Ranking, is_usual
 from gimbalcal.diagnose.search.refit import constants_with_sigma
@@ -17,6 +18,7 @@ from gimbalcal.diagnose.verdict.decide import Decision, capped
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
 from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, RecordingCauses, agreement_on_size
 from gimbalcal.diagnose.verdict.separation import advice_in_words, advise
+from gimbalcal.diagnose.verdict.verify import held_out_misfit, row_sigma
 from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
 from gimbalcal.inference.algebra import basis
@@ -53,11 +55,37 @@ def confirmed(c: SearchResult, tell: Tell) -> tuple[SearchResult, list[Judgement
         verdicts = judged_in_turn(c)
         kind = c.start.view.kind  # of causes that are equally poor, what every rig has goes last
         least = min(verdicts, key=lambda j: (j.probability, is_usual(j.cause, kind)), default=None)
-        if least is None or least.probability >= LIKELY:
+        if least is not None and least.probability < LIKELY:
+            refusal, why = least.cause, "another cause or correlated noise is likelier"
+        elif worse := worsening_cause(c, verdicts):
+            refusal, why = worse, "held-out rows are predicted better without it"
+        else:
             return c, verdicts
-        tell(f"{least.cause.in_words} is not named: another cause or correlated noise is likelier")
-        refused.add(least.cause.key)
-        c = _replaced(c, [cause for cause in c.causes if cause[0] is not least.cause], refused, tell)
+        tell(f"{refusal.in_words} is not named: {why}")
+        refused.add(refusal.key)
+        c = _replaced(c, [cause for cause in c.causes if cause[0] is not refusal], refused, tell)
+
+
+def worsening_cause(c: SearchResult, verdicts: Sequence[Judgement]) -> Candidate | None:
+    """Return the cause without which held-out rows are predicted best, or None if each improves their prediction.
+
+    Where each of several causes helps beside the others, but all of them predict worse than the baseline, it is the
+    least probable one.
+    """
+    sigma = row_sigma(c.end)
+
+    def misfit(m: Fit) -> float:
+        return float(np.mean(held_out_misfit(m, sigma) ** 2))
+
+    if not c.causes:
+        return None
+    each = [misfit(with_causes(c.start, [o for o in c.causes if o is not this])) for this in c.causes]
+    whole = misfit(c.end)
+    if min(each) < whole:
+        return c.causes[int(np.argmin(each))][0]
+    if misfit(c.start) < whole:
+        return min(verdicts, key=lambda j: j.probability).cause
+    return None
 
 
 def _replaced(c: SearchResult, kept: Sequence[SelectedCause], refused: set[Key], tell: Tell) -> SearchResult:

@@ -66,6 +66,26 @@ def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch: pytest.
     assert {c.key for c, _ in kept.causes} == {j.cause.key for j in verdicts} == {tilt.key, bend.key}
 
 
+def test_a_cause_that_makes_held_out_rows_worse_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    v = pointing(telescope(2, north=25.0, east=-9.0))
+    first = start(v)
+    known = causes_of(v, first)
+    tilt, bend = (next(c for c in known if c.label == label) for label in LABELS[:2])
+    both = result_of(first, [(c, c.variants[0]) for c in (tilt, bend)])
+    sure = [Judgement(c, 0.9, (), 9.0) for c in (tilt, bend)]
+    assert findings.worsening_cause(result_of(first, [(tilt, tilt.variants[0])]), sure[:1]) is None
+    misfit = findings.held_out_misfit
+    monkeypatch.setattr(
+        findings,
+        "held_out_misfit",
+        lambda m, sigma: (1.5 if "tube_flexure" in {e.id for e in m.effects} else 1.0) * misfit(m, sigma),
+    )
+    assert findings.worsening_cause(both, sure) is bend
+    monkeypatch.setattr(findings, "judged_without", lambda m, c: Judgement(c, 0.9, (), 9.0))
+    kept, verdicts = findings.confirmed(both, silent)
+    assert {c.key for c, _ in kept.causes} == {j.cause.key for j in verdicts} == {tilt.key}
+
+
 def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch: pytest.MonkeyPatch) -> None:
     """A misfit far beyond the noise does not vanish with the last name for it: nothing left would be "adequate"."""
     v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
