@@ -36,6 +36,7 @@ WRAP_PERIODS = {
 }
 MIN_RATE_HZ, MAX_RATE_HZ, USUAL_RATE_HZ = 0.05, 10_000.0, 100.0  # that inertial sensors are logged at
 COSTS = {"s": 0.0, "ms": 2.0, TICKS: 5.0, "us": 2.0, "ns": 2.0, "min": 6.0, "h": 9.0, "d": 9.0}  # nats
+MIN_DURATION_S, SHORT_COST = 1.0, 6.0  # of a log, and nats against a unit in which it is shorter
 MIN_ROWS = 3
 MAX_DISTANCE = 2.0  # of the step between stamps, of evenly spaced rows from their stamps
 MAX_SENSORS = 8  # that write into one log in turn
@@ -45,8 +46,8 @@ MAX_JITTER = 0.02  # of a step; stamps that scatter by more are times of arrival
 def costs_of_unit(time: Array) -> dict[str, tuple[float, str]]:
     r"""Return how unlikely each unit of a clock (n,) is by its step, in nats, and why.
 
-    Inertial sensors are logged at some 100 Hz, a decade more or less, :math:`\frac{1}{2} \log_{10}^2 (f / 100)`, and
-    seldom in minutes or hours. Raises InputError for a clock that stands still.
+    Inertial sensors are logged at some 100 Hz, a decade more or less, :math:`\frac{1}{2} \log_{10}^2 (f / 100)`,
+    seldom in minutes or hours, and for a second at least. Raises InputError for a clock that stands still.
     """
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if step <= 0:
@@ -54,7 +55,9 @@ def costs_of_unit(time: Array) -> dict[str, tuple[float, str]]:
     rates = {unit: 1 / (step * size) for unit, size in UNITS.items()}
     return {
         unit: (
-            COSTS[unit] + 0.5 * float(np.log10(rate / USUAL_RATE_HZ)) ** 2,
+            COSTS[unit]
+            + 0.5 * float(np.log10(rate / USUAL_RATE_HZ)) ** 2
+            + SHORT_COST * (len(time) * step * UNITS[unit] < MIN_DURATION_S),
             f"steps of {step:.4g}, which in {unit} are {rate:.4g} Hz",
         )
         for unit, rate in rates.items()

@@ -20,7 +20,7 @@ from gimbalcal.guess.column_names import (
     quantity_of_log,
     unit_written,
 )
-from gimbalcal.guess.column_values import by_order, by_similar_names, is_unit_of, unit_of_force
+from gimbalcal.guess.column_values import by_order, by_similar_names, is_unit_of, signed_counts, unit_of_force
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import DWELL_ROWS, without_duplicates
 from gimbalcal.guess.text_table import Table
@@ -55,7 +55,9 @@ def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str], units: M
     after. units: by quantity, as a user states them. Raises InputError where no column is a clock and rows are not
     those of positions.
     """
-    notes: dict[str, str] = {}
+    columns, signed = signed_counts(table.columns)
+    table = replace(table, columns=columns)
+    notes = {"counts": f"{', '.join(signed)}: two's complement of 16 bits, logged without sign"} if signed else {}
     log, joined = _by_names(path, table)
     log, note = clocks.single_sensor(log)
     notes |= {"sensor": note} if note else {}

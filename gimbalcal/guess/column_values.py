@@ -237,6 +237,27 @@ def quantum(x: Array) -> float:
     return step if np.mean(np.abs(at - np.round(at)) < 0.1) > 0.9 else 0.0
 
 
+def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Return columns (n,) of which those of two's complement have their signs again, and their names.
+
+    A count of 16 bits that is logged without sign jumps by more than half its range where it passes zero, and does not
+    once the upper half of the range is negative. One such column shows what the others are that reach the upper half.
+    """
+    half, full = 2.0**15, 2.0**16
+
+    def jumps(x: Array) -> int:
+        return int(np.count_nonzero(np.abs(np.diff(x)) > half))
+
+    whole = {n: x[np.isfinite(x)] for n, x in columns.items()}
+    whole = {n: x for n, x in whole.items() if len(x) and x.min() >= 0 and half < x.max() < full}
+    whole = {n: x for n, x in whole.items() if np.all(x == np.round(x))}
+    signed = {n: np.where(x < half, x, x - full) for n, x in whole.items()}
+    if not any(jumps(x) and not jumps(signed[n]) for n, x in whole.items()):
+        return dict(columns), ()
+    names = tuple(n for n in whole if jumps(signed[n]) <= jumps(whole[n]))
+    return {n: np.where(x < half, x, x - full) if n in names else x for n, x in columns.items()}, names
+
+
 def _are_counts(triad: Sequence[Array]) -> bool:
     return all(np.all(x == np.round(x)) for x in triad)
 

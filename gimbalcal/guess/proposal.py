@@ -249,14 +249,13 @@ def _of_run(run: PointingRun, assumed: Mapping[str, str]) -> Proposal:
 def _self_describing(path: Path, title: str, place: Stated) -> Proposal | None:
     """Return the recording in a file of a kind that describes itself; None for others.
 
-    Raises InputError for a guide log that lacks something, or where the latitude is not stated.
+    Raises InputError for a guide log that lacks something.
     """
     if path.stat().st_size > MAX_BYTES or not is_text(path):
         return None
     if is_guide_log(head_of(path)):
-        if place.latitude is None:
-            raise InputError(f"{path} is a guide log of PHD2, which does not say where the mount stood: --latitude DEG")
-        return _described("a guide log of PHD2", import_phd2([path], {"latitude": str(place.latitude)}), title)
+        stated = {} if place.latitude is None else {"latitude": str(place.latitude)}
+        return _described("a guide log of PHD2", import_phd2([path], stated), title)
     for kind, read in SELF_DESCRIBING.items():
         try:
             return _described(kind, read([path], {}), title)

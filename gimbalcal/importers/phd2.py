@@ -37,6 +37,7 @@ _NUMBER = r"\s*=\s*([-+]?\d+(?:\.\d+)?)(?=,?(?:\s|$))"  # 1,50 is no number
 _WESTWARD, _NORTHWARD = {"W": 1.0, "E": -1.0}, {"N": 1.0, "S": -1.0}
 _KINDS = ("Mount", "AO", "DROP")  # of frames: DROP has lost its star
 MIN_FRAMES = 10  # frames
+MAX_LATITUDE_SPREAD = np.radians(2.0)  # between sessions of one log, which state tenths of a degree
 MAX_PULSE_MS = 60_000  # PHD2 sends a few seconds at most
 
 
@@ -63,17 +64,17 @@ def is_guide_log(head: Sequence[str]) -> bool:
 
 @importer("phd2", "latitude", "stretch")
 def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
-    """One PHD2 guide log; latitude = of the site in deg; stretch = 1, 2, ... (default: all of a session)."""
+    """One PHD2 guide log; latitude = in deg (default: by its directions); stretch = 1, 2, ... (default: a session)."""
     (path,) = files
-    latitude = _latitude(options)
     stretches = [s for s in _stretches(path) if len(s.frames) >= MIN_FRAMES]
     if not stretches:
         raise InputError(f"{path} is not a PHD2 guide log, or it has no {MIN_FRAMES} frames of the mount in a row")
     chosen = _chosen(path, options, stretches)
     session = stretches[chosen[0]]
     scale = float(to_si(_header_value(path, session.header, "Pixel scale", "in arc-sec/px"), "arcsec"))
-    pointed = next((line for line in session.header.splitlines() if line.startswith(("RA = ", "Dec = "))), "")
+    pointed = _direction(session)
     declination = float(np.radians(_header_value(path, pointed, "Dec", "where the mount pointed")))
+    latitude = _latitude(options, stretches)
     hour = _hour_angle(path, pointed, latitude)
     if scale <= 0 or abs(declination) >= np.pi / 2 or abs(hour) > 2 * np.pi:
         raise InputError(
@@ -102,6 +103,8 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     remark = f"{path}: {which} of {len(stretches)}, {amount(len(time), 'frame')} {without}, guiding undone"
     if lost:
         remark += f"; {amount(lost, 'frame')} had lost the star and are left out"
+    if "latitude" not in options:
+        remark += f"; the directions in the log give a latitude of {np.degrees(latitude):.2f} deg"
     gaps = [n for k in chosen for n in stretches[k].gaps]
     missing = [f"{path}, line {n}: frames before it are missing, so that their pulses are not undone" for n in gaps[:3]]
     run = pointing_run(path, equatorial(latitude), site, time - time[0], read, looked_at)
@@ -109,14 +112,42 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     return replace(run, position=number if len(chosen) > 1 else None, remarks=(remark, *missing))
 
 
-def _latitude(options: Mapping[str, str]) -> float:
-    try:
-        latitude = float(options["latitude"])
-    except (KeyError, ValueError):
-        latitude = np.nan
-    if not abs(latitude) <= 90:
+def _latitude(options: Mapping[str, str], stretches: Sequence[_Stretch]) -> float:
+    """Return the latitude [rad] as stated, else that of the directions in the log, in the mean of its sessions."""
+    if "latitude" in options:
+        try:
+            latitude = float(options["latitude"])
+        except ValueError:
+            latitude = np.nan
+        if not abs(latitude) <= 90:
+            raise InputError("the latitude of a PHD2 log is stated as --set latitude=51.0 (deg)")
+        return float(np.radians(latitude))
+    each = [x for s in stretches if (x := _latitude_of_direction(_direction(s))) is not None]
+    if not each or np.ptp(each) > MAX_LATITUDE_SPREAD:
         raise InputError("a PHD2 log does not say where the mount stood; give it as --set latitude=51.0 (deg)")
-    return float(np.radians(latitude))
+    return float(np.mean(each))
+
+
+def _direction(one: _Stretch) -> str:
+    """Return the header line that states where the mount pointed; empty if there is none."""
+    return next((line for line in one.header.splitlines() if line.startswith(("RA = ", "Dec = "))), "")
+
+
+def _latitude_of_direction(pointed: str) -> float | None:
+    r"""Return the latitude [rad] of a site that sees one direction both ways; None if the line lacks one.
+
+    .. math:: \cos E \cos A = \sin\delta \cos L - \cos\delta \cos h \sin L, \quad
+              \sin E = \sin\delta \sin L + \cos\delta \cos h \cos L
+    """
+    degrees = []
+    for name, unit in (("Dec", 1.0), ("Hour angle", 15.0), ("Alt", 1.0), ("Az", 1.0)):
+        if not (number := re.search(rf"\b{name}{_NUMBER}", pointed)):
+            return None
+        degrees.append(unit * float(number[1]))
+    dec, hour, up, around = np.radians(degrees)
+    north, high = np.cos(up) * np.cos(around), np.sin(up)
+    pole, equator = np.sin(dec), np.cos(dec) * np.cos(hour)
+    return float(np.arctan2(pole * high - equator * north, pole * north + equator * high))
 
 
 def _hour_angle(path: Path, pointed: str, latitude: float) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.guess.clocks import in_unit, jitter, unit_of_time
+from gimbalcal.guess.clocks import costs_of_unit, in_unit, jitter, unit_of_time
 from gimbalcal.guess.column_values import costs_of_rate
 from gimbalcal.guess.gimbal_chain import unit_of_angle
 from gimbalcal.guess.log import Guess, Log
@@ -29,7 +29,13 @@ def test_jitter_is_a_share_of_a_step_in_any_unit() -> None:
 
 @pytest.mark.parametrize(("step", "unit"), [(0.02, "s"), (20.0, "ms"), (2e4, "us"), (1.0, "s"), (5e6, "ns")])
 def test_a_clock_counts_in_the_unit_in_which_sensors_are_logged(step: float, unit: str) -> None:
-    assert unit_of_time(step * np.arange(10))[0] == unit
+    assert unit_of_time(step * np.arange(1000))[0] == unit
+
+
+def test_no_log_is_shorter_than_a_second() -> None:
+    """Rows of 9.6 Hz for three minutes are not rows of 9.6 kHz for 0.2 s."""
+    costs = costs_of_unit(104.0 * np.arange(1822))
+    assert costs["us"][0] > costs["ms"][0] + 5
 
 
 def test_another_unit_of_a_clock_is_said_with_its_rate() -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from gimbalcal.guess.clocks import unwrapped
 from gimbalcal.guess.column_names import by_name, plain
+from gimbalcal.guess.column_values import signed_counts
 from gimbalcal.guess.date_formats import in_iso, is_stamp, split
 from gimbalcal.guess.merged_logs import resampled
 from gimbalcal.guess.proposal import Proposal, propose
@@ -297,3 +298,29 @@ def test_an_attitude_that_a_unit_estimates_is_no_readout_of_a_rig(tmp_path: Path
         same(found, t, f, w)
         assert found.recording.platform.name == "bench"
         assert set(angles.split("\t")) <= set(found.left_out)
+
+
+@pytest.mark.parametrize("form", ["Ax {:.4f} Ay {:.4f} Az {:.4f}", "Ax: {:.4f}, Ay: {:.4f}, Az: {:.4f}",
+                                  "Ax={:.4f};Ay={:.4f};Az={:.4f};"])  # fmt: skip
+def test_words_before_the_numbers_of_each_line_name_the_columns(form: str, tmp_path: Path) -> None:
+    _, f, _ = turned()
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(["Calibrating", *(form.format(*row) for row in f)]) + "\n")
+    r = propose([path], rate=100.0).recording
+    np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-4)
+
+
+def test_counts_of_two_s_complement_get_their_signs_back(tmp_path: Path) -> None:
+    """The clock is a counter of 16 bits that starts again, and stays one."""
+    t, f, w = turned()
+    counts = [np.round(x) for x in np.vstack([f.T * 2048 / G, w.T * D * 16.4])]
+    body = [(np.round(1000 * t) % 2**16), *(x % 2**16 for x in counts)]
+    found = propose([rows(tmp_path / "log.csv", "millis,ax,ay,az,gx,gy,gz", *body)])
+    r = found.recording
+    assert "two's complement" in found.notes["counts"]
+    assert "millis" not in found.notes["counts"]
+    np.testing.assert_allclose(r.time - r.time[0], t - t[0], atol=1e-3)
+    scale = G / 2048 if r.counted("specific_force") else 1.0
+    np.testing.assert_allclose(scale * r.triad("specific_force"), f, atol=0.01)
+    np.testing.assert_array_equal(signed_counts({"a": body[1], "b": np.arange(5.0)})[0]["a"], counts[0])
+    assert signed_counts({"t": np.arange(0.0, 2e5, 7) % 2**16})[1] == ()

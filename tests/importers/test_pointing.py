@@ -239,6 +239,21 @@ def test_phd2_undoes_the_guiding(tmp_path: Path) -> None:
     golden_text(run.remarks[0])
 
 
+def test_phd2_latitude_is_that_of_the_directions_in_the_log(tmp_path: Path) -> None:
+    """The declination of a calibration and of the guide rates stand in the header, too, and are no directions."""
+    log = guided(tmp_path / "log.txt", np.zeros(30), np.ones(30))
+    for latitude in (35.14, -33.0):
+        north, east, down = line_of_sight(np.radians(60.0), np.radians(-30.0), np.radians(latitude))
+        elevation, around = np.degrees(np.arcsin(-down)), np.degrees(np.arctan2(east, north)) % 360
+        text = log.read_text().partition("Alt = ")[0] + f"Alt = {elevation:.1f} deg, Az = {around:.1f} deg\n"
+        both = tmp_path / "both.txt"
+        both.write_text(text + log.read_text().partition("Alt = N/A deg\n")[2])
+        run = import_files("phd2", [both])
+        assert run.site.latitude is not None
+        assert np.degrees(run.site.latitude) == pytest.approx(latitude, abs=0.15)
+        assert "latitude of" in run.remarks[0]
+
+
 def test_phd2_faults(tmp_path: Path) -> None:
     log = guided(tmp_path / "log.txt", np.zeros(30), np.ones(30))
     with refused():
