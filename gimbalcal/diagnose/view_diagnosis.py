@@ -44,6 +44,9 @@ from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences, law_sentences
 
+MIN_SETTINGS = 20  # whose residuals show a correlation
+SERIAL_SIGMAS = 5.0  # of a correlation of successive residuals that is none by chance
+
 
 @dataclass(frozen=True)
 class Contradiction:
@@ -198,13 +201,31 @@ def diagnosis_as(
         fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
+    outcome = ""
+    if verdict == "adequate" and (serial := serial_correlation(c.end, sigma)):
+        verdict, outcome = "not-identifiable", diagnosis_sentences.serial_correlation(v, *serial)
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
-        recommend=lawful.recommend,
+        recommend=lawful.recommend, outcome=outcome,
     )  # fmt: skip
     diagnosis = diagnosis.doubted() if doubted else diagnosis
     return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
+
+
+def serial_correlation(m: Fit, sigma: Array) -> tuple[float, float] | None:
+    """Return the correlation of successive residuals in `sigma` (n, C) and one sigma of it, if settings show any.
+
+    A sensor that is read on and on has noise with a memory, and so has the seeing of a star that is followed. Separate
+    settings of an encoder have none: where one resembles the next, something depends on the angle or on time, whether
+    or not it is likelier than a noise with a memory.
+    """
+    v = m.view
+    if m.exact or not v.kind.sighting or v.noise.own_memories or len(m.residual) < MIN_SETTINGS:
+        return None
+    r = m.residual / sigma
+    each, one = (r[1:] * r[:-1]).sum(axis=0) / (r**2).sum(axis=0), 1 / np.sqrt(len(r))
+    return (float(each.max()), float(one)) if each.max() > SERIAL_SIGMAS * one else None
 
 
 def _walk_of_sensor(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:

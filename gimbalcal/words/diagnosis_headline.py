@@ -77,8 +77,8 @@ def _headline(d: Diagnosis) -> str:
     if d.verdict == "not-identifiable":
         advice = next((f.separate_by for f in d.findings if f.separate_by), "")
         step = f"{advice[:1].lower()}{advice[1:]}" if advice else "record other positions or conditions."
-        return (f"Something is missing, and these data do not determine what. "
-                f"{' '.join(_perhaps(f) for f in d.findings[:MAX_FINDINGS])} Next: {step}")  # fmt: skip
+        each = [_perhaps(f) for f in d.findings[:MAX_FINDINGS]]
+        return " ".join(["Something is missing, and these data do not determine what.", *each, f"Next: {step}"])
     text = " ".join(_perhaps(f) if _many(f) else f"{does(f)}{_alternatives(f)}" for f in d.findings[:MAX_FINDINGS])
     if len(d.findings) > MAX_FINDINGS:
         text += f" {capitalised(counted(len(d.findings) - MAX_FINDINGS, 'further cause'))} below."

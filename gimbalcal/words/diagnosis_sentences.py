@@ -137,7 +137,7 @@ def causes(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shap
     if verdict != "not-identifiable":
         return f"Missing physics: {effects}"
     other = f", or none that is known: {shape_in_words(unexplained[0])}" if unexplained else ""
-    return f"These data do not determine which effect is missing: {effects}{other}"
+    return f"These data do not determine which effect is missing{': ' * bool(effects)}{effects}{other}"
 
 
 def no_cause(unexplained: Sequence[Shape]) -> str:
@@ -306,6 +306,15 @@ def untested(v: View, fit: ViewFit) -> str:
     return (
         f"But held-out {rows} are off by {digits(fit.heldout_rms_after)} {v.unit}: a parameter depends on one of them "
         f"alone, so these data do not test the model; record more {rows}."
+    )
+
+
+def serial_correlation(v: View, correlation: float, sigma: float) -> str:
+    """Return that residuals of successive settings are alike, though nothing is likelier than a noise with a memory."""
+    return (
+        f"successive residuals of {v.measurement.channels} are correlated by {correlation:.2f} +- {sigma:.2f}, which "
+        "the noise of separate settings is not: something depends on the angle or on time, and no cause is likelier "
+        "here than a noise with a memory"
     )
 
 

@@ -11,11 +11,13 @@ from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, view_shifts
+from gimbalcal.diagnose.view_diagnosis import serial_correlation
 from gimbalcal.effects import values
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.pointing import pointing
+from gimbalcal.words import diagnosis_sentences
 from tests.benchmarks import unknown_hand
 from tests.benchmarks.unknown_runs import answer, runs
 from tests.diagnose.small import G, telescope, turned
@@ -35,6 +37,22 @@ def test_a_telescope_that_lacks_nothing(seed: int) -> None:
     assert d.verdict == "adequate"
     assert d.findings == ()
     assert d.fit["rms_after"] == pytest.approx(np.sqrt(2), rel=0.2)  # two components of an arcsecond, 155 degrees
+
+
+def test_settings_whose_residuals_resemble_the_next_are_not_without_a_pattern() -> None:
+    """A noise with a memory is no noise of separate settings; white ones are not correlated by five sigma."""
+    m = start(pointing(telescope(1)))
+    white, sigma = np.random.default_rng(1).standard_normal(m.residual.shape), np.ones(m.residual.shape)
+    assert serial_correlation(replace(m, residual=white), sigma) is None
+    alike = white.copy()
+    for k in range(1, len(alike)):
+        alike[k] = 0.8 * alike[k - 1] + 0.6 * white[k]
+    found = serial_correlation(replace(m, residual=alike), sigma)
+    assert found is not None
+    assert 0.5 < found[0] < 0.95
+    assert found[1] == pytest.approx(N**-0.5)
+    words = diagnosis_sentences.serial_correlation(m.view, *found)
+    assert words.startswith("successive residuals of pointing are correlated by 0.")
 
 
 @pytest.mark.parametrize("seed", [1, 2])
