@@ -1,0 +1,49 @@
+"""Terms of a mount that tracks, in frames whose noise has a memory."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.estimate.pointing.fit import fit_terms
+from gimbalcal.importers.tpoint import equatorial
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording, Site
+from gimbalcal.views.core import absent_effect
+from gimbalcal.views.pointing import pointing
+from tests.estimate.pointing.mounts import ARCSEC
+
+LATITUDE, TEETH, SIZE, RUNS = 0.9, 180, 2.0, 12
+MOUNT = equatorial(LATITUDE)
+
+
+def guided(seed: int, memory: float) -> Recording:
+    """45 min of frames of 3 s: a worm of 2 arcsec, 0.3 arcsec of white noise and 1 arcsec with a memory."""
+    rng, n = np.random.default_rng(seed), 900
+    t = 3.0 * np.arange(n)
+    hour, slow = 7.292115e-5 * t - 0.5, rng.standard_normal(n)
+    for k in range(1, n):
+        slow[k] = memory * slow[k - 1] + np.sqrt(1 - memory**2) * slow[k]
+    west = SIZE * np.sin(TEETH * hour) + slow + 0.3 * rng.standard_normal(n)
+    channels = {("gimbal_angle", "hour_angle"): hour, ("gimbal_angle", "declination"): np.full(n, 0.4),
+                ("true_angle", "hour_angle"): hour + west * ARCSEC,
+                ("true_angle", "declination"): 0.4 + 0.5 * ARCSEC * rng.standard_normal(n)}  # fmt: skip
+    return Recording("pointing", "log", MOUNT, Site(LATITUDE, 0.0, 9.81), {}, t, None, channels)
+
+
+def worm(r: Recording) -> tuple[Array, Array]:
+    """Sine and cosine of the worm and their sigmas, arcsec."""
+    view = pointing(r)
+    every = parameters(CATALOGUE["periodic_worm_error"], MOUNT.axis_names)
+    wanted = [p for p in every if p.axis == "hour_angle" and p.name in ("worm_sin", "worm_cos")]
+    fitted = fit_terms([view], wanted, absent=[absent_effect("periodic_worm_error", view.stimulus, "", teeth=TEETH)])
+    return fitted.x / ARCSEC, fitted.sigmas / ARCSEC
+
+
+@pytest.mark.parametrize(("memory", "least"), [(0.0, 0.04), (0.9, 0.14)])
+def test_sigmas_of_a_worm_are_its_errors_whatever_the_memory_of_the_noise(memory: float, least: float) -> None:
+    x, sigma = (np.array(part) for part in zip(*(worm(guided(k, memory)) for k in range(RUNS)), strict=True))
+    error = (np.abs(x) - [SIZE, 0.0]) * np.sign(x)
+    assert np.sqrt(np.mean((error / sigma) ** 2)) == pytest.approx(1.0, abs=0.4)  # 24 numbers: 0.14 of one sigma
+    assert least < sigma.mean() < 1.5 * least
