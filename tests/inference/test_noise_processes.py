@@ -10,22 +10,18 @@ from gimbalcal.effects.process import (
     Flicker,
     GaussMarkov,
     Process,
-    Quantisation,
     RandomWalk,
     SettingError,
     WhiteNoise,
     covariance,
 )
 from gimbalcal.inference import noise_processes
+from tests.effects.test_process import EVERY, TIME
 
-TIME = np.array([0.0, 1.0, 2.5, 2.6, 7.0, 30.0, 31.0, 90.0])
-VISIT = np.array([0, 0, 0, 1, 1, 1, 2, 2])
-ONE_STATE: list[Process] = [
-    WhiteNoise(2.0), Quantisation(3.0), RandomWalk(0.5), GaussMarkov(1.5, 10.0), SettingError(0.7),
-]  # fmt: skip
+ONE_STATE = [p for p in EVERY if not isinstance(p, Flicker | SettingError)]
 
 
-@pytest.mark.parametrize("process", ONE_STATE[:4], ids=lambda p: p.id)
+@pytest.mark.parametrize("process", ONE_STATE, ids=lambda p: p.id)
 def test_a_chain_whitens_and_inverts_the_covariance(process: Process) -> None:
     before = np.append(TIME[0] - np.median(np.diff(TIME)), TIME)
     V = covariance(process, before)[1:, 1:]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -79,13 +80,22 @@ def test_a_law_of_a_mount_is_found_written_and_explains_the_run(tmp_path: Path, 
     assert "law.py" in page
 
 
+def softly(b: plant.Bench) -> dict[str, Array]:
+    """A step of output y that is 0.6 degrees wide, at 23.2 degC of the plant's body."""
+    return plant.on(1, np.tanh((b.body - 23.2) / 0.6))
+
+
+@cache
+def stepped() -> tuple[Recording, Diagnosis]:
+    """A recording with such a step of 50 ug, and its diagnosis."""
+    r = plant.record(np.random.default_rng(3), softly, 50 * plant.UG)
+    return r, diagnose([r])
+
+
 def test_the_calibration_of_a_diagnosis_contains_the_law(
     tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def error(b: plant.Bench) -> dict[str, Array]:
-        return plant.on(1, np.tanh((b.body - 23.2) / 0.6))
-
-    first, second, clean = (plant.record(np.random.default_rng(seed), error, size * plant.UG)
+    first, second, clean = (plant.record(np.random.default_rng(seed), softly, size * plant.UG)
                             for seed, size in ((3, 50.0), (4, 50.0), (4, 0.0)))  # fmt: skip
     for r, name in ((first, "first"), (replace(second, title="second"), "second")):
         write(r, tmp_path / name)
@@ -106,10 +116,7 @@ def test_the_calibration_of_a_diagnosis_contains_the_law(
 
 
 def test_the_curve_of_a_law_goes_through_what_the_recording_shows() -> None:
-    def error(b: plant.Bench) -> dict[str, Array]:
-        return plant.on(1, np.tanh((b.body - 23.2) / 0.6))
-
-    d = diagnose([plant.record(np.random.default_rng(3), error, 50 * plant.UG)])
+    d = stepped()[1]
     (law,) = d.laws
     c = law.curve
     assert c is not None
@@ -124,8 +131,8 @@ def test_the_curve_of_a_law_goes_through_what_the_recording_shows() -> None:
 
 
 def test_a_law_is_flagged_where_it_is_extrapolated() -> None:
-    r = plant.record(np.random.default_rng(3), lambda b: plant.on(1, np.tanh((b.body - 23.2) / 0.6)), 50 * plant.UG)
-    calibration = diagnose([r]).calibration
+    r, d = stepped()
+    calibration = d.calibration
     assert calibration is not None
     assert calibration.apply(r).remarks == r.remarks
     warmer = {**r.channels, ("temperature", ""): r.channels["temperature", ""] + 10}
