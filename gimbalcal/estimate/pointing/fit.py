@@ -28,6 +28,8 @@ from gimbalcal.views.pointing import STAGES, read_axes, slow_drift, starting_zer
 
 MIN_SIGNAL = 0.01  # prior sigmas over noise: a mount's errors are up to a hundred times the catalogue's scales
 MIN_SIGMA_RAD = 1e-9  # rad; stars better than 0.2 mas are made up: their scatter tells no sigma
+MIN_SCATTER = 0.5  # sigmas of the white noise that was fitted to an axis
+MAX_RISE = 1.2  # of the scatter by the fit in noise with a memory
 USUAL_TERMS = ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality", "base_tilt", "tube_flexure")
 """Zeros, collimation, squareness, the tilt of the mount and the sag of the tube: seven terms of a two-axis mount."""
 
@@ -163,6 +165,9 @@ def in_noise_with_memory(fitted: ViewsFit) -> ViewsFit:
         begin += n * C
         drift = slow_drift(v.source)
         for c in range(C):
+            if np.mean(own[:, c, -1] ** 2) < MIN_SCATTER**2:  # an axis without noise, of the least sigma
+                rows.append(own[:, c])
+                continue
             design = basis(np.concatenate([drift, own[:, c, :-1]], axis=1))
             white, *slow = estimate_noise(v.time, design, own[:, c, -1], np.ones(n))
             sigma = one_sigma((white,))
@@ -177,4 +182,6 @@ def in_noise_with_memory(fitted: ViewsFit) -> ViewsFit:
     x, parameters = fitted.solution.x, fitted.solution.parameters
     solution = solve(information(A, y + A @ x, parameters), fitted.min_signal)
     names = fitted.views[0].stimulus.axis_names
-    return replace(fitted, solution=solution, effects=with_values(fitted.absent, parameters, solution.x, names))
+    effects = with_values(fitted.absent, parameters, solution.x, names)
+    better = replace(fitted, solution=solution, effects=effects)
+    return better if better.rms < MAX_RISE * fitted.rms else fitted  # the rows are linear about white noise only

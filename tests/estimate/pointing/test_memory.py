@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,3 +49,12 @@ def test_sigmas_of_a_worm_are_its_errors_whatever_the_memory_of_the_noise(memory
     error = (np.abs(x) - [SIZE, 0.0]) * np.sign(x)
     assert np.sqrt(np.mean((error / sigma) ** 2)) == pytest.approx(1.0, abs=0.4)  # 24 numbers: 0.14 of one sigma
     assert least < sigma.mean() < 1.5 * least
+
+
+def test_an_axis_without_noise_has_no_weight_beyond_its_least_sigma() -> None:
+    r = guided(1, 0.9)
+    still = {**r.channels, ("true_angle", "declination"): r.channels["gimbal_angle", "declination"]}
+    x, sigma = worm(r)
+    other, wider = worm(replace(r, channels=still))
+    np.testing.assert_allclose(other, x, atol=0.1)
+    np.testing.assert_allclose(wider, sigma, rtol=0.2)
