@@ -45,7 +45,7 @@ mutate: $(VENV)/.dev-ready  ## whether the tests fail where effects and equation
 bench: $(VENV)/.dev-ready  ## measure the figures of the documentation (about two hours; the diagnosis takes one of them)
 	for name in bench_device bench_static bench_multiposition bench_systematic bench_navigate bench_navigate_strapdown \
 		bench_navigation bench_diagnose bench_unknown_noise bench_laws bench_speed bench_gate bench_strapdown bench_next bench_fleet \
-		bench_mistakes bench_clean; do \
+		bench_mistakes bench_clean bench_consistency; do \
 		echo "== $$name"; $(BIN)/python -m tests.benchmarks.$$name > docs/measured/$$name.part || exit 1; \
 		mv docs/measured/$$name.part docs/measured/$$name.txt; cat docs/measured/$$name.txt; done
 	$(BIN)/python docs/build_measured.py

@@ -42,12 +42,13 @@ def silent(_: str) -> None:
 def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, ...]:
     """Read recordings from their folders, or take them as they are, and refuse those that cannot be what they say.
 
-    A static run that is read comes as minute means, and rests of more than `MOST_ROWS` rows of positions as means.
+    A static run that is read comes as minute means, and rests of more than `MOST_ROWS` rows of positions as means. A
+    recording in memory gets the rests and the scatter of its rows that reading would have given it.
     """
     loaded = []
     for each in recordings:
         if isinstance(each, Recording):
-            recording = each
+            recording = completed(each)
         else:
             tell(f"reading {Path(each).name}")
             static_run = read_header(Path(each)).kind.stabilised

@@ -24,6 +24,7 @@ from gimbalcal.estimate.extra_effects import (
     columns_of_sizes,
     extension,
 )
+from gimbalcal.estimate.memory import added_by_memory
 from gimbalcal.forward import Rows
 from gimbalcal.inference.gauss_newton import gauss_newton
 from gimbalcal.inference.information import (
@@ -71,6 +72,7 @@ class ViewsFit:
     steps: int
     min_signal: float = MIN_SIGNAL_TO_NOISE
     local: tuple[Array, ...] = ()  # values (m, k) of the local parameters of each view, empty where it has none
+    fixed: Array | float = 0.0  # covariance (p, p) by nuisances that are no part of the fit
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -82,15 +84,33 @@ class ViewsFit:
         """Estimate (p,) of the parameters of effects, SI."""
         return self.solution.x[: len(self.parameters)]
 
-    @property
+    @cached_property
     def covariance(self) -> Array:
-        """Covariance (p, p) of the estimate, SI, whatever the nuisances are."""
-        return self.solution.covariance[: len(self.parameters), : len(self.parameters)]
+        """Covariance (p, p) of the estimate, SI, whatever the nuisances are; rows may remember those before them."""
+        P = self.solution.covariance
+        if all(v.local is None for v in self.views):
+            P = P + self.added_by_memory(*self.whitened, P)
+        return np.asarray(P[: len(self.parameters), : len(self.parameters)] + self.fixed)
+
+    def added_by_memory(self, J: Array, r: Array, G: Array) -> Array:
+        """Return what memory of the rows adds to a covariance G (p, p) by columns J (q, p) of them and misfits r (q,).
+
+        The noise of a channel remembers where more of it is estimated than known.
+        """
+        out, start = np.zeros(G.shape), 0
+        for v, excess in zip(self.views, self.excesses, strict=True):
+            n, C = len(v), len(v.channels)
+            known, shape = v.noise.parts_of_variance((n, C))
+            for c in np.flatnonzero((shape * excess**2).mean(axis=0) > known.mean(axis=0)):
+                rows = slice(start + c, start + n * C, C)
+                out += added_by_memory(J[rows], r[rows], G)
+            start += n * C
+        return out
 
     @property
     def sigmas(self) -> Array:
         """One standard deviation (p,) of each parameter, SI."""
-        return self.solution.sigma[: len(self.parameters)]
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
     def unobservable(self) -> tuple[Unobservable, ...]:
@@ -175,7 +195,7 @@ class ViewsFit:
         N = J[:, p:] * prior(wanted)[1][p:]
         size = np.linalg.norm(J[:, :p], axis=0)
         A = np.linalg.lstsq(J[:, :p] / size, N, rcond=None)[0] / size[:, None]
-        return replace(self, solution=replace(self.solution, covariance=self.covariance + A @ A.T))
+        return replace(self, fixed=A @ A.T)
 
     @property
     def determined(self) -> bool:

@@ -35,10 +35,11 @@ class Grade:
     turning_wander: float
     turning_count: float
     rough: float  # of bias [g], scale and misalignment [rad]
+    turning_bias: float  # rad/s
 
 
-MEMS = Grade(0.03, 2.5e-3, 2.4e-3, 1e-3, 60 * HOUR, 2e-4, 1e-2)
-TACTICAL = Grade(2e-3, 2e-4, 1e-5, 2e-4, 3 * HOUR, 1e-6, 1e-3)
+MEMS = Grade(0.03, 2.5e-3, 2.4e-3, 1e-3, 60 * HOUR, 2e-4, 1e-2, 1200 * HOUR)
+TACTICAL = Grade(2e-3, 2e-4, 1e-5, 2e-4, 3 * HOUR, 1e-6, 1e-3, 60 * HOUR)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +145,7 @@ def record(seed: int, s: Setup, errors: tuple[tuple[Error, float], ...] = ()) ->
         made = error(h)
         extra_f, extra_w = extra_f + size * made.get("force", 0.0), extra_w + size * made.get("rate", 0.0)
     M, b = np.eye(3) + g.rough * rng.uniform(-1, 1, (3, 3)), g.rough * rng.uniform(-1, 1, 3)
-    Mw, bw = np.eye(3) + g.rough * rng.uniform(-1, 1, (3, 3)), 20 * g.turning_wander * rng.uniform(-1, 1, 3)
+    Mw, bw = np.eye(3) + g.rough * rng.uniform(-1, 1, (3, 3)), g.turning_bias * rng.uniform(-1, 1, 3)
     earth = h.level.apply([EARTH * np.cos(LATITUDE), 0.0, -EARTH * np.sin(LATITUDE)])
     white = (
         rng.standard_t(s.tails, (n, 3)) * np.sqrt((s.tails - 2) / s.tails) if s.tails else rng.standard_normal((n, 3))

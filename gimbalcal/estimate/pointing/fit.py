@@ -12,24 +12,17 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration.exchange.tpoint_model import term_names
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.effects.effect import GIMBALS
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.fit import ViewsFit, fit
-from gimbalcal.inference.algebra import basis
-from gimbalcal.inference.coloured import estimate_noise
-from gimbalcal.inference.information import information, solve
-from gimbalcal.inference.noise_processes import chain, one_sigma
-from gimbalcal.inference.whitening import whitening
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.views.core import View
-from gimbalcal.views.pointing import STAGES, read_axes, slow_drift, starting_zeros
+from gimbalcal.views.pointing import STAGES, read_axes, starting_zeros
 
 MIN_SIGNAL = 0.01  # prior sigmas over noise: a mount's errors are up to a hundred times the catalogue's scales
 MIN_SIGMA_RAD = 1e-9  # rad; stars better than 0.2 mas are made up: their scatter tells no sigma
-MIN_SCATTER = 0.5  # sigmas of the white noise that was fitted to an axis
-MAX_RISE = 1.2  # of the scatter by the fit in noise with a memory
 USUAL_TERMS = ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality", "base_tilt", "tube_flexure")
 """Zeros, collimation, squareness, the tilt of the mount and the sag of the tube: seven terms of a two-axis mount."""
 
@@ -128,8 +121,6 @@ def fit_terms(
             f"the terms of {runs[0].title!r} do not settle: star and readout disagree by too much for small errors; "
             "check units, signs and the sense of the axes in [platform]"
         )
-    if sigma is None and all(v.noise.own_memories for v in views) and not fitted.unobservable:
-        return in_noise_with_memory(fitted)  # a step of combinations that no row determines may be of any length
     return replace(fitted, excesses=tuple(np.array([sigma]) for _ in views)) if sigma else fitted
 
 
@@ -146,42 +137,3 @@ def weighted(fitted: ViewsFit) -> tuple[Array, ...]:
 def square(fitted: ViewsFit) -> float:
     """Return the weighted sum of squares of the residuals [rad^2]."""
     return float(sum((r**2).sum() for r in weighted(fitted)))
-
-
-def in_noise_with_memory(fitted: ViewsFit) -> ViewsFit:
-    r"""Return a fit of mounts that track with the rows of each axis in white noise and at most one with a memory.
-
-    .. math:: \hat x = x + N^{-1} \sum_c J_c^T V_c^{-1} r_c , \qquad N = \sum_c J_c^T V_c^{-1} J_c
-
-    with J_c, r_c the rows of an axis about the estimate x in white noise and V_c of most restricted likelihood, beside
-    the drift that the view leaves open. Frames of a log follow each other in seconds, and what seeing, guiding and the
-    drive do to one they do to the next; independent rows would state a tenth of the sigma.
-    """
-    J, r = fitted.whitened
-    begin, rows = 0, list[Array]()
-    for v in fitted.views:
-        n, C = len(v), len(v.channels)
-        own = np.column_stack([J, r])[begin : begin + n * C].reshape(n, C, -1)
-        begin += n * C
-        drift = slow_drift(v.source)
-        for c in range(C):
-            if np.mean(own[:, c, -1] ** 2) < MIN_SCATTER**2:  # an axis without noise, of the least sigma
-                rows.append(own[:, c])
-                continue
-            design = basis(np.concatenate([drift, own[:, c, :-1]], axis=1))
-            white, *slow = estimate_noise(v.time, design, own[:, c, -1], np.ones(n))
-            sigma = one_sigma((white,))
-            each = [chain(process, v.time) for process in slow]
-            Phi, Q = (np.array([getattr(s, name) for s in each]).reshape(len(each), n).T for name in ("Phi", "Q"))
-            filtered = whitening(Phi, Q / sigma**2, np.ones((n, 1, len(each)))).of_scale(sigma)
-            X = filtered.whiten(np.concatenate([drift, own[:, c]], axis=1))
-            D = basis(X[:, : drift.shape[1]])
-            X = X[:, drift.shape[1] :]
-            rows.append(X - D @ (D.T @ X))
-    A, y = (part := np.concatenate(rows))[:, :-1], part[:, -1]
-    x, parameters = fitted.solution.x, fitted.solution.parameters
-    solution = solve(information(A, y + A @ x, parameters), fitted.min_signal)
-    names = fitted.views[0].stimulus.axis_names
-    effects = with_values(fitted.absent, parameters, solution.x, names)
-    better = replace(fitted, solution=solution, effects=effects)
-    return better if better.rms < MAX_RISE * fitted.rms else fitted  # the rows are linear about white noise only

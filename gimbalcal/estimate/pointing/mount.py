@@ -215,8 +215,8 @@ def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
 
 def change(first: ViewsFit, other: ViewsFit) -> tuple[Array, Array]:
     """Return the change of each term since the first night and its sigma, SI."""
-    variance = np.diag(first.solution.covariance) + np.diag(other.solution.covariance)
-    return other.solution.x - first.solution.x, np.sqrt(variance)
+    variance = np.diag(first.covariance) + np.diag(other.covariance)
+    return other.x - first.x, np.sqrt(variance)
 
 
 def _moved(alone: Sequence[ViewsFit]) -> tuple[tuple[Parameter, int, float, float], ...]:
@@ -234,7 +234,7 @@ def printed_nights(nights: Nights) -> tuple[Night, ...]:
     """Return each night's terms, and their change since the first with sigma, in printed units."""
     out = []
     for f in nights.fits:
-        columns = [f.solution.x, f.solution.sigma, *(() if f is nights.fits[0] else change(nights.fits[0], f))]
+        columns = [f.x, f.sigmas, *(() if f is nights.fits[0] else change(nights.fits[0], f))]
         terms = {}
         for p, *row in zip(f.solution.parameters, *columns, strict=True):
             value, sigma, *since = (float(from_si(v, p.unit)) for v in row)

@@ -3,7 +3,8 @@ r"""Tests of the terms of a mount, one by one: the residual without a term of th
 .. math:: F = \frac{(S_0 - S_1) / k}{S_1 / \nu}
 
 with S_0, S_1 the weighted sums of squares without and with the k parameters of a term, and nu the degrees of freedom of
-the larger model; a stated noise takes the place of S_1 / nu. The models are linear about the estimate.
+the larger model; a stated noise takes the place of S_1 / nu. The models are linear about the estimate. Of a single
+parameter F is (x / sigma)^2, the same where rows are independent; where they remember each other, sigma knows it.
 
 An effect outside the model whose constant must be sought (the teeth of a worm, an order, the instant of a step) is no
 candidate: `gimbalcal diagnose` seeks it, and accounts for the number of values tried.
@@ -77,12 +78,13 @@ class _Tests:
             return None
         x = float(own @ self.r) / square
         after = self.r - own * x
-        scale = 1.0 if self.stated else sqrt(float(after @ after) / max(self.fitted.solution.dof - 1, 1))
+        scale = 1.0 if self.stated else float(after @ after) / max(self.fitted.solution.dof - 1, 1)
         A = np.column_stack([self.J, column])
-        A /= np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-        R = correlations(np.linalg.pinv(A.T @ A))[-1]
-        others = {q.label: float(c) for q, c in zip(self.fitted.parameters, R[:-1], strict=True)}
-        return self._test(_Estimate(p, x, scale / sqrt(square)), False, self.r, after, 1, others)
+        size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        G = scale * np.linalg.pinv(A.T @ A / np.outer(size, size)) / np.outer(size, size)
+        P = G + self.fitted.added_by_memory(A, after, G)
+        others = {q.label: float(c) for q, c in zip(self.fitted.parameters, correlations(P)[-1, :-1], strict=True)}
+        return self._test(_Estimate(p, x, sqrt(float(P[-1, -1]))), False, self.r, after, 1, others)
 
     def columns(self, wanted: Sequence[Parameter]) -> Array:
         """Return whitened derivatives (q, k) of the rows by parameters of absent effects."""
@@ -99,7 +101,7 @@ class _Tests:
         dof = None if self.stated else max(self.fitted.solution.dof - (0 if in_model else k), 0)
         gain = float(without @ without - after @ after)
         scale = 1.0 if dof is None else float(after @ after) / max(dof, 1)
-        F = max(gain, 0.0) / k / max(scale, 1e-300)
+        F = max(gain, 0.0) / k / max(scale, 1e-300) if isinstance(term, str) else (term.x / term.sigma) ** 2
         largest = sorted(others, key=lambda label: -abs(others[label]))[:MAX_CORRELATIONS]
         label = term if isinstance(term, str) else term.parameter.label
         return TermTest(

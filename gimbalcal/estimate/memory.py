@@ -1,0 +1,68 @@
+r"""What noise that remembers the rows before adds to the covariance of a fit to independent rows.
+
+.. math:: \hat x = G J^T r, \qquad P = G + G J^T (\bar V - I) J G, \qquad \bar V = \sum_k p_k \, s_k^2 \, V_k
+
+with rows J, r in units of their scatter and G the covariance for independent rows. The estimate is unbiased in any
+noise; only its covariance depends on it. Each channel has a noise of its own,
+
+.. math:: V = (1 - a) I + a K, \quad K_{ij} = \rho^{|i - j|}, \qquad
+          s^2 = \frac{r^T V^{-1} r}{r_0^T r_0} \quad \text{at the minimum in each noise},
+
+of a probability p that is its prior times the restricted likelihood with the scale integrated out; Q are the columns
+that the channel shows, nu the number of its rows less those of Q:
+
+.. math:: -2 \ln L = \nu \ln(r^T V^{-1} r) + \ln|V| + \ln|Q^T V^{-1} Q| .
+
+Source: White, *Econometrica* 48 (1980) 817, with the covariance of the noise from Harville, *JASA* 72 (1977) 320.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from gimbalcal.effects.process import GaussMarkov, WhiteNoise
+from gimbalcal.inference.coloured import least_squares
+from gimbalcal.number import Array
+
+MEMORY = (0.3, 0.6, 0.8, 0.9, 0.96, 0.99)  # from row to row
+SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
+WHITE = (WhiteNoise(1.0),)
+NOISES = {
+    (rho, a): (WhiteNoise(np.sqrt(1 - a)), GaussMarkov(np.sqrt(a), -1 / np.log(rho)))
+    for rho, a in product(MEMORY, SHARE)
+}
+PRIOR_WHITE = 0.5  # probability that rows do not remember each other
+MIN_TIMES = 5.0  # that the rows outlast the memory: a longer one is a constant of this recording
+MIN_DOF = 5.0  # of a channel: fewer show no memory
+MIN_CHI2 = 1e-200  # of rows without noise, so that the logarithm is finite
+RANK = 1e-9  # of the columns of a channel
+
+
+def added_by_memory(J: Array, r: Array, G: Array) -> Array:
+    """Return what is added to the covariance G (p, p) by the memory of one channel's rows, J (n, p) and r (n,)."""
+    n = len(r)
+    U, S, _ = np.linalg.svd(J, full_matrices=False)
+    Q = U[:, S > RANK * S.max(initial=0.0)]
+    dof = n - Q.shape[1]
+    noises = {(rho, a): noise for (rho, a), noise in NOISES.items() if -np.log(rho) * n > MIN_TIMES}
+    if dof < MIN_DOF or not noises:
+        return np.zeros(G.shape)
+    fits = [least_squares(np.arange(float(n)), Q, r[:, None], np.ones(n), noise) for noise in (WHITE, *noises.values())]
+    chi2 = np.maximum([float(f.chi2[0]) for f in fits], MIN_CHI2)
+    ln = -(dof * np.log(chi2) + np.array([f.log_determinant for f in fits])) / 2
+    p = np.exp(ln - ln.max()) * np.append(PRIOR_WHITE, np.full(len(noises), (1 - PRIOR_WHITE) / len(noises)))
+    X, p, scale = J @ G, p[1:] / p.sum(), chi2[1:] / chi2[0]
+    out = np.zeros(X.shape)
+    for (rho, a), weight, s2 in zip(noises, p, scale, strict=True):
+        out += weight * ((s2 * (1 - a) - 1) * X + s2 * a * _remembered(rho, X))
+    return np.asarray(X.T @ out)
+
+
+def _remembered(rho: float, X: Array) -> Array:
+    """Return K X (n, p)."""
+    kernel = rho ** np.arange(len(X))
+    ring = np.concatenate([kernel, [0.0], kernel[:0:-1]])
+    product = np.fft.rfft(ring)[:, None] * np.fft.rfft(X, len(ring), axis=0)
+    return np.asarray(np.fft.irfft(product, len(ring), axis=0)[: len(X)])

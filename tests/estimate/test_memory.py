@@ -1,0 +1,70 @@
+"""Covariances of fits whose rows remember each other: errors are as large as stated; independent rows keep theirs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimbalcal.estimate.memory import added_by_memory
+from gimbalcal.number import Array
+
+N = 200
+
+
+def noise(rng: np.random.Generator, memory: float, share: float) -> Array:
+    """Rows (N,) of unit variance, of which a share remembers the row before."""
+    slow, fresh = np.zeros(N), rng.standard_normal(N)
+    slow[0] = fresh[0]
+    for k in range(1, N):
+        slow[k] = memory * slow[k - 1] + np.sqrt(1 - memory**2) * fresh[k]
+    return np.asarray(np.sqrt(share) * slow + np.sqrt(1 - share) * rng.standard_normal(N))
+
+
+def ratios(memory: float, share: float) -> tuple[Array, Array]:
+    """Rms of errors over sigmas of independent rows and of rows with memory: of a mean, a slope and a fast column."""
+    rng = np.random.default_rng(5)
+    J = np.column_stack([np.ones(N), np.linspace(-1, 1, N), rng.standard_normal(N)])
+    G, of_independent, of_memory = np.linalg.inv(J.T @ J), [], []
+    for _ in range(150):
+        y = noise(rng, memory, share)
+        x = G @ J.T @ y
+        r = y - J @ x
+        s = np.sqrt(r @ r / (N - 3))
+        of_independent.append(x / s / np.sqrt(np.diag(G)))
+        of_memory.append(x / s / np.sqrt(np.diag(G + added_by_memory(J, r / s, G))))
+    return (np.sqrt(np.mean(np.square(of_independent), axis=0)), np.sqrt(np.mean(np.square(of_memory), axis=0)))
+
+
+@pytest.mark.parametrize(("memory", "share"), [(0.8, 0.5), (0.9, 0.9), (0.95, 0.4)])
+def test_errors_are_as_large_as_stated_where_rows_remember(memory: float, share: float) -> None:
+    before, after = ratios(memory, share)
+    assert before[:2].min() > 1.8
+    assert after.max() < 1.35
+    assert after.min() > 0.85
+    assert after[2] == pytest.approx(before[2], rel=0.1)  # a column that changes from row to row averages as before
+
+
+def test_independent_rows_keep_their_sigmas() -> None:
+    before, after = ratios(0.5, 0.0)
+    assert after == pytest.approx(before, rel=0.12)
+
+
+def test_the_covariance_is_that_of_the_noise_in_a_long_record() -> None:
+    """Against the sum over all pairs of rows, J^T V J, with the noise that made them."""
+    rng, memory, share = np.random.default_rng(1), 0.9, 0.9
+    J = np.ones((N, 1))
+    G = np.linalg.inv(J.T @ J)
+    K = memory ** np.abs(np.subtract.outer(np.arange(N), np.arange(N)))
+    exact = float((G @ J.T @ ((1 - share) * np.eye(N) + share * K) @ J @ G)[0, 0])
+    stated = []
+    for _ in range(60):
+        r = noise(rng, memory, share)
+        r = r - r.mean()
+        s2 = r @ r / (N - 1)
+        stated.append(s2 * float((G + added_by_memory(J, r / np.sqrt(s2), G))[0, 0]))
+    assert np.median(stated) == pytest.approx(exact, rel=0.35)
+
+
+def test_few_rows_show_no_memory() -> None:
+    J = np.ones((5, 1))
+    assert not added_by_memory(J, np.array([1.0, 1, -1, -1, 0]), np.eye(1)).any()
