@@ -62,9 +62,9 @@ def stimulus_from_truth(recording: Recording, force: Array, rate: Array) -> Stim
     visit, since = np.zeros(n, dtype=int), np.asarray(recording.time - recording.time[0], dtype=float)
     starts = [0]
     if recording.position is not None:
-        stays = dwells(recording)
-        starts = [d.start for d in stays]
-        for i, d in enumerate(stays):
+        visits = dwells(recording)
+        starts = [d.start for d in visits]
+        for i, d in enumerate(visits):
             visit[d.start :] = i
             since[d.start :] = recording.time[d.start :] - recording.time[d.start]
     return Stimulus(

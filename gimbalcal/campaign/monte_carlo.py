@@ -60,10 +60,10 @@ def _run(
     done = n - sum(len(share) for share in todo)
     if done:
         progress(f"{done} of {amount(n, 'run')} were there already")
-    left = TimeLeft(n, done)
+    time_left = TimeLeft(n, done)
     for share, columns in computed(partial(compute, what), todo, lost_share, workers, client):
         store.keep(share, columns)
-        progress(left.after(len(share), "run"))
+        progress(time_left.after(len(share), "run"))
     return store.finish(lambda rows, digest: summarise(rows, what, digest), page)
 
 

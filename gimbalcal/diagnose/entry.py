@@ -183,8 +183,8 @@ def _diagnosed_as_one(request: DiagnosisRequest) -> Diagnosis:
     diagnosis = diagnose_recording(request.of(both))
     if len(request.recordings) == 1:
         return diagnosis
-    apart = both.remarks[-1]
-    return replace(diagnosis, in_words=f"{diagnosis.in_words} {capitalised(apart)}.")
+    remark = both.remarks[-1]
+    return replace(diagnosis, in_words=f"{diagnosis.in_words} {capitalised(remark)}.")
 
 
 def _nights(request: DiagnosisRequest) -> Diagnosis:

@@ -33,10 +33,10 @@ def joint_diagnosis(
     shapes = tuple(u for p in parts for u in p.unexplained)
     mismatch = tuple(m for p in by_weight for m in p.mismatch)
     outcome = joined([p.outcome for p in parts])
-    said = diagnosis_sentences.answer(lead.verdict, [(p.view, p.fit, p.findings) for p in parts], shapes, mismatch)
+    answer = diagnosis_sentences.answer(lead.verdict, [(p.view, p.fit, p.findings) for p in parts], shapes, mismatch)
     limits = [u for p in parts for u in p.fit.unseen or ()] if lead.verdict == "adequate" else []
     contradictions = [x for p in parts for x in p.contradictions]
-    words = [*(x.in_words for x in contradictions), said, *(r for p in parts for r in p.remarks)]
+    words = [*(x.in_words for x in contradictions), answer, *(r for p in parts for r in p.remarks)]
     also = [
         diagnosis_sentences.limits_in_words(limits),
         diagnosis_sentences.delays(findings),

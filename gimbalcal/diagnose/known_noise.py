@@ -313,8 +313,8 @@ def _recording_entry(c: Ranking, k: int, x: RecordingAnswer, alone: SeparateDeci
     s = c.searches[k]
     walks = alone.walk is not None and alone.decision.verdict == "adequate"
     verdict = "unexplained" if walks else alone.decision.verdict
-    said = SeparateVerdict(verdict, _verdict_in_words(alone), round(s.ln_total, 3), round(alone.needed, 3))
-    return RecordingFit(k + 1, s.fit.view.title, s.fit.view.kind, x.fit, said)
+    separate = SeparateVerdict(verdict, _verdict_in_words(alone), round(s.ln_total, 3), round(alone.needed, 3))
+    return RecordingFit(k + 1, s.fit.view.title, s.fit.view.kind, x.fit, separate)
 
 
 def _verdict_in_words(alone: SeparateDecision) -> str:

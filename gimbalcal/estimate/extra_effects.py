@@ -64,10 +64,10 @@ def extra_effects(
     Raises InputError for a misspelt effect, axis or constant, and for an effect that none of the recordings can show.
     """
     out: dict[str, ExtraEffect] = {}
-    for said in words:
-        name, *settings = (part.strip() for part in said.split(","))
+    for word in words:
+        name, *settings = (part.strip() for part in word.split(","))
         effect, _, axis = name.partition(":")
-        extra = _one(said, effect, axis, dict(_setting(said, s) for s in settings), recordings, held)
+        extra = _one(word, effect, axis, dict(_setting(word, s) for s in settings), recordings, held)
         before = out.get(effect)
         if before is not None:
             axes = (*before.axes, *extra.axes) if before.axes and extra.axes else ()

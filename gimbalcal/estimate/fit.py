@@ -24,7 +24,7 @@ from gimbalcal.estimate.extra_effects import (
     columns_of_sizes,
     extension,
 )
-from gimbalcal.estimate.memory import added_by_memory
+from gimbalcal.estimate.noise_memory import added_by_memory
 from gimbalcal.forward import Rows
 from gimbalcal.inference.gauss_newton import gauss_newton
 from gimbalcal.inference.information import (

@@ -87,8 +87,8 @@ def walk(recording: Recording, sensor: str) -> float | None:
     """
     quantity = SENSORS[sensor]
     recording = whole_means(recording) if rests_are_means(recording) else recording
-    stays = dwells(recording)
-    step = _step(recording.time, recording.weight, stays)
+    visits = dwells(recording)
+    step = _step(recording.time, recording.weight, visits)
     if step is None or not recording.has(quantity):
         return None
     if recording.counted(quantity):
@@ -101,7 +101,7 @@ def walk(recording: Recording, sensor: str) -> float | None:
         recording = in_si(recording, Readout(accelerometers=counts))
     sigma = recording.noise.get(sensor)
     if sigma is None:
-        rests = stays if recording.position is not None else []
+        rests = visits if recording.position is not None else []
         means = _of_means(
             np.stack([recording.channels[quantity, a] for a in recording.axes(quantity)], -1), rests, step
         )
@@ -117,10 +117,10 @@ def _step(time: Array, weight: Array, stays: Sequence[Dwell]) -> float | None:
     A reading that comes less than once a second is taken for one of a second: nobody says that it is a longer mean.
     """
     within = np.concatenate([np.diff(time[d.rows]) for d in stays] or [np.zeros(0)])
-    apart, samples = np.diff(time), float(np.median(weight))
-    if not len(within) and (samples == 1 or not len(apart)):
+    step, samples = np.diff(time), float(np.median(weight))
+    if not len(within) and (samples == 1 or not len(step)):
         return None
-    return min(float(np.median(within if len(within) else apart)), AVERAGING_S * samples)
+    return min(float(np.median(within if len(within) else step)), AVERAGING_S * samples)
 
 
 def _of_means(x: Array, stays: Sequence[Dwell], step: float) -> float | None:

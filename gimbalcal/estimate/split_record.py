@@ -85,13 +85,13 @@ def thirds(fitted: ViewsFit) -> Thirds | None:
     size = np.linalg.norm(J, axis=0)
     if not all(independent(J[at]) for at in parts):
         return None
-    x, inverse, left = [], [], float(r @ r)
+    x, inverse, chi2 = [], [], float(r @ r)
     for at in parts:
         A = J[at] / size
         N, b = A.T @ A, A.T @ r[at]
         delta = np.linalg.solve(N, b)
-        left -= float(delta @ b)
+        chi2 -= float(delta @ b)
         x.append(fitted.solution.x + delta / size)
         inverse.append(np.linalg.inv(N) / np.outer(size, size))
-    variance = max(left, MIN_CHI2) / (n - PARTS * p)
+    variance = max(chi2, MIN_CHI2) / (n - PARTS * p)
     return Thirds(fitted.solution.parameters, np.array(x), variance * np.array(inverse), n - PARTS * p)

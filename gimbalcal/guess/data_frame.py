@@ -9,14 +9,14 @@ from typing import Any
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_guess import guessed
-from gimbalcal.guess.proposal import Stated, of_tables
+from gimbalcal.guess.proposal import StatedByUser, of_tables
 from gimbalcal.guess.stored_arrays import frame_table
 from gimbalcal.recording import Recording
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si, to_si
 
-UNITS = {"latitude": "deg", "height": "m"}  # of a Stated
+UNITS = {"latitude": "deg", "height": "m"}  # of a StatedByUser
 
 
 def guessed_columns(frame: Any) -> dict[str, Column]:
@@ -43,7 +43,7 @@ def guessed_frame(frame: Any, title: str = "frame", site: Mapping[str, tuple[flo
     if unknown := set(site) - set(UNITS):
         raise InputError(f"site holds {min(unknown)!r}; beside guessed columns it takes latitude and height")
     where = {key: float(from_si(to_si(*stated), UNITS[key])) for key, stated in site.items()}
-    place = Stated(where.get("latitude"), where.get("height"))
+    place = StatedByUser(where.get("latitude"), where.get("height"))
     proposal = of_tables({Path(title): frame_table(frame)}, title, 0.0, place)
     taken = tuple(f"{name} is taken for {g.in_words}, by {g.why}" for name, g in proposal.guesses.items())
     notes = tuple(f"{what}: {note}" for what, note in proposal.notes.items())

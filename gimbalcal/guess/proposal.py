@@ -86,7 +86,7 @@ class Proposal:
 
 
 @dataclass(frozen=True)
-class Stated:
+class StatedByUser:
     """What a user states: the place, deg, east positive, and m, None where it is not stated; and units by quantity."""
 
     latitude: float | None = None
@@ -157,7 +157,7 @@ def propose(
     if absent := [path for path in logs if not path.is_file()]:
         raise InputError(f"{absent[0]} does not exist or is not a file; give the log of a unit")
     title = title or logs[0].stem
-    place = Stated(latitude, height, longitude, units or {})
+    place = StatedByUser(latitude, height, longitude, units or {})
     if len(logs) == 1 and (known := _self_describing(logs[0], title, place)):
         return known
     dates = Dates()
@@ -168,7 +168,7 @@ def propose(
     return of_tables(tables, title, rate, place)
 
 
-def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stated) -> Proposal:
+def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: StatedByUser) -> Proposal:
     """Return the proposal of tables by the path, or the name, of their logs, as `propose` does."""
     for quantity, unit in place.units.items():
         if quantity not in GUESSED_UNITS:
@@ -214,14 +214,14 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
         recording = context.recording(still[0], "space-stable", kind="static-run")
         return context.proposal(recording, still[0], {"kind": still[1], **context.notes})
     if has_both_triads(log):
-        beside, note = with_reference(log)
-        if beside is not None:
-            return _beside_reference(beside, context.noting("rows", note), above)
+        referenced, note = with_reference(log)
+        if referenced is not None:
+            return _beside_reference(referenced, context.noting("rows", note), above)
         context = context.noting("attitude", note)
     return _multi_position(log, context, above)
 
 
-def _pointing(path: Path, table: Table, title: str, place: Stated) -> Proposal | None:
+def _pointing(path: Path, table: Table, title: str, place: StatedByUser) -> Proposal | None:
     """Return the pointing run in a table; None where it holds no pair of axes of a mount."""
     table, assumed = axis_angles(with_unnamed_angles(table), place.longitude)
     angles = angles_in(table)
@@ -246,7 +246,7 @@ def _of_run(run: PointingRun, assumed: Mapping[str, str]) -> Proposal:
     return Proposal(run.recording, guesses, run.left_out, {**run.notes, **assumed})
 
 
-def _self_describing(path: Path, title: str, place: Stated) -> Proposal | None:
+def _self_describing(path: Path, title: str, place: StatedByUser) -> Proposal | None:
     """Return the recording in a file of a kind that describes itself; None for others.
 
     Raises InputError for a guide log that lacks something.

@@ -216,8 +216,10 @@ def _one_stamp(frame: pl.DataFrame) -> pl.DataFrame:
     first = {name: str(frame[name][0] or "").strip(" \"'") for name in frame.columns}
     day = next((n for n, cell in first.items() if date_formats.is_day(cell)), "")
     times = [n for n, cell in first.items() if date_formats.TIME.fullmatch(cell)]
-    beside = [n for n in times if (day and (n, day) in pairwise(frame.columns)) or (day, n) in pairwise(frame.columns)]
-    time = next((n for n in times if (g := by_name(n)) and g.quantity == "time"), next(iter(beside), ""))
+    adjacent = [
+        n for n in times if (day and (n, day) in pairwise(frame.columns)) or (day, n) in pairwise(frame.columns)
+    ]
+    time = next((n for n in times if (g := by_name(n)) and g.quantity == "time"), next(iter(adjacent), ""))
     if not day or not time:
         return frame
     days, hours = ([str(cell or "").strip(" \"'") for cell in frame[n].to_list()] for n in (day, time))

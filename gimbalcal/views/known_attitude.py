@@ -138,12 +138,12 @@ def linearised_at(o: Fit, shift: Array, sized: Sequence[Sized]) -> Fit:
     a cause adds to a sensor's output is left out of those by the constants: it changes them by its own small size, and
     where two of them are alike (bias and scale of a sensor in a steady force) their difference would be a copy of it.
     """
-    names, made = o.view.stimulus.axis_names, []
+    names, sized_effects = o.view.stimulus.axis_names, []
     effects = _shifted(o, shift)
-    made = [with_values((e,), wanted, size, names)[0] for e, wanted, size in _once(sized)]
-    rows = _about(o.view, (*effects, *made), effects)
-    moving = [e for e in made if e.stage not in SENSOR_STAGES]
-    about = rows if len(moving) == len(made) else _about(o.view, (*effects, *moving), effects)
+    sized_effects = [with_values((e,), wanted, size, names)[0] for e, wanted, size in _once(sized)]
+    rows = _about(o.view, (*effects, *sized_effects), effects)
+    moving = [e for e in sized_effects if e.stage not in SENSOR_STAGES]
+    about = rows if len(moving) == len(sized_effects) else _about(o.view, (*effects, *moving), effects)
     return replace(o, effects=effects, residual=rows.residual, jacobian=about.jacobian(o.parameters), kept=rows)
 
 
@@ -232,10 +232,10 @@ def _blocks(recording: Recording) -> Array:
     """Ordinal of the block (n,) that each row belongs to: equal parts of each dwell, single rows of one with few."""
     if recording.kind.stabilised:
         return np.zeros(0, dtype=int)
-    stays = dwells(recording)
-    parts = max(2, min(6, BLOCKS_IN_ALL // max(1, len(stays))))
+    visits = dwells(recording)
+    parts = max(2, min(6, BLOCKS_IN_ALL // max(1, len(visits))))
     out = np.zeros(len(recording.time), dtype=int)
-    for i, d in enumerate(stays):
+    for i, d in enumerate(visits):
         n = d.stop - d.start
         out[d.start : d.stop] = i * parts + np.arange(n) * parts // n
     return np.asarray(np.cumsum(np.diff(out, prepend=out[0]) != 0))

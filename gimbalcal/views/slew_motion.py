@@ -48,14 +48,14 @@ class Motion:
 
 def slews(recording: Recording) -> list[Slew] | str:
     """Rows of each slew with some of the rests beside it, and the ordinal of the rest after; or why there are none."""
-    stays = dwells(recording)
+    visits = dwells(recording)
     if recording.position is None or not np.any(recording.position == 0):
         return "no rows between positions were logged"
     if rests_are_means(recording):
         return "the rests come as means, and a delay shows where they end"
     out = []
     for k, move in enumerate(moves_between_dwells(recording), start=1):
-        a, b = stays[k - 1 : k + 1]
+        a, b = visits[k - 1 : k + 1]
         n = b.start - a.stop
         if n < ROWS or move.paused:
             continue
@@ -92,10 +92,10 @@ def _smoothed(angle: Array) -> Array:
 
 def by_hand(recording: Recording, moves: Sequence[Slew]) -> Motion:
     """The motion as calibrated gyroscopes tell it, less what they read at rest, from the rest before each turn."""
-    stays, y, f = dwells(recording), recording.triad(RATE), recording.triad(FORCE)
+    visits, y, f = dwells(recording), recording.triad(RATE), recording.triad(FORCE)
     row = np.concatenate([r for r, _ in moves])
     slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(moves)])
-    level = np.array([y[d.rows].mean(0) for d in stays])
+    level = np.array([y[d.rows].mean(0) for d in visits])
     rate = np.concatenate([y[r] - (level[k - 1] + level[k]) / 2 for r, k in moves])
     turned, force = [], []
     for i, (r, k) in enumerate(moves):
@@ -104,7 +104,7 @@ def by_hand(recording: Recording, moves: Sequence[Slew]) -> Motion:
         for step in exponential(phi):
             C.append(step @ C[-1])
         turned.append(np.array(C))
-        down = f[stays[k - 1].rows].mean(0)
+        down = f[visits[k - 1].rows].mean(0)
         force.append(turned[-1] @ (down / np.linalg.norm(down) * recording.site.gravity))
     s = stimulus_from_truth(recording.select(row), np.concatenate(force), rate).at(visit=slew)
     return Motion(row, slew, np.concatenate(turned), rate, s, np.zeros((len(row), 3, 0)))

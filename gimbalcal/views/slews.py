@@ -278,9 +278,9 @@ class _Onto:
             row = []
             for q, x in zip(self.late, parts, strict=True):
                 p, U, _ = self._along(q, spans[i])
-                left = x.ravel() - U @ (U.T @ x.ravel())
-                left = left - p.ravel() * (p.ravel() @ left) / (p**2).sum()
-                row.append(np.linalg.norm(left) / np.sqrt(left.size) / np.linalg.norm(p))
+                remainder = x.ravel() - U @ (U.T @ x.ravel())
+                remainder = remainder - p.ravel() * (p.ravel() @ remainder) / (p**2).sum()
+                row.append(np.linalg.norm(remainder) / np.sqrt(remainder.size) / np.linalg.norm(p))
             out.append(row)
         sigma = np.array(out)
         return np.maximum(sigma, 0.3 * np.median(sigma, axis=0))  # no slew counts for more than ten others

@@ -74,15 +74,15 @@ def turns_between_rests(
     unit read that does not turn and feels the measured force. From sample to sample the readings make the rotation
     vectors of `mean_rates`.
     """
-    stays = dwells(recording)
-    if len(stays) < 6:
+    visits = dwells(recording)
+    if len(visits) < 6:
         raise InputError(
-            f"{recording.title!r} holds {amount(len(stays), 'rest')}; turns between at least six are needed"
+            f"{recording.title!r} holds {amount(len(visits), 'rest')}; turns between at least six are needed"
         )
     there = accelerometers.apply(recording)
     y, f = recording.triad(RATE), there.triad(FORCE)
     level, down = (
-        np.array([np.average(x[d.rows], axis=0, weights=recording.weight[d.rows]) for d in stays]) for x in (y, f)
+        np.array([np.average(x[d.rows], axis=0, weights=recording.weight[d.rows]) for d in visits]) for x in (y, f)
     )
     down /= np.linalg.norm(down, axis=1, keepdims=True)
     every = moves_between_dwells(recording)

@@ -59,9 +59,9 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("estimate.pointing.term_tests", "_Tests._test", "max(gain, 0.0) / k", "max(gain, 0.0)"),
         ("estimate.pointing.term_tests", "_Tests.of_candidate", "scale * np.linalg.pinv", "np.linalg.pinv"),
     ),
-    "estimate/test_memory.py": (
-        ("estimate.memory", "added_by_memory", "s2 * a * _remembered", "a * _remembered"),
-        ("estimate.memory", "added_by_memory", "s2 * (1 - a) - 1", "s2 * (1 - a)"),
+    "estimate/test_noise_memory.py": (
+        ("estimate.noise_memory", "added_by_memory", "s2 * a * _remembered", "a * _remembered"),
+        ("estimate.noise_memory", "added_by_memory", "s2 * (1 - a) - 1", "s2 * (1 - a)"),
     ),
     "calibration/test_matrices.py": (
         ("calibration.matrices", "corrections", "offset + m[b] / scale", "offset - m[b] / scale"),

@@ -140,7 +140,7 @@ def against_walk(law: Lawful, walk: RandomWalkFinding, advice: str) -> tuple[Law
 
     advice: what distinguishes the two, where the formulas have no advice of their own.
     """
-    odds = max((found.evidence for found in law.laws), default=-np.inf) - walk.ln_total
+    odds = max((claimed.evidence for claimed in law.laws), default=-np.inf) - walk.ln_total
     return law if odds > -CLAIM else Lawful(recommend=law.recommend or advice), odds
 
 

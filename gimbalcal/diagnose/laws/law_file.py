@@ -90,7 +90,7 @@ CODED = (("Abs(", "absolute("), ("Heaviside(", "above("), ("Max(0, ", "positive(
 
 
 @dataclass(frozen=True, eq=False)
-class Stated:
+class LawText:
     """A law with letters: in print, as code in SI, its coefficients with the unit they divide by, its constants.
 
     constants: letter, and ordinals of the term and of its constant.
@@ -102,7 +102,7 @@ class Stated:
     constants: tuple[tuple[str, int, int], ...]
 
 
-def stated(e: Expression) -> Stated:
+def stated(e: Expression) -> LawText:
     """A law as it is written down; whole numbers and thresholds as numbers, what can be fitted as letters."""
     named, each = list[tuple[str, int, int]](), list[tuple[list[str], list[str]]]()
     for i, t in enumerate(e.terms):
@@ -127,7 +127,7 @@ def stated(e: Expression) -> Stated:
     names = LETTERS[: len(shown)]
     text = " + ".join(f"{a}*{w}" for a, w in zip(names, shown, strict=True)).replace("- -", "+ ")
     code = " + ".join(f"self.{a} * ({w})[..., None]" for a, w in zip(names, lines, strict=True))
-    return Stated(text, code, tuple(zip(names, divided, strict=True)), tuple(named))
+    return LawText(text, code, tuple(zip(names, divided, strict=True)), tuple(named))
 
 
 def _words(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -229,7 +229,7 @@ def found(
     )
 
 
-def _parameters(law: Law, description: Stated, x: Array, sigma: Array) -> tuple[Estimate, ...]:
+def _parameters(law: Law, description: LawText, x: Array, sigma: Array) -> tuple[Estimate, ...]:
     """Return coefficients x (m,) of one axis and the constants with their sigmas, as they are printed."""
     unit, rows = PRINTED.get(law.channel, "arcsec"), []
     for (name, by), value, spread in zip(description.coefficients, x, sigma, strict=True):
@@ -260,7 +260,7 @@ def _identity(law: Law, taken: Sequence[str], suffix: str) -> str:
 
 
 def _class(
-    law: Law, description: Stated, each: Sequence[tuple[Estimate, ...]], domain: Mapping[str, tuple[float, float]],
+    law: Law, description: LawText, each: Sequence[tuple[Estimate, ...]], domain: Mapping[str, tuple[float, float]],
     effect: str, latex: str, title: str,
 ) -> str:  # fmt: skip
     """Return the law as a class of law.py, with a size for each of its axes."""

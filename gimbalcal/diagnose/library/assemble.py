@@ -108,7 +108,7 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
     if not v.noise.scale_known and there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
         first = absent_effect(effect_id, v.stimulus, "", **dict(choices(cls, v.stimulus)[0]))
         own = _beyond(np.nan_to_num(search.rows.columns(first, wanted)), search.taken)
-        wanted = tuple(p for p, seen in zip(wanted, own, strict=True) if seen or p.axis not in v.stimulus.axis_names)
+        wanted = tuple(p for p, shown in zip(wanted, own, strict=True) if shown or p.axis not in v.stimulus.axis_names)
     if not wanted:
         return []
 
@@ -126,12 +126,15 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
             tried, count = _tried(search, cls, source, columns if last == 1 else leading, last)
         elif source == (getattr(there, "covariate", "") if source else ""):
             # its constants were chosen among as many, unless another axis has determined them
-            held = any(p.effect == effect_id for p in modelled)
-            tried, count = [constants_of(there)], 1 if held else len(v.cache.get(effect_id, choices(cls, v.stimulus)))
+            in_model = any(p.effect == effect_id for p in modelled)
+            tried, count = (
+                [constants_of(there)],
+                1 if in_model else len(v.cache.get(effect_id, choices(cls, v.stimulus))),
+            )
         else:
             continue
-        made = of_effect(cls, source, wanted, tried, v.stimulus, columns, blocks)
-        out += [replace(c, scanned=count, variants=weighed(c.variants, count, scan)) for c in made]
+        candidates = of_effect(cls, source, wanted, tried, v.stimulus, columns, blocks)
+        out += [replace(c, scanned=count, variants=weighed(c.variants, count, scan)) for c in candidates]
     return out
 
 
@@ -281,8 +284,8 @@ def peaks(power: Array, count: int) -> list[int]:
 
 def between_scanned(best: Iterable[float], step: float) -> list[float]:
     """Whole numbers about the best of a scan, up to the next that it looked at; `ABOUT` of each where they are many."""
-    near = np.unique(np.round(np.linspace(1 - step, step - 1, int(min(2 * step - 1, ABOUT)))))
-    return sorted({float(m + d) for m in best for d in near if m + d >= 1})
+    offsets = np.unique(np.round(np.linspace(1 - step, step - 1, int(min(2 * step - 1, ABOUT)))))
+    return sorted({float(m + d) for m in best for d in offsets if m + d >= 1})
 
 
 def constants_of(e: Effect) -> Constants:

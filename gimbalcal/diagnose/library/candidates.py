@@ -139,8 +139,8 @@ def sources(cls: type[Effect], s: Stimulus) -> tuple[str, ...]:
     """
     if follows(cls) != "":
         return ("",)
-    beside = [other for other in CATALOGUE.values() if cls.role.generic and other.channel == cls.channel]
-    own = {need for other in beside for need in other.requires}
+    others = [other for other in CATALOGUE.values() if cls.role.generic and other.channel == cls.channel]
+    own = {need for other in others for need in other.requires}
     return tuple(name for name in s.covariates if f"covariate:{name}" not in own)
 
 

@@ -133,8 +133,8 @@ def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: i
             *_of_view(v),
             *(_of_accelerometers(v) if "sensors" in v.measurement.patterns else ()),
         ):
-            seen = _outer_axis(v) if (quantity, axis) == ("pointing", "across") else 1.0
-            scaled = rms * unit_rms((seen * basis)[:, : max(1, free // 2)])
+            response = _outer_axis(v) if (quantity, axis) == ("pointing", "across") else 1.0
+            scaled = rms * unit_rms((response * basis)[:, : max(1, free // 2)])
             X = np.zeros((n, C, scaled.shape[1]))
             X[:, c] = scaled
             X = _beyond(X / (rms or 1.0), taken) * rms
@@ -241,14 +241,14 @@ def _angle_harmonics(v: View) -> Iterator[Shape]:
     """The first harmonic, and the harmonics 2 to 6, of each gimbal angle that moves; and of two of them together."""
     every = zip(v.stimulus.axis_names, v.stimulus.readout.T, strict=True)
     moving = [(a, x) for a, x in every if np.ptp(x) > MIN_TRAVEL_RAD]
-    said = [axis.replace("_", " ").removesuffix(" angle") + " angle" for axis, _ in moving]
-    for words, (_, angle) in zip(said, moving, strict=True):
+    names = [axis.replace("_", " ").removesuffix(" angle") + " angle" for axis, _ in moving]
+    for words, (_, angle) in zip(names, moving, strict=True):
         for orders, often in ((range(1, 2), "once per turn"), (range(2, 7), "twice per turn and faster")):
             yield f"{words}, {often}", f"a pattern in the {words}, {often}", _waves(angle, orders)
     if len(moving) > 1:
         (_, inner), (_, outer) = moving[:2]
         both = _waves(inner, range(1, 3))[:, :, None] * _waves(outer, range(1, 4))[:, None]
-        yield "angles together", f"a pattern in {said[0]} and {said[1]} together", both.reshape(len(inner), -1)
+        yield "angles together", f"a pattern in {names[0]} and {names[1]} together", both.reshape(len(inner), -1)
 
 
 def shapes(o: Fit) -> dict[str, tuple[str, Array]]:

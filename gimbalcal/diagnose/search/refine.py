@@ -181,6 +181,6 @@ def _secant(o: Fit, c: Candidate, size: float, s: Stimulus) -> Array:
     """Column (n, C) per prior sigma of the change that this size of the parameter makes."""
     cls, names = CATALOGUE[c.effect], o.view.stimulus.axis_names
     none: Effect = absent_effect(c.effect, o.view.stimulus)
-    (made,) = with_values([none], c.parameters, np.array([size]), names)
-    added = np.asarray(made.contribution(s)) - np.asarray(none.contribution(s))
+    (sized,) = with_values([none], c.parameters, np.array([size]), names)
+    added = np.asarray(sized.contribution(s)) - np.asarray(none.contribution(s))
     return o.rows.through(cls.stage, added.real) / size * c.parameters[0].sigma

@@ -115,9 +115,9 @@ def _common(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCaus
         columns = [columns_at(s.fit, _candidate(c, members[j], k), constants) for constants in tried]
         X = np.concatenate([s.library.X[:, others], *columns], axis=1)
         p = project(own[k].projection.node, rows_like(s.rows, X))
-        beside, width = range(len(others)), columns[0].shape[1]
+        ordinals, width = range(len(others)), columns[0].shape[1]
         starts = [len(others) + width * i for i in range(len(tried))]
-        total += [p.explained(range(at, at + width), beside) / 2 for at in starts]
+        total += [p.explained(range(at, at + width), ordinals) / 2 for at in starts]
     return tried[int(np.argmax(total))]
 
 

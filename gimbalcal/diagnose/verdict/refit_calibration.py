@@ -114,16 +114,16 @@ def calibrated(
     here = [_RecordingRows(fit, node, sized, tuple(which), alone=len(fits) == 1) for fit, node, which in fits]
     solution, effects, between = _refitted(here, sized)
     mine = solution.parameters
-    held = {p: size for p, size in sized.held(mine).items() if p not in mine}
-    kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in held]
+    constants = {p: size for p, size in sized.held(mine).items() if p not in mine}
+    kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in constants]
     kept = [p for p in kept if p.effect in {e.id for s in here for e in s.fit.effects}]
-    wanted, n = (*mine, *held, *kept), len(mine)
+    wanted, n = (*mine, *constants, *kept), len(mine)
     P = np.zeros((len(wanted), len(wanted)))
     P[:n, :n] = solution.covariance
-    P[range(n, n + len(held)), range(n, n + len(held))] = [sigma**2 for _, sigma in held.values()]
+    P[range(n, n + len(constants)), range(n, n + len(constants))] = [sigma**2 for _, sigma in constants.values()]
     if kept and known is not None:
         at = [known.parameters.index(p) for p in kept]
-        P[n + len(held) :, n + len(held) :] = known.covariance[np.ix_(at, at)]
+        P[n + len(constants) :, n + len(constants) :] = known.covariance[np.ix_(at, at)]
     calibration = Calibration(
         method="diagnosis",
         effects=tuple(e for e in effects if e.id in {p.effect for p in wanted}),

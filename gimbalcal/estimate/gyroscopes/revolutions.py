@@ -61,9 +61,9 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
     """
     if recording.counted(RATE):
         raise InputError(f"{recording.title!r} reads rates in counts; give a nominal scale, in rad/s or deg/s")
-    stays = dwells(recording)
+    visits = dwells(recording)
     y = recording.triad(RATE)
-    earth = [y[d.rows].mean(0) + (0.0 if bias is None else bias) for d in stays]
+    earth = [y[d.rows].mean(0) + (0.0 if bias is None else bias) for d in visits]
     between = zip(moves_between_dwells(recording), earth, strict=False)
     moved = [_integrals(recording.time[m.rows], y[m.rows], e, m.paused) for m, e in between]
     pairs = _pairs(moved)
@@ -73,13 +73,13 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
             "between rests; at least six pairs about different axes are needed "
             "(nine: gimbalcal.schedule.published.REVOLUTION_AXES)"
         )
-    rest = np.array([y[d.rows].mean(0) for d in stays])
+    rest = np.array([y[d.rows].mean(0) for d in visits])
     sigma = recording.sigma("gyroscope") or 1e-6
     step = float(np.median(np.diff(recording.time)))
     first = [moved[i] for i, _ in pairs]
     duration = float(np.mean([t for _, t, _ in first]))
     angle = float(np.mean([a for _, _, a in first]))
-    shortest = min(d.stop - d.start for d in stays)
+    shortest = min(d.stop - d.start for d in visits)
     scaled = [np.stack([_scaled(moved[k], angle, duration) for k in side]) for side in zip(*pairs, strict=True)]
     return Revolutions(scaled[0][None], scaled[1][None], rest[None], duration, angle,
                  sigma * np.sqrt(duration * step), sigma / np.sqrt(shortest)), len(pairs)  # fmt: skip

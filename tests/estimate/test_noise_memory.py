@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimbalcal.estimate.memory import added_by_memory
+from gimbalcal.estimate.noise_memory import added_by_memory
 from gimbalcal.number import Array
 
 N = 200
