@@ -84,13 +84,16 @@ class ViewsFit:
         """Estimate (p,) of the parameters of effects, SI."""
         return self.solution.x[: len(self.parameters)]
 
-    @cached_property
+    @property
     def covariance(self) -> Array:
         """Covariance (p, p) of the estimate, SI, whatever the nuisances are; rows may remember those before them."""
+        return np.asarray(self._covariance[: len(self.parameters), : len(self.parameters)] + self.fixed)
+
+    @cached_property
+    def _covariance(self) -> Array:
+        """The same of the nuisances too, without what is fixed."""
         P = self.solution.covariance
-        if all(v.local is None for v in self.views):
-            P = P + self.added_by_memory(*self.whitened, P)
-        return np.asarray(P[: len(self.parameters), : len(self.parameters)] + self.fixed)
+        return P if any(v.local is not None for v in self.views) else P + self.added_by_memory(*self.whitened, P)
 
     def added_by_memory(self, J: Array, r: Array, G: Array) -> Array:
         """Return what memory of the rows adds to a covariance G (p, p) by columns J (q, p) of them and misfits r (q,).
@@ -139,7 +142,7 @@ class ViewsFit:
     def nuisance(self, name: str) -> tuple[Array, Array]:
         """Return estimates and sigmas of the nuisance parameters of a name, SI."""
         at = [i for i, p in enumerate(self.solution.parameters) if not p.effect and p.name == name]
-        return self.solution.x[at], self.solution.sigma[at]
+        return self.solution.x[at], np.sqrt(np.diag(self._covariance)[at])
 
     @property
     def excess(self) -> float:

@@ -8,8 +8,8 @@ noise; only its covariance depends on it. Each channel has a noise of its own,
 .. math:: V = (1 - a) I + a K, \quad K_{ij} = \rho^{|i - j|}, \qquad
           s^2 = \frac{r^T V^{-1} r}{r_0^T r_0} \quad \text{at the minimum in each noise},
 
-of a probability p that is its prior times the restricted likelihood with the scale integrated out; Q are the columns
-that the channel shows, nu the number of its rows less those of Q:
+of a probability p that is its prior times the restricted likelihood with the scale integrated out; Q spans the
+combinations of columns that the channel itself determines, nu is the number of its rows less those of Q:
 
 .. math:: -2 \ln L = \nu \ln(r^T V^{-1} r) + \ln|V| + \ln|Q^T V^{-1} Q| .
 
@@ -37,25 +37,27 @@ PRIOR_WHITE = 0.5  # probability that rows do not remember each other
 MIN_TIMES = 5.0  # that the rows outlast the memory: a longer one is a constant of this recording
 MIN_DOF = 5.0  # of a channel: fewer show no memory
 MIN_CHI2 = 1e-200  # of rows without noise, so that the logarithm is finite
-RANK = 1e-9  # of the columns of a channel
+MIN_SHARE = 1e-3  # root of a channel's share of the information; of what it knows less, other channels tell it
 
 
 def added_by_memory(J: Array, r: Array, G: Array) -> Array:
     """Return what is added to the covariance G (p, p) by the memory of one channel's rows, J (n, p) and r (n,)."""
-    n = len(r)
-    U, S, _ = np.linalg.svd(J, full_matrices=False)
-    Q = U[:, S > RANK * S.max(initial=0.0)]
+    n, scale = len(r), np.sqrt(np.diag(G))
+    scale = np.where(scale > 0, scale, 1.0)
+    size, V = np.linalg.eigh(G / np.outer(scale, scale))
+    U, S, _ = np.linalg.svd(J @ (scale[:, None] * V * np.sqrt(np.maximum(size, 0.0))), full_matrices=False)
+    Q = U[:, S > MIN_SHARE]
     dof = n - Q.shape[1]
     noises = {(rho, a): noise for (rho, a), noise in NOISES.items() if -np.log(rho) * n > MIN_TIMES}
-    if dof < MIN_DOF or not noises:
+    if dof < MIN_DOF or not noises or not Q.shape[1]:
         return np.zeros(G.shape)
     fits = [least_squares(np.arange(float(n)), Q, r[:, None], np.ones(n), noise) for noise in (WHITE, *noises.values())]
     chi2 = np.maximum([float(f.chi2[0]) for f in fits], MIN_CHI2)
     ln = -(dof * np.log(chi2) + np.array([f.log_determinant for f in fits])) / 2
     p = np.exp(ln - ln.max()) * np.append(PRIOR_WHITE, np.full(len(noises), (1 - PRIOR_WHITE) / len(noises)))
-    X, p, scale = J @ G, p[1:] / p.sum(), chi2[1:] / chi2[0]
+    X, p, ratio = J @ G, p[1:] / p.sum(), chi2[1:] / chi2[0]
     out = np.zeros(X.shape)
-    for (rho, a), weight, s2 in zip(noises, p, scale, strict=True):
+    for (rho, a), weight, s2 in zip(noises, p, ratio, strict=True):
         out += weight * ((s2 * (1 - a) - 1) * X + s2 * a * _remembered(rho, X))
     return np.asarray(X.T @ out)
 

@@ -96,12 +96,12 @@ METHODS: dict[str, Callable[[int, float], Made]] = {
 
 
 def errors(noisy: Calibration, truth: Calibration) -> dict[str, list[float]]:
-    """Return errors over sigmas by effect, of the parameters that both have."""
+    """Return errors over sigmas by effect, by gimbal where they are of one, of the parameters that both have."""
     known = dict(zip((p.label for p in truth.parameters), truth.values, strict=True))
     out = defaultdict(list)
     for p, x, sigma in zip(noisy.parameters, noisy.values, noisy.sigmas, strict=True):
         if p.label in known and sigma > 0:
-            out[p.effect].append(float((x - known[p.label]) / sigma))
+            out[p.effect if set(p.axis) <= set("xyz") else p.label].append(float((x - known[p.label]) / sigma))
     return out
 
 
@@ -111,7 +111,7 @@ def main() -> None:
     ap.add_argument("--seconds", type=float, default=120.0)
     ap.add_argument("--methods", default=",".join(METHODS))
     a = ap.parse_args()
-    say("method                 effect                     errors   rms of error over sigma   largest")
+    say("method                 parameters                         errors   rms of error over sigma   largest")
     for name, made in METHODS.items():
         if not any(name.startswith(wanted) for wanted in a.methods.split(",")):
             continue
@@ -133,7 +133,7 @@ def main() -> None:
         for effect, z in found.items():
             chance = 1 / np.sqrt(2 * len(z))
             rms = float(np.sqrt(np.mean(np.square(z))))
-            say(f"{name:<22} {effect:<26} {len(z):6} {rms:12.2f} +- {chance:.2f} {np.abs(z).max():15.1f}")
+            say(f"{name:<22} {effect:<34} {len(z):6} {rms:12.2f} +- {chance:.2f} {np.abs(z).max():15.1f}")
         say(f"{name:<22} {seed} recordings, {refused} refused, {words} with an outcome")
 
 

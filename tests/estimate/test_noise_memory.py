@@ -68,3 +68,7 @@ def test_the_covariance_is_that_of_the_noise_in_a_long_record() -> None:
 def test_few_rows_show_no_memory() -> None:
     J = np.ones((5, 1))
     assert not added_by_memory(J, np.array([1.0, 1, -1, -1, 0]), np.eye(1)).any()
+
+
+def test_a_channel_that_shows_nothing_adds_nothing() -> None:
+    assert not added_by_memory(np.zeros((20, 2)), np.linspace(-1, 1, 20), np.eye(2)).any()

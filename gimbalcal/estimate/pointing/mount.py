@@ -196,12 +196,18 @@ class Nights:
 def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
     """Fit the nights of a joint fit one by one; None where fewer than two have enough stars. stated: sigma of a star.
 
-    Where no sigma is stated, it is what the nights scatter each by itself: what differs between them is no noise.
+    Where no sigma is stated, it is what the nights scatter each by itself: what differs between them is no noise. The
+    frames of a mount that tracks remember each other, and its axes scatter apart: then each night has its own noise.
     """
     wanted, sigma = joint.solution.parameters, joint.excess
     runs = [v for v in joint.views if len(v.channels) * len(v) >= len(wanted) + MIN_SPARE_DOF]
     if len(runs) < 2:
         return None
+    if stated is None and all(v.noise.own_memories for v in runs):
+        alone = tuple(fit_terms([v], wanted, absent=joint.absent) for v in runs)
+        if not any(f.unobservable for f in alone):
+            p = _probability_of_one_mean(alone)
+            return Nights(alone, p, _moved(alone) if p < SIGNIFICANCE else ())
     alone = tuple(fit_terms([v], wanted, sigma, joint.absent) for v in runs)
     shared = fit_terms(runs, wanted, sigma, joint.absent).solution
     dof = sum(f.solution.dof for f in alone)
@@ -211,6 +217,14 @@ def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
         own = max(sigma * float(np.sqrt(variance)), MIN_SIGMA_RAD)
         alone = tuple(fit_terms([v], wanted, own, joint.absent) for v in runs)
     return Nights(alone, p, _moved(alone) if p < SIGNIFICANCE else ())
+
+
+def _probability_of_one_mean(alone: Sequence[ViewsFit]) -> float:
+    """Return the probability that estimates with these covariances are as far from their weighted mean by chance."""
+    scale = np.sqrt(np.mean([np.diag(f.covariance) for f in alone], axis=0))
+    x, W = np.array([f.x / scale for f in alone]), np.linalg.inv([f.covariance / np.outer(scale, scale) for f in alone])
+    off = x - np.linalg.solve(W.sum(axis=0), np.einsum("kij,kj->i", W, x))
+    return probability(float(np.einsum("ki,kij,kj->", off, W, off)), x[1:].size)
 
 
 def change(first: ViewsFit, other: ViewsFit) -> tuple[Array, Array]:

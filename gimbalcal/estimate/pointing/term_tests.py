@@ -3,8 +3,9 @@ r"""Tests of the terms of a mount, one by one: the residual without a term of th
 .. math:: F = \frac{(S_0 - S_1) / k}{S_1 / \nu}
 
 with S_0, S_1 the weighted sums of squares without and with the k parameters of a term, and nu the degrees of freedom of
-the larger model; a stated noise takes the place of S_1 / nu. The models are linear about the estimate. Of a single
-parameter F is (x / sigma)^2, the same where rows are independent; where they remember each other, sigma knows it.
+the larger model; a stated noise takes the place of S_1 / nu. The models are linear about the estimate. Where
+rows remember each other F is less, as chi^2 of the term's size by its covariance (`noise_memory`) is than that by the
+one for independent rows.
 
 An effect outside the model whose constant must be sought (the teeth of a worm, an order, the instant of a step) is no
 candidate: `gimbalcal diagnose` seeks it, and accounts for the number of values tried.
@@ -60,14 +61,16 @@ class _Tests:
 
     def of_model(self) -> list[TermTest]:
         """Return the test of each parameter of the model; the parameters of an effect with constants are one term."""
-        parameters, R, out = self.fitted.parameters, correlations(self.fitted.covariance), []
+        parameters, P, out = self.fitted.parameters, self.fitted.covariance, []
+        G, R = self.fitted.solution.covariance, correlations(P)
         for group in _terms(parameters):
             sizes = [i for i in group if not _is_constant(parameters[i])]
             y, Q = self.r + self.J[:, sizes] @ self.fitted.x[sizes], basis(np.delete(self.J, group, axis=1))
             others = {q.label: float(R[i, j]) for i in group for j, q in enumerate(parameters) if j not in group}
-            p = parameters[group[0]]
+            p, x, block = parameters[group[0]], self.fitted.x[sizes], np.ix_(sizes, sizes)
             estimate = _Estimate(p, self.fitted.x[group[0]], self.fitted.sigmas[group[0]]) if len(group) == 1 else None
-            out.append(self._test(estimate or p.effect, True, y - Q @ (Q.T @ y), self.r, len(group), others))
+            memory = float(x @ np.linalg.solve(P[block], x)) / max(float(x @ np.linalg.solve(G[block], x)), 1e-300)
+            out.append(self._test(estimate or p.effect, True, y - Q @ (Q.T @ y), self.r, len(group), others, memory))
         return out
 
     def of_candidate(self, p: Parameter, column: Array) -> TermTest | None:
@@ -84,7 +87,8 @@ class _Tests:
         G = scale * np.linalg.pinv(A.T @ A / np.outer(size, size)) / np.outer(size, size)
         P = G + self.fitted.added_by_memory(A, after, G)
         others = {q.label: float(c) for q, c in zip(self.fitted.parameters, correlations(P)[-1, :-1], strict=True)}
-        return self._test(_Estimate(p, x, sqrt(float(P[-1, -1]))), False, self.r, after, 1, others)
+        memory = float(G[-1, -1] / P[-1, -1])
+        return self._test(_Estimate(p, x, sqrt(float(P[-1, -1]))), False, self.r, after, 1, others, memory)
 
     def columns(self, wanted: Sequence[Parameter]) -> Array:
         """Return whitened derivatives (q, k) of the rows by parameters of absent effects."""
@@ -95,13 +99,17 @@ class _Tests:
         return np.concatenate([c.reshape(-1, len(wanted)) for c in each]) / self.sigma[:, None]
 
     def _test(
-        self, term: _Estimate | str, in_model: bool, without: Array, after: Array, k: int, others: Mapping[str, float]
-    ) -> TermTest:
-        """Return the test of a term from the residuals (q,) without it and with it, of k parameters."""
+        self, term: _Estimate | str, in_model: bool, without: Array, after: Array, k: int, others: Mapping[str, float],
+        memory: float,
+    ) -> TermTest:  # fmt: skip
+        """Return the test of a term from the residuals (q,) without it and with it, of k parameters.
+
+        memory: by which chi^2 of its size is less than in noise whose rows are independent.
+        """
         dof = None if self.stated else max(self.fitted.solution.dof - (0 if in_model else k), 0)
         gain = float(without @ without - after @ after)
         scale = 1.0 if dof is None else float(after @ after) / max(dof, 1)
-        F = max(gain, 0.0) / k / max(scale, 1e-300) if isinstance(term, str) else (term.x / term.sigma) ** 2
+        F = memory * max(gain, 0.0) / k / max(scale, 1e-300)
         largest = sorted(others, key=lambda label: -abs(others[label]))[:MAX_CORRELATIONS]
         label = term if isinstance(term, str) else term.parameter.label
         return TermTest(

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.pointing.fit import fit_terms
+from gimbalcal.estimate.pointing.mount import by_night
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, Site
@@ -20,14 +22,14 @@ LATITUDE, TEETH, SIZE, RUNS = 0.9, 180, 2.0, 12
 MOUNT = equatorial(LATITUDE)
 
 
-def guided(seed: int, memory: float) -> Recording:
+def guided(seed: int, memory: float, worm: float = SIZE) -> Recording:
     """45 min of frames of 3 s: a worm of 2 arcsec, 0.3 arcsec of white noise and 1 arcsec with a memory."""
     rng, n = np.random.default_rng(seed), 900
     t = 3.0 * np.arange(n)
     hour, slow = 7.292115e-5 * t - 0.5, rng.standard_normal(n)
     for k in range(1, n):
         slow[k] = memory * slow[k - 1] + np.sqrt(1 - memory**2) * slow[k]
-    west = SIZE * np.sin(TEETH * hour) + slow + 0.3 * rng.standard_normal(n)
+    west = worm * np.sin(TEETH * hour) + slow + 0.3 * rng.standard_normal(n)
     channels = {("gimbal_angle", "hour_angle"): hour, ("gimbal_angle", "declination"): np.full(n, 0.4),
                 ("true_angle", "hour_angle"): hour + west * ARCSEC,
                 ("true_angle", "declination"): 0.4 + 0.5 * ARCSEC * rng.standard_normal(n)}  # fmt: skip
@@ -58,3 +60,24 @@ def test_an_axis_without_noise_has_no_weight_beyond_its_least_sigma() -> None:
     other, wider = worm(replace(r, channels=still))
     np.testing.assert_allclose(other, x, atol=0.1)
     np.testing.assert_allclose(wider, sigma, rtol=0.2)
+
+
+def zeros(*runs: Recording) -> ViewsFit:
+    """Zeros of both axes; the rows of each axis say next to nothing of the zero of the other."""
+    views = [pointing(r) for r in runs]
+    return fit_terms(views, parameters(CATALOGUE["gimbal_zero"], MOUNT.axis_names)[:2])
+
+
+def test_a_zero_is_as_uncertain_as_the_memory_of_its_own_axis_makes_it() -> None:
+    each = [zeros(guided(k, 0.9, worm=0.0)) for k in range(RUNS)]
+    z = np.array([f.x / f.sigmas for f in each])
+    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.4
+    assert np.median([f.sigmas[1] / f.sigmas[0] for f in each]) > 4
+
+
+def test_nights_without_a_change_agree_whatever_the_memory_of_their_frames() -> None:
+    for k in range(6):
+        nights = by_night(zeros(guided(2 * k, 0.9, worm=0.0), guided(2 * k + 1, 0.9, worm=0.0)), None)
+        assert nights is not None
+        assert nights.probability > 1e-3
+        assert not nights.moved

@@ -84,7 +84,7 @@ def test_a_constant_belongs_to_its_effect() -> None:
     assert test.dof[0] == 2
     assert test.value is None
     gain = (test.rms_without_arcsec / test.rms_with_arcsec) ** 2 - 1
-    assert test.F == pytest.approx(gain / 2 * (test.dof[1] or 0), rel=1e-6)
+    assert test.F == pytest.approx(gain / 2 * (test.dof[1] or 0), rel=0.01)  # rows that hardly remember each other
     assert test.rms_without_arcsec == pytest.approx(sky_rms(pointing_calibration([r])), rel=0.01)
 
 
