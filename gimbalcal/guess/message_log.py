@@ -2,7 +2,7 @@
 
 Flight controllers and telephones write messages, each with a word in front that says what follows ("IMU, 61234567, 0,
 0.01, ..."); terminals write the time of arrival before a line, receivers a checksum behind it, and programs a name
-beside each number ("ax: 0.1, ay: 0.2").
+beside each number ("ax: 0.1, ay: 0.2", "Ax 0.1 Ay 0.2", "Ax0.1 Ay0.2").
 """
 
 from __future__ import annotations
@@ -29,7 +29,11 @@ _ARRIVED = re.compile(rf"^\s*{_STAMP}\s*->\s*")
 _STAMPED = re.compile(rf"^\s*{_STAMP}")
 _CHECKSUM = re.compile(r"\*[0-9A-Fa-f]{2,8}\s*$")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_PAIR = re.compile(rf"""(?<![\w."])"?([A-Za-z]\w*(?:\[\d\])?)"?\s*[:=]\s*({_NUMBER})(?![\w:])""")
+_VALUE = rf"{_NUMBER}|[-+]?(?i:nan|inf)"
+_PAIR = re.compile(rf"""(?<![\w."])"?([A-Za-z]\w*(?:\[\d\])?)"?\s*[:=]\s*({_VALUE})(?![\w:])""")
+_LABELLED = re.compile(  # a digit before a number without any separator belongs to the number
+    rf"(?<![\w.])([A-Za-z]\w*)(?:\s*[:=]\s*|\s+(?=\S)|(?<!\d)(?=[-+.\d]))({_VALUE})(?![\w.:])"
+)
 _KIND = re.compile(r"[$%]?[A-Za-z][\w-]*:?")
 _COMMENT = ("#", "!", "//")
 
@@ -42,8 +46,9 @@ class _Message:
     rows: list[list[str]]
 
 
-def tables_in(path: Path, head: Sequence[str]) -> dict[str, list[str]]:
-    """Return the lines of plain tables by the names of their messages; none where the file is a plain table.
+def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], int]:
+    """Return the lines of plain tables by the names of their messages, and how many lines with names beside their
+    numbers, or among such, are in none of them; no table where the file is a plain table.
 
     head: the first lines of the file. Raises InputError where messages hold no accelerometers.
     """
@@ -55,16 +60,18 @@ def tables_in(path: Path, head: Sequence[str]) -> dict[str, list[str]]:
     arrived, summed, paired = usual(_ARRIVED.match), usual(_CHECKSUM.search), usual(_pairs)
     at = next((k for k in (0, 1) if usual(partial(_tag, at=k))), None)
     if not lines_of_text or not (arrived or summed or paired or at is not None):
-        return {}
+        return {}, 0
     lines = path.read_text(encoding=encoding_of(path), errors="replace").splitlines()
     if arrived:
         lines = _without_arrows(lines)
     if summed:
         lines = [_CHECKSUM.sub("", line) for line in lines]
-    messages = _of_pairs(lines) if paired else _of_words(lines, at) if at is not None else {}
+    messages, skipped = _of_pairs(lines) if paired else (_of_words(lines, at) if at is not None else {}, 0)
     if messages:
-        return {tag: _lines(message) for tag, message in _chosen(path, messages).items()}
-    return {"": lines} if arrived or summed else {}
+        chosen = _chosen(path, messages)
+        skipped += sum(len(message.rows) for tag, message in messages.items() if paired and tag not in chosen)
+        return {tag: _lines(message) for tag, message in chosen.items()}, skipped
+    return ({"": lines} if arrived or summed else {}), 0
 
 
 def _split(line: str) -> list[str]:
@@ -86,9 +93,17 @@ def _without_arrows(lines: Sequence[str]) -> list[str]:
 
 
 def _pairs(line: str) -> list[tuple[str, str]]:
-    """Return names with their numbers, where a line has three or more; those of JSON by their path."""
-    pairs = _json_pairs(line) if line.lstrip().startswith("{") else _PAIR.findall(line)
-    return pairs if len(pairs) >= 3 and len({name for name, _ in pairs}) == len(pairs) else []
+    """Return names with their numbers, where a line has three or more, or two or more and nothing else but a time of
+    arrival; those of JSON by their path.
+    """
+    text, fewest = _STAMPED.sub("", line), 3
+    if line.lstrip().startswith("{"):
+        pairs = _json_pairs(line)
+    elif not _LABELLED.sub("", text).strip(" ,;|\t"):
+        pairs, fewest = _LABELLED.findall(text), 2
+    else:
+        pairs = _PAIR.findall(line)
+    return pairs if len(pairs) >= fewest and len({name for name, _ in pairs}) == len(pairs) else []
 
 
 def _json_pairs(line: str) -> list[tuple[str, str]]:
@@ -116,19 +131,29 @@ def leaves(content: Any) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
-def _of_pairs(lines: Sequence[str]) -> dict[str, _Message]:
-    """Return messages of names beside numbers; those with the same names are of one kind."""
+def _of_pairs(lines: Sequence[str]) -> tuple[dict[str, _Message], int]:
+    """Return messages of names beside numbers, and the number of lines among and below them that are none.
+
+    Those with the same names are of one kind, which has no word where it is the only one. Kinds of a line or two count
+    as other lines.
+    """
     messages: dict[tuple[str, ...], _Message] = {}
+    others = 0
     for line in lines:
         pairs = _pairs(line)
         if not pairs:
+            others += bool(messages and line.strip())
             continue
         stamp = _STAMPED.match(line)
         names, cells = [name for name, _ in pairs], [number for _, number in pairs]
         if stamp:
             names, cells = ["time of arrival", *names], [stamp[1], *cells]
         messages.setdefault(tuple(names), _Message(tuple(names), [])).rows.append(cells)
-    return {f"message {k}": message for k, message in enumerate(messages.values(), start=1)}
+    kinds = [m for m in messages.values() if len(m.rows) >= MIN_ROWS] or list(messages.values())
+    others += sum(len(m.rows) for m in messages.values()) - sum(len(m.rows) for m in kinds)
+    if len(kinds) == 1:
+        return {"": kinds[0]}, others
+    return {f"message {k}": message for k, message in enumerate(kinds, start=1)}, others
 
 
 def _of_words(lines: Sequence[str], at: int) -> dict[str, _Message]:
@@ -191,7 +216,7 @@ def _chosen(path: Path, messages: Mapping[str, _Message]) -> dict[str, _Message]
         return sorted(fitting, key=lambda tag: -len(messages[tag].rows))[:1]
 
     tags = most({FORCE, RATE}) or [*most({FORCE}), *most({RATE})]
-    if not tags and not any(message.names for message in messages.values()):
+    if not tags and (len(messages) == 1 or not any(message.names for message in messages.values())):
         tags = sorted(messages, key=lambda tag: -len(messages[tag].rows))[:1]
     if not tags:
         listed = "; ".join(f"{tag}: {', '.join(message.names)}" for tag, message in list(messages.items())[:4])

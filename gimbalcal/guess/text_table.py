@@ -45,7 +45,6 @@ _NUMBER = re.compile(
     r"[-+]?\d{1,3}((\.\d{3})+,|(,\d{3})+\.)\d*|"
     r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+|[dD][-+]\d{2,3})?|[-+]?(nan|inf|NaN|NA|null)"
 )
-_LABELLED = re.compile(r"([A-Za-z]\w*)\s*[:=]?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])")
 _STATED_RATE = re.compile(
     r"\b(?:fs|f_s|sampl(?:e|ing)[ _]?(?:rate|freq\w*)|data[ _]?rate|rate|freq(?:uency)?|abtastrate)\b"
     r"\W{0,4}(\d+(?:\.\d+)?)",
@@ -85,31 +84,12 @@ class Table:
 
 def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
     """Return the table in a text file, see `table_of`, or those of its messages by path/word. Raises InputError."""
-    head = head_of(path)
-    if names := labels_of(head):
-        text = path.read_text(encoding=encoding_of(path), errors="replace")
-        rows = (_LABELLED.findall(line) for line in text.splitlines())
-        plainer = [",".join(names), *(",".join(v for _, v in r) for r in rows if tuple(n for n, _ in r) == names)]
-        return {path: table_of(path, dates, plainer)}
-    messages = tables_in(path, head)
+    messages, skipped = tables_in(path, head_of(path))
     if not messages:
         return {path: table_of(path, dates)}
-    return {path / word: table_of(path, dates, lines) for word, lines in messages.items()}
-
-
-def labels_of(head: Sequence[str]) -> tuple[str, ...]:
-    """Return the words before the numbers of each line, "Ax 0.02 Ay -1.23", where most lines have the same; else none.
-
-    A line is labelled if nothing but separators stands between its words and numbers.
-    """
-    labels = Counter[tuple[str, ...]]()
-    lines = [line for line in head if line.strip()]
-    for line in lines:
-        names = tuple(name for name, _ in _LABELLED.findall(line))
-        if len(set(names)) == len(names) >= MIN_COLUMNS and not _LABELLED.sub("", line).strip(" ,;|\t"):
-            labels[names] += 1
-    (names, count), *_ = labels.most_common(1) or [((), 0)]
-    return names if count > MIN_SHARE * len(lines) else ()
+    tables = {path / word: table_of(path, dates, lines) for word, lines in messages.items()}
+    first, table = next(iter(tables.items()))
+    return tables | {first: replace(table, skipped=table.skipped + skipped)}
 
 
 def head_of(path: Path) -> list[str]:

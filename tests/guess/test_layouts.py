@@ -14,6 +14,7 @@ from gimbalcal.guess.column_values import signed_counts
 from gimbalcal.guess.date_formats import in_iso, is_stamp, split
 from gimbalcal.guess.merged_logs import resampled
 from gimbalcal.guess.proposal import Proposal, propose
+from gimbalcal.guess.text_table import tables_of
 from gimbalcal.guess.unit_candidates import scales
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
@@ -308,6 +309,43 @@ def test_words_before_the_numbers_of_each_line_name_the_columns(form: str, tmp_p
     path.write_text("\n".join(["Calibrating", *(form.format(*row) for row in f)]) + "\n")
     r = propose([path], rate=100.0).recording
     np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-4)
+
+
+@pytest.mark.parametrize("form", ["{}x: {:.4f} {}y: {:.4f} {}z: {:.4f}", "{}x {:.4f} {}y {:.4f} {}z {:.4f}"])
+def test_labelled_lines_of_every_kind_make_a_table(form: str, tmp_path: Path) -> None:
+    _, f, w = turned()
+    lines = []
+    for k, (a, g) in enumerate(zip(f, w, strict=True)):
+        lines += [form.format("A", a[0], "A", a[1], "A", a[2])] + ["Battery low"] * (k == 50)
+        lines += [form.format("G", g[0], "G", g[1], "G", g[2])] * (k % 2)
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(lines) + "\n")
+    forces, rates = tables_of(path).values()
+    np.testing.assert_allclose(np.stack([*forces.columns.values()], axis=1), f, atol=1e-4)
+    np.testing.assert_allclose(np.stack([*rates.columns.values()], axis=1), w[1::2], atol=1e-4)
+    assert forces.skipped + rates.skipped == 1
+
+
+@pytest.mark.parametrize("separator", ["", " ", ": ", " = "])
+def test_names_of_labelled_lines_end_where_the_number_begins(separator: str, tmp_path: Path) -> None:
+    """Values of any size and sign, and NaN where there is a separator, stay in the row; lines without one are counted.
+
+    A digit belongs to a name where a separator follows.
+    """
+    _, f, _ = turned()
+    absent = separator and f" T{separator}NaN"
+    body = [absent + " " + " ".join(f"{n}{separator}{x:.4f}" for n, x in zip(("Ax", "Ay", "Az"), row, strict=True))
+            for row in f / G]  # fmt: skip
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join([*body[:100], "Ax Ay", *body[100:]]) + "\n")
+    (table,) = tables_of(path).values()
+    np.testing.assert_allclose(np.stack([table.columns[n] for n in ("Ax", "Ay", "Az")], axis=1), f / G, atol=1e-4)
+    assert table.skipped == 1
+    if separator:
+        path.write_text("\n".join(line.replace("Ax", "A1").replace("Ay", "A2") for line in body) + "\n")
+        (table,) = tables_of(path).values()
+        assert [n for n in table.columns if n != "T"] == ["A1", "A2", "Az"]
+        assert len(table.columns["A1"]) == len(f)
 
 
 def test_counts_of_two_s_complement_get_their_signs_back(tmp_path: Path) -> None:

@@ -131,7 +131,7 @@ def test_labels_of_rows_are_no_messages(tmp_path: Path) -> None:
     body = [f"{'M31' if k % 2 else 'Vega'},{k},{k + 1},{k + 2}" for k in range(60)]
     path = tmp_path / "a.csv"
     path.write_text("\n".join(lines := ["Star,Az,El,x", *body]), encoding="utf-8")
-    assert tables_in(path, lines) == {}
+    assert tables_in(path, lines) == ({}, 0)
 
 
 def test_lines_of_a_terminal_with_times_of_arrival_and_checksums(tmp_path: Path) -> None:
