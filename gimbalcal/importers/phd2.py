@@ -38,6 +38,9 @@ _WESTWARD, _NORTHWARD = {"W": 1.0, "E": -1.0}, {"N": 1.0, "S": -1.0}
 _KINDS = ("Mount", "AO", "DROP")  # of frames: DROP has lost its star
 MIN_FRAMES = 10  # frames
 MAX_LATITUDE_SPREAD = np.radians(2.0)  # between sessions of one log, which state tenths of a degree
+MAX_LATITUDE = np.radians(89.0)  # azimuths have no meaning at a pole
+MIN_MERIDIAN_PART = 0.3  # of a direction, in the plane of the meridian: that part shows the latitude
+MAX_DIRECTION_ERROR = np.radians(1.0)  # between both ways to state a direction, refraction near the horizon included
 MAX_PULSE_MS = 60_000  # PHD2 sends a few seconds at most
 
 
@@ -124,7 +127,11 @@ def _latitude(options: Mapping[str, str], stretches: Sequence[_Stretch]) -> floa
         return float(np.radians(latitude))
     each = [x for s in stretches if (x := _latitude_of_direction(_direction(s))) is not None]
     if not each or np.ptp(each) > MAX_LATITUDE_SPREAD:
-        raise InputError("a PHD2 log does not say where the mount stood; give it as --set latitude=51.0 (deg)")
+        raise InputError(
+            "a PHD2 log does not say where the mount stood, and this one has no direction in both declination and "
+            "hour angle and altitude and azimuth that shows it; state it as `gimbalcal import phd2 LOG --set "
+            "latitude=51.0` or `gimbalcal new LOG --latitude 51.0` (deg)"
+        )
     return float(np.mean(each))
 
 
@@ -134,10 +141,9 @@ def _direction(one: _Stretch) -> str:
 
 
 def _latitude_of_direction(pointed: str) -> float | None:
-    r"""Return the latitude [rad] of a site that sees one direction both ways; None if the line lacks one.
+    """Return the latitude [rad] of a site that sees the one direction of a header line both ways.
 
-    .. math:: \cos E \cos A = \sin\delta \cos L - \cos\delta \cos h \sin L, \quad
-              \sin E = \sin\delta \sin L + \cos\delta \cos h \cos L
+    None if the line lacks one, if they disagree, or if azimuths counted from south would agree as well.
     """
     degrees = []
     for name, unit in (("Dec", 1.0), ("Hour angle", 15.0), ("Alt", 1.0), ("Az", 1.0)):
@@ -145,9 +151,26 @@ def _latitude_of_direction(pointed: str) -> float | None:
             return None
         degrees.append(unit * float(number[1]))
     dec, hour, up, around = np.radians(degrees)
-    north, high = np.cos(up) * np.cos(around), np.sin(up)
-    pole, equator = np.sin(dec), np.cos(dec) * np.cos(hour)
-    return float(np.arctan2(pole * high - equator * north, pole * north + equator * high))
+    latitude = _latitude_between(dec, hour, up, around)
+    return latitude if _latitude_between(dec, hour, up, around + np.pi) is None else None
+
+
+def _latitude_between(dec: float, hour: float, up: float, around: float) -> float | None:
+    r"""Return the latitude [rad] from a direction in declination, hour angle, elevation and azimuth [rad].
+
+    .. math:: \cos E \cos A = \sin\delta \cos L - \cos\delta \cos h \sin L, \quad
+              \sin E = \sin\delta \sin L + \cos\delta \cos h \cos L, \quad
+              \cos E \sin A = -\cos\delta \sin h
+
+    None where its eastward parts or its parts in the meridian differ, the latter is short, or the site is at a pole or
+    beyond it.
+    """
+    north, east, high = np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)
+    pole, equator, west = np.sin(dec), np.cos(dec) * np.cos(hour), np.cos(dec) * np.sin(hour)
+    latitude = float(np.arctan2(pole * high - equator * north, pole * north + equator * high))
+    in_meridian = np.hypot(pole, equator), np.hypot(north, high)
+    agree = max(abs(east + west), abs(in_meridian[0] - in_meridian[1])) <= MAX_DIRECTION_ERROR
+    return latitude if agree and min(in_meridian) > MIN_MERIDIAN_PART and abs(latitude) < MAX_LATITUDE else None
 
 
 def _hour_angle(path: Path, pointed: str, latitude: float) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import EARTH_RATE
+from gimbalcal.errors import InputError
 from gimbalcal.importers import import_files
 from gimbalcal.importers.pointing_files import SIDEREAL_SECOND_S, sexagesimal
 from gimbalcal.importers.tpoint import _joined, equatorial
@@ -252,6 +253,29 @@ def test_phd2_latitude_is_that_of_the_directions_in_the_log(tmp_path: Path) -> N
         assert run.site.latitude is not None
         assert np.degrees(run.site.latitude) == pytest.approx(latitude, abs=0.15)
         assert "latitude of" in run.remarks[0]
+
+
+@pytest.mark.parametrize(
+    "direction",
+    [
+        "Dec = 80.0 deg, Hour angle = 0.00 hr, Alt = 60.0 deg, Az = 180.0 deg",  # beyond the pole
+        "Dec = 0.0 deg, Hour angle = 0.00 hr, Alt = 0.0 deg, Az = 0.0 deg",  # a mount that knows none
+        "Dec = 0.0 deg, Hour angle = 5.95 hr, Alt = 0.5 deg, Az = 269.4 deg",  # off the meridian by nearly 90 deg
+        "Dec = 60.0 deg, Hour angle = -2.00 hr, Alt = 71.0 deg, Az = 62.0 deg",  # off by an angle in azimuth only
+        "Dec = 20.0 deg, Hour angle = -3.00 hr, Alt = 43.2 deg, Az = 294.4 deg",  # azimuth from south, at 51 deg
+        "Dec = 20.0 deg, Hour angle = 0.00 hr, Alt = 59.0 deg, Az = 180.0 deg",  # at 51 deg, or at -11 from south
+    ],
+)
+def test_phd2_directions_that_show_no_latitude_are_not_taken_for_one(tmp_path: Path, direction: str) -> None:
+    log = guided(tmp_path / "log.txt", np.zeros(30), np.ones(30))
+    log.write_text("".join(
+        f"RA = 5.5 hr, {direction}\n" if line.startswith("RA = ") else line
+        for line in log.read_text().splitlines(keepends=True)
+    ))  # fmt: skip
+    with pytest.raises(InputError, match=r"say where the mount stood.*new LOG --latitude"):
+        import_files("phd2", [log])
+    run = import_files("phd2", [log], {"latitude": "51"})
+    assert run.site.latitude == pytest.approx(np.radians(51.0))
 
 
 def test_phd2_faults(tmp_path: Path) -> None:
