@@ -12,7 +12,7 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
-from gimbalcal.guess.column_names import NOT_A_TRIAD, plain, unit_written
+from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, is_counter, plain, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.number import Array
 from gimbalcal.quantities import check
@@ -241,7 +241,8 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
     """Return columns (n,) of which those of two's complement have their signs again, and their names.
 
     A count of 16 bits that is logged without sign jumps by more than half its range where it passes zero, and does not
-    once the upper half of the range is negative. One such column shows what the others are that reach the upper half.
+    once the upper half of the range is negative. The others of its triad, which are called alike, are such counts, too;
+    none is if the signs bring one of them more jumps. A column that only grows is a counter.
     """
     half, full = 2.0**15, 2.0**16
 
@@ -252,10 +253,21 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
     whole = {n: x for n, x in whole.items() if len(x) and x.min() >= 0 and half < x.max() < full}
     whole = {n: x for n, x in whole.items() if np.all(x == np.round(x))}
     signed = {n: np.where(x < half, x, x - full) for n, x in whole.items()}
-    if not any(jumps(x) and not jumps(signed[n]) for n, x in whole.items()):
-        return dict(columns), ()
-    names = tuple(n for n in whole if jumps(signed[n]) <= jumps(whole[n]))
-    return {n: np.where(x < half, x, x - full) if n in names else x for n, x in columns.items()}, names
+    gained = {n: jumps(signed[n]) - jumps(x) for n, x in whole.items()}
+    shown = {n for n, x in signed.items() if gained[n] < 0 and not jumps(x) and not _grows(n, x)}
+    names = list(columns)
+    for triad in filter(_differ_in_axis, zip(names, names[1:], names[2:], strict=False)):
+        if shown.intersection(triad):
+            of_counts = whole.keys() & set(triad)
+            shown = shown - of_counts if any(gained[n] > 0 for n in of_counts) else shown | of_counts
+    kept = {n: np.where(x < half, x, x - full) if n in shown else x for n, x in columns.items()}
+    return kept, tuple(n for n in names if n in shown)
+
+
+def _grows(name: str, x: Array) -> bool:
+    """Return whether a column (n,) is a clock or counter by its name, or by growing from row to row."""
+    guess = by_name(name)
+    return (guess is not None and guess.quantity == "time") or is_counter(name) or bool(np.all(np.diff(x) > 0))
 
 
 def _are_counts(triad: Sequence[Array]) -> bool:

@@ -362,3 +362,26 @@ def test_counts_of_two_s_complement_get_their_signs_back(tmp_path: Path) -> None
     np.testing.assert_allclose(scale * r.triad("specific_force"), f, atol=0.01)
     np.testing.assert_array_equal(signed_counts({"a": body[1], "b": np.arange(5.0)})[0]["a"], counts[0])
     assert signed_counts({"t": np.arange(0.0, 2e5, 7) % 2**16})[1] == ()
+
+
+def test_one_column_of_two_s_complement_shows_nothing_about_unrelated_ones() -> None:
+    """An encoder passes zero; accelerometers in offset binary, a temperature and clocks have no signs."""
+    k = np.arange(4000.0)
+    encoder = np.round(3000 * np.sin(k / 300)) % 2**16
+    offset = {f"acc_{a}": np.round(2**15 + 9000 * np.sin(k / 200 + p)) for a, p in zip("xyz", (0, 2, 4), strict=True)}
+    others = {**offset, "temp_raw": 40000 + np.round(k / 100), "millis": 10 * k, "tick": (63000 + k) % 2**16}
+    columns, signed = signed_counts({"encoder": encoder, **others})
+    assert signed == ("encoder",)
+    assert all(np.array_equal(columns[n], x) for n, x in others.items())
+
+
+def test_the_triad_of_a_column_of_two_s_complement_has_signs() -> None:
+    """Gravity leaves one axis negative throughout; none has signs where they would break an axis."""
+    k = np.arange(4000.0)
+    true = {"gx": 3000 * np.sin(k / 300), "gy": 2000 * np.cos(k / 300), "gz": -5000 + 20 * np.sin(k)}
+    logged = {n: np.round(x) % 2**16 for n, x in true.items()}
+    columns, signed = signed_counts(logged)
+    assert signed == ("gx", "gy", "gz")
+    np.testing.assert_array_equal(columns["gz"], np.round(true["gz"]))
+    centred = {**logged, "gz": 2**15 + np.round(9000 * np.sin(k / 200))}
+    assert signed_counts(centred)[1] == ()
