@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, absent, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, values, with_values
 from gimbalcal.forward import jacobian, linearise, predict
 from gimbalcal.number import STEP, Array
 from gimbalcal.platform import KNOWN
@@ -93,3 +93,11 @@ def added(index: int, s: Stimulus) -> Array:
     out = np.zeros((len(s.time), 3))
     out[:, index] = s.time
     return out
+
+
+def test_stages_come_in_the_order_of_the_model_in_whichever_order_they_are_asked_for() -> None:
+    made, s = recording_of("multi-position"), stimulus_of("multi-position")
+    for stages in (list(Stage), list(Stage)[::-1], frozenset(Stage)):
+        shown = linearise(made.platform, s, (), stages=stages).sensitivity
+        assert list(shown) == sorted(shown, key=list(Stage).index)
+        assert len(shown) > 5

@@ -194,6 +194,11 @@ def diagnosis_as(
             verdict = "unexplained" if not findings else verdict
         elif findings or verdict == "adequate":
             lawful = Lawful()
+    recommend, outcome = lawful.recommend, ""
+    if verdict == "adequate" and (serial := serial_correlation(c.end, sigma)):
+        verdict, recommend = "unexplained", diagnosis_sentences.REORDER_SETTINGS
+        shapes = tuple(Shape(channel, diagnosis_sentences.SERIAL_CORRELATION) for channel in serial)
+        outcome = diagnosis_sentences.serial_correlation(v, max(serial.values()), len(sigma) ** -0.5)
     if verdict == "adequate" and not c.start.exact:
         remaining = library(c.end)
         fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
@@ -201,31 +206,29 @@ def diagnosis_as(
         fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after
     ):
         verdict = "not-identifiable"  # what was named makes rows that took no part worse
-    outcome = ""
-    if verdict == "adequate" and (serial := serial_correlation(c.end, sigma)):
-        verdict, outcome = "not-identifiable", diagnosis_sentences.serial_correlation(v, *serial)
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
-        recommend=lawful.recommend, outcome=outcome,
+        recommend=recommend, outcome=outcome,
     )  # fmt: skip
     diagnosis = diagnosis.doubted() if doubted else diagnosis
     return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
 
 
-def serial_correlation(m: Fit, sigma: Array) -> tuple[float, float] | None:
-    """Return the correlation of successive residuals in `sigma` (n, C) and one sigma of it, if settings show any.
+def serial_correlation(m: Fit, sigma: Array) -> dict[str, float]:
+    """Return the correlation of successive residuals in `sigma` (n, C) by channel, where settings show one.
 
     A sensor that is read on and on has noise with a memory, and so has the seeing of a star that is followed. Separate
     settings of an encoder have none: where one resembles the next, something depends on the angle or on time, whether
-    or not it is likelier than a noise with a memory.
+    or not it is likelier than a noise with a memory. Among white residuals a correlation has a sigma of n^(-1/2).
     """
     v = m.view
     if m.exact or not v.kind.sighting or v.noise.own_memories or len(m.residual) < MIN_SETTINGS:
-        return None
+        return {}
     r = m.residual / sigma
-    each, one = (r[1:] * r[:-1]).sum(axis=0) / (r**2).sum(axis=0), 1 / np.sqrt(len(r))
-    return (float(each.max()), float(one)) if each.max() > SERIAL_SIGMAS * one else None
+    each = (r[1:] * r[:-1]).sum(axis=0) / np.maximum((r**2).sum(axis=0), 1e-300)
+    limit = SERIAL_SIGMAS * len(r) ** -0.5
+    return {" ".join(key): float(x) for key, x in zip(v.channels, each, strict=True) if x > limit}
 
 
 def _walk_of_sensor(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:

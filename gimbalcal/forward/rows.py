@@ -162,7 +162,7 @@ def linearise(
     predicted = picked(platform, unperturbed, keys)
     stimuli: dict[Stage, Stimulus] = {}
     sensitivity: dict[Stage, Array] = {}
-    for stage in stages:
+    for stage in sorted(stages, key=list(Stage).index):  # a set has another order in every run
         if stage in ONLY_IN and not any(q == ONLY_IN[stage] for q, _ in keys):
             continue
         columns = []

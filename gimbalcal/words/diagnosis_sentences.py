@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from gimbalcal.views.core import View
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
+SERIAL_CORRELATION = "a correlation between successive settings"
+REORDER_SETTINGS = (
+    "visit the same angles again in another order: what depends on the angle comes again, a drift does not"
+)
 MAX_ALTERNATIVES = 3  # confounded causes up to which each of them may be named
 GYROSCOPES_NOT_ANALYSED = "The gyroscopes were not analysed"
 MAX_TIMES = 3  # of omitted frames that are named

@@ -12,8 +12,9 @@ from gimbalcal.design.learning import design_learning
 from gimbalcal.design.rig_positions import rig_of
 from gimbalcal.diagnose import diagnose
 from gimbalcal.earth import G0
+from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording
-from gimbalcal.schedule import EIGHTEEN_POSITIONS, Schedule
+from gimbalcal.schedule import EIGHTEEN_POSITIONS, SCHEDULES, Schedule
 from gimbalcal.schedule.file import read_schedule, schedule_toml
 from gimbalcal.simulate import simulate
 from tests.golden import refused
@@ -66,6 +67,18 @@ def test_without_temperature_none_is_asked_for() -> None:
     law = design_learning(RIG, 12, ("platform",)).law
     assert law is not None
     assert (law.toml, law.hours, "°C" in law.in_words) == ("", 2.0, False)
+
+
+@pytest.mark.parametrize("setting", [None, 5.0])
+@pytest.mark.parametrize("name", [name for name, platform in KNOWN.items() if platform.axes])
+def test_every_gimbal_is_compared_with_schedules_of_its_own_platform_alone(name: str, setting: float | None) -> None:
+    """A gimbal of another platform is another axis, even where it has the same name."""
+    rig = rig_of(name, 90.0, setting)
+    own = {s.name for s in SCHEDULES.values() if s.platform.name == name}
+    for learn in rig.platform.axis_names:
+        law = design_learning(rig, 4, (learn,)).law
+        assert law is not None
+        assert law.usual.keys() == own
 
 
 @pytest.mark.parametrize("learn", [("pressure",), ("time", "time"), ("time", "platform", "inner")])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import Diagnosis, diagnose
+from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, view_shifts
@@ -43,16 +44,32 @@ def test_settings_whose_residuals_resemble_the_next_are_not_without_a_pattern() 
     """A noise with a memory is no noise of separate settings; white ones are not correlated by five sigma."""
     m = start(pointing(telescope(1)))
     white, sigma = np.random.default_rng(1).standard_normal(m.residual.shape), np.ones(m.residual.shape)
-    assert serial_correlation(replace(m, residual=white), sigma) is None
+    assert serial_correlation(replace(m, residual=white), sigma) == {}
     alike = white.copy()
     for k in range(1, len(alike)):
         alike[k] = 0.8 * alike[k - 1] + 0.6 * white[k]
     found = serial_correlation(replace(m, residual=alike), sigma)
-    assert found is not None
-    assert 0.5 < found[0] < 0.95
-    assert found[1] == pytest.approx(N**-0.5)
-    words = diagnosis_sentences.serial_correlation(m.view, *found)
+    (correlation,) = found.values()
+    assert 0.5 < correlation < 0.95
+    one = replace(m, residual=alike * [0.0, 1.0])  # a channel without any residual hides no other
+    assert serial_correlation(one, sigma) == found == {"pointing along": correlation}
+    words = diagnosis_sentences.serial_correlation(m.view, correlation, N**-0.5)
     assert words.startswith("successive residuals of pointing are correlated by 0.")
+
+
+def test_a_correlation_of_settings_without_a_cause_is_a_misfit_that_nothing_explains() -> None:
+    """A slow error of the elevation with a memory of five settings, which neither angles nor the clock describe."""
+    r, white = telescope(7), np.random.default_rng(7).standard_normal(N)
+    slow = white.copy()
+    for k in range(1, N):
+        slow[k] = 0.8 * slow[k - 1] + 0.6 * white[k]
+    up = r.channels["gimbal_angle", "elevation"] + 5 * ARCSEC * slow
+    d = diagnose([replace(r, channels={**r.channels, ("gimbal_angle", "elevation"): up})])
+    assert (d.verdict, d.findings, d.laws) == ("unexplained", (), ())
+    assert d.unexplained == (Shape("pointing along", "a correlation between successive settings"),)
+    assert d.outcome.startswith("Successive residuals of pointing are correlated by 0.")
+    assert "another order" in d.recommend
+    assert not d.fit.unseen  # limits of detection hold where the noise is white
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -321,7 +321,8 @@ def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -
 def _visible_columns(m: Fit, columns: Array) -> int:
     """Return how many of the columns (n, C, q) of a formula the model does not hold already."""
     Q, A = basis(m.reduced(m.jacobian)), m.reduced(columns)
-    remainder = (A - Q @ (Q.T @ A)) / np.linalg.norm(A, axis=0)
+    norm = np.linalg.norm(A, axis=0)
+    remainder = (A - Q @ (Q.T @ A)) / np.where(norm > 0, norm, 1.0)
     return int(np.linalg.matrix_rank(remainder, tol=ABSORBED))
 
 

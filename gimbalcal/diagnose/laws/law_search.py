@@ -318,7 +318,7 @@ def trimmed(g: Ground, law: Law) -> Law:
     """
     e = _at_rows(law.expression, law.seen[0])
     e = e.referred() if all(_near_reference(t.variable) for t in law.expression.terms) else e
-    dof = len(g.y) - g.Q.shape[1]
+    dof = max(len(g.y) - g.Q.shape[1], 1)
     while len(groups := e.groups) > 1:
         worth = _worth(law.seen, e)
         variance = float(np.clip((g.y @ g.y - 2 * worth) / dof, LEAST_VARIANCE, 1.0))

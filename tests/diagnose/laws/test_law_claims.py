@@ -18,7 +18,7 @@ from gimbalcal import calibrate, load_effects
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws.expressions import Expression, terms
-from gimbalcal.diagnose.laws.law_claims import separating_manoeuvre
+from gimbalcal.diagnose.laws.law_claims import _visible_columns, separating_manoeuvre
 from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.diagnose.laws.law_search import Law, Place
 from gimbalcal.diagnose.library.variables import Variable, variables
@@ -346,3 +346,11 @@ def test_a_given_calibration_stays_in_the_model_with_a_law() -> None:
     effects = {p.effect for p in d.calibration.parameters}
     assert {"cubic_nonlinearity", "law_specific_force_y"} <= effects
     assert d.calibration.residual.chi2 < 1.1 * d.calibration.residual.dof
+
+
+def test_a_column_that_shows_in_no_row_is_not_visible() -> None:
+    """A threshold that no row passes adds nothing anywhere: its norm is zero."""
+    o = fit_baseline(view_at_known_attitude(plant.record(np.random.default_rng(1), None, 0.0)))
+    columns = np.zeros((*o.residual.shape, 2))
+    columns[..., 1] = np.random.default_rng(2).standard_normal(o.residual.shape)
+    assert _visible_columns(o, columns) == 1

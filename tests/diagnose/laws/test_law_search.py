@@ -13,7 +13,7 @@ from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Form, Term, terms
 from gimbalcal.diagnose.laws.law_file import _with as printed_form
 from gimbalcal.diagnose.laws.law_file import stated
-from gimbalcal.diagnose.laws.law_search import spanned
+from gimbalcal.diagnose.laws.law_search import Ground, Law, Place, screen, spanned, trimmed
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -21,6 +21,7 @@ from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.benchmarks import unknown_hand
 from tests.diagnose import plant, turned_plant
+from tests.test_effects_contract import rich
 
 pytestmark = pytest.mark.usefixtures("own_catalogue")
 
@@ -138,3 +139,13 @@ def test_a_form_is_printed_in_the_units_of_its_coefficients(form: Form) -> None:
         power = by.count(unit) * (int(by.rpartition("^")[2]) if "^" in by else 1)
         per = float(to_si(1.0, unit)) ** power
         np.testing.assert_allclose(f(in_print) * per * np.ones(41), t.columns[:, k], atol=1e-4)
+
+
+def test_a_law_is_trimmed_where_the_calibration_has_as_many_parameters_as_there_are_rows() -> None:
+    """No row is free there, so no column of the law is needed, and one is kept."""
+    n, s = 8, rich("multi-position")
+    T = Variable("temperature", "degC", np.linspace(0.0, 1.0, n), "", "logged", 0.5)
+    place = Place("specific_force", "x", (T,), s, np.arange(n), lambda X: X[:, None, :])
+    g = Ground((place,), lambda X: X.reshape(n, -1), np.eye(n), np.ones(n), lambda sets: np.zeros(len(sets)), (n, 1))
+    law = Law((place,), Expression((Term(T, FORMS["to x^3"], (), 1),)), 0.0, (screen(g, place),))
+    assert len(trimmed(g, law).expression.groups) == 1
