@@ -30,7 +30,7 @@ VIEW.of_one_scale = lambda: ALIKE.view
 
 def cause(name: str, rival: str = "") -> Any:
     return SimpleNamespace(key=(name, "", "", ""), effect=name, rival=rival, in_words=name, tried=1, source="",
-                           parameters=(), variants=(Variant((), (0,)),))  # fmt: skip
+                           parameters=(), variants=(Variant((), (0,)),), absent=lambda *_: None)  # fmt: skip
 
 
 A, B, C, D = ((cause(name), Variant((), (0,))) for name in "abcd")
@@ -146,7 +146,6 @@ def test_constants_that_were_dragged_far_are_looked_about_again(
     monkeypatch: pytest.MonkeyPatch, left: float, anew: bool, scales: tuple[float, ...]
 ) -> None:
     """A misfit of nine is more than four times one, and less than that of 2.6, whatever scales it made of channels."""
-    monkeypatch.setattr(relinearise, "absent_effect", lambda *_, **__: None)
     monkeypatch.setattr(relinearise, "stepwise", lambda v, _: f"the search of {v}")
     alike = SimpleNamespace(noise=NoiseModel())
     v: Any = SimpleNamespace(relinearise=lambda *_: "another view", stimulus=None, noise=NoiseModel(scales=scales),
