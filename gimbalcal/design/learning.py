@@ -56,7 +56,7 @@ def design_learning(
     """Return `count` positions in order, and the temperatures, by which a law in one or two variables is distinguished.
 
     learn: of time, temperature, force_x, force_y, force_z and the gimbals of the rig; two are the factors of a product.
-    Raises InputError for other variables.
+    Raises InputError for other variables, and for a gimbal that no position turns.
     """
     known = (TIME, TEMPERATURE, "force_x", "force_y", "force_z", *rig.platform.axis_names)
     for name in learn:
@@ -66,6 +66,12 @@ def design_learning(
         raise InputError("--learn takes one variable, or two different ones whose product a law may follow")
     wanted = design_parameters(rig, terms or default_terms(rig))
     settings = rig.candidates()
+    still = {name for name, x in zip(rig.platform.axis_names, settings.T, strict=True) if np.ptp(x) == 0}
+    if idle := still & set(learn):
+        raise InputError(
+            f"--learn {min(idle)}: positions do not turn this gimbal, as about the vertical it changes no force; name "
+            "another variable"
+        )
     plans = {}
     warm = TEMPERATURE in learn
     for cycles in CYCLES if warm else (0,):
