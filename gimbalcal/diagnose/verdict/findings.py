@@ -21,6 +21,7 @@ from gimbalcal.diagnose.verdict.separation import advice_in_words, advise
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, row_sigma
 from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
+from gimbalcal.errors import InputError
 from gimbalcal.inference.algebra import basis
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
@@ -41,6 +42,7 @@ def confirmed(c: SearchResult, tell: Tell) -> tuple[SearchResult, list[Judgement
     vanish with the last name for it.
     """
     refused: set[Key] = set()
+    kept: list[SelectedCause] | None = None
     if c.start.exact:
         return c, []
     if not c.steps and not c.shapes:
@@ -52,7 +54,13 @@ def confirmed(c: SearchResult, tell: Tell) -> tuple[SearchResult, list[Judgement
             c = _replaced(c, [cause for cause in c.causes if cause not in series], refused, tell)
             continue
         tell("comparing each cause with what else could stand in its place")
-        verdicts = judged_in_turn(c)
+        try:
+            verdicts = judged_in_turn(c)
+        except InputError:  # without one of them the model of the others has no inverse: what was kept has no successor
+            if kept is None:
+                raise
+            c, kept = result_of(c.start, kept, refused=True), None
+            continue
         kind = c.start.view.kind  # of causes that are equally poor, what every rig has goes last
         least = min(verdicts, key=lambda j: (j.probability, is_usual(j.cause, kind)), default=None)
         if least is not None and least.probability < LIKELY:
@@ -63,7 +71,8 @@ def confirmed(c: SearchResult, tell: Tell) -> tuple[SearchResult, list[Judgement
             return c, verdicts
         tell(f"{refusal.in_words} is not named: {why}")
         refused.add(refusal.key)
-        c = _replaced(c, [cause for cause in c.causes if cause[0] is not refusal], refused, tell)
+        kept = [cause for cause in c.causes if cause[0] is not refusal]
+        c = _replaced(c, kept, refused, tell)
 
 
 def worsening_cause(c: SearchResult, verdicts: Sequence[Judgement]) -> Candidate | None:
