@@ -11,6 +11,14 @@ G = 9.80146  # m/s^2
 LATITUDE = np.deg2rad(40.0)
 
 
+def remembering(fresh: np.ndarray, memory: float) -> np.ndarray:
+    """Rows (n,) of unit variance that remember the row before, made of independent ones."""
+    out = np.array(fresh)
+    for k in range(1, len(out)):
+        out[k] = memory * out[k - 1] + np.sqrt(1 - memory**2) * fresh[k]
+    return out
+
+
 def _still(n: int, readout: np.ndarray, force: np.ndarray, time: np.ndarray, **more: object) -> Stimulus:
     return Stimulus(
         time=time,

@@ -181,7 +181,7 @@ class LawPlan:
 
     @property
     def in_words(self) -> str:
-        """What the plan shows, and how to run it, in one sentence."""
+        """Return what the plan shows, and how to run it, in one sentence."""
         names = " and ".join(v.replace("_", " ") for v in self.variables)
         rising = ", as long and while the temperature rises" if self.period else ""
         usual = ", ".join(f"{100 * s:.0f} % in {name}" for name, s in self.usual.items())

@@ -297,7 +297,7 @@ def of_rotating_rig(request: DiagnosisRequest) -> Parts:
     """Diagnose a rig that turns: rests and the turns between them, or gyroscopes on a table under constant gravity."""
     recording = request.recording
     positions = request.of(replace(recording, kind=MULTI_POSITION))
-    rests = recording.position is not None and bool(np.any(recording.position > 0))
+    rests = has_numbered_rests(recording)
     if gravity_turns(recording) or (rests and by_triad(request.baseline)[0]):
         return of_gimballed_unit(positions, means=not recording.instant)
     try:
@@ -312,9 +312,14 @@ def of_rotating_rig(request: DiagnosisRequest) -> Parts:
     return _on_table(request, table)
 
 
+def has_numbered_rests(recording: Recording) -> bool:
+    """Return whether any row is numbered as part of a rest."""
+    return recording.position is not None and bool(np.any(recording.position > 0))
+
+
 def gravity_turns(recording: Recording) -> bool:
     """Return whether gravity has several directions in the unit from rest to rest."""
-    if recording.position is None or not np.any(recording.position > 0):
+    if not has_numbered_rests(recording):
         return False
     means = dwell_means(recording)
     return attitudes(ideal_force(means, means.angles())) > 1

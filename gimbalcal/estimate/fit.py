@@ -91,14 +91,14 @@ class ViewsFit:
 
     @cached_property
     def _covariance(self) -> Array:
-        """The same of the nuisances too, without what is fixed."""
+        """Covariance (p + m, p + m) of effects' parameters and nuisances, SI, without what is fixed."""
         P = self.solution.covariance
         return P if any(v.local is not None for v in self.views) else P + self.added_by_memory(*self.whitened, P)
 
     def added_by_memory(self, J: Array, r: Array, G: Array) -> Array:
-        """Return what memory of the rows adds to a covariance G (p, p) by columns J (q, p) of them and misfits r (q,).
+        """Return what is added to a covariance G (p, p) by the memory of rows with Jacobian J (q, p) and misfit r (q,).
 
-        The noise of a channel remembers where more of it is estimated than known.
+        Both are in units of noise. Only a channel of which more noise is estimated than known is asked for a memory.
         """
         out, start = np.zeros(G.shape), 0
         for v, excess in zip(self.views, self.excesses, strict=True):

@@ -18,6 +18,7 @@ import numpy as np
 from gimbalcal.calibration.provenance import SplitRecord
 from gimbalcal.effects import Parameter
 from gimbalcal.estimate.fit import ViewsFit, independent
+from gimbalcal.inference.information import chi2_about_mean
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -45,9 +46,8 @@ class Thirds:
     def p_value(self, nuisances: bool = False) -> float:
         """Return the probability that the thirds have the same parameters of effects, or the same nuisances."""
         at = [i for i, p in enumerate(self.parameters) if bool(p.effect) != nuisances]
-        C = np.linalg.inv(self.covariance[:, at][:, :, at])
-        off = self.x[:, at] - np.linalg.solve(C.sum(axis=0), np.einsum("kij,kj->i", C, self.x[:, at]))
-        return probability(float(np.einsum("ki,kij,kj->", off, C, off)), (PARTS - 1) * len(at), self.dof)
+        chi2 = chi2_about_mean(self.x[:, at], self.covariance[:, at][:, :, at])
+        return probability(chi2, (PARTS - 1) * len(at), self.dof)
 
     @property
     def entry(self) -> SplitRecord:

@@ -246,13 +246,16 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
     """
     half, full = 2.0**15, 2.0**16
 
+    def with_signs(x: Array) -> Array:
+        return np.where(x < half, x, x - full)
+
     def jumps(x: Array) -> int:
         return int(np.count_nonzero(np.abs(np.diff(x)) > half))
 
     whole = {n: x[np.isfinite(x)] for n, x in columns.items()}
     whole = {n: x for n, x in whole.items() if len(x) and x.min() >= 0 and half < x.max() < full}
     whole = {n: x for n, x in whole.items() if np.all(x == np.round(x))}
-    signed = {n: np.where(x < half, x, x - full) for n, x in whole.items()}
+    signed = {n: with_signs(x) for n, x in whole.items()}
     gained = {n: jumps(signed[n]) - jumps(x) for n, x in whole.items()}
     shown = {n for n, x in signed.items() if gained[n] < 0 and not jumps(x) and not _grows(n, x)}
     names = list(columns)
@@ -260,7 +263,7 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
         if shown.intersection(triad):
             of_counts = whole.keys() & set(triad)
             shown = shown - of_counts if any(gained[n] > 0 for n in of_counts) else shown | of_counts
-    kept = {n: np.where(x < half, x, x - full) if n in shown else x for n, x in columns.items()}
+    kept = {n: with_signs(x) if n in shown else x for n, x in columns.items()}
     return kept, tuple(n for n in names if n in shown)
 
 

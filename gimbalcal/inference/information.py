@@ -134,6 +134,17 @@ def solve(info: Information, min_signal: float = MIN_SIGNAL_TO_NOISE) -> Solutio
     )  # fmt: skip
 
 
+def chi2_about_mean(x: Array, covariance: Array) -> float:
+    """Return the sum of squares of k estimates x (k, p), of covariance (k, p, p), about their weighted mean.
+
+    Of independent estimates of the same p values it is a chi^2 of (k - 1) p degrees of freedom.
+    """
+    scale = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).mean(axis=0))
+    y, W = x / scale, np.linalg.inv(covariance / np.outer(scale, scale))
+    off = y - np.linalg.solve(W.sum(axis=0), np.einsum("kij,kj->i", W, y))
+    return float(np.einsum("ki,kij,kj->", off, W, off))
+
+
 def keeps_prior(parameters: Sequence[Parameter], x: Array, sigma: Array) -> Array:
     """Return for each parameter whether its estimate (p,) and sigma (p,) in SI are those of its prior."""
     mean, scale = prior(parameters)

@@ -28,6 +28,7 @@ from tests.benchmarks.collecting import say
 from tests.benchmarks.unknown_mount import ARCSEC
 from tests.benchmarks.unknown_runs import TERMS, mount
 from tests.estimate.gyroscopes import test_rate_table as table_plant
+from tests.stimuli import remembering
 
 QUIET = 1e-3  # of the noise, of the recording that shows the truth
 NONLINEARITY = ((3e-3, 1e-3), (9e-5, 3e-5))  # usual K2 [1/g] and K3 [1/g^2] of a consumer and of a tactical unit
@@ -63,10 +64,7 @@ def guide_log(seed: int, noise: float) -> Made:
     channels = {("gimbal_angle", a): x for a, x in true.items()}
     for axis, x in true.items():
         memory, size, drift = rng.uniform(0.5, 0.95), rng.uniform(0.4, 3.0), rng.uniform(-30, 30, 2)
-        fresh, slow = rng.standard_normal(n), np.zeros(n)
-        slow[0] = fresh[0]
-        for k in range(1, n):
-            slow[k] = memory * slow[k - 1] + np.sqrt(1 - memory**2) * fresh[k]
+        slow = remembering(rng.standard_normal(n), memory)
         y = noise * (size * slow + 0.5 * rng.standard_normal(n)) + drift[0] + drift[1] * t / t[-1]
         channels["true_angle", axis] = x + ARCSEC * y
     site = Site(unknown_mount.LATITUDE, 0.0, unknown_hand.G)

@@ -7,16 +7,14 @@ import pytest
 
 from gimbalcal.estimate.noise_memory import added_by_memory
 from gimbalcal.number import Array
+from tests.stimuli import remembering
 
 N = 200
 
 
 def noise(rng: np.random.Generator, memory: float, share: float) -> Array:
     """Rows (N,) of unit variance, of which a share remembers the row before."""
-    slow, fresh = np.zeros(N), rng.standard_normal(N)
-    slow[0] = fresh[0]
-    for k in range(1, N):
-        slow[k] = memory * slow[k - 1] + np.sqrt(1 - memory**2) * fresh[k]
+    slow = remembering(rng.standard_normal(N), memory)
     return np.asarray(np.sqrt(share) * slow + np.sqrt(1 - share) * rng.standard_normal(N))
 
 

@@ -56,7 +56,7 @@ def confirmed(c: SearchResult, tell: Tell) -> tuple[SearchResult, list[Judgement
         tell("comparing each cause with what else could stand in its place")
         try:
             verdicts = judged_in_turn(c)
-        except InputError:  # without one of them the model of the others has no inverse: what was kept has no successor
+        except InputError:  # without one of its causes the model has no inverse: keep what stood before this search
             if kept is None:
                 raise
             c, kept = result_of(c.start, kept, refused=True), None

@@ -28,6 +28,7 @@ from gimbalcal.estimate.pointing.fit import (
 from gimbalcal.estimate.pointing.pattern import far_off, pattern
 from gimbalcal.estimate.pointing.term_tests import term_tests
 from gimbalcal.estimate.sharing import agreement
+from gimbalcal.inference.information import chi2_about_mean
 from gimbalcal.inference.p_value import probability
 from gimbalcal.method_table import Request
 from gimbalcal.number import Array
@@ -206,7 +207,8 @@ def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
     if stated is None and all(v.noise.own_memories for v in runs):
         alone = tuple(fit_terms([v], wanted, absent=joint.absent) for v in runs)
         if not any(f.unobservable for f in alone):
-            p = _probability_of_one_mean(alone)
+            x, covariance = (np.array([getattr(f, name) for f in alone]) for name in ("x", "covariance"))
+            p = probability(chi2_about_mean(x, covariance), x[1:].size)
             return Nights(alone, p, _moved(alone) if p < SIGNIFICANCE else ())
     alone = tuple(fit_terms([v], wanted, sigma, joint.absent) for v in runs)
     shared = fit_terms(runs, wanted, sigma, joint.absent).solution
@@ -217,14 +219,6 @@ def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
         own = max(sigma * float(np.sqrt(variance)), MIN_SIGMA_RAD)
         alone = tuple(fit_terms([v], wanted, own, joint.absent) for v in runs)
     return Nights(alone, p, _moved(alone) if p < SIGNIFICANCE else ())
-
-
-def _probability_of_one_mean(alone: Sequence[ViewsFit]) -> float:
-    """Return the probability that estimates with these covariances are as far from their weighted mean by chance."""
-    scale = np.sqrt(np.mean([np.diag(f.covariance) for f in alone], axis=0))
-    x, W = np.array([f.x / scale for f in alone]), np.linalg.inv([f.covariance / np.outer(scale, scale) for f in alone])
-    off = x - np.linalg.solve(W.sum(axis=0), np.einsum("kij,kj->i", W, x))
-    return probability(float(np.einsum("ki,kij,kj->", off, W, off)), x[1:].size)
 
 
 def change(first: ViewsFit, other: ViewsFit) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from gimbalcal.diagnose.search.stepwise import result_of
 from gimbalcal.diagnose.verdict import findings
 from gimbalcal.diagnose.verdict.findings import cancelling, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
+from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
 from gimbalcal.recording import Recording
@@ -84,6 +85,25 @@ def test_a_cause_that_makes_held_out_rows_worse_is_not_named(monkeypatch: pytest
     monkeypatch.setattr(findings, "judged_without", lambda m, c: Judgement(c, 0.9, (), 9.0))
     kept, verdicts = findings.confirmed(both, silent)
     assert {c.key for c, _ in kept.causes} == {j.cause.key for j in verdicts} == {tilt.key}
+
+
+def test_a_search_that_ends_without_inverse_gives_way_to_what_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a unit turned by hand a dead zone took the place of a refused creep, and the diagnosis ended in a refusal."""
+    v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
+    first = start(v)
+    tilt, like = (next(c for c in causes_of(v, first) if c.label == LABELS[k]) for k in (0, 2))
+
+    def judged(_: object, c: Candidate) -> Judgement:
+        if c.key == tilt.key:
+            raise InputError("different forces read the same")
+        return Judgement(c, 0.001, (), 9.0)
+
+    monkeypatch.setattr(findings, "judged_without", judged)
+    kept, verdicts = findings.confirmed(result_of(first, [(like, like.variants[0])]), silent)
+    assert (kept.steps, verdicts) == ((), [])
+    assert kept.shapes
+    with pytest.raises(InputError, match="different forces"):
+        findings.confirmed(result_of(first, [(tilt, tilt.variants[0])]), silent)
 
 
 def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,18 +17,17 @@ from gimbalcal.recording import Recording, Site
 from gimbalcal.views.core import absent_effect
 from gimbalcal.views.pointing import pointing
 from tests.estimate.pointing.mounts import ARCSEC
+from tests.stimuli import remembering
 
 LATITUDE, TEETH, SIZE, RUNS = 0.9, 180, 2.0, 12
 MOUNT = equatorial(LATITUDE)
 
 
 def guided(seed: int, memory: float, worm: float = SIZE) -> Recording:
-    """45 min of frames of 3 s: a worm of 2 arcsec, 0.3 arcsec of white noise and 1 arcsec with a memory."""
+    """45 min of frames of 3 s: a worm of so many arcsec, 0.3 arcsec of white noise and 1 arcsec with a memory."""
     rng, n = np.random.default_rng(seed), 900
     t = 3.0 * np.arange(n)
-    hour, slow = 7.292115e-5 * t - 0.5, rng.standard_normal(n)
-    for k in range(1, n):
-        slow[k] = memory * slow[k - 1] + np.sqrt(1 - memory**2) * slow[k]
+    hour, slow = 7.292115e-5 * t - 0.5, remembering(rng.standard_normal(n), memory)
     west = worm * np.sin(TEETH * hour) + slow + 0.3 * rng.standard_normal(n)
     channels = {("gimbal_angle", "hour_angle"): hour, ("gimbal_angle", "declination"): np.full(n, 0.4),
                 ("true_angle", "hour_angle"): hour + west * ARCSEC,
