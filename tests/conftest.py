@@ -1,7 +1,5 @@
 """What tests of every folder share."""
 
-from __future__ import annotations
-
 import gc
 import sys
 from collections.abc import Callable, Generator, Iterator

@@ -9,8 +9,6 @@ Wrong is exit status 3, a traceback, a panic of an engine, a process that dies o
 that is not one sentence, or one that leaves something written. Exit status 1 where anything was wrong.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

@@ -11,8 +11,6 @@
 Exit status 1 where a mutant survives, or a mistake of that list has no place in the code any more.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import subprocess

@@ -9,8 +9,6 @@ the Python session of README.md what is printed there. Then the packages of the 
 the unpacked sdist. --oldest does the same with the oldest direct dependencies that pyproject.toml allows.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

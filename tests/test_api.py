@@ -1,7 +1,5 @@
 """`import gimbalcal` and what it offers: the commands as functions, and results that show themselves."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import inspect

@@ -1,7 +1,5 @@
 """Files and folders appear whole or not at all, and nothing is left behind."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

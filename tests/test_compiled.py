@@ -1,7 +1,5 @@
 """A loop that Python does itself at first: plain numbers, as many rows as it is given, and then the machine."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gimbalcal.compiled import Compiled

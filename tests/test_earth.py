@@ -1,7 +1,5 @@
 """Normal gravity against published values of the WGS-84 ellipsoid."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

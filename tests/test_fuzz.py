@@ -1,7 +1,5 @@
 """A few inputs of the fuzzer, in this process: 0, 1, or one sentence and 2. For more: `python -m tests.fuzz`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

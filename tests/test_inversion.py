@@ -1,7 +1,5 @@
 """A sensor law inverted: exact, quick, and honest where nothing can be told back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

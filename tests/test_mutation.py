@@ -1,7 +1,5 @@
 """A mistake that somebody wrote down is made in the place it names, in one process, and taken back."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.history.test_parameter_history import of

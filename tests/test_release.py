@@ -1,7 +1,5 @@
 """What a release states of itself: one version everywhere, licences of all files, and names that do not change."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import tomllib

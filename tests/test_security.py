@@ -1,7 +1,5 @@
 """Files made to harm: links to other files, bombs, names that are code. Each is one sentence."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shutil

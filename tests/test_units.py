@@ -1,7 +1,5 @@
 """Units: each factor against an independent value, and each refusal by its text."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

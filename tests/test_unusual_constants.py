@@ -1,7 +1,5 @@
 """Constants that no unit has are a question, with the slip that explains them; the sigma of gravity is carried."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """The real accelerometer recording that several tests use; see authorities/xsens_acc.txt."""
 
-from __future__ import annotations
-
 import io
 import lzma
 from pathlib import Path

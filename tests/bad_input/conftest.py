@@ -1,7 +1,5 @@
 """The command line in this process, and what it makes of the untouched recording."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

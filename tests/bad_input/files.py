@@ -1,7 +1,5 @@
 """Faults of the files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import polars as pl

@@ -1,7 +1,5 @@
 """Faults of the rows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ways to spoil a copy of a recording that ships with the project."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable

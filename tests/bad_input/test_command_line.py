@@ -1,7 +1,5 @@
 """Slips on the command line, results that cannot be written, and an interruption."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -4,8 +4,6 @@ Every case is a copy of a recording that ships with the project, with one thing 
 (file, line or row, column) and what to do instead.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

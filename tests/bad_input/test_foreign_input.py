@@ -1,7 +1,5 @@
 """Paths, stores, headers and results that come from elsewhere: one sentence and exit status 2, and nothing written."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Inputs that look odd and are not wrong, and positions that are wrong and are named."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from datetime import datetime, timedelta, timezone

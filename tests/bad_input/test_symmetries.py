@@ -1,7 +1,5 @@
 """What a calibration must not depend on: order of rows, origin of time, the way over the disk."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -9,8 +9,6 @@ named cause, a formula, or a shape without a cause; larger noise that is reporte
 diagnosed one recording after the other until it has taken so many seconds of processor time.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from dataclasses import replace

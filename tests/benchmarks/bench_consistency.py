@@ -8,8 +8,6 @@ scatters it by the number that stands behind it. Each method runs for so many se
 calibration does not determine is not compared; how often it says that something is wrong is counted.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import defaultdict
 from collections.abc import Callable, Sequence

@@ -8,8 +8,6 @@ the joint fit passes over into the fit of the norm as the angles get worse. `pyt
 asserts the same on fewer runs. RMS over bound scatters by 1 / sqrt(2 RUNS): 5 % at 200, 1.6 % at 2000.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from time import perf_counter

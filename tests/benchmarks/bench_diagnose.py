@@ -8,8 +8,6 @@ Every result is appended to out/bench_diagnose-<digest of the sources>.jsonl as 
 goes on where it was, and results of other sources are never mixed in. About an hour on two cores, 5 min with --quick.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -7,8 +7,6 @@ which gives out the work and keeps the results, cannot be shared and bounds how 
 drawn with a tenth of the catalogue's sigmas; the gain is the ratio of the sigmas without the fleet and with it.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import subprocess

@@ -11,8 +11,6 @@ Interpreter and BLAS do not gain alike on another processor (NumPy's products ch
 kernels of OpenBLAS), so ratios are compared on the same kind of machine; on another the status is 3.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import platform

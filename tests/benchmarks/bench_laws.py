@@ -13,8 +13,6 @@ three tenths); table (no closed form, predicted to three tenths); poor (a law th
 no law); unsure cause (named below p = 0.5); wrong cause (at p >= 0.5); adequate.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass

@@ -8,8 +8,6 @@ more than 5 sigma of either, although the data can show the mistake. `mistakes.p
 expected; it was written before the first run.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -6,8 +6,6 @@ prints RMS beside the paper's, the ratio to the Cramer-Rao bound, run times and 
 minimum, with and without the paper's initial values; `pytest tests/benchmarks/bench_multiposition.py` asserts them.
 """
 
-from __future__ import annotations
-
 import csv
 import sys
 from functools import cache

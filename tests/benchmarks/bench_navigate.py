@@ -10,8 +10,6 @@ and whose cases turn every 8 min with 2 urad of residue. It is calibrated in 18 
 last is the run with the whole truth taken off, which no calibration betters: what is left is noise of the run.
 """
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

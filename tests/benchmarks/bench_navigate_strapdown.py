@@ -10,8 +10,6 @@ same); method 3 all of Table 4.
 "truth": every error of the sensors taken off, so that noise and alignment remain.
 """
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from dataclasses import replace

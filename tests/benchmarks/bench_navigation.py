@@ -7,8 +7,6 @@ method 3 the full one. Printed is the position error that the difference makes, 
 Direction of the models: pulses to physics.
 """
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

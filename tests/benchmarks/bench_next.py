@@ -9,8 +9,6 @@ calibrated: its sigmas and errors are those of data, not of a plan. The second p
 two effects are separated, by the expected ln Bayes factor 3 between them.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -7,8 +7,6 @@ a fresh start with all imports, the checks of every row and the SHA-256 of the f
 500 MB, CSV below 1 GB.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -7,8 +7,6 @@ the method has them. imucal takes part where it is installed (`pip install imuca
 is given the positions that come nearest.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from time import perf_counter

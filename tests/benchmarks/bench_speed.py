@@ -8,8 +8,6 @@ deviation, Python imports what the command imports. Processor seconds are those 
 imports, checks and SHA-256; ratios compare between machines, seconds do not. All rows take half an hour.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -12,8 +12,6 @@ Minute means stand for the samples: for white noise they are sufficient, sigma /
 simulation of every sample.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

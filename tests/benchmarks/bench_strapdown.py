@@ -5,8 +5,6 @@ it took 925 ns a sample (1.08 M samples/s), and 66 ns a step was the floor of an
 best of seven, so that other programs on the machine do not count.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable

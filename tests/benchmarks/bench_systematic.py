@@ -8,8 +8,6 @@ calibration states, and their rms against the Cramer-Rao bound of the schedule (
 independent covariance program). Two processes; some 2 s a unit.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor

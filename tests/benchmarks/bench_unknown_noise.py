@@ -7,8 +7,6 @@ Every result is appended to out/bench_unknown_noise-<digest of the sources>.json
 again it goes on where it was. About 15 minutes on one core, 3 with --quick.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Many runs of a benchmark on several processes, kept as they come, so that it goes on where it was stopped."""
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """The tables of the benchmark of the diagnosis, from its rows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -10,8 +10,6 @@ Errors are computed minus true, the frame is north, east, down, the computed fra
 The vertical channel is held (by a barometer, say): height and vertical velocity have no error.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The recordings come from the plants of the other benchmarks, which share no line
 law may follow under the name that the package prints, taken from the plant and not from the package.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The laws of `bench_laws`, written from what engineers report of such rigs and not from what the package can print."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gimbalcal.number import Array

@@ -1,7 +1,5 @@
 """Single mistakes in headers and columns of recordings of every kind, each with the words of the right remedy."""
 
-from __future__ import annotations
-
 import shutil
 import tomllib
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """True motions to try a calibration on: a unit at rest, the table swing and the vehicle run of Wang et al. (2019)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, G0

@@ -7,8 +7,6 @@ with the calibration profiled out, columns of unit length, variance known, thres
 as people use it: residuals of the finished calibration, columns per prior sigma, published settings (threshold 0.1).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter, process_time

@@ -1,7 +1,5 @@
 """Error propagation: Schuler's closed forms, alignment, superposition, and motions that fit together."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

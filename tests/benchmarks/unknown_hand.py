@@ -4,8 +4,6 @@ It shares no line with the package but the noun `Recording` and the name of the 
 covariance that is written down, so that the strength of an effect is computed here too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

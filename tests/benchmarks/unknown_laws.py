@@ -1,7 +1,5 @@
 """What the plants of unknown noise conceal: laws of the catalogue written again, and laws that no catalogue holds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

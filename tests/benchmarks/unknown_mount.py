@@ -3,8 +3,6 @@
 No line is shared with the package but the noun `Recording` and how a platform is drawn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

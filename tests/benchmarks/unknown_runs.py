@@ -1,7 +1,5 @@
 """One run of the benchmark of unknown noise: a recording with something concealed, and how its answer is judged."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from time import process_time

@@ -1,7 +1,5 @@
 """A plant of its own for a unit on a table that tilts: gravity leaks in, arms and delays act, the building shakes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

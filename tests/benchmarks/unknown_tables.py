@@ -1,7 +1,5 @@
 """The tables of the benchmark without a stated noise, from its rows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """A calibration.json that was edited, cut or damaged is refused with the place of the fault."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

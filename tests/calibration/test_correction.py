@@ -1,7 +1,5 @@
 """Correct and corrupt are exact inverses, for any calibration that the catalogue can hold."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import replace
 from pathlib import Path

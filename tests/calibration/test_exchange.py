@@ -1,7 +1,5 @@
 """Calibrations in other programs' files and back, with the direction each file states."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

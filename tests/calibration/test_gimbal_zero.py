@@ -1,7 +1,5 @@
 """The zero of an encoder is one number of the hardware, in whichever sense a recording counts its readouts."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Scale factors follow the gravity that a calibration was made with; how far, and taken out again."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

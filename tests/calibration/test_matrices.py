@@ -1,7 +1,5 @@
 """T, K and b of a triad against the correction of the package and against the cost function of imu_tk."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a mount does is taken off: force, readouts and directions are then those of a perfect mount."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

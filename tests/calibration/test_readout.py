@@ -1,7 +1,5 @@
 """How a unit is read is part of its calibration: counts, gimbals of any platform, and the sense of their zeros."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """TPOINT model files: every term against the published formula, round trips, and what a file cannot say."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

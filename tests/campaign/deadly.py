@@ -1,7 +1,5 @@
 """Work that ends its process: importable by the workers of a test."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from signal import SIGKILL

@@ -1,7 +1,5 @@
 """Campaigns: the same digits from any number of workers, after a death, after a stop, and on a cluster."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

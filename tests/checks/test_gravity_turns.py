@@ -1,7 +1,5 @@
 """Turns between rests as their gyroscopes tell them: the order of steps, the level at rest, which count, how close."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Stamps of arrival: found by the readings, put right where the sampling was regular, and left where it was not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

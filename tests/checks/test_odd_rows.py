@@ -1,7 +1,5 @@
 """Rows that look odd and are not wrong: what is made of them, and what is told."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

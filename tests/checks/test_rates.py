@@ -1,7 +1,5 @@
 """Gyroscopes reversed, exchanged or in another unit are named before a fit; what can be calibrated passes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

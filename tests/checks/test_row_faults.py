@@ -1,7 +1,5 @@
 """Rows that are refused, and in which words."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

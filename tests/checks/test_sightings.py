@@ -1,7 +1,5 @@
 """Readouts and stars of a mount along other axes, of other signs, in other units: named before a term is fitted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Single rows that leap away and back are left out and told; knocks, turns, steps and noise are not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

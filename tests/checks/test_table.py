@@ -1,7 +1,5 @@
 """Wrong axes, signs, units and clocks are named; small errors and mis-set positions are not refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

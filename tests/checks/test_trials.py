@@ -1,7 +1,5 @@
 """Trials of suspected input errors: the simplest correction that suffices is named, else the simplest of the best."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """--effects FILE.py: a user's effects work as those of the catalogue do; what is wrong with them is one sentence."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from hashlib import sha256

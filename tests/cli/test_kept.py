@@ -1,7 +1,5 @@
 """Nothing computed is lost, and nothing of another question is replaced: one rule for every command that computes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

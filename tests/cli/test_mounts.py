@@ -1,7 +1,5 @@
 """A telescope from its observation file to a TPOINT model and back, on the command line."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A diagnosis on the command line ends in a calibration that the other commands take."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Nothing of a person's is written over: recordings, schedules and exported files are replaced only when told to."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Long work says that it goes on, and stops saying so when it is done."""
 
-from __future__ import annotations
-
 import threading
 import time
 

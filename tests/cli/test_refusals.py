@@ -1,7 +1,5 @@
 """A refused command says in one sentence on stderr what to write instead, exits with status 2, and writes nothing."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

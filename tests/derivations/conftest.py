@@ -1,7 +1,5 @@
 """All derivations once for the tests of this folder, and what is asked of those of every paper."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pickle

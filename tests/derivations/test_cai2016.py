@@ -1,7 +1,5 @@
 """What the derivations find in Cai et al. (2016), that nothing is missing, and that planted misprints are seen."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import sympy as sp

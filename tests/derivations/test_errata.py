@@ -1,7 +1,5 @@
 """`python -m derivations`: the table, the file, and what happens when it cannot be written."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

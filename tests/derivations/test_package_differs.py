@@ -1,7 +1,5 @@
 """A wrong sign or factor in the package must make the run fail and name the item."""
 
-from __future__ import annotations
-
 import inspect
 import json
 from importlib import import_module

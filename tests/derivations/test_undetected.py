@@ -1,7 +1,5 @@
 """Of the listed errors anywhere between a recording and a budget the derivations let at most three pass."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The judge itself: it must see a planted slip, tell an approximation from an error, and prove what it calls zero."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """What the derivations find in Wang et al. (2019), that nothing is missing, and that planted misprints are seen."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What the derivations find in Wei et al. (2022), that nothing is missing, and that planted misprints are seen."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What the derivations find in Wu et al. (2018), that nothing is missing, and that planted misprints are seen."""
 
-from __future__ import annotations
-
 import runpy
 from collections import Counter
 from dataclasses import replace

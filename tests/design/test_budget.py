@@ -1,7 +1,5 @@
 """The error budget: parts that add up, twins that cost nothing, manoeuvres that shorten bars, refusals."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A plan to learn a law: what it shows that usual positions do not, and that the law is then found."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What to record next: against brute force, against the sigmas of calibrations, and until a goal is reached."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

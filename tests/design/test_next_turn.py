@@ -1,7 +1,5 @@
 """Which turn to record next: the sigma it promises against that of a calibration with it, and goals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Optimal positions: against exhaustive search, against the published schedules, and the words for what is not seen."""
 
-from __future__ import annotations
-
 from itertools import combinations_with_replacement
 
 import numpy as np

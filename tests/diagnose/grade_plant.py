@@ -4,8 +4,6 @@ A unit lies still in one attitude after the other for a few seconds each. What i
 sheets: navigation (Honeywell QA2000), tactical (Sensonor STIM300, Northrop LN-200), consumer (InvenSense MPU-9150).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

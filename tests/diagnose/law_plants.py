@@ -4,8 +4,6 @@
 the two disagree, the benchmark shows it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Twelve effects that nobody has asked for, of every kind: what one file has to hold, and nothing elsewhere."""
 
-from __future__ import annotations
-
 from math import pi
 
 import numpy as np

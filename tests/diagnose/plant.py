@@ -3,8 +3,6 @@
 Multi-position recordings in memory: 18 positions, 2 min each at 1 Hz, temperature as a noisy sine, and any effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 The builders stand here so that a change of the rows or of the search is followed in one place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -3,8 +3,6 @@
 Channels are the forces and the three gimbals that are read; axes of the platform as in plant.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

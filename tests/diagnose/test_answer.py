@@ -1,7 +1,5 @@
 """The answer as a file: keys of interfaces.md section 4, in plain types."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Gimbal angles and gyroscopes in one recording: both triads are looked at, and one answer names what both lack."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace

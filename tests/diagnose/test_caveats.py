@@ -1,7 +1,5 @@
 """What a calibration says of a recording, an adequate diagnosis of it says too."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a cause costs if it is left out: a drift a nautical mile, an absorbed bias nothing, and silence elsewhere."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

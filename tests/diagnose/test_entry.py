@@ -1,7 +1,5 @@
 """The way in: every kind of recording reaches the views it has, with what was asked for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

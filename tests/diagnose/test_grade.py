@@ -1,7 +1,5 @@
 """Sizes follow the grade of the unit: MEMS on a table and in the hand, judged and calibrated by what MEMS do."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A new effect is one class: it is simulated, listed, and tried wherever the recording has what it needs."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Pointing runs of one mount: judged together, and held against each other."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Recordings that are short, sparse, constant or incomplete: a verdict, or one sentence that says what is lacking."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Gyroscopes on a rate table: what their readings at steady rates lack against the angles of the table."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The diagnosis of several recordings: what belongs together, whose numbers are told, and each alone in words."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Both triads are one model: what an accelerometer does is not told as a fault of the gyroscopes, by a plant apart."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Diagnosis without a stated noise on made recordings: telescopes by spherical trigonometry, units turned by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

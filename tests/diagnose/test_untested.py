@@ -1,7 +1,5 @@
 """Positions in no more attitudes than the model has constants test nothing, and nothing says that they do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

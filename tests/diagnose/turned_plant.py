@@ -4,8 +4,6 @@ Attitudes are exact rotations by scipy, rates their differences over 0.1 ms, and
 ago: `late` [s] of force, rate and readout. No line of the package is in it but the recording that is made.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 

@@ -4,8 +4,6 @@ The subset of LaTeX that the cards use: + - / ^, products by juxtaposition, \tim
 functions, |x|, sums over an index, integrals over time, Iverson's bracket [t \geq t_0], vectors (a, b, c), matrices.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 

@@ -1,7 +1,5 @@
 """A small recording of each kind, with everything logged that an effect may ask for, and effects sized for them."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from typing import Any
 

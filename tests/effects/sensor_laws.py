@@ -3,8 +3,6 @@
 Nothing of `gimbalcal.effects` is called: `s` is the stimulus and `p` carries the parameter values (SI) by field name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

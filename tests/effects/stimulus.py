@@ -4,8 +4,6 @@ Nothing in it fits together (the load is not that of the angles): a law is a fun
 here with no two of its inputs related.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any

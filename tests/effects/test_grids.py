@@ -1,7 +1,5 @@
 """Starting values of non-linear constants: what the effect declares, as far as the recording tells it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

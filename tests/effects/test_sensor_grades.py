@@ -1,7 +1,5 @@
 """Grades: what the table says is what the factors make of the catalogue, and no quantity is forgotten."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Static runs made by the forward model, for tests of the system level."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Nonlinear constants as parameters: estimates scatter about the truth by the sigmas that are reported with them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

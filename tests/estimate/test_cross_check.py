@@ -1,7 +1,5 @@
 """Two triads in one recording: read apart, written together, calibrated each, held against each other."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Effects added to a fit by name: fitted with their constants, by every method, or refused in one sentence."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

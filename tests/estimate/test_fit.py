@@ -1,7 +1,5 @@
 """One fit of views of different units: each kind has a scale of its noise, and priors and stated rows count as such."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fusion: one stage supplies what the other cannot see, nothing is seen that neither sees, contradiction is told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The grade of a unit from the scatter of its readings at rest, however they were sampled, filtered or counted."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

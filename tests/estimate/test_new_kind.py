@@ -1,7 +1,5 @@
 """A new kind of measurement is one view and one kind: an inclinometer beside the accelerometers of a unit."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Covariances of fits whose rows remember each other: errors are as large as stated; independent rows keep theirs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

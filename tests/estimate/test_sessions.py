@@ -1,7 +1,5 @@
 """Sessions of one unit: one recording of all, one calibration, and whether each of them agrees with the others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

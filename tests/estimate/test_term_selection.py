@@ -1,7 +1,5 @@
 """What a further term must reach: paid for by what was tried, so that terms which are not there stay out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A whole unit from the command line's own scenarios: revolutions, poses, and the frame that both triads share."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

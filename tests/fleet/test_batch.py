@@ -1,7 +1,5 @@
 """Batches: the same digits from any number of workers, after a stop and on a cluster; failures stop nothing."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

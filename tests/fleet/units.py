@@ -1,7 +1,5 @@
 """Simulated units of one fleet as recording folders: sizes drawn about a mean that the units share."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
 from datetime import date, timedelta

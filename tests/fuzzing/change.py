@@ -1,7 +1,5 @@
 """Ways to spoil a file: bytes, lines, cells, words of TOML and JSON, tables of numbers; drawn from one generator."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

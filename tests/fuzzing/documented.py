@@ -14,8 +14,6 @@ file. Each input takes a command with documented options and one of
 Wrong is also exit 3, a warning, a panic, a hang of 20 s, more than 2 GB, or NaN in a result.
 """
 
-from __future__ import annotations
-
 import argparse
 import copy
 import json

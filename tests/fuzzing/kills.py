@@ -10,8 +10,6 @@ part of a file, no journal. Commands run in forks of a process that has imported
 work; half of them into its last third, where results are written.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

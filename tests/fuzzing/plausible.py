@@ -1,7 +1,5 @@
 """Ways to spoil a file that still reads well: sound words in the wrong place, other encodings, depth, whole tables."""
 
-from __future__ import annotations
-
 import contextlib
 import gzip
 import re

@@ -1,7 +1,5 @@
 """Sound inputs of every kind that gimbalcal reads, small ones: what the fuzzer changes."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What is fuzzed: for each target the files that are spoilt, and the command that then reads them."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

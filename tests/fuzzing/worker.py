@@ -3,8 +3,6 @@
 A process of its own, so that a kill or a hang ends it and not the fuzzer.
 """
 
-from __future__ import annotations
-
 import contextlib
 import faulthandler
 import io

@@ -14,8 +14,6 @@ What a test reads in a sentence (a refusal, a remark, an outcome) is compared wi
 numbers must be equal: they are rows, lines and counts.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Right ascensions without sidereal time: UTC or a Julian date and the longitude make it; remarks that tell a place."""
 
-from __future__ import annotations
-
 from datetime import date, datetime, timedelta
 from pathlib import Path
 

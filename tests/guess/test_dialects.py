@@ -4,8 +4,6 @@ Whatever the separator, the decimal mark, the names, the preamble, the units and
 recording that was logged.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables of rests and logs of rigs that nobody described: rows that are rests, gimbal angles, German names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

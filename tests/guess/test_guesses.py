@@ -1,7 +1,5 @@
 """What a log is taken for, one guess at a time: clocks, units, sigmas, places; each known from a few numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

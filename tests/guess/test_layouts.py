@@ -1,7 +1,5 @@
 """Logs as further loggers write them: clocks that wrap or tick, scales in remarks, rigs and skies of any names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

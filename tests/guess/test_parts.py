@@ -1,7 +1,5 @@
 """A file for each face or turn of a unit: parts of one run, in plain text and in the lines of a receiver."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pointing runs that nobody described: layouts, units, sexagesimal cells, offsets either way, the words of the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

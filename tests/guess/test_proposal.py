@@ -1,7 +1,5 @@
 """Logs that nobody described: columns and units are guessed, rests found, and what cannot be guessed is asked for."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from datetime import datetime, timedelta

@@ -1,7 +1,5 @@
 """Logs of gyroscopes without accelerometers beside what turned them: `new` proposes a rotation on a rate table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Logs as programs write them: remarks behind rows, exponents of Fortran, errors beside offsets, messages, stamps."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Calibrations of one unit over the years, drawn from their covariance."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 
 import numpy as np

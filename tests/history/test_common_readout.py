@@ -1,7 +1,5 @@
 """Units that output counts: parameters about one nominal scale and offset, in a fleet and over the years."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path

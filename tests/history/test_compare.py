@@ -1,7 +1,5 @@
 """How a unit moved: agreement where nothing does, jumps, drifts and values off the others where something does."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from datetime import timedelta

@@ -1,7 +1,5 @@
 """A fleet: spread of a parameter over its units, units outside it, and what it is worth as a prior."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

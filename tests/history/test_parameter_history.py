@@ -1,7 +1,5 @@
 """The course of one parameter, on numbers small enough to be worked out by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

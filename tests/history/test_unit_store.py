@@ -1,7 +1,5 @@
 """The store: what is kept comes back, twice the same is once, two writers lose nothing, and killing harms nothing."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sqlite3

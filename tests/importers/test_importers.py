@@ -1,7 +1,5 @@
 """Other rigs' files: what comes out, and what is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path

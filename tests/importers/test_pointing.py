@@ -1,7 +1,5 @@
 """Telescope pointing runs and the tilt table: geometry and signs, on made files and on the real ones where they are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

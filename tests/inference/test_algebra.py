@@ -1,7 +1,5 @@
 """Linear algebra that several estimators share, against scipy's."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import block_diag
 

@@ -1,7 +1,5 @@
 """Least squares under coloured noise: banded algebra against dense matrices, and the noise that is found."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter

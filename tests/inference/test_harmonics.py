@@ -1,7 +1,5 @@
 """Harmonic fits: unbiased with gaps, irregular rows and part periods; as uncertain as they claim."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2

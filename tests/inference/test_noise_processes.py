@@ -1,7 +1,5 @@
 """Whatever reads a process reads the same one: chain, spectrum and filter against its covariance."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.fft import dct

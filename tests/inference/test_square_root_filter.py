@@ -1,7 +1,5 @@
 """Three routes to one answer: square-root filter with adjoint smoother, a dense joint solution, and filterpy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 Each is noticed by the tests that it stands under, and these are named as narrowly as a run takes to stay short.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 from tests.mutation.rewrite import Mutant, mistaken

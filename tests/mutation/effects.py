@@ -1,7 +1,5 @@
 """Every effect falsified: does its independent number notice?"""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One term changed in every equation of the estimators: do their tests notice?"""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 from tests.mutation.rewrite import Mutant, mutants

@@ -1,7 +1,5 @@
 """Mutants that compute the same as the code: no test can tell them, and here stands why."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 EQUIVALENT: Mapping[tuple[str, str], str] = {

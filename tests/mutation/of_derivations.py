@@ -8,8 +8,6 @@ those of the changed module first, until one differs. The exit status is 1 where
 undetected.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import resource

@@ -1,7 +1,5 @@
 """A function with one statement changed: one term by rewriting its syntax, or a mistake that somebody wrote down."""
 
-from __future__ import annotations
-
 import ast
 import copy
 import inspect

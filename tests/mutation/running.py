@@ -1,7 +1,5 @@
 """Runs tests with a mutant in place, in a process of its own, which ends at the first failure."""
 
-from __future__ import annotations
-
 import os
 import resource
 import sys

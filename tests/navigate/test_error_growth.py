@@ -1,7 +1,5 @@
 """Transitions against numerical linearisation of the mechanisation itself."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gimbalcal.earth import normal_gravity

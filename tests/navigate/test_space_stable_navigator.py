@@ -8,8 +8,6 @@ ones. With x = (N, E, U) [m] the error of the place, u that of the velocity over
 which is linear, so that its answer to a = c e^{iwt} and c t e^{iwt} is exact algebra.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

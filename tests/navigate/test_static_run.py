@@ -1,7 +1,5 @@
 """A static run navigated: perfect without its errors, bands that agree, gaps, and the quasi-static formula."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

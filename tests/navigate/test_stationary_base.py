@@ -1,7 +1,5 @@
 """A perfect unit at rest stays where it is, however it stands; what is added moves it by known amounts and signs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ The closed forms are exponentials of the textbook's equation of small errors, co
 with the height held, x = (r_N, r_E, v_N, v_E, phi_N, phi_E, phi_D); the program has the full mechanisation.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Any

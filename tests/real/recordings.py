@@ -1,7 +1,5 @@
 """The real recordings, imported from their raw files where these are; nothing of them is copied into the project."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Any

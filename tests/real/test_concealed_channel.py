@@ -1,7 +1,5 @@
 """A channel concealed: without the thermometer its effect is a shape in time, and nothing is named by force."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A clean case: five low-cost units on a board, of the first of which the accelerometers lack nothing."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.golden import golden_text

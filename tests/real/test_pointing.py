@@ -1,7 +1,5 @@
 """Telescopes: the 6.5 m MMT, and two amateur mounts of which one slips."""
 
-from __future__ import annotations
-
 import json
 import resource
 import subprocess

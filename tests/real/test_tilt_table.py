@@ -1,7 +1,5 @@
 """A seismometer and a fibre-optic gyroscope on a tilting table: gravity leaks in, then lever arm and delay."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

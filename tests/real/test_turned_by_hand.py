@@ -1,7 +1,5 @@
 """Real units turned by hand, motion included: the systematic filter against a calibration from rests and turns."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """A real Xsens MTi turned by hand (Tedaldi et al., 2014): misalignment, then the drift of the biases; g-sensitivity."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

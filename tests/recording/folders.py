@@ -1,7 +1,5 @@
 """A small recording as a folder on disk, for tests that read it or spoil it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

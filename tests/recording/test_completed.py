@@ -1,7 +1,5 @@
 """A recording made in Python is completed as a file is when it is read."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Dates as seconds since the midnight of the first: zones count, and what Parquet holds is what was written."""
 
-from __future__ import annotations
-
 from datetime import UTC, date, datetime, timedelta
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Dwells: visits of numbered positions, their means, and rests found where nobody numbered them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

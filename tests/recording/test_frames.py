@@ -1,7 +1,5 @@
 """Recordings from arrays and data frames pass the checks of files and give what files give."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The sigma of gravity: of the ellipsoid, as stated, and where the stated value is anomalous."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

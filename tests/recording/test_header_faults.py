@@ -1,7 +1,5 @@
 """What recording.toml may not say, and in which words it is refused."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

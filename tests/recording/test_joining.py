@@ -1,7 +1,5 @@
 """Sessions of one instrument as one recording: clocks that go on, positions numbered on, weights by their noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

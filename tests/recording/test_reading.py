@@ -1,7 +1,5 @@
 """What is read from a recording folder, and what averaging makes of it."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Long rests come as means while they are read, what is on the way stays as it is, and an estimate is the same."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

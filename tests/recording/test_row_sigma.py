@@ -1,7 +1,5 @@
 """One sigma of each row: it becomes a weight, positions and stars are weighed by it, and slips are refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Writing loses nothing, leaves nothing behind when it fails, and keeps to its folder."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

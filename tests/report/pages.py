@@ -1,7 +1,5 @@
 """A page of every kind, with names that nobody broke into lines."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """The palette as colour-blind readers and a dark screen have it: told apart, and seen against the paper."""
 
-from __future__ import annotations
-
 import re
 from importlib.resources import files
 from itertools import combinations

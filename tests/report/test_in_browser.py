@@ -3,8 +3,6 @@
 Skipped where no Chromium is. One start serves all pages: they stand in frames of these widths and tell their own.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The page of a systematic calibration."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
 

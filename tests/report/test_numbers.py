@@ -1,7 +1,5 @@
 """The numbers on a page are those that were computed: their unit, sign, sigma and place, on contents made by hand."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from datetime import datetime

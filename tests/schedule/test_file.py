@@ -1,7 +1,5 @@
 """schedule.toml there and back, and its refusals."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

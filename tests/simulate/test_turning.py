@@ -1,7 +1,5 @@
 """Simulated gyroscopes: rates are those of the platform and the Earth, turns come to speed and to rest."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

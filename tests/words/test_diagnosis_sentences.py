@@ -1,7 +1,5 @@
 """Sentences of a diagnosis, from numbers given here; every effect has its words."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Sentences of calibrations, diagnoses, plans and campaigns, generated from results of every kind."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace

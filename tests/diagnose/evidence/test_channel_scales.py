@@ -1,7 +1,5 @@
 """Channels with scales of their own: the evidence is that of numerical integration over all scales and sizes."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Evidence without a stated noise: against dense densities, numerical integrals and regression."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz

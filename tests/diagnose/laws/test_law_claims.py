@@ -1,7 +1,5 @@
 """Laws that no catalogue holds: found, written as effects, and these explain the recording."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

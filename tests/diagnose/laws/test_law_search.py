@@ -1,8 +1,6 @@
 """What the search for laws promises: no dependence on origins, a formula before a neighbouring cause, nothing in one
 place."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Candidates: one for each mechanism and axis of an effect, where the recording has what the effect needs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The library of a recording of known noise: every column is what the forward model answers to its parameter."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

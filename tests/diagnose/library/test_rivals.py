@@ -1,7 +1,5 @@
 """Shapes without a cause: each spans what its words say, in the channel that it names."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Causes of a view: what is not in the model yet, as derivatives of its misfit; shapes in the misfit's own size."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which effects a model can hold, and the sentence that says why not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

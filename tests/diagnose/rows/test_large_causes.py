@@ -1,7 +1,5 @@
 """A cause of hundreds of sigmas in every row: its products with itself and with the constants are no further causes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Linearised about a large cause, the constants of the model do not take it up."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

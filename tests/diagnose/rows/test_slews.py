@@ -1,7 +1,5 @@
 """Slews: delays between readouts, forces and rates come back from a plant apart, and where there is none, none does."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A unit turned from rest to rest: what grows with the rate is found in the turns, and only what is there."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
 from pathlib import Path

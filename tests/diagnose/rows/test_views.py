@@ -1,7 +1,5 @@
 """Views: misfits that vanish at the truth, and derivatives against central differences of the misfit itself."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Sizes of what was found: dense generalised least squares, averaged over the noise, and honest on drawn data."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal

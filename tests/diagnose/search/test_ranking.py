@@ -1,7 +1,5 @@
 """Singles and pairs: evidence against dense densities, shares that make a whole, and the planted pair on top."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

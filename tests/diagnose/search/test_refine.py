@@ -1,7 +1,5 @@
 """Constants between the values of a grid, and effects that bend with their own size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar

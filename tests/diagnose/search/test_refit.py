@@ -1,7 +1,5 @@
 """Fits of a view: at a minimum, no worse than where they began, with the covariance of what the rows see."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Gimbals that are set to a degree: what they take of the force along itself is told, and hides nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How rounds of a search go on: which cause is taken, gives way or is dropped, and by how much; on evidence by hand."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

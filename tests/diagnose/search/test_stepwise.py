@@ -1,7 +1,5 @@
 """Causes taken up one after the other: refits against scipy, steps in order, and nothing kept that memory explains."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Recordings of two units, or of one that changed, are told from recordings of one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.special import chdtrc, ndtr

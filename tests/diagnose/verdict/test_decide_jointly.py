@@ -1,7 +1,5 @@
 """The verdict of several recordings: one size for all, and a bar that clean ones set together."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Which causes stand, and courses of one drift as one finding."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

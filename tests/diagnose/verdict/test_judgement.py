@@ -1,7 +1,5 @@
 """What else could stand in a cause's place: significance against regression, twins where two laws coincide."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

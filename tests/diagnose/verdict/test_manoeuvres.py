@@ -1,7 +1,5 @@
 """Advice: expected log Bayes factors against dense algebra, and the manoeuvre that physics asks for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Where a baseline fails on a recording without a stated noise: patterns by their F test, or the worst rows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where the mismatch is: the planted place comes first, statistics are chi^2 of a fit, and clean data look clean."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One size from several recordings: the joint least squares of their rows, and whether they agree on it."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

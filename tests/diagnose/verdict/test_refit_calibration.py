@@ -1,7 +1,5 @@
 """A diagnosis ends in a calibration: what it corrects is explained, and it is the fit of the rows it came from."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """What clean recordings reach: the fast draws against recordings drawn one by one and sent through the whole search."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

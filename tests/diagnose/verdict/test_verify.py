@@ -1,7 +1,5 @@
 """The check on data not seen: against refits without each part, on clean noise and on a known cause."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

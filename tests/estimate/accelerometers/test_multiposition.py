@@ -1,7 +1,5 @@
 """The norm fit without angles: recovery, terms declined in words, raw counts, and refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

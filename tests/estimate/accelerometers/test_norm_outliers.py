@@ -1,7 +1,5 @@
 """Rests that do not belong among the others are named and left out; physics that is missing blames none."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

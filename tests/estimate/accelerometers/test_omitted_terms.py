@@ -1,7 +1,5 @@
 """A quadratic term of usual size that the positions do not show moves the others by less than their sigmas say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

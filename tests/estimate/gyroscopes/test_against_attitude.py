@@ -1,7 +1,5 @@
 """A moving gyroscope against an attitude: truth comes back with honest sigmas, and so do lag and mounting."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Gyroscopes between rests: recovery from a simulated hand, exact derivatives, counts, and refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

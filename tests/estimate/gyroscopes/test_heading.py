@@ -1,7 +1,5 @@
 """North is carried through the turns: a quiet unit in the hand sees no horizontal rate of the Earth in its laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

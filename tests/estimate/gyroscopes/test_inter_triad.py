@@ -1,7 +1,5 @@
 """The rotation between the triads, from turns between rests."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Gyroscopes on a rate table, of a plant written here: mounted three ways, rates up and down, the Earth below."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

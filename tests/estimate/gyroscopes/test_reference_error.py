@@ -1,7 +1,5 @@
 """Gyroscopes that are held against accelerometers move when these do, and their sigma says so."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Gyroscopes that their model does not explain are told, and with them the whole calibration."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Gyroscopes at rest: bias and g-sensitivity come back, the Earth is taken for neither, what is absent is declined."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Revolutions in a recording: found, paired, fitted, and turned into effects."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

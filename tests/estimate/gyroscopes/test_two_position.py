@@ -1,7 +1,5 @@
 """Two-position tests: the bias comes out of a reversal, north with it, and what cannot be told is said."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

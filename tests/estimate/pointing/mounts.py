@@ -1,7 +1,5 @@
 """Made pointing runs: stars that a mount with given effects sees on target at given readouts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

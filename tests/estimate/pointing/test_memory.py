@@ -1,7 +1,5 @@
 """Terms of a mount that tracks, in frames whose noise has a memory."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

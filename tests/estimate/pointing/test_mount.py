@@ -1,7 +1,5 @@
 """The terms of a mount come back from made stars, with honest sigmas, in one night or several."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a mount experienced from star to star: which way it went, and whose angles hold the noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

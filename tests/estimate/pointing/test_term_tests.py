@@ -1,7 +1,5 @@
 """Tests of the terms of a mount against fits without and with them, and against noise alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

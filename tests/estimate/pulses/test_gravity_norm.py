@@ -1,7 +1,5 @@
 """Accelerometers in pulses: the batch against SciPy, the derivatives, the starts, and the statistics of many runs."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pulses to physics and back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Gyroscopes from revolutions and rest: exactness, derivatives, the bound, and what the paper's cost cannot see."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The fifteen combined coefficients: printed formulas (with derived signs) = forward model; two roads agree."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2

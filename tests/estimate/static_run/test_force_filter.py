@@ -1,7 +1,5 @@
 """Eqs. (20)-(27): filter = information form = smoother start; what the squared norm does to noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2

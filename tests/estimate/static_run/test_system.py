@@ -1,7 +1,5 @@
 """The joint fit of a static run: unbiased, as uncertain as claimed, whatever channels and rows there are."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

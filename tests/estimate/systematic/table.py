@@ -1,7 +1,5 @@
 """A table of its own: attitude in closed form, mean readings by quadrature, then the laws of the sensors."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity

@@ -1,7 +1,5 @@
 """Recordings that are not what they say: one sentence that names the likeliest slip, or a result that asks about it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

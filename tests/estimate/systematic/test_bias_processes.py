@@ -1,7 +1,5 @@
 """Biases that wander, as `[noise]` states them: states of the filter, so that errors are what the sigmas say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Several recordings of one unit, turned in its place at different times: constants in common."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Units whose errors are known, turned on a table that shares no line with the estimator."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
