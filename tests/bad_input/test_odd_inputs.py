@@ -162,13 +162,7 @@ def test_what_looks_odd_changes_nothing(
 
 @pytest.mark.parametrize(
     ("change", "seen"),
-    [
-        (lost(4), 17),
-        (lost(4, 10, 15), 17),
-        (lost(1, 2), 17),
-        (rows(again), 17),
-        (held(1, 2, 3, 4, 5, 6), 15),
-    ],
+    [(lost(4), 17), (lost(4, 10, 15), 17), (lost(1, 2), 17), (rows(again), 17), (held(1, 2, 3, 4, 5, 6), 15)],
 )
 def test_what_positions_are_left_still_calibrates(
     run: Run, tmp_path: Path, reference: dict[tuple[str, str], dict[str, Any]], change: Change, seen: int
@@ -186,8 +180,7 @@ def test_what_positions_are_left_still_calibrates(
 
 
 @pytest.mark.parametrize(
-    "change",
-    [interchanged(4, 10), mis_set(7, "inner", 3 / 60), mis_set(7, "inner", 2.0), mis_set(12, "middle", -2.0)],
+    "change", [interchanged(4, 10), mis_set(7, "inner", 3 / 60), mis_set(7, "inner", 2.0), mis_set(12, "middle", -2.0)]
 )
 def test_a_wrong_position_is_named_and_left_out(
     run: Run, tmp_path: Path, reference: dict[tuple[str, str], dict[str, Any]], change: Change

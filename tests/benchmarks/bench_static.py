@@ -161,11 +161,7 @@ def every_sample(hours: float, rate: float, seed: int) -> tuple[Array, Array, Ar
     d = run.residual()[:, :3] + made[:, :3, 0]
     H = observation_matrix(direction)
     truth = (matrix(LATITUDE, G, PARAMETERS) @ values(TABLE_2_3, PARAMETERS))[0]
-    z = (
-        projection(d, direction, G),
-        squared_norm(G * direction + d, G),
-        squared_norm(G * direction + d, G, sigma),
-    )
+    z = (projection(d, direction, G), squared_norm(G * direction + d, G), squared_norm(G * direction + d, G, sigma))
     x1 = np.array([estimate(accumulate(one, H, (SIGMA / G) ** 2)).x[0] - truth for one in z])
     return errors(run, made)[:, 0], errors(blocks(hours, rate), means)[:, 0], x1
 

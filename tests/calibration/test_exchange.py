@@ -144,15 +144,9 @@ def test_foreign_yaml_in_block_style_is_read(tmp_path: Path) -> None:
     [
         ("kalibr", "cam0:\n  x: 1\n"),
         ("kalibr", "imu0:\n  accelerometers:\n    M: [1, 2, 3]\n"),
-        (
-            "kalibr",
-            "imu0:\n  accelerometers:\n    M: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n  gyroscope:\n    M: [1]\n",
-        ),
+        ("kalibr", "imu0:\n  accelerometers:\n    M: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n  gyroscope:\n    M: [1]\n"),
         ("kalibr", "imu0:\n  accelerometers:\n    N: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n"),
-        (
-            "kalibr",
-            "imu0:\n  gyroscopes:\n    C_gyro: [1, 0, 0]\n",
-        ),
+        ("kalibr", "imu0:\n  gyroscopes:\n    C_gyro: [1, 0, 0]\n"),
         ("kalibr", "imu0:\n  gyroscopes:\n    M: [1, 0, 0, 0, one, 0, 0, 0, 1]\n"),
         ("kalibr", "imu0:\n  gyroscopes: [1, 2]\n"),
         ("kalibr", "imu0: {gyroscopes: {}}\nimu1: {gyroscopes: {}}\n"),
@@ -172,10 +166,7 @@ def test_foreign_yaml_in_block_style_is_read(tmp_path: Path) -> None:
         ("tpoint", "mount\nIH 1 1\nid 1 2\nEND\n"),
         ("tpoint", "mount\nIH 1 1\nIH 2 1\nEND\n"),
         ("tpoint", "mount\nIH 1 1e308\nEND\n"),
-        (
-            "kalibr",
-            f"imu0:\n  gyroscopes:\n    M: [{'9' * 400}, 0, 0, 0, 1, 0, 0, 0, 1]\n",
-        ),
+        ("kalibr", f"imu0:\n  gyroscopes:\n    M: [{'9' * 400}, 0, 0, 0, 1, 0, 0, 0, 1]\n"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_one_sentence(kind: str, text: str, tmp_path: Path) -> None:

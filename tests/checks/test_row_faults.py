@@ -64,10 +64,7 @@ ROW_FAULTS: list[tuple[Callable[[Array], object], str]] = [
     (half_position, "samples.csv, line 5, column position: a position is a whole number, 1, 2, ... or 0 while moving"),
     (stuck, "samples.csv, lines 12 to 36, column accel_y: all 25 rows read "),
     (stuck, "although the noise is 8.9e-05 g, so the channel is frozen; leave those rows out, or correct [noise]"),
-    (
-        dead,
-        "column accel_y: all 80 rows read 0 g although the noise is 8.9e-05 g, so the channel is dead; leave its",
-    ),
+    (dead, "column accel_y: all 80 rows read 0 g although the noise is 8.9e-05 g, so the channel is dead; leave its"),
     (
         lambda table: table[:, 4].clip(-0.99995, out=table[:, 4]),
         "column accel_z: -0.99995 g is the smallest value of the",

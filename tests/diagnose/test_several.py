@@ -69,12 +69,7 @@ def test_the_model_of_each_holds_what_it_can_of_what_was_asked() -> None:
 
 def test_what_is_of_another_unit_or_kind_is_refused() -> None:
     r = record(np.random.default_rng(1), dwell=2)
-    for other in (
-        telescope(1),
-        replace(r, platform=KNOWN["bench"]),
-        replace(r, platform=KNOWN["three-axis-table"]),
-        r,
-    ):
+    for other in (telescope(1), replace(r, platform=KNOWN["bench"]), replace(r, platform=KNOWN["three-axis-table"]), r):
         with refused():
             diagnose([r, other])
 

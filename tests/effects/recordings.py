@@ -19,11 +19,7 @@ from gimbalcal.simulate import simulate
 def scenario(kind: str) -> dict[str, Any]:
     """18 positions with five rows per dwell, or 24 h with a row every 25 minutes; the temperature wanders."""
     common: dict[str, Any] = {"format": 1, "kind": kind, "site": {"latitude": {"value": 40.0, "unit": "deg"}}}
-    table = {
-        "shape": "table",
-        "time_h": [0.0, 0.4, 1.1, 1.9, 3.3, 30.0],
-        "value": [19.0, 21.5, 20.2, 23.0, 18.0, 22.0],
-    }
+    table = {"shape": "table", "time_h": [0.0, 0.4, 1.1, 1.9, 3.3, 30.0], "value": [19.0, 21.5, 20.2, 23.0, 18.0, 22.0]}
     if kind == "static-run":
         weather = {"shape": "random-walk", "mean": 20.0, "walk": 1.0}
         clock = {"duration": {"value": 24.0, "unit": "h"}, "rate": {"value": 1 / 1500, "unit": "Hz"}}

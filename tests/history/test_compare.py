@@ -205,12 +205,7 @@ def test_what_cannot_be_compared_is_refused() -> None:
     nothing = DatedCalibration("n", START + timedelta(days=1), calibration(np.zeros(6)))
     with refused():
         compare([one[0], nothing])
-    for allowed in (
-        {"drag": "1"},
-        {"bias": "many"},
-        {"bias": "5 ppm"},
-        {"bias:x": "-5 ug"},
-    ):
+    for allowed in ({"drag": "1"}, {"bias": "many"}, {"bias": "5 ppm"}, {"bias:x": "-5 ug"}):
         with refused():
             compare(one, allowed=allowed)
 

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 
-from gimbalcal.effects.process import (
-    Flicker,
-    GaussMarkov,
-    Process,
-    RandomWalk,
-    SettingError,
-    WhiteNoise,
-    covariance,
-)
+from gimbalcal.effects.process import Flicker, GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise, covariance
 from gimbalcal.inference import noise_processes
 from tests.effects.test_process import EVERY, TIME
 

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import normal_gravity
-from gimbalcal.recording.site import (
-    ANOMALY,
-    UNKNOWN_HEIGHT,
-    gravity_anomaly,
-    with_gravity_stated,
-    with_normal_gravity,
-)
+from gimbalcal.recording.site import ANOMALY, UNKNOWN_HEIGHT, gravity_anomaly, with_gravity_stated, with_normal_gravity
 
 L = np.deg2rad(48.0)
 HERE = float(normal_gravity(L, 500.0))

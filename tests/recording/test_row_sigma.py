@@ -106,14 +106,8 @@ s = { quantity = "sigma", of = "true_angle", unit = "arcsec" }
         (COLUMNS + SIGMA.replace("specific_force", "angular_rate").replace("mg", "deg/h"), ""),
         (COLUMNS + SIGMA.replace("mg", "deg"), ""),
         (COLUMNS.replace('axis = "x"', 'axis = "x", of = "time"') + SIGMA, ""),
-        (
-            COLUMNS + SIGMA,
-            '[noise]\naccelerometer = { value = 1, unit = "mg" }',
-        ),
-        (
-            COLUMNS.replace('p = { quantity = "position" }\n', "") + SIGMA,
-            'kind = "rotation"',
-        ),
+        (COLUMNS + SIGMA, '[noise]\naccelerometer = { value = 1, unit = "mg" }'),
+        (COLUMNS.replace('p = { quantity = "position" }\n', "") + SIGMA, 'kind = "rotation"'),
     ],
 )
 def test_slips(tmp_path: Path, columns: str, head: str) -> None:

@@ -7,17 +7,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.report import figures
-from gimbalcal.report.chart import (
-    Chart,
-    Line,
-    Points,
-    Words,
-    envelope,
-    limits,
-    log_ticks,
-    tick_words,
-    ticks,
-)
+from gimbalcal.report.chart import Chart, Line, Points, Words, envelope, limits, log_ticks, tick_words, ticks
 from gimbalcal.report.figures import correlation
 from gimbalcal.report.svg import svg
 from gimbalcal.words.rounding import sensible_time

@@ -7,12 +7,7 @@ import numpy as np
 
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.report.calibration_page import calibration_report
-from gimbalcal.report.sections import (
-    innovations_by_leg,
-    navigation_facts,
-    navigation_pictures,
-    sigma_over_time,
-)
+from gimbalcal.report.sections import innovations_by_leg, navigation_facts, navigation_pictures, sigma_over_time
 from gimbalcal.words.calibration_sentences import navigation_checks
 from tests.estimate.systematic.table import turning_unit
 from tests.golden import Golden, page_text

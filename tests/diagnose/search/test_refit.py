@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.search.ranking import projections_of
-from gimbalcal.diagnose.search.refit import (
-    constants_with_sigma,
-    fitted_columns,
-    refit,
-    start,
-    with_columns,
-)
+from gimbalcal.diagnose.search.refit import constants_with_sigma, fitted_columns, refit, start, with_columns
 from gimbalcal.effects import values, with_values
 from gimbalcal.inference.algebra import basis
 from gimbalcal.platform import BENCH

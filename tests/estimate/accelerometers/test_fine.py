@@ -8,14 +8,7 @@ import pytest
 from gimbalcal.effects import values
 from gimbalcal.effects.accelerometer import leaning
 from gimbalcal.estimate.accelerometers.coarse import coarse
-from gimbalcal.estimate.accelerometers.fine import (
-    COMBINATIONS,
-    FORCE_TERMS,
-    PAIRS,
-    combinations,
-    fine,
-    norm_rows,
-)
+from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, FORCE_TERMS, PAIRS, combinations, fine, norm_rows
 from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
 from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
 from gimbalcal.platform import SPACE_STABLE

@@ -15,13 +15,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.schedule import FACE_POSITIONS
 from gimbalcal.units import to_si
 from gimbalcal.views.local import eliminate
-from gimbalcal.views.positions import (
-    Noise,
-    VisitRows,
-    by_visit,
-    position_parameters,
-    view_of_positions,
-)
+from gimbalcal.views.positions import Noise, VisitRows, by_visit, position_parameters, view_of_positions
 from tests.estimate.accelerometers.test_fine import half_squared_norm
 from tests.estimate.device import ARCSEC, NOISE, PARAMETERS, SAMPLE, SITE, draw, effects, measured, outputs
 

@@ -150,11 +150,7 @@ def test_what_cannot_be_told_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ('axis = "qw"', 'axis = "yaw"'),
-        ('axis = "qw", unit = "1"', 'axis = "qw", unit = "deg"'),
-    ],
+    ("old", "new"), [('axis = "qw"', 'axis = "yaw"'), ('axis = "qw", unit = "1"', 'axis = "qw", unit = "deg"')]
 )
 def test_slips(tmp_path: Path, old: str, new: str) -> None:
     write(recording(), tmp_path / "rec")

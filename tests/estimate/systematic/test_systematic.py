@@ -259,16 +259,7 @@ def test_a_constant_that_nobody_stated_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize(
-    "asked",
-    [
-        "31",
-        "gyro_bais",
-        "bias_temperature",
-        "gimbal_zero",
-        "gyro_bias:w",
-        "scale_nonlinearity",
-        "",
-    ],
+    "asked", ["31", "gyro_bais", "bias_temperature", "gimbal_zero", "gyro_bias:w", "scale_nonlinearity", ""]
 )
 def test_states_that_cannot_be_are_refused(asked: str) -> None:
     with refused():
