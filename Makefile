@@ -29,7 +29,7 @@ demo: $(VENV)/.run-ready  ## calibrate the recordings that ship with the project
 test: lint suite  ## everything that a change has to pass; make -j2 test checks types while the tests run
 
 suite: $(VENV)/.dev-ready  ## the tests alone
-	$(BIN)/python -m pytest -q -n 2 --doctest-modules tests gimbalcal
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal --doctest-modules tests gimbalcal
 
 lint: $(VENV)/.dev-ready  ## style, types, the direction of imports, spelling, and words of the field (docs/words.txt)
 	$(BIN)/ruff check .

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
@@ -33,6 +34,18 @@ def motion(t: Array, seed: int) -> Array:
 
 
 @cache
+def turned(seed: int, length: float, axes: str) -> tuple[Array, Array]:
+    """Rates (n, 3) [rad/s] of such a motion about some axes, and attitudes (n, 3, 3), two a row of the log."""
+    fine = np.arange(0, length + 1, 0.5 / RATE)
+    w = motion(fine, seed) * np.isin(list("xyz"), list(axes))
+    steps = exponential((w[1:] + w[:-1]) / 2 * np.diff(fine)[:, None])
+    C = [frame_rotation("x", 0.4)]
+    for step in steps:
+        C.append(step @ C[-1])
+    return w, np.array(C)
+
+
+@cache
 def recording(
     seed: int = 1, length: float = 40.0, every: int = 4, mirror: bool = False, axes: str = "xyz", walk: float = 0.0
 ) -> Recording:
@@ -41,20 +54,13 @@ def recording(
     walk: random walk [rad/sqrt(s)] of the reference's angle.
     """
     rng = np.random.default_rng(100 + seed)
-    fine = np.arange(0, length + 1, 0.5 / RATE)
-    w = motion(fine, seed) * np.isin(list("xyz"), list(axes))
-    C = np.empty((len(fine), 3, 3))
-    C[0] = frame_rotation("x", 0.4)
-    for k in range(1, len(fine)):
-        C[k] = exponential((w[k] + w[k - 1]) / 2 * (fine[k] - fine[k - 1])) @ C[k - 1]
-    time = fine[200:-200:2]  # one second in, so that the late attitude was there too
+    w, C = turned(seed, length, axes)
+    time = 0.5 / RATE * np.arange(len(w))[200:-200:2]  # one second in, so that the late attitude was there too
     rates = w[200:-200:2] / SF + BIAS + 1e-3 * rng.standard_normal((len(time), 3))
     late = 200 + 2 * np.arange(len(time)) - round(LAG * RATE * 2)
     body = np.swapaxes(MOUNTED, 0, 1) @ C[late]  # the reference's frame: M^T times the sensors'
     body = exponential(NOISE * rng.standard_normal((len(time), 3))) @ body
     body = body @ exponential(walk / np.sqrt(RATE) * np.cumsum(rng.standard_normal((len(time), 3)), axis=0))
-    from scipy.spatial.transform import Rotation
-
     q = Rotation.from_matrix(np.swapaxes(body, -1, -2)).as_quat()
     q[np.arange(len(q)) % every > 0] = np.nan
     if mirror:
