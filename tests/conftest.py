@@ -2,7 +2,6 @@
 
 import gc
 import sys
-from collections.abc import Callable, Generator, Iterator
 
 import pytest
 
@@ -13,39 +12,39 @@ from tests.golden import Golden, Messages
 MESSAGES = pytest.StashKey[Messages]()
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
+def pytest_addoption(parser):
     parser.addoption("--regenerate-golden", action="store_true", help="write tests/golden anew instead of comparing")
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure(config):
     config.stash[MESSAGES] = Messages(bool(config.getoption("--regenerate-golden")))
 
 
-def pytest_collection_finish() -> None:
+def pytest_collection_finish():
     """Exempt modules and collected tests from garbage collection, which would pass over them again and again."""
     gc.collect()
     gc.freeze()
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+def pytest_runtest_call(item):
     """Say whose section of the golden files `golden_text` and `refused` compare with."""
     with item.config.stash[MESSAGES].of_test(item):
         return (yield)
 
 
 @pytest.fixture(scope="session")
-def golden(request: pytest.FixtureRequest) -> Golden:
+def golden(request):
     """Compares text with a golden file, or writes it: see tests/golden/__init__.py."""
     return Golden(bool(request.config.getoption("--regenerate-golden")))
 
 
 @pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., int]:
+def command(monkeypatch, tmp_path_factory):
     """Runs the command line in this process with these arguments, in a folder of its own; returns its exit status."""
     monkeypatch.chdir(tmp_path_factory.mktemp("here"))  # where results go that no --out is given for
 
-    def run(*arguments: object) -> int:
+    def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["gimbalcal", *map(str, arguments)])
         monkeypatch.setattr(sys.modules["__main__"], "__package__", None)  # else click names `python -m pytest`
         try:
@@ -58,7 +57,7 @@ def command(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFa
 
 
 @pytest.fixture
-def own_catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def own_catalogue(monkeypatch):
     """Nothing that a test loads stays in the catalogue, and nothing that it takes out is lost."""
     before = dict(CATALOGUE)
     for loaded in ("_loaded", "_installed"):

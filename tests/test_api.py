@@ -29,7 +29,7 @@ DATA = Path(__file__).resolve().parents[1] / "data"
 XSENS = DATA / "xsens_positions"
 
 
-def test_calibrate_is_the_command(command, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_calibrate_is_the_command(command, capsys):
     made = gimbalcal.calibrate(XSENS)
     assert made.method == "multiposition"
     command("calibrate", XSENS, "--method", "multiposition", "--json", "--quiet")
@@ -41,7 +41,7 @@ def test_calibrate_is_the_command(command, capsys) -> None:  # type: ignore[no-u
         gimbalcal.calibrate([])
 
 
-def test_a_calibration_shows_itself() -> None:
+def test_a_calibration_shows_itself():
     made = gimbalcal.calibrate(XSENS, terms=["bias", "scale_factor"])
     assert "bias x" in str(made)
     assert " ± " in str(made)
@@ -52,14 +52,14 @@ def test_a_calibration_shows_itself() -> None:
     assert frame.columns == ["effect", "name", "axis", "value", "sigma", "prior_sigma", "unit"]
     assert len(frame) == len(made.parameters)
     figure = made.plot()
-    assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]  # what a notebook asks for
+    assert figure._repr_png_().startswith(b"\x89PNG")  # what a notebook asks for
     drawn = [ax for ax in figure.axes if ax.get_visible()]
     assert [ax.get_title(loc="left") for ax in drawn][:1] == [
         f"{frame['name'][0].replace('_', ' ')} [{frame['unit'][0]}]"
     ]
 
 
-def test_arrays_are_corrected_as_a_recording_is() -> None:
+def test_arrays_are_corrected_as_a_recording_is():
     r = gimbalcal.read(DATA / "space_stable_18")
     made = gimbalcal.calibrate(r)
     assert made.method == "three-stage"
@@ -73,7 +73,7 @@ def test_arrays_are_corrected_as_a_recording_is() -> None:
         sensors.apply({"time": r.time, "specific_force": f[:, :2]})
 
 
-def test_arrays_are_corrected_in_their_own_units() -> None:
+def test_arrays_are_corrected_in_their_own_units():
     """1 g is 1 m/s^2 to whoever does not ask: a bias of 5 mg would be taken off ten times too small."""
     rng = np.random.default_rng(3)
     unit = rng.standard_normal((40, 3))
@@ -110,7 +110,7 @@ def test_arrays_are_corrected_in_their_own_units() -> None:
         made.apply({"specific_force": f}, units={"specific_force": "deg"})
 
 
-def test_arrays_of_a_unit_that_counts() -> None:
+def test_arrays_of_a_unit_that_counts():
     r = gimbalcal.read(XSENS)
     made = gimbalcal.calibrate(r, terms=["bias", "scale_factor", "misalignment"])
     arrays = {"time": r.time, "specific_force": r.triad("specific_force")}
@@ -121,7 +121,7 @@ def test_arrays_of_a_unit_that_counts() -> None:
         made.apply(arrays)
 
 
-def test_diagnose_is_a_function_and_a_package() -> None:
+def test_diagnose_is_a_function_and_a_package():
     found = gimbalcal.diagnose(DATA / "space_stable_concealed")
     assert found.verdict == "missing-physics"
     told = str(found).splitlines()
@@ -139,7 +139,7 @@ def test_diagnose_is_a_function_and_a_package() -> None:
     assert gimbalcal.diagnose.Diagnosis is type(found)
 
 
-def test_a_frame_without_words_is_guessed_as_a_log_is() -> None:
+def test_a_frame_without_words_is_guessed_as_a_log_is():
     t, f, w = turned()
     forces = {f"a{a} (g)": f[:, i] / 9.80665 for i, a in enumerate("xyz")}
     rates = {f"gyro_{a}": np.degrees(w[:, i]) for i, a in enumerate("xyz")}
@@ -158,12 +158,12 @@ def test_a_frame_without_words_is_guessed_as_a_log_is() -> None:
     with refused():
         gimbalcal.from_frame(frame, noise={"accelerometer": (1.0, "ug")})
     with refused():
-        gimbalcal.calibrate(pl.DataFrame(frame))  # type: ignore[arg-type]
+        gimbalcal.calibrate(pl.DataFrame(frame))
     with refused():
         gimbalcal.from_frame({"time": t, "price": f[:, 0], "rain": w[:, 0]})
 
 
-def test_recordings_and_results_print_themselves_and_calibrations_are_read_again(tmp_path: Path) -> None:
+def test_recordings_and_results_print_themselves_and_calibrations_are_read_again(tmp_path):
     r = gimbalcal.read(XSENS)
     assert str(r).startswith("multi-position recording 'Xsens")
     assert f"{len(r.time)} rows" in str(r)
@@ -179,7 +179,7 @@ def test_recordings_and_results_print_themselves_and_calibrations_are_read_again
     with refused():
         gimbalcal.calibrate(tmp_path / "log.csv")
     with refused():
-        made.apply(np.zeros((3, 3)))  # type: ignore[type-var]
+        made.apply(np.zeros((3, 3)))
     found = gimbalcal.diagnose(DATA / "space_stable_concealed")
     found.write(str(tmp_path / "diagnosis.json"))
     assert json.loads((tmp_path / "diagnosis.json").read_text()) == found.to_dict()
@@ -187,7 +187,7 @@ def test_recordings_and_results_print_themselves_and_calibrations_are_read_again
     np.testing.assert_array_equal(gimbalcal.read(tmp_path / "again").triad("specific_force"), r.triad("specific_force"))
 
 
-def test_the_package_shows_its_names_and_each_has_complete_types() -> None:
+def test_the_package_shows_its_names_and_each_has_complete_types():
     names = dir(gimbalcal)
     assert names == sorted(gimbalcal.__all__)
     commands = ("calibrate", "diagnose", "navigate", "next_step", "noise", "observe", "simulate")
@@ -201,14 +201,14 @@ def test_the_package_shows_its_names_and_each_has_complete_types() -> None:
     assert (Path(gimbalcal.__file__).parent / "py.typed").exists()
 
 
-def test_pages_use_the_public_names() -> None:
+def test_pages_use_the_public_names():
     pages = [*(DATA.parent / "docs").glob("*.md"), *(DATA.parent / "docs" / "tutorials").glob("*.md")]
     used = {n for p in pages for n in re.findall(r"\bgimbalcal\.(\w+)\(", p.read_text(encoding="utf-8"))}
     assert {"calibrate", "diagnose", "from_arrays", "from_frame", "read_calibration", "navigate", "observe"} <= used
     assert used <= set(gimbalcal.__all__)
 
 
-def test_a_frame_is_corrected_in_its_own_units_and_keeps_what_else_it_holds() -> None:
+def test_a_frame_is_corrected_in_its_own_units_and_keeps_what_else_it_holds():
     t, f, w = turned()
     forces = {f"a{a} (g)": f[:, i] / 9.80665 for i, a in enumerate("xyz")}
     rates = {f"gyro_{a}": np.degrees(w[:, i]) for i, a in enumerate("xyz")}
@@ -239,7 +239,7 @@ def test_a_frame_is_corrected_in_its_own_units_and_keeps_what_else_it_holds() ->
     with refused():
         made.apply(frame, columns={"ax": "specific_force x [g]"})
     with refused():
-        made.apply(frame, units={"specific_force": "g"})  # type: ignore[call-overload]
+        made.apply(frame, units={"specific_force": "g"})
     with refused():
         made.apply(frame.select("note", "timestamp_ms"))
     holed = frame.with_columns(
@@ -249,7 +249,7 @@ def test_a_frame_is_corrected_in_its_own_units_and_keeps_what_else_it_holds() ->
         made.apply(holed, columns={name: f"specific_force {name[1]} [g]" for name in forces})
 
 
-def test_a_clock_of_dates_corrects_a_frame_as_a_clock_of_seconds_does() -> None:
+def test_a_clock_of_dates_corrects_a_frame_as_a_clock_of_seconds_does():
     effects = (CATALOGUE["bias"](b=np.array([0.05, -0.03, 0.02])),)
     residual = gimbalcal.calibrate(XSENS, terms=["bias"]).residual
     made = gimbalcal.Calibration("t", effects, (), np.zeros((0, 0)), (), residual)
@@ -268,10 +268,10 @@ def test_a_clock_of_dates_corrects_a_frame_as_a_clock_of_seconds_does() -> None:
     with refused():
         made.apply(frame.with_columns(pl.lit("9.8 m/s^2").alias("acc_x")), columns=columns)
     with refused():
-        made.apply(frame.lazy(), columns=columns)  # type: ignore[type-var]
+        made.apply(frame.lazy(), columns=columns)
 
 
-def test_one_name_or_file_is_a_sequence_of_it(tmp_path: Path) -> None:
+def test_one_name_or_file_is_a_sequence_of_it(tmp_path):
     device = gimbalcal.read(DATA / "space_stable_18")
     one = gimbalcal.next_step(device, separate="cubic_nonlinearity:z", most=1)
     assert one.separate == ("cubic_nonlinearity:z",)
@@ -282,7 +282,7 @@ def test_one_name_or_file_is_a_sequence_of_it(tmp_path: Path) -> None:
         gimbalcal.navigate(DATA / "space_stable_static", missing)
 
 
-def test_tables_are_frames_of_polars_or_of_pandas(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tables_are_frames_of_polars_or_of_pandas(monkeypatch):
     made = gimbalcal.calibrate(XSENS, terms=["bias"])
     with refused():
         made.to_frame("arrow")
@@ -294,7 +294,7 @@ def test_tables_are_frames_of_polars_or_of_pandas(monkeypatch: pytest.MonkeyPatc
     assert made.to_frame("pandas")["axis"] == ["x", "y", "z"]
 
 
-def test_plans_noise_and_navigation_are_functions_and_show_themselves() -> None:
+def test_plans_noise_and_navigation_are_functions_and_show_themselves():
     """In a notebook: the text of the console and a drawing."""
     simulated, truth = gimbalcal.simulate("demo", seed=3)
     assert {e.id for e in truth} >= {"bias", "scale_factor"}

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,14 +15,14 @@ class PowerCut(Exception):
     pass
 
 
-def names(folder: Path) -> list[str]:
+def names(folder):
     return sorted(p.name for p in folder.iterdir())
 
 
-def test_a_file_whose_writing_fails_stays_as_it_was(tmp_path: Path) -> None:
+def test_a_file_whose_writing_fails_stays_as_it_was(tmp_path):
     atomic.write(tmp_path / "new" / "a.txt", "old\n")  # folders on the way are made
 
-    def half() -> None:
+    def half():
         with atomic.file(tmp_path / "new" / "a.txt") as path:
             path.write_text("half")
             assert (tmp_path / "new" / "a.txt").read_text() == "old\n"
@@ -35,7 +34,7 @@ def test_a_file_whose_writing_fails_stays_as_it_was(tmp_path: Path) -> None:
     assert names(tmp_path / "new") == ["a.txt"]
 
 
-def test_text_is_utf_8_and_bytes_are_themselves(tmp_path: Path) -> None:
+def test_text_is_utf_8_and_bytes_are_themselves(tmp_path):
     atomic.write(tmp_path / "a", "µg\r\n")
     assert (tmp_path / "a").read_bytes() == b"\xc2\xb5g\r\n"
     atomic.write(tmp_path / "a", b"\xff")
@@ -43,13 +42,13 @@ def test_text_is_utf_8_and_bytes_are_themselves(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("there", [False, True])
-def test_a_folder_whose_making_fails_is_not_seen(tmp_path: Path, there: bool) -> None:
+def test_a_folder_whose_making_fails_is_not_seen(tmp_path, there):
     out = tmp_path / "deep" / "out"
     if there:
         out.mkdir(parents=True)
         (out / "b").write_text("old")
 
-    def half() -> None:
+    def half():
         with atomic.folder(out) as made:
             (made / "b").write_text("new")
             raise PowerCut
@@ -60,7 +59,7 @@ def test_a_folder_whose_making_fails_is_not_seen(tmp_path: Path, there: bool) ->
     assert not there or (names(out) == ["b"] and (out / "b").read_text() == "old")
 
 
-def test_a_folder_takes_its_files_in_order_and_keeps_strangers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_takes_its_files_in_order_and_keeps_strangers(tmp_path, monkeypatch):
     monkeypatch.setattr(atomic, "_exchange", lambda one, other: False)  # a system that has no such step
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("kept")
@@ -74,7 +73,7 @@ def test_a_folder_takes_its_files_in_order_and_keeps_strangers(tmp_path: Path, m
     assert names(tmp_path / "out") == ["a", "header", "mine", "z"]
 
 
-def test_a_full_disk_is_told_with_the_name_of_the_file(tmp_path: Path) -> None:
+def test_a_full_disk_is_told_with_the_name_of_the_file(tmp_path):
     """Limits of a process stand for a disk: 20 kB, by Python and by the engine that writes Parquet."""
     code = f"""
 import resource, numpy as np, polars as pl
@@ -103,11 +102,11 @@ for name, make in (("report.html", text), ("rows.parquet", table), ("rows.csv", 
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_nothing_is_replaced_where_one_file_cannot_be(tmp_path: Path) -> None:
+def test_nothing_is_replaced_where_one_file_cannot_be(tmp_path):
     (tmp_path / "out" / "z.html").mkdir(parents=True)
     (tmp_path / "out" / "a.json").write_text("old")
 
-    def make() -> None:
+    def make():
         with atomic.folder(tmp_path / "out") as new:
             (new / "a.json").write_text("new")
             (new / "z.html").write_text("new")
@@ -121,28 +120,28 @@ NAMES = ("a.json", "b.csv", "c.html")
 WITHIN = ("a.json", "b/a.json", "b/c.html")  # of two sensors
 
 
-def replaced(out: Path, age: str, of: Sequence[str] = NAMES) -> None:
+def replaced(out, age, of=NAMES):
     with atomic.folder(out, last="a.json") as new:
         for name in of:
             atomic.write(new / name, age)
 
 
-def shown(folder: Path) -> list[str]:
+def shown(folder):
     """What one sees in a folder: a kill may leave something hidden."""
     return [name for name in names(folder) if not name.startswith(".")]
 
 
-def ages(out: Path, of: Sequence[str] = NAMES) -> set[str]:
+def ages(out, of=NAMES):
     return {(out / name).read_text() for name in of}
 
 
 @contextmanager
-def cut_at(n: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
+def cut_at(n, monkeypatch):
     """After n steps that change what is on the disk the process is dead: no step does anything any more."""
     taken = [0]
 
-    def dying(step):  # type: ignore[no-untyped-def]
-        def one(*arguments, **named):  # type: ignore[no-untyped-def]
+    def dying(step):
+        def one(*arguments, **named):
             taken[0] += 1
             if taken[0] > n:
                 raise PowerCut
@@ -161,9 +160,7 @@ def cut_at(n: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
 
 
 @pytest.mark.parametrize("of", [NAMES, WITHIN])
-def test_a_kill_at_any_step_leaves_all_files_of_one_age(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, of: Sequence[str]
-) -> None:
+def test_a_kill_at_any_step_leaves_all_files_of_one_age(tmp_path, monkeypatch, of):
     out, seen = tmp_path / "out", set()
     others = [out / name for name in (("mine", "b/mine") if of is WITHIN else ("mine",))]
     for n in range(200):
@@ -212,7 +209,7 @@ for k in range(60):
 
 
 @pytest.mark.parametrize("of", [NAMES, WITHIN])
-def test_kills_while_replacing_leave_all_files_of_one_age(tmp_path: Path, of: Sequence[str]) -> None:
+def test_kills_while_replacing_leave_all_files_of_one_age(tmp_path, of):
     """60 of them by the system itself."""
     out = tmp_path / "out"
     replaced(out, "0", of)
@@ -222,7 +219,7 @@ def test_kills_while_replacing_leave_all_files_of_one_age(tmp_path: Path, of: Se
 
 
 @pytest.mark.parametrize("why", ["folders within", "where we stand", "one file", "a link"])
-def test_what_is_exchanged_and_what_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, why: str) -> None:
+def test_what_is_exchanged_and_what_not(tmp_path, monkeypatch, why):
     out = tmp_path / "out"
     replaced(out, "old")
     before, exchanged = out.stat(), why == "a link"
@@ -247,9 +244,7 @@ def test_what_is_exchanged_and_what_not(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("as_one", [True, False])
-def test_what_belongs_to_earlier_files_goes_with_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, as_one: bool
-) -> None:
+def test_what_belongs_to_earlier_files_goes_with_them(tmp_path, monkeypatch, as_one):
     if not as_one:
         monkeypatch.setattr(atomic, "_exchange", lambda one, other: False)
     for name in (*NAMES, "law.py", "mine"):
@@ -272,7 +267,7 @@ for n in range(100):
 """
 
 
-def test_two_that_replace_at_once_are_never_mixed(tmp_path: Path) -> None:
+def test_two_that_replace_at_once_are_never_mixed(tmp_path):
     out = tmp_path / "out"
     replaced(out, "0")
     both = [subprocess.Popen([sys.executable, "-c", TWO, str(out), who, *NAMES]) for who in "AB"]
@@ -282,7 +277,7 @@ def test_two_that_replace_at_once_are_never_mixed(tmp_path: Path) -> None:
     assert names(tmp_path) == ["out"]
 
 
-def at_a_look(out: Path) -> set[str]:
+def at_a_look(out):
     """Ages in a folder that is held open; none where it was exchanged and removed meanwhile."""
     folder, found = os.open(out, os.O_RDONLY), set[str]()
     try:
@@ -296,13 +291,13 @@ def at_a_look(out: Path) -> set[str]:
     return found
 
 
-def test_what_another_saves_meanwhile_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_another_saves_meanwhile_stays(tmp_path, monkeypatch):
     out = tmp_path / "out"
     replaced(out, "old")
     (out / "mine").write_text("draft")
     exchange = atomic._exchange
 
-    def slow(one: Path, other: Path) -> bool:
+    def slow(one, other):
         atomic.write(out / "mine", "saved")
         (out / "more").write_text("more")
         return exchange(one, other)

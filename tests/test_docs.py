@@ -4,7 +4,6 @@ import doctest
 import json
 import re
 import runpy
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -19,12 +18,12 @@ from tests.golden import same
 DOCS = Path(__file__).parents[1] / "docs"
 
 
-def test_the_page_of_effects_is_that_of_the_catalogue() -> None:
+def test_the_page_of_effects_is_that_of_the_catalogue():
     page = runpy.run_path(str(DOCS / "build_effects.py"))["page"]()
     assert (DOCS / "effects.md").read_text() == page, "run `make docs`"
 
 
-def test_measured_results_on_the_pages_are_those_of_the_files() -> None:
+def test_measured_results_on_the_pages_are_those_of_the_files():
     measured = runpy.run_path(str(DOCS / "build_measured.py"))
     pages = {page: page.read_text(encoding="utf-8") for page in measured["pages"]()}
     assert pages == {page: measured["filled"](text) for page, text in pages.items()}, "run docs/build_measured.py"
@@ -34,7 +33,7 @@ def test_measured_results_on_the_pages_are_those_of_the_files() -> None:
     assert {name for name in shown if Path(f"tests/benchmarks/{name}.py").exists()} <= renewed, "add it to make bench"
 
 
-def test_the_ten_lines_of_the_first_page_run_as_printed(tmp_path: Path) -> None:
+def test_the_ten_lines_of_the_first_page_run_as_printed(tmp_path):
     """README.md: `python docs/build_tutorials.py ../shared/data README.md` inserts the present output."""
     tutorials = runpy.run_path(str(DOCS / "build_tutorials.py"))
     tutorials["furnish"](tmp_path, tmp_path)
@@ -48,7 +47,7 @@ WITH_SESSIONS = [page for page in PAGES if SESSION.search(page.read_text(encodin
 
 
 @pytest.mark.parametrize("page", WITH_SESSIONS, ids=lambda p: p.name)
-def test_python_sessions_of_a_page_run_as_printed(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_sessions_of_a_page_run_as_printed(page, monkeypatch):
     monkeypatch.chdir(DOCS.parent)
     text = "\n".join(SESSION.findall(page.read_text(encoding="utf-8")))
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
@@ -60,14 +59,14 @@ def test_python_sessions_of_a_page_run_as_printed(page: Path, monkeypatch: pytes
 LINK = re.compile(r"\]\(([^)\s#]+)")
 
 
-def test_every_link_of_a_page_leads_to_a_file_of_the_project() -> None:
+def test_every_link_of_a_page_leads_to_a_file_of_the_project():
     pages = [*DOCS.rglob("*.md"), *DOCS.parent.glob("*.md")]
     links = [(page, link) for page in pages for link in LINK.findall(page.read_text()) if "://" not in link]
     assert links
     assert not [f"{page.name}: {link}" for page, link in links if not (page.parent / link).exists()]
 
 
-def test_broken_links_and_external_files_are_reported(tmp_path: Path) -> None:
+def test_broken_links_and_external_files_are_reported(tmp_path):
     faults = runpy.run_path(str(DOCS / "check_links.py"))["faults"]
     (tmp_path / "a.html").write_text('<a href="b.html#here">b</a><a href="https://x.org">x</a><img src="data:image/">')
     (tmp_path / "b.html").write_text('<p id="here"></p>')
@@ -86,7 +85,7 @@ MODULE = re.compile(r"python -m ((?:gimbalcal|derivations|tests)[\w.]*)")
 FILE = re.compile(r"`((?:gimbalcal|tests|docs|data|notebooks|derivations)/[\w./-]+)`")
 
 
-def unknown_names(page: str) -> list[str]:
+def unknown_names(page):
     """Commands, options, modules and files of the project that a page names and that do not exist."""
     known = {name: {o for p in c.params for o in p.opts} | {"--help", "-h"} for name, c in gimbalcal.commands.items()}
     out = [f"gimbalcal {name}" for name, _ in CALL.findall(page) if name not in known]
@@ -101,14 +100,14 @@ def unknown_names(page: str) -> list[str]:
     return out + [f for f in FILE.findall(page) if not (DOCS.parent / f).exists()]
 
 
-def test_pages_name_only_what_exists() -> None:
+def test_pages_name_only_what_exists():
     pages = [p for p in DOCS.rglob("*.md") if "_build" not in p.parts]
     unknown = [f"{p.name}: {name}" for p in [*pages, *DOCS.parent.glob("[!.]*/README.md"), *DOCS.parent.glob("*.md")]
             for name in unknown_names(p.read_text())]  # fmt: skip
     assert unknown == []
 
 
-def test_unknown_names_are_reported() -> None:
+def test_unknown_names_are_reported():
     page = "`gimbalcal calibrate REC --metod x` and `gimbalcal calibrat`, `--nothing`, `docs/no.md`, python -m tests.no"
     assert unknown_names(page) == ["gimbalcal calibrat", "calibrate --metod", "--nothing", "tests.no", "docs/no.md"]
 
@@ -126,7 +125,7 @@ WRITTEN = {
 
 
 @pytest.mark.parametrize("name", WRITTEN)
-def test_files_are_as_their_schemas_say(name: str, command: Callable[..., int], tmp_path: Path) -> None:
+def test_files_are_as_their_schemas_say(name, command, tmp_path):
     schema = json.loads((DOCS / "schemas" / f"{name}.schema.json").read_text())
     jsonschema.Draft202012Validator.check_schema(schema)
     for k, words in enumerate(WRITTEN[name]):
@@ -142,14 +141,14 @@ def test_files_are_as_their_schemas_say(name: str, command: Callable[..., int], 
                 jsonschema.validate(written, schema)
 
 
-def test_the_page_of_the_schemas_names_every_key() -> None:
+def test_the_page_of_the_schemas_names_every_key():
     page = runpy.run_path(str(DOCS / "build_schemas.py"))["page"]()
     assert "| `parameters[].sigma` | number | one sigma, in `unit` |" in page
     assert "| `findings[].twins` | array of string |" in page
     assert "| *`laws`* |" in page
 
 
-def test_a_sheet_of_charts_is_a_picture_with_the_colours_of_the_page() -> None:
+def test_a_sheet_of_charts_is_a_picture_with_the_colours_of_the_page():
     sheet = runpy.run_path(str(DOCS / "chart_sheet.py"))["sheet"]
     chart = Chart((Points(np.arange(3.0), np.arange(3.0), BLUE),), height=100)
     drawn = ET.fromstring(sheet([chart, chart, chart]))

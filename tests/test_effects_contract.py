@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import sympy
 
-from gimbalcal.effects import CATALOGUE, Effect, Stage, Stimulus, values, with_values
+from gimbalcal.effects import CATALOGUE, Stage, Stimulus, values, with_values
 from gimbalcal.effects.effect import constants
 from gimbalcal.kinematics import stimulus_from_angles
-from gimbalcal.number import STEP, Array
+from gimbalcal.number import STEP
 from gimbalcal.references import REFERENCES
 from gimbalcal.units import parse
 from tests.effects.recordings import RECORDINGS, ready, unknowns
@@ -21,7 +21,7 @@ PAGE = Path(__file__).parents[2] / "shared" / "design" / "effects.md"
 ALL = sorted(CATALOGUE)
 
 
-def rich(kind: str = "multi-position") -> Stimulus:
+def rich(kind="multi-position"):
     """A stimulus with everything that any effect may ask for, and no force that is exactly zero."""
     s = stimulus_from_angles(RECORDINGS[kind])
     rng = np.random.default_rng(6)
@@ -35,20 +35,20 @@ def rich(kind: str = "multi-position") -> Stimulus:
     )
 
 
-def filled(name: str, rng: np.random.Generator) -> Effect:
+def filled(name, rng):
     """The effect with parameters of the size of their prior."""
     wanted = unknowns(name, constants=False)
     x = np.array([p.sigma for p in wanted]) * (0.5 + rng.random(len(wanted)))
     return with_values([ready(name)], wanted, x)[0]
 
 
-def expected_shape(stage: Stage, s: Stimulus) -> tuple[int, ...]:
+def expected_shape(stage, s):
     n, k = s.readout.shape
     return {Stage.ENCODER: (n, k), Stage.AXIS_TILT: (n, k, 3)}.get(stage, (n, 3))
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_card_is_complete(name: str) -> None:
+def test_card_is_complete(name):
     cls = CATALOGUE[name]
     assert cls.id == name
     card = " ".join((cls.__doc__ or "").split())
@@ -61,7 +61,7 @@ def test_card_is_complete(name: str) -> None:
         assert p.sigma > 0
 
 
-def test_parameter_names_are_unique_so_that_a_calibration_can_be_read_back() -> None:
+def test_parameter_names_are_unique_so_that_a_calibration_can_be_read_back():
     owner: dict[str, str] = {}
     for name in ALL:
         for p in unknowns(name):
@@ -79,13 +79,13 @@ OWN_IDS = {  # constituents of the baseline, and any logged channel: not rows of
 
 @pytest.mark.skipif(not PAGE.exists(), reason="the design's catalogue is not on this machine")
 @pytest.mark.parametrize("name", ALL)
-def test_id_is_one_of_the_catalogue(name: str) -> None:
+def test_id_is_one_of_the_catalogue(name):
     assert name in OWN_IDS | set(re.findall(r"`([a-z0-9_]+)`", PAGE.read_text()))
 
 
 @pytest.mark.parametrize("kind", ["multi-position", "static-run"])
 @pytest.mark.parametrize("name", ALL)
-def test_absent_is_zero_and_the_shape_is_the_stage_s(name: str, kind: str) -> None:
+def test_absent_is_zero_and_the_shape_is_the_stage_s(name, kind):
     s = rich(kind)
     added = ready(name).contribution(s)
     assert np.broadcast_shapes(np.shape(added), expected_shape(CATALOGUE[name].stage, s)) == np.shape(added)
@@ -94,7 +94,7 @@ def test_absent_is_zero_and_the_shape_is_the_stage_s(name: str, kind: str) -> No
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_one_row_is_enough(name: str) -> None:
+def test_one_row_is_enough(name):
     s = rich()
     one: dict[str, Any] = {}
     for f in fields(s):
@@ -105,14 +105,14 @@ def test_one_row_is_enough(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_complex_step_is_the_derivative_by_every_parameter(name: str) -> None:
+def test_complex_step_is_the_derivative_by_every_parameter(name):
     s, rng = rich(), np.random.default_rng(2)
     made, wanted = filled(name, rng), unknowns(name)
     x, scale = values([made], wanted), np.array([p.sigma for p in wanted])
     scale *= [1e-3 if "." in p.name else 1.0 for p in wanted]  # a period turns the phase of a day by many radians
     for unit in np.eye(len(wanted)):
 
-        def at(step: complex, unit: Array = unit) -> Array:
+        def at(step, unit=unit):
             return with_values([made], wanted, x + step * scale * unit)[0].contribution(s)
 
         exact = at(1j * STEP).imag / STEP
@@ -124,7 +124,7 @@ SMOOTH = [(n, f.name) for n in ALL for f in constants(CATALOGUE[n]) if f.metadat
 
 
 @pytest.mark.parametrize(("name", "field"), SMOOTH)
-def test_complex_step_is_the_derivative_by_a_constant_anywhere_in_its_range(name: str, field: str) -> None:
+def test_complex_step_is_the_derivative_by_a_constant_anywhere_in_its_range(name, field):
     made, largest = filled(name, np.random.default_rng(5)), 0.0
     m = next(f.metadata for f in constants(type(made)) if f.name == field)
     inside = m["low"] + np.array([0.01, 0.1, 0.5, 0.9]) * (m["high"] - m["low"])
@@ -132,7 +132,7 @@ def test_complex_step_is_the_derivative_by_a_constant_anywhere_in_its_range(name
         s = rich(kind)
         for value in (getattr(made, field), *inside):
 
-            def at(step: complex, value: float = value, s: Stimulus = s) -> Array:
+            def at(step, value=value, s=s):
                 return replace(made, **{field: value + step * (value or m["high"])}).contribution(s)
 
             exact = np.imag(at(1j * STEP)) / STEP
@@ -146,26 +146,26 @@ def test_complex_step_is_the_derivative_by_a_constant_anywhere_in_its_range(name
     assert largest > 1e-3  # the derivative is there to be lost
 
 
-def close(exact: Array, difference: Array, size: float) -> None:
+def close(exact, difference, size):
     np.testing.assert_allclose(exact, difference, rtol=2e-6, atol=1e-6 * np.abs(difference).max() + 1e-9 * size)
 
 
 @pytest.mark.parametrize("field", ["force", "angle", "move_force", "rate"])
 @pytest.mark.parametrize("name", ALL)
-def test_complex_step_is_the_derivative_by_the_stimulus(name: str, field: str) -> None:
+def test_complex_step_is_the_derivative_by_the_stimulus(name, field):
     s, rng = rich(), np.random.default_rng(3)
     made = filled(name, rng)
     old = getattr(s, field)
     step = rng.standard_normal(old.shape)
 
-    def at(h: complex) -> Array:
+    def at(h):
         return made.contribution(s.at(**{field: old + h * step}))
 
     close(np.imag(at(1j * STEP)) / STEP, np.real(at(1e-6) - at(-1e-6)) / 2e-6, size=1e3 * np.abs(at(0.0)).max())
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_accepts_symbols_and_means_the_same_by_them(name: str) -> None:
+def test_accepts_symbols_and_means_the_same_by_them(name):
     s, rng = short(rich()), np.random.default_rng(4)
     numeric, wanted = filled(name, rng), unknowns(name)
     x = values([numeric], wanted)
@@ -179,7 +179,7 @@ def test_accepts_symbols_and_means_the_same_by_them(name: str) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
 
 
-def short(s: Stimulus) -> Stimulus:
+def short(s):
     """The first row of the second dwell and the next."""
     rows = slice(5, 7)
     cut: dict[str, Any] = {f.name: getattr(s, f.name) for f in fields(s)}
@@ -188,7 +188,7 @@ def short(s: Stimulus) -> Stimulus:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_what_is_called_linear_is_linear_and_the_rest_is_not(name: str) -> None:
+def test_what_is_called_linear_is_linear_and_the_rest_is_not(name):
     s = rich()
     wanted = unknowns(name, constants=False)
     one, two = (filled(name, np.random.default_rng(seed)) for seed in (7, 8))

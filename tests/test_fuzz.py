@@ -1,7 +1,5 @@
 """A few inputs of the fuzzer, in this process: 0, 1, or one sentence and 2. For more: `python -m tests.fuzz`."""
 
-from pathlib import Path
-
 import pytest
 
 from tests.fuzzing import seeds
@@ -15,14 +13,14 @@ QUICK = ("csv", "header", "hand", "static", "parquet", "calibration", "schedule"
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("seeds")
     seeds.make(made)
     return made
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_what_is_spoilt_is_a_sentence(folder: Path, name: str) -> None:
+def test_what_is_spoilt_is_a_sentence(folder, name):
     assert name in TARGETS
     for number in range(8):
         found = run(name, 11, number, folder)
@@ -44,12 +42,12 @@ FOUND = [("schedule", 2, 2930), ("csv", 2, 3752), ("scenario", 2, 3781), ("calib
 
 
 @pytest.mark.parametrize(("name", "seed", "number"), FOUND)
-def test_what_was_wrong_once_is_right(folder: Path, name: str, seed: int, number: int) -> None:
+def test_what_was_wrong_once_is_right(folder, name, seed, number):
     found = run(name, seed, number, folder)
     assert not found["wrong"], found
 
 
-def test_inputs_from_the_documents_are_answered_and_nothing_is_wrong_in_silence() -> None:
+def test_inputs_from_the_documents_are_answered_and_nothing_is_wrong_in_silence():
     counts, finds = fuzz(range(40), 9, quick=True)
     assert counts.total() == 40
     assert not finds

@@ -1,7 +1,6 @@
 """The comparison with golden files finds what changed, and nothing that only rounding changed."""
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -23,11 +22,11 @@ from tests.golden import Golden, golden_text, page_text, same
         ("one line", "one line\nand another", False),
     ],
 )
-def test_words_must_be_equal_and_numbers_agree_within_rounding(kept: str, now: str, equal: bool) -> None:
+def test_words_must_be_equal_and_numbers_agree_within_rounding(kept, now, equal):
     assert same(kept.splitlines(), now.splitlines()) is equal
 
 
-def test_a_golden_file_is_written_only_where_it_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_golden_file_is_written_only_where_it_is_asked_for(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "FOLDER", tmp_path)
     with pytest.raises(AssertionError, match="--regenerate-golden"):
         Golden(False)("a/page", "some  text")
@@ -39,7 +38,7 @@ def test_a_golden_file_is_written_only_where_it_is_asked_for(tmp_path: Path, mon
         Golden(False)("a/page", "other text")
 
 
-def test_the_text_of_a_page_has_a_line_for_each_row_and_the_titles_of_its_charts() -> None:
+def test_the_text_of_a_page_has_a_line_for_each_row_and_the_titles_of_its_charts():
     page = ('<style>p {}</style><h1>A <b>title</b></h1><table><tr><th>bias</th><td>1</td></tr></table>'
             '<figure><div aria-label="what it shows"><svg data-words="t [s]|x"><text class="title">bias</text>'
             "<text>0.5</text></svg></div></figure><script>x()</script>")  # fmt: skip
@@ -48,7 +47,7 @@ def test_the_text_of_a_page_has_a_line_for_each_row_and_the_titles_of_its_charts
     ]  # fmt: skip
 
 
-def test_every_section_of_the_messages_is_of_a_test() -> None:
+def test_every_section_of_the_messages_is_of_a_test():
     """Sections of tests that were renamed or deleted go too."""
     folder = module.FOLDER / "messages"
     for file in sorted(folder.rglob("*.txt")):
@@ -57,7 +56,7 @@ def test_every_section_of_the_messages_is_of_a_test() -> None:
             assert f"def {test}(" in (home / f"{stem}.py").read_text(encoding="utf-8"), f"{file}: {test}"
 
 
-def test_messages_are_compared_with_the_section_of_the_test(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_messages_are_compared_with_the_section_of_the_test(monkeypatch):
     golden_text("bias x 1.24 ug in row 2001", f"{module.ROOT}/data was read")
     with monkeypatch.context() as comparing, pytest.raises(AssertionError, match="--regenerate-golden"):  # noqa: PT012
         comparing.setattr(module.MESSAGES[-1], "regenerate", False)

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 
-def test_twenty_kills_tear_nothing_and_leave_nothing() -> None:
+def test_twenty_kills_tear_nothing_and_leave_nothing():
     """In a process of its own, which forks."""
     run = subprocess.run(
         [sys.executable, "-m", "tests.fuzzing.kills", "-n", "20", "calibrate", "new", "apply", "calibrate --store"],

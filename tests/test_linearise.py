@@ -1,28 +1,26 @@
 """Derivatives stage by stage are those of the whole model, whichever effects are there."""
 
-from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, Stage, absent, parameters, values, with_values
 from gimbalcal.forward import jacobian, linearise, predict
-from gimbalcal.number import STEP, Array
+from gimbalcal.number import STEP
 from gimbalcal.platform import KNOWN
-from gimbalcal.recording import Recording
 from tests.test_effects_contract import RECORDINGS, rich
 
 KINDS = ("multi-position", "rotation", "static-run", "pointing")
 
 
-def recording_of(kind: str) -> Recording:
+def recording_of(kind):
     if kind == "pointing":
         return replace(RECORDINGS["multi-position"], platform=KNOWN["alt-az"], kind=kind)
     return replace(RECORDINGS["static-run" if kind == "static-run" else "multi-position"], kind=kind)
 
 
-def whole(kind: str, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> dict[str, Array]:
+def whole(kind, effects, wanted):
     """The complex step through `predict`, one parameter at a time."""
     made, s = recording_of(kind), stimulus_of(kind)
     x0, columns = values(effects, wanted), []
@@ -32,7 +30,7 @@ def whole(kind: str, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> 
     return {k: np.stack([c[k] for c in columns], axis=-1) for k in columns[0]}
 
 
-def stimulus_of(kind: str) -> Stimulus:
+def stimulus_of(kind):
     s = rich("static-run" if kind == "static-run" else "multi-position")
     if kind != "pointing":
         return s
@@ -44,7 +42,7 @@ def stimulus_of(kind: str) -> Stimulus:
     return s.at(**cut, axis_names=names, axis_directions=directions, sense=())
 
 
-def filled(name: str, kind: str, share: float = 0.3) -> Effect:
+def filled(name, kind, share=0.3):
     names = recording_of(kind).platform.axis_names
     made = absent(CATALOGUE[name], names)
     if any(f.name == "covariate" for f in fields(made)):
@@ -55,7 +53,7 @@ def filled(name: str, kind: str, share: float = 0.3) -> Effect:
 
 @pytest.mark.parametrize("spanning", ["", *(n for n in CATALOGUE if CATALOGUE[n].spans_rows)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_stage_by_stage_is_the_whole_model(kind: str, spanning: str) -> None:
+def test_stage_by_stage_is_the_whole_model(kind, spanning):
     """Every effect is there, derivatives by each; effects that span rows one at a time."""
     made, s = recording_of(kind), stimulus_of(kind)
     names = [n for n in sorted(CATALOGUE) if kind in CATALOGUE[n].kinds]
@@ -71,7 +69,7 @@ def test_stage_by_stage_is_the_whole_model(kind: str, spanning: str) -> None:
         assert off.max() < 1e-12, f"{wanted[int(np.argmax(off))].label} in {quantity}: {off.max():.1e}"
 
 
-def test_the_spanning_effects_are_those_that_say_so() -> None:
+def test_the_spanning_effects_are_those_that_say_so():
     """Stage by stage, without the way round, is wrong for exactly the effects that declare `spans_rows`."""
     made, s = recording_of("multi-position"), stimulus_of("multi-position")
     (wanted,) = parameters(CATALOGUE["gravity_error"])
@@ -88,14 +86,14 @@ def test_the_spanning_effects_are_those_that_say_so() -> None:
             assert same != CATALOGUE[name].spans_rows, name
 
 
-def added(index: int, s: Stimulus) -> Array:
+def added(index, s):
     """What one unit of base_tilt_drift adds to the base."""
     out = np.zeros((len(s.time), 3))
     out[:, index] = s.time
     return out
 
 
-def test_stages_come_in_the_order_of_the_model_in_whichever_order_they_are_asked_for() -> None:
+def test_stages_come_in_the_order_of_the_model_in_whichever_order_they_are_asked_for():
     made, s = recording_of("multi-position"), stimulus_of("multi-position")
     for stages in (list(Stage), list(Stage)[::-1], frozenset(Stage)):
         shown = linearise(made.platform, s, (), stages=stages).sensitivity

@@ -9,8 +9,8 @@ from tests.mutation.rewrite import mistaken
 COURSE = "gimbalcal.history.parameter_history"
 
 
-def test_a_mistake_is_made_and_taken_back() -> None:
-    def clear() -> float:
+def test_a_mistake_is_made_and_taken_back():
+    def clear():
         return of([0, 6], [3, 4]).clear
 
     mutant = mistaken(COURSE, "ParameterHistory.clear", "np.hypot(self.sigma[1:], self.sigma[:-1])", "self.sigma[1:]")
@@ -26,13 +26,13 @@ def test_a_mistake_is_made_and_taken_back() -> None:
     [(COURSE, "_mean", "sigma**-3", "0 times, and not once"), (COURSE, "_mean", "w", "times, and not once"),
      (COURSE, "_median", "w", "is not there any more"), ("gimbalcal.nowhere", "_mean", "w", "is not there any more")],
 )  # fmt: skip
-def test_a_mistake_that_has_no_place_is_named(module: str, function: str, before: str, words: str) -> None:
+def test_a_mistake_that_has_no_place_is_named(module, function, before, words):
     with pytest.raises(ValueError, match=words):
         mistaken(module, function, before, "x")
 
 
 @pytest.mark.parametrize("room", ROOMS)
-def test_every_listed_mistake_can_still_be_made(room: str) -> None:
+def test_every_listed_mistake_can_still_be_made(room):
     outdated: list[str] = []
     assert list(chosen(room, outdated))
     assert outdated == []

@@ -15,7 +15,7 @@ angles = st.floats(-7, 7, allow_nan=False)
 
 @pytest.mark.parametrize("name", ["sin", "cos", "exp", "sqrt", "absolute", "arcsin"])
 @pytest.mark.parametrize("x", [0.3, 0.9])
-def test_complex_step_equals_symbolic_derivative(name: str, x: float) -> None:
+def test_complex_step_equals_symbolic_derivative(name, x):
     function = getattr(number, name)
     symbol = sympy.Symbol("x", positive=True)
     exact = float(sympy.diff(function(np.array(symbol, dtype=object)).item(), symbol).subs(symbol, x))
@@ -25,7 +25,7 @@ def test_complex_step_equals_symbolic_derivative(name: str, x: float) -> None:
     )
 
 
-def test_absolute_and_minimum_keep_the_complex_step_where_numpy_drops_it() -> None:
+def test_absolute_and_minimum_keep_the_complex_step_where_numpy_drops_it():
     x = np.array([-2.0, 3.0]) + 1j * STEP
     np.testing.assert_array_equal(number.absolute(x).imag, [-STEP, STEP])
     np.testing.assert_array_equal(number.minimum(x, 1.0).imag, [STEP, 0.0])
@@ -33,13 +33,13 @@ def test_absolute_and_minimum_keep_the_complex_step_where_numpy_drops_it() -> No
 
 
 @given(y=st.floats(-3, 3), x=st.floats(0.1, 3))
-def test_arctan2_derivative(y: float, x: float) -> None:
+def test_arctan2_derivative(y, x):
     assert number.arctan2(y, x) == np.arctan2(y, x)
     expected = x / (x * x + y * y)
     assert number.arctan2(y + 1j * STEP, x).imag / STEP == pytest.approx(expected, rel=1e-13)
 
 
-def test_complex_step_by_all_parameters_and_row_by_row() -> None:
+def test_complex_step_by_all_parameters_and_row_by_row():
     A = np.array([[1.0, 2.0], [3.0, 4.0], [-5.0, 6.0]])
     x = np.array([0.3, -0.2])
     np.testing.assert_array_equal(number.complex_step(lambda v: A @ v, x), A)

@@ -18,16 +18,16 @@ ROOT = Path(__file__).parents[1]
 STABILITY = (ROOT / "docs" / "stability.md").read_text(encoding="utf-8")
 
 
-def section(title: str) -> str:
+def section(title):
     """A section of the page on stability."""
     return STABILITY.split(f"## {title}\n", 1)[1].split("\n## ", 1)[0]
 
 
-def named(text: str) -> list[str]:
+def named(text):
     return re.findall(r"`([^`]+)`", text)
 
 
-def test_one_version_everywhere() -> None:
+def test_one_version_everywhere():
     version = gimbalcal.__version__
     assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"] == version
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
@@ -38,13 +38,13 @@ def test_one_version_everywhere() -> None:
     assert len(changelog.splitlines()) <= 60
 
 
-def test_every_file_has_a_licence_whose_text_is_here() -> None:
+def test_every_file_has_a_licence_whose_text_is_here():
     annotations = tomllib.loads((ROOT / "REUSE.toml").read_text(encoding="utf-8"))["annotations"]
     tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False).stdout.split()
     if not tracked:
         pytest.skip("not a checkout")
 
-    def licence(name: str) -> str:
+    def licence(name):
         of = ""
         for each in annotations:
             paths = [each["path"]] if isinstance(each["path"], str) else each["path"]
@@ -69,7 +69,7 @@ def test_every_file_has_a_licence_whose_text_is_here() -> None:
     assert {folder for folder, of in rows.items() if of.startswith("BSD")} == {"xsens_positions"}
 
 
-def test_the_page_on_stability_lists_what_the_program_has() -> None:
+def test_the_page_on_stability_lists_what_the_program_has():
     commands = section("Commands")
     names = named(commands.split("\n\nwith the options", 1)[0])
     assert set(names) <= set(program.commands)
@@ -90,7 +90,7 @@ def test_the_page_on_stability_lists_what_the_program_has() -> None:
     assert all(Path(schema).name == f"{name}.schema.json" for name, schema in files.items())
 
 
-def test_nothing_that_0_1_0_promises_is_missing_from_the_page() -> None:
+def test_nothing_that_0_1_0_promises_is_missing_from_the_page():
     """Frozen here once more: removing a promise from the page fails as removing the name does."""
     promised = (
         "apply budget calibrate campaign catalogue compare demo design diagnose export import navigate new next noise "
@@ -107,12 +107,12 @@ def test_nothing_that_0_1_0_promises_is_missing_from_the_page() -> None:
     assert set(python.split()) <= set(named(section("Python")))
 
 
-def test_oldest_dependencies_are_stated_for_every_package() -> None:
+def test_oldest_dependencies_are_stated_for_every_package():
     assert len(oldest()) > 10
     assert all(re.fullmatch(r"[a-z0-9-]+==\d[\d.]*", requirement) for requirement in oldest())
 
 
-def test_answers_of_two_environments_are_compared() -> None:
+def test_answers_of_two_environments_are_compared():
     one = {"bias x": (1.0, 0.1), "verdict": "adequate"}
     assert differences(one, {"bias x": (1.0 + 1e-9, 0.1), "verdict": "adequate"}) == []
     assert differences(one, {"bias x": (1.01, 0.1), "verdict": "unexplained"}) == ["bias x", "verdict"]

@@ -16,11 +16,11 @@ DATA = Path(__file__).parents[1] / "data"
 ROUNDING = 1e-12  # of the largest: products of the same numbers in another order
 
 
-def same(one: np.ndarray, other: np.ndarray) -> None:
+def same(one, other):
     np.testing.assert_allclose(one, other, rtol=0, atol=ROUNDING * np.abs(other).max())
 
 
-def test_positions() -> None:
+def test_positions():
     (recording,) = load([DATA / "space_stable_18"])
     means = dwell_means(recording)
     o = fit_baseline(view_at_known_attitude(means), steps=0)
@@ -35,7 +35,7 @@ def test_positions() -> None:
     same(mine.r, o.residual * o.sigma)
 
 
-def test_static_run() -> None:
+def test_static_run():
     (recording,) = load([DATA / "space_stable_static"])
     run = static_readings(recording)
     o = fit_baseline(view_at_known_attitude(recording), steps=0)

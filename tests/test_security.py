@@ -4,7 +4,6 @@ import contextlib
 import json
 import shutil
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -35,7 +34,7 @@ t = { quantity = "time", unit = "s" }
 SECRET = b"0123456789abcdef" * 30
 
 
-def hdf5(folder: Path, make: Callable[[h5py.File], object]) -> tuple[Path, dict[str, str]]:
+def hdf5(folder, make):
     (folder / "header.toml").write_text(HEADER)
     (folder / "secret").write_bytes(SECRET)
     with h5py.File(folder / "other.h5", "w") as file:
@@ -46,13 +45,13 @@ def hdf5(folder: Path, make: Callable[[h5py.File], object]) -> tuple[Path, dict[
     return folder / "rig.h5", {"header": str(folder / "header.toml")}
 
 
-def virtual(file: h5py.File) -> None:
+def virtual(file):
     layout = h5py.VirtualLayout(shape=(20,), dtype="f8")
     layout[:] = h5py.VirtualSource("other.h5", "t", shape=(20,))
     file.create_virtual_dataset("t", layout)
 
 
-def softly(file: h5py.File) -> None:
+def softly(file):
     file["deep"] = h5py.SoftLink("/links")
     file.create_group("links")["t"] = h5py.ExternalLink("other.h5", "t")
     file["t"] = h5py.SoftLink("/deep/t")
@@ -73,14 +72,14 @@ def softly(file: h5py.File) -> None:
     ],
     ids=["external storage", "external link", "by soft links", "virtual", "bomb", "a link to itself"],
 )
-def test_an_hdf5_file_shows_itself_alone(tmp_path: Path, make: Callable[[h5py.File], object], words: str) -> None:
+def test_an_hdf5_file_shows_itself_alone(tmp_path, make, words):
     path, options = hdf5(tmp_path, make)
     with pytest.raises(InputError, match=words):
         import_files("hdf5", [path], options)
 
 
-def test_soft_links_inside_a_file_are_followed(tmp_path: Path) -> None:
-    def make(file: h5py.File) -> None:
+def test_soft_links_inside_a_file_are_followed(tmp_path):
+    def make(file):
         file["clock/s"] = np.arange(20.0)
         file["t"] = h5py.SoftLink("/clock/s")
 
@@ -89,7 +88,7 @@ def test_soft_links_inside_a_file_are_followed(tmp_path: Path) -> None:
     assert made.time.tolist() == list(range(20))
 
 
-def test_what_unpacks_to_half_a_gigabyte_and_fifty_times_its_size_is_refused(tmp_path: Path) -> None:
+def test_what_unpacks_to_half_a_gigabyte_and_fifty_times_its_size_is_refused(tmp_path):
     (tmp_path / "packed").write_bytes(bytes(1_000_000))
     memory_limit.refuse_bomb(tmp_path / "packed", 499_000_000, streamed=True)
     with pytest.raises(InputError, match=r"packed has 1 MB and would take 0\.501 GB"):
@@ -98,7 +97,7 @@ def test_what_unpacks_to_half_a_gigabyte_and_fifty_times_its_size_is_refused(tmp
     memory_limit.refuse_bomb(tmp_path / "packed", 501_000_000, streamed=True)
 
 
-def test_archives_and_parquet_that_unpack_to_gigabytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_archives_and_parquet_that_unpack_to_gigabytes(tmp_path, monkeypatch):
     """A hundredth of what is refused, so that the test takes a second."""
     monkeypatch.setattr(memory_limit, "LARGE", memory_limit.LARGE // 100)
     with (
@@ -120,7 +119,7 @@ def test_archives_and_parquet_that_unpack_to_gigabytes(tmp_path: Path, monkeypat
         load([folder])
 
 
-def test_a_matlab_file_that_crashes_its_reader_harms_nobody(tmp_path: Path) -> None:
+def test_a_matlab_file_that_crashes_its_reader_harms_nobody(tmp_path):
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"clbt": {"Ka": np.eye(3)}, "t": np.arange(5.0), "name": "x"})
     sound = path.read_bytes()
@@ -134,7 +133,7 @@ def test_a_matlab_file_that_crashes_its_reader_harms_nobody(tmp_path: Path) -> N
             matlab_variables(path)
 
 
-def test_a_title_is_no_code(command: Callable[..., int], tmp_path: Path) -> None:
+def test_a_title_is_no_code(command, tmp_path):
     folder = tmp_path / "r"
     shutil.copytree(DATA / "xsens_positions", folder)
     header = folder / "recording.toml"
@@ -146,7 +145,7 @@ def test_a_title_is_no_code(command: Callable[..., int], tmp_path: Path) -> None
     assert "&lt;script&gt;alert" in page
 
 
-def test_devices_are_no_files(command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+def test_devices_are_no_files(command, capsys):
     zero = "/dev/zero"
     for arguments in (
         ("export", "csv", "--calibration", zero), ("observe", zero), ("compare", zero, zero),
@@ -156,7 +155,7 @@ def test_devices_are_no_files(command: Callable[..., int], capsys: pytest.Captur
         assert "Traceback" not in capsys.readouterr().err, arguments
 
 
-def test_json_has_no_word_for_what_is_no_number(tmp_path: Path) -> None:
+def test_json_has_no_word_for_what_is_no_number(tmp_path):
     from gimbalcal.atomic import as_json
 
     assert json.loads(as_json({"a": [1.0, float("nan")], "b": (float("inf"),)})) == {"a": [1.0, None], "b": [None]}

@@ -12,7 +12,7 @@ from tests.benchmarks.bench_gate import OTHER_MACHINE
 ROOT = Path(__file__).parents[1]
 
 
-def test_no_ratio_to_a_peer_is_worse_by_a_fifth() -> None:
+def test_no_ratio_to_a_peer_is_worse_by_a_fifth():
     """In a process of its own: the memory of a long run of tests would slow down what is measured."""
     run = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.bench_gate", "--against", "docs/measured/bench_gate.txt"],

@@ -1,6 +1,6 @@
 """Constants that no unit has are a question, with the slip that explains them; the sigma of gravity is carried."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,12 +11,12 @@ import pytest
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.calibration.readout import Counts, Readout
-from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.effects.sensor_grades import GRADES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.methods import calibrate
-from gimbalcal.recording import Recording, read, write
+from gimbalcal.recording import read, write
 from gimbalcal.unusual_constants import beyond_grade, corrections, largest_usual, with_question
 from tests.golden import golden_text
 
@@ -25,58 +25,58 @@ DATA = Path(__file__).resolve().parent.parent / "data"
 
 
 @pytest.fixture(scope="module")
-def device() -> Recording:
+def device():
     r = read(DATA / "space_stable_18")
     return r.select(np.arange(len(r.time)) % 10 == 0)
 
 
 @pytest.fixture(scope="module")
-def run() -> Recording:
+def run():
     return read(DATA / "space_stable_static")
 
 
-def limit(grade: str, lasted: float = HOUR) -> Callable[[Parameter], float]:
+def limit(grade, lasted=HOUR):
     return partial(largest_usual, Graded(GRADES[grade], ""), lasted)
 
 
-def scaled(r: Recording, axes: str, factor: float, quantity: str = "specific_force") -> Recording:
+def scaled(r, axes, factor, quantity="specific_force"):
     own = {(quantity, a): factor * r.channels[quantity, a] for a in axes}
     return replace(r, channels={**r.channels, **own})
 
 
-def elsewhere(r: Recording, degrees: float) -> Recording:
+def elsewhere(r, degrees):
     return replace(r, site=replace(r.site, latitude=np.radians(degrees)))
 
 
 @pytest.mark.parametrize("degrees", [43.0, 38.5])
-def test_a_wrong_latitude_is_named(run: Recording, degrees: float) -> None:
+def test_a_wrong_latitude_is_named(run, degrees):
     made, _ = calibrate([elsewhere(run, degrees)])
     golden_text(made.outcome)
 
 
-def test_a_gain_that_nothing_explains_is_asked_for(device: Recording) -> None:
+def test_a_gain_that_nothing_explains_is_asked_for(device):
     for method in ("three-stage", "multiposition"):
         made, _ = calibrate([scaled(device, "z", 1.1)], method)
         golden_text(made.outcome)
 
 
 @pytest.mark.parametrize("method", ["three-stage", "multiposition"])
-def test_a_sound_unit_is_not_asked_about(device: Recording, method: str) -> None:
+def test_a_sound_unit_is_not_asked_about(device, method):
     assert calibrate([device], method)[0].outcome == ""
 
 
-def test_a_real_unit_is_not_asked_about() -> None:
+def test_a_real_unit_is_not_asked_about():
     assert calibrate([DATA / "xsens_positions"])[0].outcome == ""
 
 
-def test_the_zero_of_gyroscopes_that_count_is_no_question() -> None:
+def test_the_zero_of_gyroscopes_that_count_is_no_question():
     """Raw counts stand about 32768 whatever the grade; the same numbers in SI are asked about."""
     p = next(p for p in parameters(CATALOGUE["gyro_bias"]) if p.axis == "x")
     bias, cov = with_values((), (p,), np.array([7.0])), np.array([[1e-12]])
     unit = Graded(GRADES["tactical"], "")
     r = read(DATA / "xsens_positions")
 
-    def never(_: Sequence[Recording]) -> Calibration:
+    def never(_):
         raise InputError("no slip")
 
     for readout, asked in ((Readout(gyroscopes=Counts((1e-4,) * 3)), False), (Readout(), True)):
@@ -84,21 +84,21 @@ def test_the_zero_of_gyroscopes_that_count_is_no_question() -> None:
         assert with_question(made, [r], unit, never).outcome.startswith("gyro bias x is 1.444e+06") is asked
 
 
-def test_what_is_not_of_the_sensors_may_have_any_size() -> None:
+def test_what_is_not_of_the_sensors_may_have_any_size():
     wanted = [p for e in ("gimbal_zero", "bias") for p in parameters(CATALOGUE[e], ("inner",))]
     x = np.array([1.0, 1.0, 0.0, 0.0])  # a gimbal's zero of 57 deg; a bias of a tenth of gravity
-    made = Calibration("x", with_values((), wanted, x, ("inner",)), tuple(wanted), 1e-12 * np.eye(4), (), None)  # type: ignore[arg-type]
+    made = Calibration("x", with_values((), wanted, x, ("inner",)), tuple(wanted), 1e-12 * np.eye(4), (), None)
     assert [made.parameters[i].label for i in beyond_grade(made, limit("navigation"))] == ["bias:x"]
     assert not beyond_grade(made, limit("consumer"))
 
 
-def test_unseen_constants_at_their_prior_are_no_question() -> None:
+def test_unseen_constants_at_their_prior_are_no_question():
     wanted = parameters(CATALOGUE["bias"])
-    made = Calibration("x", with_values((), wanted, np.ones(3)), wanted, np.eye(3), (), None)  # type: ignore[arg-type]
+    made = Calibration("x", with_values((), wanted, np.ones(3)), wanted, np.eye(3), (), None)
     assert not beyond_grade(made, limit("navigation"))
 
 
-def test_a_unit_undone_is_undone_in_the_scatter_of_the_rows_too(device: Recording) -> None:
+def test_a_unit_undone_is_undone_in_the_scatter_of_the_rows_too(device):
     wanted = parameters(CATALOGUE["scale_factor"])
     made = Calibration("t", with_values((), wanted, np.full(3, 8.8)), wanted, 1e-6 * np.eye(3), (), Residual(0, 1, {}))
     shown = replace(device, scatter={("specific_force", a): 2e-4 for a in "xyz"})
@@ -108,7 +108,7 @@ def test_a_unit_undone_is_undone_in_the_scatter_of_the_rows_too(device: Recordin
     np.testing.assert_allclose(undone.triad("specific_force"), 9.80665 * shown.triad("specific_force"))
 
 
-def test_a_drift_is_as_fast_as_the_recording_is_short() -> None:
+def test_a_drift_is_as_fast_as_the_recording_is_short():
     for effect, times in (("bias_drift", 12.0), ("bias", 1.0)):
         p = parameters(CATALOGUE[effect])[0]
         assert limit("consumer", HOUR / 12)(p) == pytest.approx(times * limit("consumer", 5 * HOUR)(p))
@@ -117,7 +117,7 @@ def test_a_drift_is_as_fast_as_the_recording_is_short() -> None:
 # --- gravity ----------------------------------------------------------------------------------------------------------
 
 
-def sigmas(made: Calibration, effect: str) -> Sequence[float]:
+def sigmas(made, effect):
     return [s for p, s in zip(made.parameters, made.sigmas, strict=True) if p.effect == effect]
 
 
@@ -132,14 +132,12 @@ SITES: dict[str, tuple[Callable[[str], str], float]] = {
 }
 
 
-def drop(text: str, *keys: str) -> str:
+def drop(text, *keys):
     return "\n".join(line for line in text.splitlines() if not line.startswith(keys))
 
 
 @pytest.mark.parametrize("site", SITES)
-def test_the_sigma_of_gravity_is_in_the_scale_factors_and_in_nothing_else(
-    device: Recording, tmp_path: Path, site: str
-) -> None:
+def test_the_sigma_of_gravity_is_in_the_scale_factors_and_in_nothing_else(device, tmp_path, site):
     change, ppm = SITES[site]
     folder = write(device, tmp_path / "r")
     sound, _ = calibrate([folder])
@@ -153,7 +151,7 @@ def test_the_sigma_of_gravity_is_in_the_scale_factors_and_in_nothing_else(
     assert other.site.gravity_sigma == pytest.approx(r.site.gravity_sigma)
 
 
-def test_gravity_moves_the_scale_factors_by_what_their_sigma_says(device: Recording) -> None:
+def test_gravity_moves_the_scale_factors_by_what_their_sigma_says(device):
     off = replace(device, site=replace(device.site, gravity=device.site.gravity * (1 + 50e-6)))
     (a, _), (b, _) = calibrate([device]), calibrate([off])
     moved = b.values - a.values

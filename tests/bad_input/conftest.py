@@ -8,10 +8,10 @@ Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def run(command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> Run:
+def run(command, capsys):
     """The command line in this process: status, stdout and stderr."""
 
-    def go(*arguments: object) -> tuple[int, str, str]:
+    def go(*arguments):
         status = command(*arguments)
         shown = capsys.readouterr()
         return status, shown.out, shown.err

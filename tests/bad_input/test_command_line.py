@@ -5,16 +5,14 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
-from tests.bad_input.conftest import Run
 from tests.bad_input.spoil import DEVICE, STATIC, cell, copy
 from tests.golden import golden_text
 
 
-def test_unknown_terms_are_refused_with_the_known_ones(run: Run, tmp_path: Path) -> None:
+def test_unknown_terms_are_refused_with_the_known_ones(run, tmp_path):
     status, _, err = run(
         "calibrate", DEVICE, "--method", "multiposition", "--terms", "nonsense", "--out", tmp_path / "o", "--quiet"
     )
@@ -24,7 +22,7 @@ def test_unknown_terms_are_refused_with_the_known_ones(run: Run, tmp_path: Path)
 
 
 @pytest.mark.parametrize("below", ["", "below", "far/below"])
-def test_results_do_not_go_into_a_file(run: Run, tmp_path: Path, below: str) -> None:
+def test_results_do_not_go_into_a_file(run, tmp_path, below):
     (tmp_path / "file").write_text("mine")
     status, _, err = run("calibrate", DEVICE, "--out", tmp_path / "file" / below)
     assert status == 2
@@ -32,14 +30,14 @@ def test_results_do_not_go_into_a_file(run: Run, tmp_path: Path, below: str) -> 
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_results_do_not_go_where_nobody_may_write(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_do_not_go_where_nobody_may_write(run, tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)  # root, who runs tests in containers, may write anywhere
     status, _, err = run("calibrate", DEVICE, "--out", tmp_path / "out")
     assert (status, err.count("\n")) == (2, 1)
     golden_text(err)
 
 
-def test_a_disk_that_fails_is_a_sentence(run: Run, tmp_path: Path) -> None:
+def test_a_disk_that_fails_is_a_sentence(run, tmp_path):
     (tmp_path / "out" / "calibration.json").mkdir(parents=True)
     status, _, err = run("calibrate", DEVICE, "--out", tmp_path / "out", "--overwrite", "--quiet")
     assert status == 2
@@ -49,7 +47,7 @@ def test_a_disk_that_fails_is_a_sentence(run: Run, tmp_path: Path) -> None:
     assert [p.name for p in (tmp_path / "out").iterdir()] == ["calibration.json"]  # no temporary file either
 
 
-def test_an_earlier_result_outlives_a_failed_run(run: Run, tmp_path: Path) -> None:
+def test_an_earlier_result_outlives_a_failed_run(run, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / "calibration.json").write_text("earlier")
@@ -58,11 +56,10 @@ def test_an_earlier_result_outlives_a_failed_run(run: Run, tmp_path: Path) -> No
     assert [(p.name, p.read_text()) for p in out.iterdir()] == [("calibration.json", "earlier")]
 
 
-def test_ctrl_c_in_the_middle_leaves_nothing(tmp_path: Path) -> None:
+def test_ctrl_c_in_the_middle_leaves_nothing(tmp_path):
     """A real process, a real signal, sent once the first stage has been announced."""
     program = [sys.executable, "-m", "gimbalcal", "calibrate", str(DEVICE), str(STATIC), "--out", str(tmp_path / "out")]
     with subprocess.Popen(program, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
         said: list[str] = []
         while "stage 1" not in "".join(said):
             said.append(process.stderr.readline())

@@ -5,11 +5,9 @@ Every case is a copy of a recording that ships with the project, with one thing 
 """
 
 import re
-from pathlib import Path
 
 import pytest
 
-from tests.bad_input.conftest import Run
 from tests.bad_input.files import FILES
 from tests.bad_input.rows import ROWS
 from tests.bad_input.spoil import copy
@@ -19,7 +17,7 @@ THEIRS = re.compile(r"(?<=damaged )\(|Unescaped")  # what follows are words of p
 
 
 @pytest.mark.parametrize("fault", [*ROWS, *FILES])
-def test_a_fault_is_one_sentence_and_nothing_is_written(run: Run, tmp_path: Path, fault: str) -> None:
+def test_a_fault_is_one_sentence_and_nothing_is_written(run, tmp_path, fault):
     source, change = (ROWS | FILES)[fault]
     folder = copy(source, tmp_path / "rec", change)
     before = sorted(tmp_path.rglob("*"))

@@ -33,7 +33,7 @@ TURNS = 'kind = "rotation"\nmoves = [{ axis = "z", angle = { value = 90, unit = 
 Command = Callable[..., int]
 
 
-def refused(command: Command, capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+def refused(command, capsys, *arguments):
     """The one sentence with which a command is refused; nothing new is in its folder."""
     before = {*Path().rglob("*")}
     assert command(*arguments) == 2
@@ -50,7 +50,7 @@ def refused(command: Command, capsys: pytest.CaptureFixture[str], *arguments: ob
     ("compare", "--store", "loop"), ("calibrate", DEVICE, "--store", "loop"), ("calibrate", DEVICE, "--out", "loop/x"),
     ("export", "csv", "--calibration", "loop"),
 ])  # fmt: skip
-def test_links_in_a_circle(command: Command, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]) -> None:
+def test_links_in_a_circle(command, capsys, arguments):
     Path("loop").symlink_to("loop")
     assert "links that lead to themselves" in refused(command, capsys, *arguments)
 
@@ -59,30 +59,26 @@ def test_links_in_a_circle(command: Command, capsys: pytest.CaptureFixture[str],
     ("calibrate", "dev\udcff"), ("new", "log.csv", "--title", "a\udcff"), ("calibrate", DEVICE, "--out", "o\udcff"),
     ("calibrate", DEVICE, "--store", "s.db", "--unit", "a\udcff"),
 ])  # fmt: skip
-def test_words_that_are_not_utf8(
-    command: Command, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
-) -> None:
+def test_words_that_are_not_utf8(command, capsys, arguments):
     assert r"\xff' is not UTF-8" in refused(command, capsys, *arguments)
 
 
 @pytest.mark.parametrize("store", ["folder", "text.csv", "text.csv/x.db", "fifo", "/dev/null", "/dev/full"])
 @pytest.mark.parametrize("name", ["calibrate", "diagnose"])
-def test_a_store_is_opened_before_anything_is_written(
-    command: Command, capsys: pytest.CaptureFixture[str], name: str, store: str
-) -> None:
+def test_a_store_is_opened_before_anything_is_written(command, capsys, name, store):
     Path("folder").mkdir()
     Path("text.csv").write_text("a,b\n1,2\n" * 100)
     os.mkfifo("fifo")
     assert "store" in refused(command, capsys, name, DEVICE, "--store", store)
 
 
-def entry(unit: str = "u") -> StoredResult:
+def entry(unit="u"):
     content = calibration(np.full(6, 100.0), 0).to_dict()
     return StoredResult(unit, content["provenance"]["created"], "calibration", content)
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="it takes root to become another user")
-def test_a_store_that_cannot_be_written_is_compared() -> None:
+def test_a_store_that_cannot_be_written_is_compared():
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "unit.sqlite"
         keep(path, entry())
@@ -99,7 +95,7 @@ def test_a_store_that_cannot_be_written_is_compared() -> None:
 
 
 @pytest.mark.parametrize("column", ["unit", "date", "kind"])
-def test_a_store_notices_what_stands_outside_the_content(tmp_path: Path, column: str) -> None:
+def test_a_store_notices_what_stands_outside_the_content(tmp_path, column):
     import sqlite3
 
     path = tmp_path / "unit.sqlite"
@@ -115,7 +111,7 @@ def test_a_store_notices_what_stands_outside_the_content(tmp_path: Path, column:
     ("holds = [3]", "must be tables"), ('holds = ["a"]', "must be tables"), ("holds = [[1, 2]]", "must be tables"),
     ('holds = "abc"', "must be tables"), ("holds = 3", "must be tables"), ("holds = [{ platform = [1] }]", "angle"),
 ])  # fmt: skip
-def test_holds(command: Command, capsys: pytest.CaptureFixture[str], text: str, sentence: str) -> None:
+def test_holds(command, capsys, text, sentence):
     Path("schedule.toml").write_text(SCHEDULE + text)
     assert sentence in refused(command, capsys, "observe", "schedule.toml")
 
@@ -124,14 +120,14 @@ def test_holds(command: Command, capsys: pytest.CaptureFixture[str], text: str, 
     'outer = ["x"]', "outer = { a = 1 }", 'inner = ["x"]', 'start = { x = ["a"], y = "north", z = "up" }',
     'title = ["a"]', "moves = [3]", "moves = [[1]]",
 ])  # fmt: skip
-def test_turns(command: Command, capsys: pytest.CaptureFixture[str], line: str) -> None:
+def test_turns(command, capsys, line):
     rest = TURNS if not line.startswith("moves") else 'kind = "rotation"\n'
     Path("turns.toml").write_text(f"{line}\n{rest}")
     refused(command, capsys, "observe", "turns.toml")
 
 
 @pytest.mark.parametrize("name", ['["a"]', "{ a = 1 }", "3", '""'])
-def test_names_of_axes(command: Command, capsys: pytest.CaptureFixture[str], name: str) -> None:
+def test_names_of_axes(command, capsys, name):
     Path("schedule.toml").write_text(
         f'[platform]\naxes = [{{ name = {name}, direction = "z" }}]\n[schedule]\nholds = [{{}}]\n'
     )
@@ -139,14 +135,14 @@ def test_names_of_axes(command: Command, capsys: pytest.CaptureFixture[str], nam
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> str:
+def result(tmp_path_factory):
     from gimbalcal.methods import calibrate
 
     made, _ = calibrate([DEVICE])
     return json.dumps(made.to_dict())
 
 
-def _shorter(content: dict) -> None:  # type: ignore[type-arg]
+def _shorter(content):
     content["stages"][0]["sigmas"].popitem()
 
 
@@ -160,9 +156,7 @@ def _shorter(content: dict) -> None:  # type: ignore[type-arg]
     (lambda c: c.update(outcome=None), "outcome cannot be None: it must be a text"),
     (lambda c: c.update(outcome="\ud800"), "half of a character"),
 ])  # fmt: skip
-def test_results_of_another_shape(
-    command: Command, capsys: pytest.CaptureFixture[str], result: str, change: Callable[[object], object], sentence: str
-) -> None:
+def test_results_of_another_shape(command, capsys, result, change, sentence):
     content = json.loads(result)
     change(content)
     Path("calibration.json").write_text(json.dumps(content))
@@ -173,7 +167,7 @@ def test_results_of_another_shape(
     (b"[1, 2", "line 1, column 6: no JSON"), (b"\xc3", "not text in UTF-8"), (b"9" * 5000, "too many digits"),
     (b"[" * 100_000, "too many brackets"),
 ])  # fmt: skip
-def test_json_that_is_none(tmp_path: Path, content: bytes, sentence: str) -> None:
+def test_json_that_is_none(tmp_path, content, sentence):
     path = tmp_path / "x.json"
     path.write_bytes(content)
     with pytest.raises(InputError, match=sentence):
@@ -183,9 +177,7 @@ def test_json_that_is_none(tmp_path: Path, content: bytes, sentence: str) -> Non
 @pytest.mark.parametrize(
     "spoil", [lambda b: b[: len(b) // 2] + b"\xc3", lambda b: b.replace(b"1.0", b'"' + b"x" * 140_000 + b'"', 1)]
 )
-def test_logs_cut_inside_a_character_and_cells_without_end(
-    command: Command, capsys: pytest.CaptureFixture[str], spoil: Callable[[bytes], bytes]
-) -> None:
+def test_logs_cut_inside_a_character_and_cells_without_end(command, capsys, spoil):
     rows = "".join(f"{i},{i % 7}.0,1.0,9.8\n" for i in range(50))
     Path("log.csv").write_bytes(spoil(f"t [s],ax [µg],ay,az\n{rows}".encode()))
     assert command("new", "log.csv") in (0, 2)
@@ -193,13 +185,13 @@ def test_logs_cut_inside_a_character_and_cells_without_end(
 
 
 @pytest.mark.parametrize("text", ["x" * 3_000_000, "[" * 200_000, "{" * 200_000, '"' * 200_001, "a = " * 200_000])
-def test_printing_is_linear_in_the_length(text: str) -> None:
+def test_printing_is_linear_in_the_length(text):
     began = time.process_time()
     _as_printed(text)
     assert time.process_time() - began < 2.0
 
 
-def test_escape_sequences_are_shown_not_obeyed(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+def test_escape_sequences_are_shown_not_obeyed(command, capsys):
     for word in ("\x1b[31mred", "\x9b31mred", "\u202egnp.exe"):
         command("calibrate", f"no-{word}")
         err = capsys.readouterr().err
@@ -207,7 +199,7 @@ def test_escape_sequences_are_shown_not_obeyed(command: Command, capsys: pytest.
         assert "\\x" in err or "\\u" in err
 
 
-def test_warnings_and_panics_stay_inside() -> None:
+def test_warnings_and_panics_stay_inside():
     code = (
         "import os, warnings, click, gimbalcal.cli as cli\n"
         "def noisy(**_):\n"
@@ -221,7 +213,7 @@ def test_warnings_and_panics_stay_inside() -> None:
     assert (done.returncode, done.stderr, done.stdout) == (2, "gimbalcal: one sentence\n", "")
 
 
-def test_closed_streams() -> None:
+def test_closed_streams():
     program = f"{sys.executable} -m gimbalcal calibrate nowhere 2>&-"
     done = subprocess.run(["sh", "-c", program], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
@@ -238,7 +230,7 @@ with atomic.folder(Path("made")) as new:
 """
 
 
-def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     own = Path(".made-12345678")  # of the same pattern, with a file that nobody here wrote
     own.mkdir()
@@ -256,7 +248,7 @@ def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path: Path, monke
         shutil.rmtree("made")
 
 
-def test_a_second_correction_is_reported(command: Command, capsys: pytest.CaptureFixture[str], result: str) -> None:
+def test_a_second_correction_is_reported(command, capsys, result):
     Path("calibration.json").write_text(result)
     known = ("--calibration", "calibration.json")
     assert command("apply", DEVICE, *known, "--out", "once") == 0
@@ -269,7 +261,7 @@ def test_a_second_correction_is_reported(command: Command, capsys: pytest.Captur
     assert not read(DEVICE).corrected
 
 
-def test_sweeps_of_a_named_schedule_of_turns(tmp_path: Path) -> None:
+def test_sweeps_of_a_named_schedule_of_turns(tmp_path):
     content = {"format": 1, "kind": "rotation", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
                "platform": {"name": "bench"}, "schedule": {"name": "cai2016-18", "sweeps": 3}}  # fmt: skip
     once = schedule_of(check_content({**content, "schedule": {"name": "cai2016-18"}}).schedule)
@@ -286,7 +278,7 @@ STARS = "a caption\n:{}\n35 0 0 2024 1 1 10 900 1000\n" + "".join(
 
 
 @pytest.mark.parametrize("option", ["ALTZA", "ALTAX", "ALTA", "EQAUT"])
-def test_options_of_tpoint_that_are_nearly_one(tmp_path: Path, option: str) -> None:
+def test_options_of_tpoint_that_are_nearly_one(tmp_path, option):
     path = tmp_path / "stars.dat"
     path.write_text(STARS.format(option))
     with pytest.raises(InputError, match=r"is no option of TPOINT; write :(ALTAZ|EQUAT)"):
@@ -297,7 +289,7 @@ def test_options_of_tpoint_that_are_nearly_one(tmp_path: Path, option: str) -> N
 
 
 @pytest.mark.parametrize("cell", ["1e308", "1e99", "-1e12"])
-def test_values_that_nothing_measures(tmp_path: Path, cell: str) -> None:
+def test_values_that_nothing_measures(tmp_path, cell):
     (tmp_path / "h.toml").write_text(
         'format = 1\nkind = "multi-position"\n[platform]\nname = "bench"\n[columns]\n'
         't = { quantity = "time", unit = "s" }\n'
@@ -310,7 +302,7 @@ def test_values_that_nothing_measures(tmp_path: Path, cell: str) -> None:
         import_files("csv", [tmp_path / "r.csv"], {"header": str(tmp_path / "h.toml")})
 
 
-def test_a_guide_pulse_of_fifty_days(tmp_path: Path) -> None:
+def test_a_guide_pulse_of_fifty_days(tmp_path):
     text = seeds._guide()
     path = tmp_path / "guide.txt"
     path.write_text(text.replace(",0.1,0.1,20,W,", ",0.1,0.1,4320000000,W,", 1))

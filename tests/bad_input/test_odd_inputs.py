@@ -1,18 +1,13 @@
 """Inputs that look odd and are not wrong, and positions that are wrong and are named."""
 
 import json
-from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 
 from gimbalcal.methods import calibrate
-from gimbalcal.number import Array
-from tests.bad_input.conftest import Run
 from tests.bad_input.spoil import (
     DEVICE,
     FORCE,
@@ -41,7 +36,7 @@ from tests.bad_input.spoil import (
 from tests.golden import golden_text
 
 
-def backwards(held: Array, at: dict[str, int]) -> Array:
+def backwards(held, at):
     """The positions visited from 18 down to 1."""
     parts, begin = [], 0.0
     for position in range(18, 0, -1):
@@ -52,14 +47,14 @@ def backwards(held: Array, at: dict[str, int]) -> Array:
     return np.concatenate(parts)
 
 
-def again(held: Array, at: dict[str, int]) -> Array:
+def again(held, at):
     """Position 4 once more at the end."""
     part = held[held[:, at["position"]] == 4]
     part[:, at["time_s"]] += held[-1, at["time_s"]] + 60.0 - part[0, at["time_s"]]
     return np.concatenate([held, part])
 
 
-def with_moves(held: Array, at: dict[str, int]) -> Array:
+def with_moves(held, at):
     """Three hundred rows of motion, position 0, between the dwells, logged faster than at rest."""
     rng = np.random.default_rng(1)
     parts = []
@@ -74,21 +69,21 @@ def with_moves(held: Array, at: dict[str, int]) -> Array:
     return np.concatenate(parts)
 
 
-def as_text(form: Callable[[float], str]) -> Change:
+def as_text(form):
     return lambda folder: put(folder, *table(folder), form)
 
 
-def whole(value: float) -> str:
+def whole(value):
     return str(int(value)) if value == int(value) else repr(value)
 
 
-def integers(frame: pl.DataFrame) -> pl.DataFrame:
+def integers(frame):
     """Column types as a logger has them."""
     angles = [pl.col(name).round().cast(pl.Int32) for name in GIMBALS]
     return frame.with_columns(pl.col("position").cast(pl.UInt8), pl.col("time_s").cast(pl.Int64), *angles)
 
 
-def dated(text: list[str]) -> list[str]:
+def dated(text):
     """The clock as a logger in another zone writes it, whole seconds without a fraction."""
     at = text[0].split(",").index("time_s")
     zero = datetime(2026, 11, 18, 23, 59, 50, tzinfo=timezone(timedelta(hours=-9.5)))
@@ -98,14 +93,14 @@ def dated(text: list[str]) -> list[str]:
     return [text[0], *(",".join(row) for row in cells)]
 
 
-def by_number(folder: Path) -> None:
+def by_number(folder):
     """`recording.toml` calls the columns by number."""
     names = (DEVICE / "samples.csv").read_text().partition("\n")[0].split(",")
     for i, name in enumerate(names, start=1):
         header(rf"(?m)^{name}\s*=", f"{i} =")(folder)
 
 
-def windows(folder: Path) -> None:
+def windows(folder):
     for name in ("recording.toml", "samples.csv"):
         data(lambda b: b"\xef\xbb\xbf" + b.replace(b"\n", b"\r\n"), name)(folder)
 
@@ -137,19 +132,17 @@ SAME: dict[str, Change] = {
 
 
 @pytest.fixture(scope="module")
-def reference() -> dict[tuple[str, str], dict[str, Any]]:
+def reference():
     """The parameters of the untouched recording."""
     return by_label(calibrate([DEVICE])[0].to_dict())
 
 
-def by_label(content: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
+def by_label(content):
     return {(p["name"], p["axis"]): p for p in content["parameters"]}
 
 
 @pytest.mark.parametrize("oddity", SAME)
-def test_what_looks_odd_changes_nothing(
-    run: Run, tmp_path: Path, reference: dict[tuple[str, str], dict[str, Any]], oddity: str
-) -> None:
+def test_what_looks_odd_changes_nothing(run, tmp_path, reference, oddity):
     status, out, err = run("calibrate", copy(DEVICE, tmp_path / "rec", SAME[oddity]), "--quiet", "--json")
     assert (status, err) == (0, ""), err
     made = by_label(json.loads(out))
@@ -164,9 +157,7 @@ def test_what_looks_odd_changes_nothing(
     ("change", "seen"),
     [(lost(4), 17), (lost(4, 10, 15), 17), (lost(1, 2), 17), (rows(again), 17), (held(1, 2, 3, 4, 5, 6), 15)],
 )
-def test_what_positions_are_left_still_calibrates(
-    run: Run, tmp_path: Path, reference: dict[tuple[str, str], dict[str, Any]], change: Change, seen: int
-) -> None:
+def test_what_positions_are_left_still_calibrates(run, tmp_path, reference, change, seen):
     status, out, _ = run("calibrate", copy(DEVICE, tmp_path / "rec", change), "--quiet", "--json")
     content = json.loads(out)
     assert (status, content["outcome"]) == (0, "")
@@ -182,9 +173,7 @@ def test_what_positions_are_left_still_calibrates(
 @pytest.mark.parametrize(
     "change", [interchanged(4, 10), mis_set(7, "inner", 3 / 60), mis_set(7, "inner", 2.0), mis_set(12, "middle", -2.0)]
 )
-def test_a_wrong_position_is_named_and_left_out(
-    run: Run, tmp_path: Path, reference: dict[tuple[str, str], dict[str, Any]], change: Change
-) -> None:
+def test_a_wrong_position_is_named_and_left_out(run, tmp_path, reference, change):
     status, out, err = run("calibrate", copy(DEVICE, tmp_path / "rec", change), "--quiet", "--json")
     content = json.loads(out)
     assert (status, err) == (1, "")
@@ -196,7 +185,7 @@ def test_a_wrong_position_is_named_and_left_out(
         assert abs(made[label]["value"] - parameter["value"]) < 5 * sigma, label
 
 
-def test_an_odd_gravity_is_remarked(run: Run, tmp_path: Path) -> None:
+def test_an_odd_gravity_is_remarked(run, tmp_path):
     folder = copy(DEVICE, tmp_path / "rec", header("value = 9.8015", "value = 9.7515"))
     status, out, _ = run("calibrate", folder, "--quiet", "--json")
     assert status == 0

@@ -6,18 +6,18 @@ import pytest
 from gimbalcal.earth import EARTH_RATE, G0
 from gimbalcal.estimate.pulses.polynomial import Pulses, truncated
 from gimbalcal.rotation import cross_matrix
-from tests.benchmarks.error_model import RADIUS, Trajectory, aligned, misread, propagate
+from tests.benchmarks.error_model import RADIUS, aligned, misread, propagate
 from tests.benchmarks.motions import at_rest, drive, swing
 
 SCHULER = np.sqrt(G0 / RADIUS)
 NONE = np.zeros(3)
 
 
-def constant(path: Trajectory, v: tuple[float, float, float]) -> np.ndarray:
+def constant(path, v):
     return np.broadcast_to(np.array(v), (len(path.time), 3))
 
 
-def test_a_force_error_swings_with_schulers_period() -> None:
+def test_a_force_error_swings_with_schulers_period():
     path = at_rest(1.4, step=5.0)
     a = 1e-4
     made = propagate(path, constant(path, (a, 0, 0)), constant(path, (0, 0, 0)), NONE)
@@ -26,7 +26,7 @@ def test_a_force_error_swings_with_schulers_period() -> None:
     np.testing.assert_allclose(made.position[:, 0], expected, atol=0.05 * expected.max())
 
 
-def test_a_rate_error_grows_as_schulers_loop_lets_it() -> None:
+def test_a_rate_error_grows_as_schulers_loop_lets_it():
     path = at_rest(0.5, step=2.0)
     e = 1e-7
     made = propagate(path, constant(path, (0, 0, 0)), constant(path, (0, e, 0)), NONE)
@@ -35,7 +35,7 @@ def test_a_rate_error_grows_as_schulers_loop_lets_it() -> None:
     assert abs(abs(made.position[-1, 0]) / expected[-1] - 1) < 0.02  # half an hour of Earth's turn: 0.13 rad squared
 
 
-def test_alignment_hides_a_constant_force_error() -> None:
+def test_alignment_hides_a_constant_force_error():
     path = at_rest(2.0, step=5.0)
     force, rate = constant(path, (1e-4, -2e-4, 0)), constant(path, (0, 0, 0))
     hidden, open_ = propagate(path, force, rate), propagate(path, force, rate, NONE)
@@ -43,7 +43,7 @@ def test_alignment_hides_a_constant_force_error() -> None:
     assert np.max(np.abs(aligned(path, force, rate)[:2])) == pytest.approx(2e-4 / G0)
 
 
-def test_errors_add() -> None:
+def test_errors_add():
     path = drive(0.2)
     rng = np.random.default_rng(0)
     a, b = (1e-4 * rng.standard_normal((len(path.time), 3)) for _ in range(2))
@@ -55,7 +55,7 @@ def test_errors_add() -> None:
 @pytest.mark.parametrize(
     ("path", "size"), [(drive(0.3, 0.05), 2e-4), (swing(2.0, 0.0005), 3e-3)], ids=["drive", "swing"]
 )
-def test_motions_obey_kinematics(path: Trajectory, size: float) -> None:
+def test_motions_obey_kinematics(path, size):
     """C_dot = C [w_ib x] - [w_in x] C and V_dot = f - (2 w_ie + w_en) x V + g along the whole motion."""
     C_dot = np.gradient(path.C_bn, path.time, axis=0)
     L = path.latitude
@@ -70,7 +70,7 @@ def test_motions_obey_kinematics(path: Trajectory, size: float) -> None:
     np.testing.assert_allclose(np.gradient(path.velocity, path.time, axis=0), V_dot, atol=1e-12)
 
 
-def test_a_triad_corrected_as_it_is_makes_no_error() -> None:
+def test_a_triad_corrected_as_it_is_makes_no_error():
     path = drive(0.05)
     one = np.ones(3)
     true = Pulses(2e-6 * G0 * one, -1e-15 * G0 * one, 5e-21 * G0 * one, 1e-2 * G0 * one, 4e-4 * one)

@@ -16,7 +16,7 @@ from tests.golden import refused
 Content = dict[str, Any]
 
 
-def content() -> Content:
+def content():
     wanted = tuple(p for i in ("scale_factor", "bias") for p in parameters(CATALOGUE[i]))
     sigma = np.array([p.sigma for p in wanted])
     R = 0.9 * np.eye(6) + 0.1
@@ -24,22 +24,22 @@ def content() -> Content:
     return made.to_dict()
 
 
-def row(k: int, **changed: Any) -> Callable[[Content], None]:
+def row(k, **changed):
     return lambda c: c["parameters"][k].update(changed)
 
 
-def cell(i: int, j: int, value: Any) -> Callable[[Content], None]:
-    def change(c: Content) -> None:
+def cell(i, j, value):
+    def change(c):
         c["covariance"][i][j] = value
 
     return change
 
 
-def twice(c: Content) -> None:
+def twice(c):
     c["parameters"][4] = dict(c["parameters"][3])
 
 
-def fully_correlated_with_all(c: Content) -> None:
+def fully_correlated_with_all(c):
     P = c["covariance"]
     for j in range(3):
         P[0][j] = P[j][0] = (1.0 if j == 0 else (-1) ** j * 0.99) * (P[0][0] * P[j][j]) ** 0.5
@@ -69,7 +69,7 @@ FAULTS: list[Callable[[Content], None]] = [
 
 
 @pytest.mark.parametrize("change", FAULTS)
-def test_a_damaged_calibration_is_refused(tmp_path: Path, change: Callable[[Content], None]) -> None:
+def test_a_damaged_calibration_is_refused(tmp_path, change):
     path, told = tmp_path / "calibration.json", content()
     path.write_text(json.dumps(told))
     assert len(read(path).parameters) == 6
@@ -79,7 +79,7 @@ def test_a_damaged_calibration_is_refused(tmp_path: Path, change: Callable[[Cont
         read(path)
 
 
-def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_none_is_refused(tmp_path):
     deep = tmp_path / "deep.json"
     deep.write_text("[" * 100_000)
     for path, words in ((Path("/dev/zero"), "there is no /dev/zero"), (deep, "too many brackets")):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.calibration.provenance import Options, Provenance
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Stage, absent, parameters, with_values
 from gimbalcal.effects.accelerometer import Bias
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
@@ -27,7 +27,7 @@ LOSSY = ("dead_zone",)  # a flat law: what is in it cannot be told back
 IDS = sorted(i for i, c in CATALOGUE.items() if c.stage in SENSORS and c.requires != ("covariate",) and i not in LOSSY)
 
 
-def table_recording(seed: int) -> Recording:
+def table_recording(seed):
     """The 18 positions with a temperature, and the force and rate of a perfect unit, shaken."""
     rng = np.random.default_rng(seed)
     n = 18
@@ -44,7 +44,7 @@ def table_recording(seed: int) -> Recording:
                      np.arange(1, n + 1), channels)  # fmt: skip
 
 
-def calibration(effects: tuple[Effect, ...], **options: object) -> Calibration:
+def calibration(effects, **options):
     return Calibration(
         "test",
         effects,
@@ -56,7 +56,7 @@ def calibration(effects: tuple[Effect, ...], **options: object) -> Calibration:
     )
 
 
-def drawn(effect_id: str, seed: int) -> Effect:
+def drawn(effect_id, seed):
     rng = np.random.default_rng(seed)
     cls = CATALOGUE[effect_id]
     wanted = parameters(cls, SPACE_STABLE.axis_names)
@@ -67,7 +67,7 @@ def drawn(effect_id: str, seed: int) -> Effect:
 
 @settings(deadline=None, max_examples=60)
 @given(st.sets(st.sampled_from(IDS), min_size=1, max_size=5), st.integers(0, 10**6))
-def test_correcting_what_was_corrupted_gives_it_back(ids: set[str], seed: int) -> None:
+def test_correcting_what_was_corrupted_gives_it_back(ids, seed):
     made = calibration(tuple(drawn(i, seed) for i in sorted(ids)))
     true = table_recording(seed)
     back = made.apply(made.corrupt(true))
@@ -76,7 +76,7 @@ def test_correcting_what_was_corrupted_gives_it_back(ids: set[str], seed: int) -
         np.testing.assert_allclose(back.channels[key], values, rtol=0, atol=2e-14 * 10, err_msg=str(key))
 
 
-def test_corrupt_moves_every_kind_of_reading() -> None:
+def test_corrupt_moves_every_kind_of_reading():
     bias = Bias(b=np.array([1e-3, -2e-3, 3e-3]))
     effects = (bias, drawn("gyro_bias", 1), drawn("gimbal_zero", 1))
     true = table_recording(1)
@@ -88,7 +88,7 @@ def test_corrupt_moves_every_kind_of_reading() -> None:
     )  # rounding of 9.8 against a bias of 1e-3
 
 
-def test_counts_become_force_and_back() -> None:
+def test_counts_become_force_and_back():
     rng = np.random.default_rng(4)
     v = rng.standard_normal((25, 3))
     force = 9.8 * v / np.linalg.norm(v, axis=1, keepdims=True)
@@ -106,15 +106,15 @@ def test_counts_become_force_and_back() -> None:
         made.apply(replace(raw, units={}))
 
 
-def test_a_missing_temperature_is_named() -> None:
+def test_a_missing_temperature_is_named():
     true = table_recording(2)
     bare = replace(true, channels={k: v for k, v in true.channels.items() if k[0] != "temperature"})
     with refused():
         calibration((drawn("bias_temperature", 0),)).apply(bare)
 
 
-def test_a_dead_zone_leaves_the_reading() -> None:
-    made = calibration((CATALOGUE["dead_zone"](d=np.full(3, 1e-3)),))  # type: ignore[call-arg]
+def test_a_dead_zone_leaves_the_reading():
+    made = calibration((CATALOGUE["dead_zone"](d=np.full(3, 1e-3)),))
     true = table_recording(0)
     small = {("specific_force", a): np.full(18, 5e-4) for a in "xyz"}
     read = made.corrupt(replace(true, channels=dict(true.channels) | small))
@@ -124,7 +124,7 @@ def test_a_dead_zone_leaves_the_reading() -> None:
         np.testing.assert_allclose(there.triad("specific_force"), inside, atol=1e-15)
 
 
-def test_readouts_that_no_rounds_settle_are_refused() -> None:
+def test_readouts_that_no_rounds_settle_are_refused():
     """They came out without a word, where a mount drifts by degrees, and `apply` did not take them back."""
     (true,) = load([Path(__file__).parents[2] / "data" / "space_stable_18"])
     K = parameters(CATALOGUE["gyro_g2_sensitivity"])
@@ -134,12 +134,12 @@ def test_readouts_that_no_rounds_settle_are_refused() -> None:
         large.corrupt(large.apply(true))
 
 
-def test_every_sensor_effect_takes_part() -> None:
+def test_every_sensor_effect_takes_part():
     assert len(IDS) > 20
     assert all(dataclasses.is_dataclass(CATALOGUE[i]) for i in IDS)
 
 
-def test_readings_that_no_force_makes_are_refused() -> None:
+def test_readings_that_no_force_makes_are_refused():
     K = 0.5  # s^2/m: f = y - K y^2 is largest, 0.5, where y = 1, and no larger y is ever read
     wanted = parameters(CATALOGUE["quadratic_nonlinearity"])
     made = Calibration("t", with_values((), wanted, K * np.ones(3)), wanted, np.zeros((3, 3)), (), Residual(0, 0, {}))

@@ -1,7 +1,6 @@
 """Calibrations in other programs' files and back, with the direction each file states."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from gimbalcal.calibration.exchange import FILES, export, read_calibration, read
 from gimbalcal.calibration.matrices import LINEAR, matrices
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
 from gimbalcal.errors import InputError
-from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from tests.golden import refused
@@ -22,7 +20,7 @@ G = 9.8
 OF_SENSORS = [kind for kind in FILES if kind != "tpoint"]  # that one is of mounts: test_tpoint.py
 
 
-def made_of(names: tuple[str, ...], seed: int = 1, size: float = 1.0) -> Calibration:
+def made_of(names, seed=1, size=1.0):
     rng = np.random.default_rng(seed)
     wanted = tuple(p for n in names for p in parameters(CATALOGUE[n]))
     x = np.array([p.sigma for p in wanted]) * rng.uniform(-size, size, len(wanted))
@@ -31,19 +29,19 @@ def made_of(names: tuple[str, ...], seed: int = 1, size: float = 1.0) -> Calibra
     return Calibration("test", effects, wanted, np.diag(sigma**2), (), Residual(0.0, 0, {}))
 
 
-def shaken(n: int = 20) -> Recording:
+def shaken(n=20):
     rng = np.random.default_rng(0)
     channels = {("specific_force", a): G * rng.uniform(-1, 1, n) for a in "xyz"}
     channels |= {("angular_rate", a): rng.uniform(-2, 2, n) for a in "xyz"}
     return Recording("rotation", "shaken", BENCH, Site(gravity=G), {}, np.arange(float(n)), None, channels)
 
 
-def readings(r: Recording) -> tuple[Array, Array]:
+def readings(r):
     return r.triad("specific_force"), r.triad("angular_rate")
 
 
 @pytest.mark.parametrize("kind", [kind for kind in OF_SENSORS if kind != "json"])
-def test_linear_parameters_come_back(kind: str, tmp_path: Path) -> None:
+def test_linear_parameters_come_back(kind, tmp_path):
     made = made_of(LINEAR)
     assert export(made, kind, tmp_path / "file") == ()
     back = read_exchange(kind, tmp_path / "file")
@@ -54,7 +52,7 @@ def test_linear_parameters_come_back(kind: str, tmp_path: Path) -> None:
     assert [f.name for f in tmp_path.iterdir()] == ["file"]
 
 
-def test_the_kalibr_equations_corrupt(tmp_path: Path) -> None:
+def test_the_kalibr_equations_corrupt(tmp_path):
     made = made_of(LINEAR)
     export(made, "kalibr", tmp_path / "imu.yaml")
     text = (tmp_path / "imu.yaml").read_text()
@@ -71,7 +69,7 @@ def test_the_kalibr_equations_corrupt(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.triu(Mg, 1), 0, atol=1e-15)
 
 
-def test_the_psins_equations_correct(tmp_path: Path) -> None:
+def test_the_psins_equations_correct(tmp_path):
     made = made_of((*LINEAR, "scale_nonlinearity"))
     export(made, "psins", tmp_path / "clbt.mat")
     clbt = loadmat(tmp_path / "clbt.mat", struct_as_record=False, squeeze_me=True)["clbt"]
@@ -86,14 +84,14 @@ def test_the_psins_equations_correct(tmp_path: Path) -> None:
         assert values(back.effects, (p,))[0] == pytest.approx(x, abs=1e-6 * p.sigma)  # products of two errors
 
 
-def test_what_a_format_cannot_hold_is_said(tmp_path: Path) -> None:
+def test_what_a_format_cannot_hold_is_said(tmp_path):
     made = made_of(("bias", "cubic_nonlinearity"))
     assert export(made, "kalibr", tmp_path / "a") == ("kalibr has no term for cubic_nonlinearity: it is omitted",)
     assert "# kalibr has no term for cubic_nonlinearity" in (tmp_path / "a").read_text()
     assert export(made, "csv", tmp_path / "b") == ()
 
 
-def test_csv_keeps_every_parameter_and_its_sigma(tmp_path: Path) -> None:
+def test_csv_keeps_every_parameter_and_its_sigma(tmp_path):
     names = tuple(n for n in ("bias", "cubic_nonlinearity", "gyro_scale_asymmetry", "warm_up"))
     made = made_of(names)
     export(made, "csv", tmp_path / "c.csv")
@@ -103,14 +101,14 @@ def test_csv_keeps_every_parameter_and_its_sigma(tmp_path: Path) -> None:
     np.testing.assert_allclose(back.sigmas, made.sigmas, rtol=1e-15)
 
 
-def test_the_size_effect_of_a_kalibr_file_is_read(tmp_path: Path) -> None:
+def test_the_size_effect_of_a_kalibr_file_is_read(tmp_path):
     (tmp_path / "k.yaml").write_text("imu0:\n  accelerometers:\n    ry_i: [0.01, -0.02, 0.03]\n  update_rate: 200.0\n")
     found = read_exchange("kalibr", tmp_path / "k.yaml")
     arms = {p.axis: v for p, v in zip(found.parameters, found.values, strict=True)}
     assert [arms["yx"], arms["yy"], arms["yz"]] == pytest.approx([0.01, -0.02, 0.03])
 
 
-def test_foreign_yaml_in_block_style_is_read(tmp_path: Path) -> None:
+def test_foreign_yaml_in_block_style_is_read(tmp_path):
     text = """imu0:
   accelerometers:
     M:
@@ -169,14 +167,14 @@ def test_foreign_yaml_in_block_style_is_read(tmp_path: Path) -> None:
         ("kalibr", f"imu0:\n  gyroscopes:\n    M: [{'9' * 400}, 0, 0, 0, 1, 0, 0, 0, 1]\n"),
     ],
 )
-def test_a_file_that_cannot_be_read_is_one_sentence(kind: str, text: str, tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_read_is_one_sentence(kind, text, tmp_path):
     path = tmp_path / "file"
     path.write_text(text)
     with refused():
         read_exchange(kind, path)
 
 
-def test_unknown_formats_and_files(tmp_path: Path) -> None:
+def test_unknown_formats_and_files(tmp_path):
     with refused():
         export(made_of(("bias",)), "xml", tmp_path / "x")
     with refused():
@@ -187,7 +185,7 @@ def test_unknown_formats_and_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", OF_SENSORS)
-def test_a_file_is_told_by_its_ending(kind: str, tmp_path: Path) -> None:
+def test_a_file_is_told_by_its_ending(kind, tmp_path):
     made = made_of(LINEAR)
     export(made, kind, tmp_path / FILES[kind])
     back = read_calibration(tmp_path / FILES[kind])
@@ -196,7 +194,7 @@ def test_a_file_is_told_by_its_ending(kind: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(readings(back.apply(read))[0], readings(shaken())[0], atol=1e-12)
 
 
-def test_the_scale_of_counts_is_said_to_be_lost(tmp_path: Path) -> None:
+def test_the_scale_of_counts_is_said_to_be_lost(tmp_path):
     counted = replace(made_of(LINEAR), readout=Readout(Counts((1.0, 1.0, 1.0))))
     assert export(counted, "json", tmp_path / "a") == ()
     for kind in set(OF_SENSORS) - {"json"}:

@@ -1,7 +1,6 @@
 """The zero of an encoder is one number of the hardware, in whichever sense a recording counts its readouts."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,14 +9,12 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual, from_dict
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.estimate.static_run.system import static
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import navigation_to_platform, stimulus_from_angles
-from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
-from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 
 ARCSEC = np.deg2rad(1 / 3600)
@@ -26,7 +23,7 @@ LATITUDE, START = np.deg2rad(40.0), np.deg2rad(25.0)
 TINY = {"value": 1e-6, "unit": "arcsec"}  # a noise that is stated and does not matter: 5e-12 rad
 
 
-def recording(kind: str) -> Recording:
+def recording(kind):
     """A recording of perfect sensors on a platform whose encoders have these zeros."""
     schedule: dict[str, Any] = {"name": "wu2018-18", "dwell": {"value": 20.0, "unit": "s"}}
     noise: dict[str, Any] = {"accelerometer": {"value": 1e-6, "unit": "ug"}, "gimbal_angle": TINY}
@@ -41,11 +38,11 @@ def recording(kind: str) -> Recording:
     })[0]  # fmt: skip
 
 
-def zeros(effects: Sequence[Effect]) -> Array:
+def zeros(effects):
     return values(effects, parameters(CATALOGUE["gimbal_zero"], SPACE_STABLE.axis_names)) / ARCSEC
 
 
-def from_positions(r: Recording) -> Calibration:
+def from_positions(r):
     """The zeros by least squares on the force; that of the outer gimbal, whose axis is vertical, is not among them."""
     wanted = parameters(CATALOGUE["gimbal_zero"], SPACE_STABLE.axis_names)[:3]
     s, effects = stimulus_from_angles(r), with_values((), wanted, np.zeros(3), SPACE_STABLE.axis_names)
@@ -57,7 +54,7 @@ def from_positions(r: Recording) -> Calibration:
     return Calibration("zeros", effects, wanted, step.covariance, (), Residual(0.0, 0, {}))
 
 
-def from_static_run(r: Recording) -> Calibration:
+def from_static_run(r):
     """On a base known to be level, with the zero of the inner gimbal, which is not logged, known from elsewhere.
 
     The phase is what the platform gimbal reads, so a turn about the pole takes up its zero.
@@ -75,7 +72,7 @@ MAKERS = {"multi-position": from_positions, "static-run": from_static_run}
 
 
 @pytest.mark.parametrize("kind", MAKERS)
-def test_a_gimbal_zero_that_was_simulated_is_estimated_with_its_sign(kind: str) -> None:
+def test_a_gimbal_zero_that_was_simulated_is_estimated_with_its_sign(kind):
     """It was +24 arcsec in a multi-position truth and -24 arcsec in a static one."""
     told = zeros(MAKERS[kind](recording(kind)).effects)
     expected = np.array(list(ZEROS.values()))
@@ -85,7 +82,7 @@ def test_a_gimbal_zero_that_was_simulated_is_estimated_with_its_sign(kind: str) 
 
 
 @pytest.mark.parametrize("origin", MAKERS)
-def test_one_calibration_file_corrects_the_angles_of_both_kinds(origin: str) -> None:
+def test_one_calibration_file_corrects_the_angles_of_both_kinds(origin):
     made = from_dict(json.loads(json.dumps(MAKERS[origin](recording(origin)).to_dict())))
 
     held = made.apply(recording("multi-position"))
@@ -101,7 +98,7 @@ def test_one_calibration_file_corrects_the_angles_of_both_kinds(origin: str) -> 
     np.testing.assert_allclose(SPACE_STABLE_INERTIAL.attitude(angles), inertial, atol=0.02 * ARCSEC)
 
 
-def test_a_calibration_added_to_a_static_run_and_taken_off_again_changes_nothing() -> None:
+def test_a_calibration_added_to_a_static_run_and_taken_off_again_changes_nothing():
     run = recording("static-run")
     wanted = parameters(CATALOGUE["gimbal_zero"], SPACE_STABLE.axis_names)
     effects = with_values((), wanted, np.array(list(ZEROS.values())) * ARCSEC, SPACE_STABLE.axis_names)
@@ -112,7 +109,7 @@ def test_a_calibration_added_to_a_static_run_and_taken_off_again_changes_nothing
     np.testing.assert_allclose(made.corrupt(made.apply(run)).angles(), run.angles(), atol=1e-15)
 
 
-def test_a_platform_that_is_not_known_by_name_is_its_own_drawing() -> None:
+def test_a_platform_that_is_not_known_by_name_is_its_own_drawing():
     mount = Platform("mount", (Axis("declination", "y", -1), Axis("hour_angle", "z", 1)))
     assert mount.sense == (1, 1)
     assert Platform("space-stable", mount.axes).sense == (1, 1)  # another chain of the same name

@@ -13,7 +13,7 @@ from tests.recording.test_dwells import recording
 SCALE = [i for i, label in enumerate(LABELS) if label.startswith("scale_factor")]
 
 
-def test_a_scale_factor_moves_as_a_reading_over_another_gravity() -> None:
+def test_a_scale_factor_moves_as_a_reading_over_another_gravity():
     x = np.full(6, 0.1)
     made = calibration(x / SIGMA)
     reading, share = 1.1 * 9.8, 1e-6
@@ -23,7 +23,7 @@ def test_a_scale_factor_moves_as_a_reading_over_another_gravity() -> None:
     assert np.delete(u, SCALE).tolist() == [0.0, 0.0, 0.0]
 
 
-def test_the_error_of_gravity_is_common_to_all_scale_factors_and_comes_out_again() -> None:
+def test_the_error_of_gravity_is_common_to_all_scale_factors_and_comes_out_again():
     made = calibration(np.full(6, 0.1) / SIGMA)
     there = replace(recording([1, 2]), site=Site(0.7, 0.0, 9.8, 4.9e-3))  # 500 ppm
     more = with_gravity(made, [there])

@@ -16,14 +16,14 @@ ACCELEROMETERS = ("bias", "scale_factor", "misalignment")
 GYROSCOPES = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment")
 
 
-def made_of(ids: tuple[str, ...], size: float = 30.0, readout: Readout = Readout()) -> Calibration:  # noqa: B008
+def made_of(ids, size=30.0, readout=Readout()):  # noqa: B008
     wanted = tuple(p for i in ids for p in parameters(CATALOGUE[i]))
     x = np.array([p.sigma for p in wanted]) * np.random.default_rng(3).uniform(-size, size, len(wanted))
     n = len(wanted)
     return Calibration("test", with_values((), wanted, x), wanted, np.eye(n), (), Residual(0.0, 0, {}), readout=readout)
 
 
-def test_matrices_correct_as_the_calibration_does() -> None:
+def test_matrices_correct_as_the_calibration_does():
     counts = Counts((0.002, -0.0021, 0.0019), (33000.0, 32900.0, 100.0))
     c = made_of((*ACCELEROMETERS, *GYROSCOPES), readout=Readout(accelerometers=counts))
     rng = np.random.default_rng(1)
@@ -40,19 +40,19 @@ def test_matrices_correct_as_the_calibration_does() -> None:
     assert c.to_dict()["matrices"]["accelerometers"]["b"] == c.matrices["accelerometers"].b.tolist()
 
 
-def test_a_triad_without_its_linear_terms_has_none() -> None:
+def test_a_triad_without_its_linear_terms_has_none():
     assert made_of(ACCELEROMETERS[:2]).matrices == {}
     assert list(made_of(GYROSCOPES).matrices) == ["gyroscopes"]
     assert list(made_of(("bias", "gimbal_zero")).matrices) == []
 
 
-def test_the_norm_alone_gives_what_imu_tk_minimises() -> None:
+def test_the_norm_alone_gives_what_imu_tk_minimises():
     """g^2 - |T K (X - B)|^2 over nine numbers, T upper triangular: the cost of imu_tk on the same means."""
     recording = gimbalcal.read(DATA / "xsens_positions")
     c = gimbalcal.calibrate(recording)
     m, X, g = c.matrices["accelerometers"], recording.triad("specific_force"), recording.site.gravity
 
-    def cost(v: Array) -> Array:
+    def cost(v):
         T = np.array([[1, -v[0], v[1]], [0, 1, -v[2]], [0, 0, 1]])
         return np.asarray(g**2 - (((T * (v[3:6] / 400)) @ (X - 1e4 * v[6:]).T) ** 2).sum(axis=0))
 
@@ -65,13 +65,13 @@ def test_the_norm_alone_gives_what_imu_tk_minimises() -> None:
     np.testing.assert_allclose(norm, np.linalg.norm(c.apply(recording).triad("specific_force"), axis=1), rtol=1e-9)
 
 
-def _gram(cost: object, x: Array) -> Array:
-    J = np.array([(cost(x + h) - cost(x - h)) / 2e-6 for h in 1e-6 * np.eye(len(x))])  # type: ignore[operator]
+def _gram(cost, x):
+    J = np.array([(cost(x + h) - cost(x - h)) / 2e-6 for h in 1e-6 * np.eye(len(x))])
     return np.asarray(J @ J.T)
 
 
 @pytest.mark.parametrize(("size", "unit"), [(300.0, "arcsec"), (4400.0, "mrad"), (36000.0, "deg")])
-def test_misalignments_are_printed_in_one_unit_of_their_size(size: float, unit: str) -> None:
+def test_misalignments_are_printed_in_one_unit_of_their_size(size, unit):
     wanted = parameters(CATALOGUE["misalignment"])
     x = np.array([size, 1.0, 0, 0, 0, 0]) * np.pi / 648000
     c = Calibration("test", with_values((), wanted, x), wanted, np.eye(6), (), Residual(0.0, 0, {}))

@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.calibration.mount_correction import SENSORS, mount
-from gimbalcal.effects import CATALOGUE, Effect, Stage, absent, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, Stage, absent, parameters, values, with_values
 from gimbalcal.forward import predict
 from gimbalcal.kinematics import ideal_force, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.number import Array
@@ -22,11 +22,11 @@ FREE = [i for i, c in CATALOGUE.items() if c.stage not in SENSORS and "static-ru
 SIGHT = [i for i, c in CATALOGUE.items() if c.stage not in SENSORS and "pointing" in c.kinds]
 
 
-def calibration(*effects: Effect) -> Calibration:
+def calibration(*effects):
     return Calibration("test", effects, (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
 
 
-def read_as(recording: Recording, effects: list[Effect]) -> Recording:
+def read_as(recording, effects):
     """The recording with what the model predicts in its channels."""
     s = stimulus_from_readings(recording)
     outputs = predict(recording.platform, s, effects, recording.kind)
@@ -39,7 +39,7 @@ def read_as(recording: Recording, effects: list[Effect]) -> Recording:
 
 
 @pytest.mark.parametrize("name", HELD)
-def test_the_force_is_that_of_a_perfect_mount_at_the_corrected_readouts(name: str) -> None:
+def test_the_force_is_that_of_a_perfect_mount_at_the_corrected_readouts(name):
     """Also where two gimbals turn about one axis, as at several of the 18 positions."""
     effect = drawn(name, 3)
     made, true = calibration(effect), table_recording(3)
@@ -53,7 +53,7 @@ def test_the_force_is_that_of_a_perfect_mount_at_the_corrected_readouts(name: st
     np.testing.assert_allclose(back.triad("specific_force"), read.triad("specific_force"), rtol=0, atol=1e-11)
 
 
-def static(n: int = 48) -> Recording:
+def static(n=48):
     time = 1800.0 * np.arange(n)
     zeros = {("specific_force", a): np.zeros(n) for a in "xyz"}
     zeros |= {("attitude_error", a): np.zeros(n) for a in ("roll", "pitch", "yaw")}
@@ -66,7 +66,7 @@ def static(n: int = 48) -> Recording:
 
 
 @pytest.mark.parametrize("name", [i for i in FREE if CATALOGUE[i].requires in NEEDS])
-def test_a_static_run_becomes_that_of_a_platform_that_stands(name: str) -> None:
+def test_a_static_run_becomes_that_of_a_platform_that_stands(name):
     true, effect = static(), small(name)
     there = calibration(effect).apply(read_as(true, [effect]))
     s = stimulus_from_readings(there)  # its phase is what the corrected platform gimbal reads
@@ -80,7 +80,7 @@ def test_a_static_run_becomes_that_of_a_platform_that_stands(name: str) -> None:
         np.testing.assert_allclose(back.channels[key], expected, rtol=0, atol=1e-9, err_msg=str(key))
 
 
-def small(name: str) -> Effect:
+def small(name):
     """A hundredth of what is usual; no error of the inner gimbal, which nobody reads and which would stay."""
     effect = drawn(name, 5)
     wanted = parameters(CATALOGUE[name], SPACE_STABLE_INERTIAL.axis_names)
@@ -88,7 +88,7 @@ def small(name: str) -> Effect:
     return with_values([effect], wanted, x, SPACE_STABLE_INERTIAL.axis_names)[0]
 
 
-def telescope(n: int = 40) -> Recording:
+def telescope(n=40):
     rng = np.random.default_rng(2)
     platform = KNOWN["alt-az"]
     lofts, turns = rng.uniform(0.3, 1.2, n), rng.uniform(-2, 2, n)
@@ -98,7 +98,7 @@ def telescope(n: int = 40) -> Recording:
     return Recording("pointing", "night", platform, Site(0.6), {}, 60.0 * np.arange(n), None, channels)
 
 
-def on_a_pier(night: Recording) -> Recording:
+def on_a_pier(night):
     """The same stars with a mount whose axes stand on a third one, at an angle that nobody reads."""
     pier = Platform("pier", (*night.platform.axes, Axis("pier", "y", 1, 0.9)))
     return replace(night, platform=pier)
@@ -106,7 +106,7 @@ def on_a_pier(night: Recording) -> Recording:
 
 @pytest.mark.parametrize("night", [telescope(), on_a_pier(telescope())], ids=["two axes", "a third that is not read"])
 @pytest.mark.parametrize("name", SIGHT)
-def test_a_perfect_mount_sees_the_star_at_the_corrected_readouts(name: str, night: Recording) -> None:
+def test_a_perfect_mount_sees_the_star_at_the_corrected_readouts(name, night):
     effect = drawn_for(name, night)
     s = stimulus_from_angles(night)
     seen = predict(night.platform, s, [effect], "pointing")["pointing"]
@@ -116,12 +116,12 @@ def test_a_perfect_mount_sees_the_star_at_the_corrected_readouts(name: str, nigh
     np.testing.assert_allclose(found, seen, rtol=0, atol=1e-13)
 
 
-def drawn_for(name: str, recording: Recording) -> Effect:
+def drawn_for(name, recording):
     names = recording.platform.axis_names
     wanted = parameters(CATALOGUE[name], names)
     x = np.array([p.sigma for p in wanted]) * np.random.default_rng(4).uniform(-2, 2, len(wanted))
     return with_values((absent(CATALOGUE[name], names),), wanted, x, names)[0]
 
 
-def test_nothing_is_taken_off_where_nothing_is_known_of_the_mount() -> None:
+def test_nothing_is_taken_off_where_nothing_is_known_of_the_mount():
     assert mount(table_recording(1), (drawn("bias", 1), drawn("gyro_bias", 1))) is None

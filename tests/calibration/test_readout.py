@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +24,7 @@ MOUNT = Platform("mount", (Axis("declination", "y"), Axis("hour_angle", "z")))
 ZERO = CATALOGUE["gimbal_zero"]
 
 
-def calibration(platform: Platform, *zeros: float, **more: Any) -> Calibration:
+def calibration(platform, *zeros, **more):
     """Zeros [arcsec] of the first gimbals of a platform, correlated."""
     wanted = parameters(ZERO, platform.axis_names)[: len(zeros)]
     n = len(zeros)
@@ -37,7 +36,7 @@ def calibration(platform: Platform, *zeros: float, **more: Any) -> Calibration:
     )  # fmt: skip
 
 
-def counted(rng: np.random.Generator) -> tuple[Recording, Readout]:
+def counted(rng):
     readout = Readout(Counts((2e-3, -3e-3, 4e-3), (100.0, -50.0, 7.0)), Counts((1e-4,) * 3))
     channels = {(q, a): 1000 * rng.standard_normal(8) for q in ("specific_force", "angular_rate") for a in "xyz"}
     return Recording(
@@ -48,43 +47,43 @@ def counted(rng: np.random.Generator) -> tuple[Recording, Readout]:
 
 
 @pytest.mark.parametrize("platform", [MOUNT, KNOWN["two-axis-table"], KNOWN["alt-az"], SPACE_STABLE])
-def test_a_calibration_of_any_gimbals_is_read_again(platform: Platform, tmp_path: Path) -> None:
+def test_a_calibration_of_any_gimbals_is_read_again(platform, tmp_path):
     """A two-axis mount was refused: its gimbals were looked for among those of the space-stable platform."""
     made = calibration(platform, 24.0, -41.0)
     made.write(tmp_path / "calibration.json")
     back = read(tmp_path / "calibration.json")
     assert back.readout == made.readout
     assert [p.label for p in back.parameters] == [f"gimbal_zero:{a}" for a in platform.axis_names[:2]]
-    np.testing.assert_allclose(back.effects[0].theta_0, made.effects[0].theta_0, rtol=1e-15)  # type: ignore[attr-defined]
+    np.testing.assert_allclose(back.effects[0].theta_0, made.effects[0].theta_0, rtol=1e-15)
     angles = {("gimbal_angle", a): np.zeros(2) for a in platform.axis_names}
     rates = {("angular_rate", a): np.zeros(2) for a in "xyz"}
     held = Recording("multi-position", "", platform, Site(), {}, np.arange(2.0), np.array([1, 2]), angles | rates)
     np.testing.assert_allclose(back.apply(held).angles()[0, :2] / ARCSEC, [24.0, -41.0])
 
 
-def test_other_gimbals_are_read_from_a_table_too(tmp_path: Path) -> None:
+def test_other_gimbals_are_read_from_a_table_too(tmp_path):
     made = replace(calibration(KNOWN["two-axis-table"], 24.0, -41.0), unobservable=())
     export(made, "csv", tmp_path / "calibration.csv")
     back = read_calibration(tmp_path / "calibration.csv")
     assert back.readout.gimbals == ("inner", "outer")
-    np.testing.assert_allclose(back.effects[0].theta_0, made.effects[0].theta_0, rtol=1e-15)  # type: ignore[attr-defined]
+    np.testing.assert_allclose(back.effects[0].theta_0, made.effects[0].theta_0, rtol=1e-15)
 
 
-def test_a_file_without_a_readout_is_in_si() -> None:
+def test_a_file_without_a_readout_is_in_si():
     content = calibration(MOUNT, 1.0, 2.0).to_dict()
     del content["readout"]
     back = from_dict(json.loads(json.dumps(content)))
     assert back.readout == Readout()
-    assert back.effects[0].theta_0.shape == (2,)  # type: ignore[attr-defined]
+    assert back.effects[0].theta_0.shape == (2,)
 
 
-def test_zeros_in_another_sense_than_the_drawing_are_refused() -> None:
+def test_zeros_in_another_sense_than_the_drawing_are_refused():
     content = calibration(SPACE_STABLE, 1.0).to_dict()
     with refused():
         from_dict(content | {"readout": content["readout"] | {"angles": "inertial"}})
 
 
-def test_counts_become_si_with_their_scatter_and_noise_and_counts_again() -> None:
+def test_counts_become_si_with_their_scatter_and_noise_and_counts_again():
     raw, readout = counted(np.random.default_rng(1))
     there = in_si(raw, readout)
     assert there.channels["specific_force", "y"] == pytest.approx(-3e-3 * (raw.channels["specific_force", "y"] + 50))
@@ -100,7 +99,7 @@ def test_counts_become_si_with_their_scatter_and_noise_and_counts_again() -> Non
     assert back.units == raw.units
 
 
-def test_stated_coloured_noise_is_scaled_as_the_white_noise_is_and_its_time_constant_stays() -> None:
+def test_stated_coloured_noise_is_scaled_as_the_white_noise_is_and_its_time_constant_stays():
     """`apply` and `corrupt` of a rotation recording that states it were tracebacks."""
     stated = {"accelerometer": 4.0, "accelerometer_flicker": 2.0, "gyroscope_random_walk": 5.0,
               "accelerometer_gauss_markov": 3.0, "accelerometer_gauss_markov_tau": 100.0}  # fmt: skip
@@ -117,7 +116,7 @@ def test_stated_coloured_noise_is_scaled_as_the_white_noise_is_and_its_time_cons
     })  # fmt: skip
 
 
-def test_the_readout_of_a_file_is_what_was_written() -> None:
+def test_the_readout_of_a_file_is_what_was_written():
     _, readout = counted(np.random.default_rng(1))
     made = calibration(SPACE_STABLE, 1.0, readout=replace(readout, gimbals=SPACE_STABLE.axis_names))
     content = json.loads(json.dumps(made.to_dict()))
@@ -127,7 +126,7 @@ def test_the_readout_of_a_file_is_what_was_written() -> None:
     assert from_dict(content).readout == made.readout
 
 
-def test_a_two_axis_mount_is_calibrated_written_read_and_applied(tmp_path: Path) -> None:
+def test_a_two_axis_mount_is_calibrated_written_read_and_applied(tmp_path):
     """Its vertical gimbal has no zero among the parameters, and is a gimbal all the same."""
     holds = [{"elevation": float(a), "azimuth": float(b)} for a in range(0, 360, 45) for b in (0, 90)]
     recording, _ = simulate({
@@ -146,7 +145,7 @@ def test_a_two_axis_mount_is_calibrated_written_read_and_applied(tmp_path: Path)
         np.testing.assert_allclose(off, np.broadcast_to([zero, 0.0], off.shape), atol=1e-15)
 
 
-def test_every_estimator_says_which_gimbals_it_had() -> None:
+def test_every_estimator_says_which_gimbals_it_had():
     data = Path(__file__).parents[2] / "data"
     positions, run = load([data / "space_stable_18", data / "space_stable_static"])
     for made in (three_stage([positions]), three_stage([run]), three_stage([positions, run]), multiposition(positions)):

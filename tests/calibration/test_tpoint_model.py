@@ -1,7 +1,6 @@
 """TPOINT model files: every term against the published formula, round trips, and what a file cannot say."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -60,23 +59,23 @@ FROM_SOUTH: dict[str, Formula] = {
 SIZE = 10.0  # arcsec: second order is 5e-4 of it over the poles that are left out
 
 
-def up(h: Array, d: Array) -> Array:
+def up(h, d):
     """Sine of the elevation."""
     return np.asarray(np.sin(L) * np.sin(d) + np.cos(L) * np.cos(d) * np.cos(h))
 
 
-def model(path: Path, *lines: str, caption: str = "a mount, latitude 39.0 deg") -> Path:
+def model(path, *lines, caption="a mount, latitude 39.0 deg"):
     """A TPOINT model file."""
     path.write_text("\n".join([caption, "T   80     1.0000   0.000  0.0000", *lines, "END"]) + "\n")
     return path
 
 
-def test_every_name_has_its_formula() -> None:
+def test_every_name_has_its_formula():
     assert {*HOUR, *FROM_SOUTH} == NAMES
 
 
 @pytest.mark.parametrize("term", HOUR)
-def test_hour_angle_and_declination(term: str, tmp_path: Path) -> None:
+def test_hour_angle_and_declination(term, tmp_path):
     only = ["IH  0.0"] if term in ("TF", "TX") else []  # these two any mount can have
     made = read_calibration(model(tmp_path / "a.mod", f"{term}  {SIZE}  0.1", *only))
     readout = sky(EQUATORIAL)
@@ -90,7 +89,7 @@ def test_hour_angle_and_declination(term: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("term", FROM_SOUTH)
-def test_azimuth_and_elevation(term: str, tmp_path: Path) -> None:
+def test_azimuth_and_elevation(term, tmp_path):
     only = ["IA  0.0"] if term in ("TF", "TX") else []
     made = read_calibration(model(tmp_path / "a.mod", f"{term}  {SIZE}  0.1", *only))
     readout = sky(ALT_AZ)
@@ -107,7 +106,7 @@ ALT_AZ_TERMS = {"gimbal_zero__elevation": 30.0, "gimbal_zero__azimuth": -40.0, "
                 "tube_flexure": 15.0}  # fmt: skip
 
 
-def test_a_calibration_comes_back_from_its_model_file(tmp_path: Path) -> None:
+def test_a_calibration_comes_back_from_its_model_file(tmp_path):
     made = pointing_calibration([run(ALT_AZ, sky(ALT_AZ), effects(ALT_AZ, **ALT_AZ_TERMS), 1.0)])
     lost = export(made, "tpoint", tmp_path / "tpoint.mod")
     assert lost == ("tpoint has no place for correlations: calibration.json has them",)
@@ -121,7 +120,7 @@ def test_a_calibration_comes_back_from_its_model_file(tmp_path: Path) -> None:
     assert terms == [(t.name, pytest.approx(t.value, abs=1e-5 * ARCSEC)) for t in tpoint_terms(made)]
 
 
-def test_a_tilt_about_any_axis_is_polar_misalignment_and_a_zero_of_the_hour_angle(tmp_path: Path) -> None:
+def test_a_tilt_about_any_axis_is_polar_misalignment_and_a_zero_of_the_hour_angle(tmp_path):
     """MA, ME and IH of a mount that leans north by the level point as the lean itself, to second order."""
     lean = effects(EQUATORIAL, base_tilt__north=50.0, base_tilt__east=-30.0, base_tilt__down=20.0)
     made = pointing_calibration([run(EQUATORIAL, sky(EQUATORIAL), lean)], ("gimbal_zero", "base_tilt"))
@@ -136,7 +135,7 @@ def test_a_tilt_about_any_axis_is_polar_misalignment_and_a_zero_of_the_hour_angl
     np.testing.assert_allclose(*seen, atol=0.03)
 
 
-def test_what_a_file_cannot_say(tmp_path: Path) -> None:
+def test_what_a_file_cannot_say(tmp_path):
     path = tmp_path / "a.mod"
     with refused():
         read_calibration(model(path, "MA  5.0", caption="some mount"))

@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -34,27 +33,27 @@ PULSES = "wang2019-accelerometers-3arcmin"
 SHARES = [range(i, i + 10) for i in range(0, 50, 10)]
 
 
-def small(name: str = PULSES) -> Task:
+def small(name=PULSES):
     return replace(task(PULSES), name=name, share=10)
 
 
-def collected(results: Iterator[tuple[range, dict[str, list[object]]]]) -> dict[int, list[object]]:
+def collected(results):
     return {share.start: columns["estimate"] for share, columns in results}
 
 
-def test_workers_and_a_death_change_no_digit(tmp_path: Path) -> None:
+def test_workers_and_a_death_change_no_digit(tmp_path):
     alone = collected(here(partial(compute, small()), SHARES))
     marker = str(tmp_path / "marker")
     assert collected(processes(partial(dies_once, small(marker)), SHARES, 2, lost_share)) == alone
     assert Path(marker).exists()
 
 
-def test_a_share_that_keeps_killing_workers_is_named() -> None:
+def test_a_share_that_keeps_killing_workers_is_named():
     with pytest.raises(InputError, match="runs 20 to 29 ended their worker 3 times"):
         collected(processes(partial(always_dies, small()), SHARES, 2, lost_share))
 
 
-def test_one_file_with_the_statistics_of_the_bench(tmp_path: Path) -> None:
+def test_one_file_with_the_statistics_of_the_bench(tmp_path):
     told: list[str] = []
     summary = run_campaign(PULSES, 150, tmp_path / "c", workers=2, progress=told.append)
     rows = pl.read_parquet(tmp_path / "c" / "campaign.parquet")
@@ -66,7 +65,7 @@ def test_one_file_with_the_statistics_of_the_bench(tmp_path: Path) -> None:
     assert all(abs(row["ratio"] - 1) < 0.3 for row in summary["parameters"])
 
 
-def test_more_runs_are_added_to_a_finished_campaign(tmp_path: Path) -> None:
+def test_more_runs_are_added_to_a_finished_campaign(tmp_path):
     run_campaign(PULSES, 100, tmp_path / "c", workers=1)
     told: list[str] = []
     run_campaign(PULSES, 200, tmp_path / "c", workers=1, progress=told.append)
@@ -75,7 +74,7 @@ def test_more_runs_are_added_to_a_finished_campaign(tmp_path: Path) -> None:
     assert table(tmp_path / "c").equals(table(tmp_path / "d"))
 
 
-def test_a_killed_campaign_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_a_killed_campaign_goes_on_where_it_was(tmp_path):
     code = (
         "import time\nfrom pathlib import Path\nfrom gimbalcal.campaign import run_campaign\n"
         f"run_campaign({PULSES!r}, 400, Path({str(tmp_path / 'c')!r}), workers=1, progress=lambda _: time.sleep(0.5))\n"
@@ -93,11 +92,11 @@ def test_a_killed_campaign_goes_on_where_it_was(tmp_path: Path) -> None:
     assert table(tmp_path / "c").equals(table(tmp_path / "d"))
 
 
-def table(folder: Path) -> pl.DataFrame:
+def table(folder):
     return pl.read_parquet(folder / "campaign.parquet")
 
 
-def wait_for(condition: object, seconds: float = 30.0) -> None:
+def wait_for(condition, seconds=30.0):
     assert callable(condition)
     end = time.monotonic() + seconds
     while not condition():
@@ -106,12 +105,12 @@ def wait_for(condition: object, seconds: float = 30.0) -> None:
 
 
 @contextmanager
-def dask_cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+def dask_cluster(folder):
     """A scheduler and two workers, each a process of its own on loopback."""
     contact = folder / "scheduler.json"
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path.cwd())}
 
-    def start(program: str, *options: str) -> subprocess.Popen[bytes]:
+    def start(program, *options):
         command = [sys.executable, "-m", f"distributed.cli.{program}", "--scheduler-file", str(contact), *options]
         return subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
@@ -129,13 +128,13 @@ def dask_cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[byte
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_same_digits_though_one_worker_is_killed(tmp_path: Path) -> None:
+def test_a_cluster_gives_the_same_digits_though_one_worker_is_killed(tmp_path):
     with dask_cluster(tmp_path) as (address, workers):
         with connect(address) as client:
             client.wait_for_workers(2, timeout=30)
         told: list[str] = []
 
-        def kill_one(words: str) -> None:
+        def kill_one(words):
             told.append(words)
             if len(told) == 3:
                 os.kill(workers[0].pid, SIGKILL)
@@ -147,21 +146,19 @@ def test_a_cluster_gives_the_same_digits_though_one_worker_is_killed(tmp_path: P
     assert told[-1].startswith("2000 of 2000 runs")
 
 
-def test_no_scheduler_is_one_sentence() -> None:
+def test_no_scheduler_is_one_sentence():
     with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1 within 0\.5 s"):
         connect("tcp://127.0.0.1:1", timeout=0.5)
 
 
 @pytest.mark.slow
-def test_a_cluster_without_workers_or_that_goes_away_is_one_sentence(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_without_workers_or_that_goes_away_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(campaign_workers, "PATIENCE", 1.0)
     with dask_cluster(tmp_path) as (address, workers):
         with connect(address) as client:
             client.wait_for_workers(2, timeout=30)
 
-        def kill_all(words: str) -> None:
+        def kill_all(words):
             for each in workers:
                 each.kill()
 
@@ -176,7 +173,7 @@ def test_a_cluster_without_workers_or_that_goes_away_is_one_sentence(
     assert "of 4000 runs were there already" in told[0]
 
 
-def test_damaged_shares_are_computed_again(tmp_path: Path) -> None:
+def test_damaged_shares_are_computed_again(tmp_path):
     rng = np.random.default_rng(1)
     whole = task(PULSES)
     sound = CampaignFolder(tmp_path / "d", whole, 300)
@@ -202,7 +199,7 @@ def test_damaged_shares_are_computed_again(tmp_path: Path) -> None:
     assert table(tmp_path / "d").equals(table(tmp_path / "e"))
 
 
-def test_two_campaigns_in_one_folder_at_once_are_told_apart(tmp_path: Path) -> None:
+def test_two_campaigns_in_one_folder_at_once_are_told_apart(tmp_path):
     first = CampaignFolder(tmp_path / "c", task(PULSES), 100)
     with first.alone():
         first.open()
@@ -212,7 +209,7 @@ def test_two_campaigns_in_one_folder_at_once_are_told_apart(tmp_path: Path) -> N
     run_campaign(PULSES, 100, tmp_path / "c", workers=1)
 
 
-def test_a_killed_parent_leaves_no_worker(tmp_path: Path) -> None:
+def test_a_killed_parent_leaves_no_worker(tmp_path):
     code = (
         "from pathlib import Path\nfrom gimbalcal.campaign import run_campaign\n"
         f"if __name__ == '__main__':\n    run_campaign({PULSES!r}, 100000, Path({str(tmp_path / 'c')!r}), workers=2)\n"
@@ -226,7 +223,7 @@ def test_a_killed_parent_leaves_no_worker(tmp_path: Path) -> None:
     wait_for(lambda: not of_session(process.pid), 10.0)
 
 
-def of_session(session: int) -> list[int]:
+def of_session(session):
     """Processes of a session, by /proc: its number is the sixth word of stat."""
     found = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
@@ -239,7 +236,7 @@ def of_session(session: int) -> list[int]:
     return found
 
 
-def test_a_simulated_scenario_is_calibrated_run_by_run(tmp_path: Path) -> None:
+def test_a_simulated_scenario_is_calibrated_run_by_run(tmp_path):
     summary = run_campaign("wu2018-18", 3, tmp_path / "c", workers=1, method="multiposition")
     assert summary["runs"] == 3
     assert summary["direction"] == "physics to readings"
@@ -248,7 +245,7 @@ def test_a_simulated_scenario_is_calibrated_run_by_run(tmp_path: Path) -> None:
     assert all(row["ratio"] < 3 for name, row in by_name.items() if name.startswith(("bias", "scale_factor")))
 
 
-def test_errors_of_a_static_run_from_all_of_the_prior_are_as_large_as_their_sigmas() -> None:
+def test_errors_of_a_static_run_from_all_of_the_prior_are_as_large_as_their_sigmas():
     """Also where the platform was turned by hundreds of arcsec: 2.5 to 10 sigmas, counted from another S_t."""
     text = """
 format = 1
@@ -277,7 +274,7 @@ draw = true
         assert np.sqrt(np.mean(z[names == name] ** 2)) < 1.8  # of eight, once in two thousand
 
 
-def test_truth_is_turned_into_the_frame_of_the_estimate() -> None:
+def test_truth_is_turned_into_the_frame_of_the_estimate():
     """The frame whose x lies along the first input axis and y in the plane of the first two, for both triads."""
     rng = np.random.default_rng(2)
     beta, gamma = 1e-4 * rng.standard_normal((2, 6))
@@ -307,7 +304,7 @@ def test_truth_is_turned_into_the_frame_of_the_estimate() -> None:
         ("kind = \n", "this line is not valid TOML"),
     ],
 )
-def test_a_wrong_scenario_is_refused_and_nothing_written(text: str, words: str, tmp_path: Path) -> None:
+def test_a_wrong_scenario_is_refused_and_nothing_written(text, words, tmp_path):
     path = tmp_path / "s.toml"
     path.write_text(text)
     with pytest.raises(InputError) as refused:
@@ -316,7 +313,7 @@ def test_a_wrong_scenario_is_refused_and_nothing_written(text: str, words: str, 
     assert not (tmp_path / "c").exists()
 
 
-def test_another_campaign_in_the_same_folder_is_refused(tmp_path: Path) -> None:
+def test_another_campaign_in_the_same_folder_is_refused(tmp_path):
     run_campaign(PULSES, 2, tmp_path / "c", workers=1)
     with pytest.raises(InputError, match=r"holds another campaign .* give another --out"):
         run_campaign(PULSES, 2, tmp_path / "c", workers=1, seed=7)
@@ -324,7 +321,7 @@ def test_another_campaign_in_the_same_folder_is_refused(tmp_path: Path) -> None:
         run_campaign(PULSES, 0, tmp_path / "c")
 
 
-def test_another_campaign_gives_way_when_asked_and_nothing_else_does(tmp_path: Path) -> None:
+def test_another_campaign_gives_way_when_asked_and_nothing_else_does(tmp_path):
     run_campaign(PULSES, 2, tmp_path / "c", workers=1)
     (tmp_path / "c" / "mine.txt").write_text("stays")
     told: list[str] = []
@@ -338,5 +335,5 @@ def test_another_campaign_gives_way_when_asked_and_nothing_else_does(tmp_path: P
     assert json.loads((tmp_path / "c" / "campaign.json").read_text())["runs"] == 2
 
 
-def test_seeds_of_runs_do_not_repeat() -> None:
+def test_seeds_of_runs_do_not_repeat():
     assert len({seed_of(s, r) for s in range(20) for r in range(500)}) == 10000

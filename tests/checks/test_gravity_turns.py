@@ -5,7 +5,6 @@ import pytest
 
 from gimbalcal.checks.input_errors import PERMUTATIONS
 from gimbalcal.checks.measured_turns import MeasuredTurns, agree, rotations, turns_of
-from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import frame_rotation
@@ -14,7 +13,7 @@ RIGHT = np.pi / 2
 
 
 @pytest.mark.parametrize("steps", [2, 3, 5])
-def test_a_later_step_of_a_turn_is_about_the_axes_as_the_earlier_ones_left_them(steps: int) -> None:
+def test_a_later_step_of_a_turn_is_about_the_axes_as_the_earlier_ones_left_them(steps):
     axes = "xyzxy"[:steps]
     w = RIGHT * np.array([np.eye(3)["xyz".index(a)] for a in axes])
     due = np.eye(3)
@@ -27,13 +26,13 @@ def test_a_later_step_of_a_turn_is_about_the_axes_as_the_earlier_ones_left_them(
 
 
 @pytest.mark.parametrize(("off", "close"), [(0.0, True), (14.0, True), (16.0, False), (170.0, False)])
-def test_a_turn_agrees_that_ends_within_fifteen_degrees_of_gravity(off: float, close: bool) -> None:
+def test_a_turn_agrees_that_ends_within_fifteen_degrees_of_gravity(off, close):
     before, after = (np.array([[[0.0], [np.sin(a)], [np.cos(a)]]]) for a in np.radians([0.0, 90.0]))
     turn = MeasuredTurns([], [], before, after)  # what lay along z lies along y: turned by 90 deg about x
     assert agree(turn, frame_rotation("x", np.radians(90.0 + off))[None]) == close
 
 
-def in_turns(angles: Array, creep: float = 0.0) -> Recording:
+def in_turns(angles, creep=0.0):
     """A second of rest, then a turn of so many rad about x in a second and a second of rest, again and again.
 
     The gyroscope's bias grows by `creep` [rad/s] in a second.
@@ -50,24 +49,22 @@ def in_turns(angles: Array, creep: float = 0.0) -> Recording:
     return Recording("multi-position", "", BENCH, Site(), {}, time, position, channels)
 
 
-def test_of_a_turn_the_level_of_both_rests_is_taken() -> None:
+def test_of_a_turn_the_level_of_both_rests_is_taken():
     turns = turns_of(in_turns(np.array([1.0, 1.0, -1.5, 2.0]), creep=0.05))
-    assert turns is not None
     angle = [(w * dt[:, None]).sum(0) for w, dt in zip(turns.reading, turns.step, strict=True)]
     np.testing.assert_allclose(sorted(a[0] for a in angle), [-1.5, 1.0, 1.0, 2.0], atol=2e-3)
     np.testing.assert_allclose([a[1:] for a in angle], 0.0, atol=2e-3)
     assert agree(turns, rotations(turns, np.ones(3))) == 4
 
 
-def test_the_turns_that_move_gravity_most_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_turns_that_move_gravity_most_are_taken(monkeypatch):
     monkeypatch.setattr("gimbalcal.checks.measured_turns.MAX_TURNS", 3)
     turns = turns_of(in_turns(np.array([0.6, 2.0, 0.7, -1.8, 0.8, 1.9])))
-    assert turns is not None
     angle = [float((w[:, 0] * dt).sum()) for w, dt in zip(turns.reading, turns.step, strict=True)]
     assert angle == pytest.approx([2.0, 1.9, -1.8], abs=1e-3)
 
 
-def test_a_change_of_columns_and_back_is_none() -> None:
+def test_a_change_of_columns_and_back_is_none():
     for change in PERMUTATIONS:
         np.testing.assert_array_equal(change.inverse().matrix @ change.matrix, np.eye(3))
         np.testing.assert_array_equal(change.inverse(-1).matrix @ change.matrix, -np.eye(3))

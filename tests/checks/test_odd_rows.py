@@ -1,7 +1,6 @@
 """Rows that look odd and are not wrong: what is made of them, and what is told."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from tests.recording.folders import DWELL, HEADER, NAMES, folder, refusal, rows,
 CLOCK = 'quantity = "time", unit = "s"'
 
 
-def test_a_clock_of_stated_coarseness_may_stamp_rows_alike(tmp_path: Path) -> None:
+def test_a_clock_of_stated_coarseness_may_stamp_rows_alike(tmp_path):
     table = rows()
     table[:, 0] = np.floor(table[:, 0] / 3) * 3
     golden_text(refusal(tmp_path, samples=text(table)))
@@ -41,7 +40,7 @@ taz = { quantity = "true_angle", axis = "azimuth", unit = "deg" }
 """
 
 
-def test_stars_may_be_stamped_alike_and_pause_for_days(tmp_path: Path) -> None:
+def test_stars_may_be_stamped_alike_and_pause_for_days(tmp_path):
     stamps = [0.0, 0.1, 0.1, 0.1, 0.2, 43.9, 43.9]
     lines = [f"{t},{30 + i},{20 * i},{30.1 + i},{20 * i}" for i, t in enumerate(stamps)]
     made = read(folder(tmp_path, STARS, "\n".join(["t,el,az,tel,taz", *lines, ""])))
@@ -50,9 +49,7 @@ def test_stars_may_be_stamped_alike_and_pause_for_days(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("batch", [11, 50_000])
-def test_rows_without_a_value_are_left_out_and_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int
-) -> None:
+def test_rows_without_a_value_are_left_out_and_told(tmp_path, monkeypatch, batch):
     monkeypatch.setattr("gimbalcal.recording.samples.ROWS", batch)
     table = rows()
     table[5:9, 2] = np.nan
@@ -69,7 +66,7 @@ def test_rows_without_a_value_are_left_out_and_told(
     golden_text(refusal(tmp_path, samples="\n".join(broken)))
 
 
-def test_a_row_behind_some_that_are_left_out_is_named_by_its_own_line(tmp_path: Path) -> None:
+def test_a_row_behind_some_that_are_left_out_is_named_by_its_own_line(tmp_path):
     table = rows()
     table[[5, 6, 9], 2] = np.nan
     table[10, 0] = 3.0  # its clock; the eighth row that is left, in line 12
@@ -78,7 +75,7 @@ def test_a_row_behind_some_that_are_left_out_is_named_by_its_own_line(tmp_path: 
     golden_text(refusal(tmp_path, samples=text(table)))
 
 
-def test_a_pause_of_days_is_told(tmp_path: Path) -> None:
+def test_a_pause_of_days_is_told(tmp_path):
     table = rows()
     table[40:, 0] += 2 * 86400
     read_back = read(folder(tmp_path, samples=text(table)))
@@ -86,7 +83,7 @@ def test_a_pause_of_days_is_told(tmp_path: Path) -> None:
     golden_text(read_back.remarks[0])
 
 
-def test_dates_across_a_zone_and_midnight(tmp_path: Path) -> None:
+def test_dates_across_a_zone_and_midnight(tmp_path):
     table = rows()
     lines = text(table).splitlines()
     stamps = [f"2026-12-31T23:59:{s:02d}.{k}+02:00" for s in range(40, 60) for k in (0, 5)]
@@ -103,27 +100,27 @@ def test_dates_across_a_zone_and_midnight(tmp_path: Path) -> None:
     golden_text(said)
 
 
-def test_a_noiseless_recording_is_not_frozen(tmp_path: Path) -> None:
+def test_a_noiseless_recording_is_not_frozen(tmp_path):
     table = rows()
     table[:, 2:5] = table[:, 2:5].round()
     header = re.sub(r"accelerometer .*\n", "", HEADER)
     assert read(folder(tmp_path, header, text(table))).scatter["specific_force", "x"] == 0.0
 
 
-def test_noise_stated_too_high_freezes_nothing(tmp_path: Path) -> None:
+def test_noise_stated_too_high_freezes_nothing(tmp_path):
     table = rows()
     table[:, 2:5] = (table[:, 2:5] / 3e-4).round() * 3e-4
     header = HEADER.replace("value = 100.0", "value = 1000.0")
     assert len(read(folder(tmp_path, header, text(table))).time) == 2 * DWELL
 
 
-def test_coarse_steps_are_neither_frozen_nor_clipped(tmp_path: Path) -> None:
+def test_coarse_steps_are_neither_frozen_nor_clipped(tmp_path):
     table = rows()
     table[:, 2:5] = (table[:, 2:5] / 3e-4).round() * 3e-4  # a converter whose step is three sigma
     assert len(read(folder(tmp_path, samples=text(table))).time) == 2 * DWELL
 
 
-def test_fine_steps_are_neither_frozen_nor_clipped(tmp_path: Path) -> None:
+def test_fine_steps_are_neither_frozen_nor_clipped(tmp_path):
     table = np.tile(rows(), (40, 1))
     table[:, 0] = np.arange(len(table))
     rng = np.random.default_rng(5)
@@ -131,7 +128,7 @@ def test_fine_steps_are_neither_frozen_nor_clipped(tmp_path: Path) -> None:
     assert len(read(folder(tmp_path, samples=text(table))).time) == len(table)
 
 
-def test_a_row_that_no_sensor_filled_is_left_out(tmp_path: Path) -> None:
+def test_a_row_that_no_sensor_filled_is_left_out(tmp_path):
     lines = text(rows()).splitlines()
     lines.insert(20, "," * (len(NAMES) - 1))  # a logger that woke up and had nothing to say
     made = read(folder(tmp_path, samples="\n".join(lines)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.checks.check import Examined, examine
-from gimbalcal.checks.input_errors import PERMUTATIONS, AxisPermutation
+from gimbalcal.checks.input_errors import PERMUTATIONS
 from gimbalcal.checks.rates import CHECKS
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
@@ -21,7 +21,7 @@ GRAVITY, STEP, REST, TURN = 9.8, 0.02, 25, 50
 RATE, FORCE = "angular_rate", "specific_force"
 
 
-def in_the_hand(rests: int = 16, seed: int = 0, latitude: float | None = None, level: float = 1e-3) -> Recording:
+def in_the_hand(rests=16, seed=0, latitude=None, level=1e-3):
     """Rests with turns of 30 to 150 deg about random axes between them; the Earth, and biases of 1 deg/s."""
     rng = np.random.default_rng(seed)
     C = exponential(rng.standard_normal(3))
@@ -48,14 +48,14 @@ def in_the_hand(rests: int = 16, seed: int = 0, latitude: float | None = None, l
                      STEP * np.arange(len(rate)), np.array(position), channels, units=units)  # fmt: skip
 
 
-def changed(recording: Recording, M: Array, quantity: str = RATE) -> Recording:
+def changed(recording, M, quantity=RATE):
     """The same recording whose columns of a quantity hold M times what they should."""
     held = apply_matrix(M, recording.triad(quantity))
     channels = {**recording.channels, **{(quantity, a): held[:, i] for i, a in enumerate("xyz")}}
     return replace(recording, channels=channels)
 
 
-def said(recording: Recording) -> str:
+def said(recording):
     with pytest.raises(InputError) as caught:
         examine(Examined(recording), CHECKS)
     assert "\n" not in str(caught.value)
@@ -63,12 +63,12 @@ def said(recording: Recording) -> str:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_errors_that_a_calibration_takes_pass(seed: int) -> None:
+def test_errors_that_a_calibration_takes_pass(seed):
     assert examine(Examined(in_the_hand(seed=seed)), CHECKS) == ()
 
 
 @pytest.mark.parametrize("change", PERMUTATIONS[1:], ids=str)
-def test_every_change_of_the_gyroscopes_is_found_again(change: AxisPermutation) -> None:
+def test_every_change_of_the_gyroscopes_is_found_again(change):
     message = said(changed(in_the_hand(), change.inverse().matrix))
     assert ("left-handed" in message) == (change.handed < 0)
     for a, b, s in zip("xyz", change.order, change.signs, strict=True):
@@ -77,35 +77,35 @@ def test_every_change_of_the_gyroscopes_is_found_again(change: AxisPermutation) 
         assert cure in message or not keys or "write" in message.partition("accelerometer")[2]
 
 
-def test_what_gravity_cannot_tell_apart_is_told_as_both() -> None:
+def test_what_gravity_cannot_tell_apart_is_told_as_both():
     message = said(changed(in_the_hand(), np.diag([1.0, -1.0, 1.0]), FORCE))
     golden_text(message)
 
 
 @pytest.mark.parametrize(("stated", "true"), [("rad/s", "deg/s"), ("deg/h", "rad/s"), ("deg/s", "deg/h")])
-def test_units(stated: str, true: str) -> None:
+def test_units(stated, true):
     rows = changed(in_the_hand(), to_si(1.0, stated) / to_si(1.0, true) * np.eye(3))
     rows = replace(rows, units={key: stated if key[0] == RATE else u for key, u in rows.units.items()})
     golden_text(said(rows))
 
 
-def test_a_clock_in_milliseconds() -> None:
+def test_a_clock_in_milliseconds():
     rows = in_the_hand()
     golden_text(said(replace(rows, time=1000 * rows.time)))
 
 
-def test_one_gyroscope_alone_in_another_unit() -> None:
+def test_one_gyroscope_alone_in_another_unit():
     message = said(changed(in_the_hand(), np.diag([1.0, 1.0, 180 / np.pi])))
     golden_text(message)
 
 
-def test_a_unit_and_a_sign_together() -> None:
+def test_a_unit_and_a_sign_together():
     message = said(changed(in_the_hand(), 180 / np.pi * np.diag([1.0, -1.0, 1.0])))
     golden_text(message)
 
 
 @pytest.mark.parametrize("M", [np.eye(3), -np.eye(3)], ids=["right", "reversed"])
-def test_counts_are_tried_too(M: Array) -> None:
+def test_counts_are_tried_too(M):
     raw = changed(in_the_hand(), 5000.0 * M)
     raw = replace(raw, units={key: "count" if key[0] == RATE else u for key, u in raw.units.items()})
     if M[0, 0] > 0:
@@ -114,7 +114,7 @@ def test_counts_are_tried_too(M: Array) -> None:
         golden_text(said(raw))
 
 
-def test_turns_about_the_vertical_are_told_by_gimbals() -> None:
+def test_turns_about_the_vertical_are_told_by_gimbals():
     n, rests = 40, 5
     position = np.repeat(np.tile([1, 0], rests), n)[: (2 * rests - 1) * n] * 1
     position = position * np.repeat(np.arange(2 * rests - 1) // 2 + 1, n)
@@ -122,14 +122,13 @@ def test_turns_about_the_vertical_are_told_by_gimbals() -> None:
     angle = np.cumsum(rate) * STEP
     channels = {(RATE, "x"): 0 * rate, (RATE, "y"): 0 * rate, (RATE, "z"): rate, ("gimbal_angle", "azimuth"): angle}
     table = known("rate-table", "multi-position")
-    assert table is not None
     channels = {(q, table.axis_names[0] if q == "gimbal_angle" else a): x for (q, a), x in channels.items()}
     right = Recording("multi-position", "test", table, Site(), {}, STEP * np.arange(len(rate)), position, channels)
     assert examine(Examined(right), CHECKS) == ()
     golden_text(said(changed(right, -np.eye(3))))
 
 
-def test_nothing_is_refused_and_it_is_said_where_nothing_turns() -> None:
+def test_nothing_is_refused_and_it_is_said_where_nothing_turns():
     still = in_the_hand()
     rows = (still.position is not None) & (still.position == 1)
     (sentence,) = examine(Examined(still.select(rows)), CHECKS)
@@ -137,14 +136,14 @@ def test_nothing_is_refused_and_it_is_said_where_nothing_turns() -> None:
 
 
 @pytest.mark.parametrize("M", [-np.eye(3), np.eye(3)[[1, 0, 2]], 3600.0 * np.eye(3)], ids=["signs", "order", "unit"])
-def test_the_earth_at_rest_tells_where_no_turn_was_logged(M: Array) -> None:
+def test_the_earth_at_rest_tells_where_no_turn_was_logged(M):
     whole = in_the_hand(latitude=np.radians(50.0), level=1e-7)
     rests = whole.select(np.asarray(whole.position) > 0)
     assert examine(Examined(rests), CHECKS) == ()
     golden_text(said(changed(rests, M)))
 
 
-def test_accelerometers_that_are_all_reversed_show_only_in_the_earths_rate() -> None:
+def test_accelerometers_that_are_all_reversed_show_only_in_the_earths_rate():
     seen = in_the_hand(latitude=np.radians(50.0), level=1e-7)
     message = said(changed(seen, -np.eye(3), FORCE))
     golden_text(message)

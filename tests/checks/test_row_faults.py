@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,35 +13,35 @@ from tests.golden import golden_text, refused
 from tests.recording.folders import HEADER, NAMES, changed, folder, refusal, rows, text
 
 
-def stuck(table: Array) -> None:
+def stuck(table):
     table[10:35, 3] = table[10, 3]
 
 
-def dead(table: Array) -> None:
+def dead(table):
     table[:, 3] = 0.0
 
 
-def stopped_clock(table: Array) -> None:
+def stopped_clock(table):
     table[12, 0] = table[11, 0]
 
 
-def clock_back(table: Array) -> None:
+def clock_back(table):
     table[20:, 0] -= 100.0
 
 
-def clock_forward(table: Array) -> None:
+def clock_forward(table):
     table[20:, 0] += 3600.0
 
 
-def inf_run(table: Array) -> None:
+def inf_run(table):
     table[5:9, 2] = np.inf
 
 
-def spike(table: Array) -> None:
+def spike(table):
     table[[6, 50], 2] = 4000.0
 
 
-def half_position(table: Array) -> None:
+def half_position(table):
     table[3, 1] = 1.5
 
 
@@ -73,7 +72,7 @@ ROW_FAULTS: list[tuple[Callable[[Array], object], str]] = [
 
 
 @pytest.mark.parametrize(("fault", "sentence"), ROW_FAULTS, ids=[fault[1][:70] for fault in ROW_FAULTS])
-def test_row_fault_is_refused(tmp_path: Path, fault: Callable[[Array], object], sentence: str) -> None:
+def test_row_fault_is_refused(tmp_path, fault, sentence):
     table = rows()
     fault(table)
     said = refusal(tmp_path, samples=text(table))
@@ -82,14 +81,14 @@ def test_row_fault_is_refused(tmp_path: Path, fault: Callable[[Array], object], 
 
 
 @pytest.mark.parametrize("batch", [11, 50_000])
-def test_row_numbers_hold_across_batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int) -> None:
+def test_row_numbers_hold_across_batches(tmp_path, monkeypatch, batch):
     monkeypatch.setattr("gimbalcal.recording.samples.ROWS", batch)
     table = rows()
     inf_run(table[30:])
     golden_text(refusal(tmp_path, samples=text(table)))
 
 
-def test_cells_that_are_not_numbers(tmp_path: Path) -> None:
+def test_cells_that_are_not_numbers(tmp_path):
     said = refusal(tmp_path, samples=changed(7, "accel_z", "off"))
     golden_text(said)
     golden_text(refusal(tmp_path, samples=changed(1, "time_s", "")))
@@ -98,22 +97,22 @@ def test_cells_that_are_not_numbers(tmp_path: Path) -> None:
     golden_text(refusal(tmp_path, samples=units))
 
 
-def test_line_numbers_count_comments(tmp_path: Path) -> None:
+def test_line_numbers_count_comments(tmp_path):
     said = refusal(tmp_path, samples="# a\n# b\n" + changed(7, "accel_z", "inf"))
     golden_text(said)
 
 
-def test_other_separators_are_named(tmp_path: Path) -> None:
+def test_other_separators_are_named(tmp_path):
     golden_text(refusal(tmp_path, samples=text(rows()).replace(",", ";")))
 
 
-def test_empty_files(tmp_path: Path) -> None:
+def test_empty_files(tmp_path):
     golden_text(refusal(tmp_path, samples=""))
     golden_text(refusal(tmp_path, samples=",".join(NAMES) + "\n"))
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.3, 0.999])
-def test_truncated_parquet(tmp_path: Path, keep: float) -> None:
+def test_truncated_parquet(tmp_path, keep):
     target = write(read(folder(tmp_path)), tmp_path / "cut", samples="samples.parquet")
     whole = (target / "samples.parquet").read_bytes()
     (target / "samples.parquet").write_bytes(whole[: int(keep * len(whole))])
@@ -121,7 +120,7 @@ def test_truncated_parquet(tmp_path: Path, keep: float) -> None:
         read(target)
 
 
-def test_rows_of_parquet_are_counted_from_one(tmp_path: Path) -> None:
+def test_rows_of_parquet_are_counted_from_one(tmp_path):
     import polars as pl
 
     target = write(read(folder(tmp_path)), tmp_path / "rec2", samples="samples.parquet")
@@ -133,24 +132,24 @@ def test_rows_of_parquet_are_counted_from_one(tmp_path: Path) -> None:
         read(target)
 
 
-def test_degrees_called_radians(tmp_path: Path) -> None:
+def test_degrees_called_radians(tmp_path):
     said = refusal(tmp_path, HEADER.replace('axis = "middle", unit = "deg"', 'axis = "middle", unit = "rad"'))
     golden_text(said)
 
 
-def test_a_dead_channel_is_seen_without_stated_noise(tmp_path: Path) -> None:
+def test_a_dead_channel_is_seen_without_stated_noise(tmp_path):
     table = rows()
     dead(table)
     said = refusal(tmp_path, re.sub(r"accelerometer .*\n", "", HEADER), text(table))
     golden_text(said)
 
 
-def test_a_line_without_an_end_is_no_defect(tmp_path: Path) -> None:
+def test_a_line_without_an_end_is_no_defect(tmp_path):
     golden_text(refusal(tmp_path, samples="7" * 200_000))
 
 
 @pytest.mark.parametrize("value", ["0", "-3"])
-def test_a_weight_is_of_some_samples(tmp_path: Path, value: str) -> None:
+def test_a_weight_is_of_some_samples(tmp_path, value):
     header = HEADER + 'n = { quantity = "weight" }\n'
     lines = [f"{line},{'n' if k == 0 else 5}" for k, line in enumerate(text(rows()).splitlines())]
     lines[7] = lines[7].rpartition(",")[0] + f",{value}"
@@ -159,14 +158,14 @@ def test_a_weight_is_of_some_samples(tmp_path: Path, value: str) -> None:
 
 
 @pytest.mark.parametrize("reading", [-3.0, 9e9])
-def test_a_temperature_of_no_sensor_is_refused_with_its_row(tmp_path: Path, reading: float) -> None:
+def test_a_temperature_of_no_sensor_is_refused_with_its_row(tmp_path, reading):
     table = rows()
     table[3, NAMES.index("temp")] = reading
     golden_text(refusal(tmp_path, samples=text(table)))
 
 
 @pytest.mark.parametrize("frozen", [False, True])
-def test_a_channel_of_coarse_steps_stands_still_where_its_unit_does(tmp_path: Path, frozen: bool) -> None:
+def test_a_channel_of_coarse_steps_stands_still_where_its_unit_does(tmp_path, frozen):
     """Steps of 0.02 g, noise of 8 mg, motion of 0.1 g before the rest; frozen: the others go on moving beside it."""
     rng = np.random.default_rng(3)
     n, moving = 600, np.arange(600) < 300

@@ -8,8 +8,6 @@ import pytest
 
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.number import Array
-from gimbalcal.platform import Platform
-from gimbalcal.recording import Recording
 from tests.estimate.pointing.mounts import ALT_AZ, EQUATORIAL, effects, run, sky
 from tests.golden import golden_text, refused
 
@@ -17,7 +15,7 @@ DEG = np.pi / 180
 Change = Callable[[Array], Array]
 
 
-def mount(platform: Platform) -> Recording:
+def mount(platform):
     """A mount with errors of a degree and a zero of 40 deg, in deg."""
     inner, outer = platform.axis_names[:2]
     sizes = {f"gimbal_zero__{outer}": 144000.0, f"gimbal_zero__{inner}": 3600.0, "axis_collimation": -1600.0}
@@ -25,13 +23,13 @@ def mount(platform: Platform) -> Recording:
     return replace(made, units=dict.fromkeys(made.channels, "deg"))
 
 
-def changed(recording: Recording, quantity: str, axes: tuple[int, ...], change: Change) -> Recording:
+def changed(recording, quantity, axes, change):
     keys = [(quantity, recording.platform.axis_names[i]) for i in axes]
     return replace(recording, channels={**recording.channels, **{k: change(recording.channels[k]) for k in keys}})
 
 
 @pytest.mark.parametrize("platform", [ALT_AZ, EQUATORIAL], ids=lambda p: p.name)
-def test_terms_of_a_degree_and_zeros_of_any_size_are_taken(platform: Platform) -> None:
+def test_terms_of_a_degree_and_zeros_of_any_size_are_taken(platform):
     assert refuse_implausible(mount(platform)) == ()
 
 
@@ -49,20 +47,20 @@ def test_terms_of_a_degree_and_zeros_of_any_size_are_taken(platform: Platform) -
         ("gimbal_angle", (0, 1), lambda x: np.roll(x, 7)),
     ],
 )
-def test_a_slip_is_named(platform: Platform, quantity: str, axes: tuple[int, ...], change: Change) -> None:
+def test_a_slip_is_named(platform, quantity, axes, change):
     with refused():
         refuse_implausible(changed(mount(platform), quantity, axes, change))
 
 
 @pytest.mark.parametrize("quantity", ["gimbal_angle", "true_angle"])
-def test_interchanged_axes_are_named(quantity: str) -> None:
+def test_interchanged_axes_are_named(quantity):
     r = mount(ALT_AZ)
     a, b = ((quantity, axis) for axis in ALT_AZ.axis_names)
     with refused():
         refuse_implausible(replace(r, channels={**r.channels, a: r.channels[b], b: r.channels[a]}))
 
 
-def test_a_log_that_is_in_radians_altogether_is_asked_about() -> None:
+def test_a_log_that_is_in_radians_altogether_is_asked_about():
     r = changed(
         changed(mount(ALT_AZ), "gimbal_angle", (0, 1), lambda x: DEG * x), "true_angle", (0, 1), lambda x: DEG * x
     )

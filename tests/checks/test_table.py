@@ -1,8 +1,6 @@
 """Wrong axes, signs, units and clocks are named; small errors and mis-set positions are not refused."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.document import Document
-from tests.golden import Golden, golden_text, refused
+from tests.golden import golden_text, refused
 
 GRAVITY = 9.80146
 FACES_AND_EDGES = np.radians(
@@ -23,7 +21,7 @@ FACES_AND_EDGES = np.radians(
 )  # fmt: skip
 
 
-def multi_position(noise: float = 0.01) -> Recording:
+def multi_position(noise=0.01):
     """14 positions of the space-stable platform, one row each, with errors of 10 mg."""
     angles = np.column_stack([FACES_AND_EDGES, np.zeros(len(FACES_AND_EDGES))])
     force = -GRAVITY * apply_matrix(SPACE_STABLE.attitude(angles), np.array([0.0, 0.0, 1.0]))
@@ -38,7 +36,7 @@ def multi_position(noise: float = 0.01) -> Recording:
     )  # fmt: skip
 
 
-def static_run() -> Recording:
+def static_run():
     """24 h at 40 N, each 10 min."""
     time = 600.0 * np.arange(144)
     phase, latitude = 1.0 + EARTH_RATE * time, np.radians(40.0)
@@ -52,7 +50,7 @@ def static_run() -> Recording:
     )
 
 
-def triad(recording: Recording, order: str, signs: tuple[int, int, int] = (1, 1, 1), factor: float = 1.0) -> Recording:
+def triad(recording, order, signs=(1, 1, 1), factor=1.0):
     """The same recording whose columns x, y, z hold what `order` and `signs` say."""
     held = {
         ("specific_force", a): s * factor * recording.channels["specific_force", o]
@@ -61,7 +59,7 @@ def triad(recording: Recording, order: str, signs: tuple[int, int, int] = (1, 1,
     return replace(recording, channels={**recording.channels, **held})
 
 
-def angle(recording: Recording, change: Callable[[Array], Array], only: str = "") -> Recording:
+def angle(recording, change, only=""):
     return replace(
         recording,
         channels={
@@ -71,7 +69,7 @@ def angle(recording: Recording, change: Callable[[Array], Array], only: str = ""
     )
 
 
-def said(recording: Recording) -> str:
+def said(recording):
     with pytest.raises(InputError) as caught:
         refuse_implausible(recording)
     assert "\n" not in str(caught.value)
@@ -79,11 +77,11 @@ def said(recording: Recording) -> str:
 
 
 @pytest.mark.parametrize("make", [multi_position, static_run])
-def test_a_sound_recording_passes(make: Callable[[], Recording]) -> None:
+def test_a_sound_recording_passes(make):
     refuse_implausible(make())
 
 
-def test_two_interchanged_positions_are_left_to_the_estimators() -> None:
+def test_two_interchanged_positions_are_left_to_the_estimators():
     rows = multi_position()
     order = np.arange(len(rows.time))
     order[[2, 7]] = [7, 2]
@@ -91,55 +89,55 @@ def test_two_interchanged_positions_are_left_to_the_estimators() -> None:
     refuse_implausible(replace(rows, channels=forces))
 
 
-def test_poor_angles_pass() -> None:
+def test_poor_angles_pass():
     rng = np.random.default_rng(6)
     refuse_implausible(angle(multi_position(), lambda v: v + np.radians(3.0) * rng.standard_normal(v.shape)))
 
 
-def test_counts_and_bare_units_are_not_judged() -> None:
+def test_counts_and_bare_units_are_not_judged():
     rows = triad(multi_position(), "yxz", (1, -1, 1), 4000.0)
     refuse_implausible(replace(rows, units=dict.fromkeys(rows.channels, "count")))
     without = {key: v for key, v in multi_position().channels.items() if key[0] == "specific_force"}
     refuse_implausible(triad(replace(multi_position(), channels=without, platform=BENCH), "yxz"))
 
 
-def test_a_pause_in_a_static_run_is_no_jump() -> None:
+def test_a_pause_in_a_static_run_is_no_jump():
     rows = static_run()
     kept = np.ones(144, dtype=bool)
     kept[30:100] = False
     refuse_implausible(rows.select(kept))
 
 
-def unread(recording: Recording) -> Recording:
+def unread(recording):
     return replace(recording, channels={k: v for k, v in recording.channels.items() if k[0] != "gimbal_angle"})
 
 
-def interchanged_gimbals() -> Recording:
+def interchanged_gimbals():
     rows = multi_position()
     inner, middle = rows.channels["gimbal_angle", "inner"], rows.channels["gimbal_angle", "middle"]
     swapped = {**rows.channels, ("gimbal_angle", "inner"): middle, ("gimbal_angle", "middle"): inner}
     return replace(rows, channels=swapped)
 
 
-def unrelated_angles() -> Recording:
+def unrelated_angles():
     rows, rng = multi_position(), np.random.default_rng(4)
     channels = {key: v[rng.permutation(len(v))] if key[0] == "gimbal_angle" else v for key, v in rows.channels.items()}
     return replace(rows, channels=channels)
 
 
-def by_hand(axis: str, factor: float) -> Recording:
+def by_hand(axis, factor):
     """A unit in the hand, of which one accelerometer is in another unit."""
     rows = replace(multi_position(), platform=BENCH)
     channels = {k: v for k, v in rows.channels.items() if k[0] == "specific_force"}
     return replace(rows, channels={**channels, ("specific_force", axis): factor * channels["specific_force", axis]})
 
 
-def at_temperature(degc: float, unit: str) -> Recording:
+def at_temperature(degc, unit):
     r, key = multi_position(), ("temperature", "")
     return replace(r, channels={**r.channels, key: degc + 0 * r.time}, units={**r.units, key: unit})
 
 
-def stepped_clock() -> Recording:
+def stepped_clock():
     return replace(static_run(), time=static_run().time + 900.0 * (np.arange(144) >= 70))
 
 
@@ -168,22 +166,22 @@ FAULTS: dict[str, Recording] = {
 }
 
 
-def test_what_is_refused_and_why(golden: Golden) -> None:
+def test_what_is_refused_and_why(golden):
     golden("sentences/checks", "\n".join(f"{fault}: {said(recording)}" for fault, recording in FAULTS.items()))
 
 
-def test_degrees_called_kelvin_are_questioned() -> None:
+def test_degrees_called_kelvin_are_questioned():
     golden_text(*refuse_implausible(at_temperature(-251.15, "K")))
 
 
 @pytest.mark.parametrize(
     "recording", [unread(static_run()), unread(triad(static_run(), "xyz", (-1, -1, 1))), multi_position(), static_run()]
 )
-def test_what_physics_tells_or_cannot_tell_apart_passes_without_a_remark(recording: Recording) -> None:
+def test_what_physics_tells_or_cannot_tell_apart_passes_without_a_remark(recording):
     assert refuse_implausible(recording) == ()
 
 
-def test_what_nothing_tells_is_said() -> None:
+def test_what_nothing_tells_is_said():
     (words,) = refuse_implausible(replace(unread(multi_position()), platform=BENCH))
     golden_text(words)
     (words,) = refuse_implausible(replace(static_run(), channels={**static_run().channels,
@@ -191,7 +189,7 @@ def test_what_nothing_tells_is_said() -> None:
     golden_text(words)
 
 
-def test_running_motors_are_no_motion_and_a_turn_is() -> None:
+def test_running_motors_are_no_motion_and_a_turn_is():
     """Rests of 2 s at 100 Hz, shaken by 3 m/s^2 rms about their mean; and one within which the unit is turned over."""
     rng = np.random.default_rng(7)
     up = rng.standard_normal((9, 3))
@@ -199,7 +197,7 @@ def test_running_motors_are_no_motion_and_a_turn_is() -> None:
     force = force + 3.0 * rng.standard_normal(force.shape)
     t, position = 0.01 * np.arange(len(force)), np.repeat(np.arange(1, 10), 200)
 
-    def made(f: Array) -> Recording:
+    def made(f):
         channels = {("specific_force", a): f[:, i] for i, a in enumerate("xyz")}
         return Recording("multi-position", "drone", BENCH, Site(None, 0.0, GRAVITY), {}, t, position, channels)
 
@@ -209,7 +207,7 @@ def test_running_motors_are_no_motion_and_a_turn_is() -> None:
         refuse_implausible(made(force))
 
 
-def test_positions_held_for_days_by_the_clock_are_asked_about() -> None:
+def test_positions_held_for_days_by_the_clock_are_asked_about():
     r = multi_position()
     rows = np.repeat(np.arange(14), 30)
     channels = {k: x[rows] for k, x in r.channels.items()}
@@ -219,7 +217,7 @@ def test_positions_held_for_days_by_the_clock_are_asked_about() -> None:
     golden_text(*refuse_implausible(replace(long, time=long.time / 1e8)))
 
 
-def test_thousands_of_dots_in_a_description_are_one_sentence(tmp_path: Path) -> None:
+def test_thousands_of_dots_in_a_description_are_one_sentence(tmp_path):
     path = tmp_path / "recording.toml"
     path.write_text(f"format = 1\n[{'.'.join('a' * 3000)}]\n")
     with pytest.raises(InputError, match="beyond what TOML is for"):

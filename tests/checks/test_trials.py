@@ -22,22 +22,22 @@ MISFITS = {"a": 3.0, "b": 1.05, "c": 1.0, "d": 0.2, "e": 0.1}
         ({"tolerance": np.inf}, "a"),
     ],
 )
-def test_the_first_that_suffices_or_the_first_of_the_best(options: dict[str, float], named: str) -> None:
+def test_the_first_that_suffices_or_the_first_of_the_best(options, named):
     tried: list[str] = []
 
-    def misfit(candidate: str) -> float:
+    def misfit(candidate):
         tried.append(candidate)
         return MISFITS[candidate]
 
-    found = trials(MISFITS, misfit, **options)  # type: ignore[arg-type]
+    found = trials(MISFITS, misfit, **options)
     assert "".join(t.candidate for t in found) == named
     assert [t.misfit for t in found] == [MISFITS[name] for name in named]
     assert tried == list(MISFITS)[: len(tried)]
     assert len(tried) == (list(MISFITS).index(named[-1]) + 1 if "sufficient" in options else len(MISFITS))
 
 
-def test_a_correction_under_which_a_recording_is_refused_does_not_agree() -> None:
-    def misfit(candidate: str) -> float:
+def test_a_correction_under_which_a_recording_is_refused_does_not_agree():
+    def misfit(candidate):
         if candidate in "de":
             raise InputError("no")
         return MISFITS[candidate]
@@ -47,7 +47,7 @@ def test_a_correction_under_which_a_recording_is_refused_does_not_agree() -> Non
     assert [t.candidate for t in trials("ab", lambda _: np.nan)] == ["a"]
 
 
-def test_units_are_those_that_the_columns_do_not_state() -> None:
+def test_units_are_those_that_the_columns_do_not_state():
     words = "they are in {unit}, not in {stated}"
     corrections = list(in_other_units("angular_rate", AXES, ["deg/s"] * 3, words))
     assert "they are in rad/s, not in deg/s" in [c.words for c in corrections]
@@ -57,7 +57,7 @@ def test_units_are_those_that_the_columns_do_not_state() -> None:
     assert not list(in_other_units("angular_rate", AXES, ["count"] * 3, words))
 
 
-def test_a_correction_changes_channels_scatter_clock_and_place_alone() -> None:
+def test_a_correction_changes_channels_scatter_clock_and_place_alone():
     recording = multi_position()
     correction = scaled("specific_force", ("y",), -2.0, "")
     assert correction.reversed("specific_force") == ("y",)

@@ -4,6 +4,6 @@ import pytest
 
 
 @pytest.fixture(autouse=True)
-def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+def elsewhere(monkeypatch, tmp_path_factory):
     """Each test stands in a new empty folder."""
     monkeypatch.chdir(tmp_path_factory.mktemp("here"))

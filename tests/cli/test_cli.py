@@ -20,14 +20,14 @@ STATIC = ROOT / "data" / "space_stable_static"
 XSENS = ROOT / "data" / "xsens_positions"
 
 
-def test_help_loads_nothing_heavy() -> None:
+def test_help_loads_nothing_heavy():
     heavy = ("numpy", "scipy", "sympy", "matplotlib", "polars")
     code = f"import sys, gimbalcal.cli; print([m for m in {heavy} if m in sys.modules])"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
 
 
-def test_what_a_calibration_and_what_a_diagnosis_load_is_what_they_need() -> None:
+def test_what_a_calibration_and_what_a_diagnosis_load_is_what_they_need():
     """A road of the diagnosis is nothing to `calibrate`; numba, and scipy for a matrix, are nothing to either."""
     heavy = ("numba", "scipy.linalg", "scipy.stats", "scipy.optimize")
     for modules, never in (
@@ -39,12 +39,12 @@ def test_what_a_calibration_and_what_a_diagnosis_load_is_what_they_need() -> Non
         assert out.stdout.strip() == "[]"
 
 
-def test_version(command, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_version(command, capsys):
     assert command("--version") == 0
     assert capsys.readouterr().out.startswith("gimbalcal, version ")
 
 
-def test_calibrate_writes_the_contract_and_a_page(command, capsys, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_calibrate_writes_the_contract_and_a_page(command, capsys, tmp_path):
     assert command("calibrate", DEVICE, STATIC, "--out", tmp_path / "out", "--quiet", "--json") == 0
     content = json.loads(capsys.readouterr().out)
     assert content == json.loads((tmp_path / "out" / "calibration.json").read_text())
@@ -62,8 +62,8 @@ def test_calibrate_writes_the_contract_and_a_page(command, capsys, tmp_path: Pat
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["calibration.json", "report.html"]
 
 
-def test_an_interruption_says_so(command, capsys, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    def interrupted(*_: object, **__: object) -> None:
+def test_an_interruption_says_so(command, capsys, monkeypatch):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("gimbalcal.methods.calibrate_each", interrupted)
@@ -71,7 +71,7 @@ def test_an_interruption_says_so(command, capsys, monkeypatch) -> None:  # type:
     assert "interrupted" in capsys.readouterr().err
 
 
-def test_a_recording_is_corrected_and_corrupted_again(command, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_recording_is_corrected_and_corrupted_again(command, tmp_path):
     assert command("calibrate", DEVICE, "--out", tmp_path / "made", "--quiet") == 0
     assert command("export", "csv", "--calibration", tmp_path / "made" / "calibration.json", "--out", tmp_path) == 0
     known = ("--calibration", tmp_path / "calibration.csv", "--quiet")
@@ -86,7 +86,7 @@ def test_a_recording_is_corrected_and_corrupted_again(command, tmp_path: Path) -
     assert np.abs(np.linalg.norm(dwell_means(raw).triad("specific_force"), axis=1) - raw.site.gravity).max() > 1e-3
 
 
-def test_a_recording_is_not_written_over_itself(command, capsys, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_recording_is_not_written_over_itself(command, capsys, tmp_path):
     simulate_to("demo", tmp_path / "demo")
     assert command("calibrate", tmp_path / "demo", "--out", tmp_path / "made", "--quiet") == 1  # a concealed effect
     known = tmp_path / "made" / "calibration.json"
@@ -99,7 +99,7 @@ def test_a_recording_is_not_written_over_itself(command, capsys, tmp_path: Path)
     assert not (tmp_path / "new").exists()
 
 
-def test_declined_terms_are_told(command, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_declined_terms_are_told(command, capsys):
     assert command("calibrate", ROOT / "data" / "xsens_positions", "--method", "multiposition") == 0
     assert "note: these data do not show scale nonlinearity, cubic nonlinearity" in capsys.readouterr().err
     page = Path("xsens_positions-calibration/report.html").read_text()
@@ -116,7 +116,7 @@ def test_a_calibration_brings_its_sensors_along_and_not_how_the_rig_stood(tmp_pa
     assert "explains these data" in capsys.readouterr().out
 
 
-def test_no_option_takes_nan_or_a_number_without_end() -> None:
+def test_no_option_takes_nan_or_a_number_without_end():
     """nan passes every range of click's, and a count without end is work without end."""
     for name, each in gimbalcal.commands.items():
         for option in each.params:

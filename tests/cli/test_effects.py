@@ -4,8 +4,6 @@ import json
 from collections.abc import Callable
 from hashlib import sha256
 from importlib.metadata import EntryPoint
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -55,13 +53,13 @@ pytestmark = pytest.mark.usefixtures("own_catalogue")
 
 
 @pytest.fixture
-def own(tmp_path: Path) -> Path:
+def own(tmp_path):
     (tmp_path / "own.py").write_text(OWN)
     (tmp_path / "scenario.toml").write_text(SCENARIO)
     return tmp_path / "own.py"
 
 
-def test_simulate_calibrate_and_apply_take_it(own: Path, command: Run, capsys: pytest.CaptureFixture[str]) -> None:
+def test_simulate_calibrate_and_apply_take_it(own, command, capsys):
     there = own.parent
     with_it = ("--effects", own, "--quiet", "--out")
     assert command("simulate", there / "scenario.toml", *with_it, there / "rec") == 0
@@ -77,7 +75,7 @@ def test_simulate_calibrate_and_apply_take_it(own: Path, command: Run, capsys: p
     assert "force times its cube" in capsys.readouterr().out
 
 
-def test_the_catalogue_checks_a_file(own: Path, command: Run, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_catalogue_checks_a_file(own, command, capsys):
     assert command("catalogue", "--check", own) == 0
     golden_text(capsys.readouterr().out)
     assert command("catalogue", "--check", own, "gsens") == 2
@@ -90,7 +88,7 @@ def test_the_catalogue_checks_a_file(own: Path, command: Run, capsys: pytest.Cap
     golden_text(capsys.readouterr().err)
 
 
-def test_a_calibration_says_that_it_needs_the_file(own: Path, command: Run, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_calibration_says_that_it_needs_the_file(own, command, capsys):
     there = own.parent
     command("simulate", there / "scenario.toml", "--effects", own, "--quiet", "--out", there / "rec")
     command("calibrate", there / "rec", "--with", "twisted_spring:z", "--quiet", "--out", there / "made")
@@ -101,9 +99,7 @@ def test_a_calibration_says_that_it_needs_the_file(own: Path, command: Run, caps
     golden_text(said)
 
 
-def test_a_result_says_which_definitions_it_was_made_with(
-    own: Path, command: Run, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_result_says_which_definitions_it_was_made_with(own, command, capsys):
     there, file = own.parent, {"path": str(own), "sha256": sha256(OWN.encode()).hexdigest()}
     rec, made = there / "rec", there / "made" / "calibration.json"
     command("simulate", there / "scenario.toml", "--effects", own, "--quiet", "--out", rec)
@@ -128,12 +124,12 @@ def test_a_result_says_which_definitions_it_was_made_with(
 
 
 @pytest.mark.parametrize("rows", [3, [3], [{"path": "a"}], [{"path": "a", "sha256": 1, "effects": []}]])
-def test_files_of_effects_that_are_none_are_refused(rows: Any) -> None:
+def test_files_of_effects_that_are_none_are_refused(rows):
     with refused():
         Provenance.read({"effects": rows})
 
 
-def changed(*pairs: str) -> str:
+def changed(*pairs):
     """OWN with each odd string replaced by the one after it."""
     text = OWN
     for old, new in zip(pairs[::2], pairs[1::2], strict=True):
@@ -171,7 +167,7 @@ LAG = (
         (changed('id = "twisted_spring"', 'id = "twisted spring"'), "has an id that is no name"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_one_sentence(text: str, said: str, own: Path) -> None:
+def test_what_is_wrong_is_one_sentence(text, said, own):
     own.write_text(text)
     before = dict(CATALOGUE)
     with pytest.raises(InputError) as told:
@@ -180,9 +176,7 @@ def test_what_is_wrong_is_one_sentence(text: str, said: str, own: Path) -> None:
     assert dict(CATALOGUE) == before
 
 
-def test_a_missing_file_and_one_that_is_no_text_are_refused(
-    own: Path, command: Run, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_missing_file_and_one_that_is_no_text_are_refused(own, command, capsys):
     assert command("catalogue", "--effects", own.parent / "other.py") == 2
     golden_text(capsys.readouterr().err)
     own.write_bytes(b"\xff\xfe\x00")
@@ -190,7 +184,7 @@ def test_a_missing_file_and_one_that_is_no_text_are_refused(
     golden_text(capsys.readouterr().err)
 
 
-def test_a_file_is_run_again_when_it_changed(own: Path) -> None:
+def test_a_file_is_run_again_when_it_changed(own):
     assert gimbalcal.load_effects(own) == ("twisted_spring",) == gimbalcal.load_effects(own)
     own.write_text(OWN.replace("twisted_spring", "bent_spring"))
     assert gimbalcal.load_effects(own) == ("bent_spring",)
@@ -201,7 +195,7 @@ def test_a_file_is_run_again_when_it_changed(own: Path) -> None:
     assert "bent_spring" in CATALOGUE
 
 
-def test_installed_packages_bring_theirs(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_installed_packages_bring_theirs(own, monkeypatch):
     monkeypatch.syspath_prepend(str(own.parent))
     monkeypatch.setattr(loading, "entry_points", lambda group: [EntryPoint("mine", "own", group)])
     load_installed()
@@ -211,7 +205,7 @@ def test_installed_packages_bring_theirs(own: Path, monkeypatch: pytest.MonkeyPa
         load_installed()
 
 
-def test_workers_of_a_campaign_load_it_themselves(own: Path) -> None:
+def test_workers_of_a_campaign_load_it_themselves(own):
     load_effects(own)
     what = task(own.parent / "scenario.toml")
     assert what.identity["effects"] != []
@@ -222,10 +216,10 @@ def test_workers_of_a_campaign_load_it_themselves(own: Path) -> None:
 
 
 @pytest.mark.parametrize("effect", sorted(CATALOGUE))
-def test_the_catalogue_keeps_the_contract_that_it_asks_of_others(effect: str) -> None:
+def test_the_catalogue_keeps_the_contract_that_it_asks_of_others(effect):
     assert breach(CATALOGUE[effect]) == ""
 
 
-def test_the_catalogue_prints_constants_with_their_range(command: Run, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_catalogue_prints_constants_with_their_range(command, capsys):
     assert command("catalogue", "post_move_creep") == 0
     assert "tau [min]: usually 5, from 0.3333 to 60; a time constant" in capsys.readouterr().out

@@ -21,7 +21,7 @@ PAGES = [
 BLOCK = re.compile(r"^```(?:console|sh|bash)?\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
-def accepted(line: str) -> None:
+def accepted(line):
     """Raises where the command line does not take these words; nothing is run."""
     name, *words = shlex.split(line, comments=True)[1:]
     command = gimbalcal.commands[name]
@@ -30,7 +30,7 @@ def accepted(line: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(gimbalcal.commands))
-def test_help_ends_with_an_example_that_the_command_takes(name: str) -> None:
+def test_help_ends_with_an_example_that_the_command_takes(name):
     told = CliRunner().invoke(gimbalcal, [name, "--help"], terminal_width=100).output
     _, found, lines = told.partition("For example:\n")
     assert found
@@ -39,7 +39,7 @@ def test_help_ends_with_an_example_that_the_command_takes(name: str) -> None:
         accepted(line)
 
 
-def test_help_lists_every_command_once_by_a_whole_sentence() -> None:
+def test_help_lists_every_command_once_by_a_whole_sentence():
     listed = [str(c.name) for group in GROUPS.values() for c in group]
     assert sorted(listed) == sorted(gimbalcal.commands)
     assert len(set(listed)) == len(listed)
@@ -51,7 +51,7 @@ def test_help_lists_every_command_once_by_a_whole_sentence() -> None:
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_shells_are_given_the_code_that_completes(shell: str) -> None:
+def test_shells_are_given_the_code_that_completes(shell):
     told = CliRunner().invoke(gimbalcal, ["--completion", shell])
     assert told.exit_code == 0
     assert "_GIMBALCAL_COMPLETE" in told.output
@@ -70,7 +70,7 @@ def test_shells_are_given_the_code_that_completes(shell: str) -> None:
         ("calibrate data --with worm", ["file,worm"]),
     ],
 )
-def test_commands_and_names_are_completed(words: str, found: list[str]) -> None:
+def test_commands_and_names_are_completed(words, found):
     """As bash asks for it: the words typed so far, and which of them is to be completed."""
     typed_words = ["gimbalcal", *words.split()]
     asked = {
@@ -82,7 +82,7 @@ def test_commands_and_names_are_completed(words: str, found: list[str]) -> None:
     assert told.output.split() == found
 
 
-def typed(page: Path) -> list[str]:
+def typed(page):
     """Lines of the blocks of a page that are commands; where a block has prompts, those behind one."""
     out = []
     for block in BLOCK.findall(page.read_text()):
@@ -93,12 +93,12 @@ def typed(page: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
-def test_what_a_page_tells_to_type_is_taken(page: Path) -> None:
+def test_what_a_page_tells_to_type_is_taken(page):
     for line in typed(page):
         accepted(line)
 
 
-def test_a_page_has_commands_and_a_wrong_one_is_refused() -> None:
+def test_a_page_has_commands_and_a_wrong_one_is_refused():
     assert len(typed(ROOT / "docs" / "real-recordings.md")) > 5
     with pytest.raises(click.ClickException, match="No such option"):
         accepted("gimbalcal diagnose data/space_stable_18 --output here")
@@ -116,11 +116,11 @@ def test_a_page_has_commands_and_a_wrong_one_is_refused() -> None:
         ("K3", ["cubic_nonlinearity"]),
     ],
 )
-def test_effects_are_found_by_a_word_of_their_name_or_else_of_their_card(words: str, found: list[str]) -> None:
+def test_effects_are_found_by_a_word_of_their_name_or_else_of_their_card(words, found):
     assert matching_effects(words) == found
 
 
-def test_a_word_that_no_card_has_is_refused() -> None:
+def test_a_word_that_no_card_has_is_refused():
     with refused():
         matching_effects("phlogiston")
     with refused():

@@ -11,7 +11,7 @@ from tests.history.calibrations import calibration
 XSENS = Path(__file__).resolve().parents[2] / "data" / "xsens_positions"
 
 
-def test_a_store_grows_and_is_compared(command, capsys, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_store_grows_and_is_compared(command, capsys, tmp_path):
     store, out = tmp_path / "unit.db", tmp_path / "out"
     for _ in range(2):
         command("calibrate", XSENS, "--method", "multiposition", "--store", store, "--unit", "MTi", "--quiet")

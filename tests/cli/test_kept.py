@@ -26,9 +26,7 @@ SCHEDULES = [
 
 
 @pytest.mark.parametrize(("arguments", "folder", "file"), SCHEDULES)
-def test_a_result_without_out_is_in_a_folder_that_is_named(
-    command: Command, capsys: pytest.CaptureFixture[str], arguments: tuple[object, ...], folder: str, file: str
-) -> None:
+def test_a_result_without_out_is_in_a_folder_that_is_named(command, capsys, arguments, folder, file):
     assert command(*arguments, "--quiet") == 0
     assert capsys.readouterr().out.endswith(f"report: {folder}/report.html\n")
     assert (Path(folder) / file).is_file()
@@ -37,9 +35,7 @@ def test_a_result_without_out_is_in_a_folder_that_is_named(
     assert [p.name for p in Path().iterdir()] == [folder]
 
 
-def test_a_campaign_is_added_to_and_gives_way_as_every_result_does(
-    command: Command, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_campaign_is_added_to_and_gives_way_as_every_result_does(command, capsys, tmp_path):
     asked = ("campaign", PULSES, "--workers", 1, "--out", tmp_path / "c")
     assert command(*asked, "-n", 2) == 0
     assert command(*asked, "-n", 3) == 0  # more runs are no other question
@@ -55,7 +51,7 @@ def test_a_campaign_is_added_to_and_gives_way_as_every_result_does(
     assert capsys.readouterr().out.endswith(f"report: {PULSES}-campaign-2/report.html\n")
 
 
-def test_another_question_takes_another_folder(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+def test_another_question_takes_another_folder(command, capsys):
     assert command("observe", "wu2018-18", "--quiet") == 0
     first = Path("wu2018-18-observability/report.html").read_bytes()
     assert command("observe", "wu2018-18", "--angle-sigma", 5, "--quiet") == 0
@@ -63,9 +59,7 @@ def test_another_question_takes_another_folder(command: Command, capsys: pytest.
     assert Path("wu2018-18-observability/report.html").read_bytes() == first
 
 
-def test_the_answer_to_another_question_is_not_written_over(
-    command: Command, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_the_answer_to_another_question_is_not_written_over(command, capsys, tmp_path):
     assert command("calibrate", DEVICE, "--out", tmp_path, "--quiet") == 0
     kept = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
     capsys.readouterr()
@@ -79,21 +73,19 @@ def test_the_answer_to_another_question_is_not_written_over(
     assert json.loads((tmp_path / "calibration.json").read_text())["method"] == "multiposition"
 
 
-def test_what_is_no_result_of_ours_is_not_written_over(command: Command, tmp_path: Path) -> None:
+def test_what_is_no_result_of_ours_is_not_written_over(command, tmp_path):
     (tmp_path / "report.html").write_text("<p>mine</p>")
     assert command("observe", "wu2018-18", "--out", tmp_path, "--quiet") == 2
     assert (tmp_path / "report.html").read_text() == "<p>mine</p>"
 
 
-def test_json_on_stdout_is_the_result_and_leaves_no_folder(
-    command: Command, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_on_stdout_is_the_result_and_leaves_no_folder(command, capsys):
     assert command("observe", "wu2018-18", "--json", "--quiet") == 0
     assert json.loads(capsys.readouterr().out)["schedule"] == "wu2018-18"
     assert not list(Path().iterdir())
 
 
-def test_the_console_ends_with_table_answer_and_report(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_console_ends_with_table_answer_and_report(command, capsys):
     assert command("calibrate", DEVICE) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any("bias x" in line and "±" in line and line.rstrip().endswith("µg") for line in lines)

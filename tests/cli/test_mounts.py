@@ -17,14 +17,12 @@ TRUTH = {"gimbal_zero__azimuth": -500.0, "base_tilt__north": 25.0, "tube_flexure
 
 
 @pytest.fixture
-def night(tmp_path: Path) -> Path:
+def night(tmp_path):
     """A run of 60 stars."""
     return write(run(ALT_AZ, sky(ALT_AZ), effects(ALT_AZ, **TRUTH), 1.0), tmp_path / "night")
 
 
-def test_a_mount_is_calibrated_exported_and_explained(
-    command: Command, capsys: pytest.CaptureFixture[str], night: Path, tmp_path: Path
-) -> None:
+def test_a_mount_is_calibrated_exported_and_explained(command, capsys, night, tmp_path):
     assert command("calibrate", night, "--out", tmp_path / "out", "--quiet") == 0
     assert "arcsec rms on the sky" in capsys.readouterr().out
     content = json.loads((tmp_path / "out" / "calibration.json").read_text())
@@ -49,9 +47,7 @@ def test_a_mount_is_calibrated_exported_and_explained(
     np.testing.assert_allclose(sizes, 0, atol=0.01)
 
 
-def test_terms_are_added_and_omitted(
-    command: Command, capsys: pytest.CaptureFixture[str], night: Path, tmp_path: Path
-) -> None:
+def test_terms_are_added_and_omitted(command, capsys, night, tmp_path):
     out = tmp_path / "out"
     assert command("calibrate", night, "--with", "TX", "--without", "NPAE,CA", "--out", out, "--quiet") == 0
     golden_text(capsys.readouterr().out.replace(str(out), "OUT"))
@@ -64,9 +60,7 @@ def test_terms_are_added_and_omitted(
     golden_text(capsys.readouterr().err)
 
 
-def test_nights_that_differ_are_told_with_status_1(
-    command: Command, capsys: pytest.CaptureFixture[str], night: Path, tmp_path: Path
-) -> None:
+def test_nights_that_differ_are_told_with_status_1(command, capsys, night, tmp_path):
     other = effects(ALT_AZ, **{**TRUTH, "base_tilt__north": 40.0})
     later = write(run(ALT_AZ, sky(ALT_AZ, 60, 8), other, 1.0, 9), tmp_path / "later")
     assert command("calibrate", night, later, "--out", tmp_path / "out", "--quiet") == 1

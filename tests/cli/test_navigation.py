@@ -14,7 +14,7 @@ STATIC = ROOT / "data" / "space_stable_static"
 
 
 @pytest.fixture(scope="module")
-def calibrations(tmp_path_factory) -> list[Path]:  # type: ignore[no-untyped-def]
+def calibrations(tmp_path_factory):
     folder = tmp_path_factory.mktemp("calibrations")
     (device, run), out = load([DEVICE, STATIC]), []
     for name, recordings in (("two-stage", [device]), ("fused", [device, run])):
@@ -24,7 +24,7 @@ def calibrations(tmp_path_factory) -> list[Path]:  # type: ignore[no-untyped-def
     return out
 
 
-def test_navigate_writes_the_contract_and_a_page(command, capsys, tmp_path, calibrations) -> None:  # type: ignore[no-untyped-def]
+def test_navigate_writes_the_contract_and_a_page(command, capsys, tmp_path, calibrations):
     out = tmp_path / "out"
     options = ("--samples", 4, "--out", out, "--json", "--quiet")
     assert command("navigate", STATIC, "--calibration", *calibrations, *options) == 0
@@ -52,7 +52,7 @@ def test_navigate_writes_the_contract_and_a_page(command, capsys, tmp_path, cali
     assert "improved by" in page
 
 
-def test_budget_writes_the_contract_and_a_page(command, capsys, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_budget_writes_the_contract_and_a_page(command, capsys, tmp_path):
     assert command("budget", "wu2018-18", "--hours", 12, "--out", tmp_path / "out", "--json", "--quiet") == 0
     told = json.loads(capsys.readouterr().out)
     assert told == json.loads((tmp_path / "out" / "budget.json").read_text())
@@ -68,7 +68,7 @@ def test_budget_writes_the_contract_and_a_page(command, capsys, tmp_path) -> Non
     assert "reduced to, m" in page
 
 
-def test_a_budget_of_turns_has_the_same_contract_and_says_whose_navigator_it_is(command, capsys, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_budget_of_turns_has_the_same_contract_and_says_whose_navigator_it_is(command, capsys, tmp_path):
     options = ("--states", "30", "--hours", 6, "--out", tmp_path / "out", "--json", "--quiet")
     assert command("budget", "wei2022-30", "wei2022-static", *options) == 0
     told = json.loads(capsys.readouterr().out)

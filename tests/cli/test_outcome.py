@@ -15,14 +15,14 @@ from tests.golden import golden_text, refused
 CONCEALED = Path(__file__).parents[2] / "data" / "space_stable_concealed"
 
 
-def run(*arguments: object) -> tuple[int, str]:
+def run(*arguments):
     found = CliRunner().invoke(gimbalcal, [str(a) for a in arguments])
     if found.exception is not None and not isinstance(found.exception, SystemExit):
         raise found.exception
     return found.exit_code, found.output
 
 
-def test_diagnosed_corrected_and_diagnosed_again(tmp_path: Path) -> None:
+def test_diagnosed_corrected_and_diagnosed_again(tmp_path):
     concealed = tmp_path / "concealed"
     concealed.mkdir()
     write(record(np.random.default_rng(5), known(1)["bias T"][0], 60 * UG, dwell=6), concealed, "samples.csv")
@@ -47,7 +47,7 @@ def test_diagnosed_corrected_and_diagnosed_again(tmp_path: Path) -> None:
     assert run("export", "csv", "--calibration", calibration, "--out", tmp_path / "csv", "--quiet")[0] == 0
 
 
-def test_an_effect_is_added_by_name(tmp_path: Path) -> None:
+def test_an_effect_is_added_by_name(tmp_path):
     assert run("calibrate", CONCEALED, "--quiet")[0] == 1
     status, _ = run("calibrate", CONCEALED, "--with", "bias_temperature:y", "--out", tmp_path, "--quiet")
     assert status == 0

@@ -3,12 +3,10 @@
 import threading
 import time
 
-import pytest
-
 from gimbalcal.cli.options import _go_on, progress
 
 
-def test_silence_is_broken_and_ends_with_the_work(capsys: pytest.CaptureFixture[str]) -> None:
+def test_silence_is_broken_and_ends_with_the_work(capsys):
     done = threading.Event()
     doing = ["fitting the model (two of three)", time.monotonic()]
     worker = threading.Thread(target=_go_on, args=(doing, done, 0.02))
@@ -22,7 +20,7 @@ def test_silence_is_broken_and_ends_with_the_work(capsys: pytest.CaptureFixture[
     assert set(told) == {"  ... fitting the model: 0 s so far"}
 
 
-def test_who_speaks_is_not_spoken_for(capsys: pytest.CaptureFixture[str]) -> None:
+def test_who_speaks_is_not_spoken_for(capsys):
     done = threading.Event()
     doing: list[object] = ["stage 1", time.monotonic()]
     worker = threading.Thread(target=_go_on, args=(doing, done, 5.0))
@@ -33,7 +31,7 @@ def test_who_speaks_is_not_spoken_for(capsys: pytest.CaptureFixture[str]) -> Non
     assert capsys.readouterr().err == ""
 
 
-def test_progress_has_the_units_of_the_answer_and_leaves_what_is_typed(capsys) -> None:  # type: ignore[no-untyped-def]
+def test_progress_has_the_units_of_the_answer_and_leaves_what_is_typed(capsys):
     tell = progress(False)
     for _ in range(2):
         tell('they scatter by 170 ug, 0.3 deg/sqrt(h): write sign = -1, `x -3 deg/s`, unit = "ug" in [deg/s]')

@@ -90,7 +90,7 @@ budget wu2018-18 --hours nan
 """
 
 
-def test_a_refusal_is_one_sentence_with_status_2_and_writes_nothing(command, capsys, golden) -> None:  # type: ignore[no-untyped-def]
+def test_a_refusal_is_one_sentence_with_status_2_and_writes_nothing(command, capsys, golden):
     Path("file").write_text("mine")
     lines = []
     for line in REFUSED.strip().splitlines():
@@ -104,7 +104,7 @@ def test_a_refusal_is_one_sentence_with_status_2_and_writes_nothing(command, cap
     golden("console/refusals", "\n".join(lines))
 
 
-def test_a_damaged_archive_of_arrays_is_one_sentence_with_status_2(command, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_a_damaged_archive_of_arrays_is_one_sentence_with_status_2(command, capsys):
     columns = {f"c{i}": np.random.default_rng(i).normal(size=200).round(2) for i in range(7)}
     np.savez_compressed("log.npz", **columns)
     pl.DataFrame(columns).write_parquet("log.parquet")
@@ -118,8 +118,8 @@ def test_a_damaged_archive_of_arrays_is_one_sentence_with_status_2(command, caps
         assert err.startswith(f"gimbalcal: {name} {reason}")
 
 
-def test_a_panic_of_the_reader_of_parquet_is_one_sentence_with_status_2(command, capfd, monkeypatch) -> None:  # type: ignore[no-untyped-def]
-    def panic(*_: object, **__: object) -> None:
+def test_a_panic_of_the_reader_of_parquet_is_one_sentence_with_status_2(command, capfd, monkeypatch):
+    def panic(*_, **__):
         os.write(2, b"thread panicked")
         raise pl.exceptions.PanicException("index out of bounds")
 

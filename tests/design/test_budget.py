@@ -1,13 +1,12 @@
 """The error budget: parts that add up, twins that cost nothing, manoeuvres that shorten bars, refusals."""
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.design.budget import Budget, budget
+from gimbalcal.design.budget import budget
 from gimbalcal.design.planned_calibration import planned_calibration
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import with_values
@@ -22,11 +21,11 @@ from tests.golden import golden_text, refused
 
 
 @cache
-def of(*scenarios: str, more: tuple[str, ...] = ()) -> Budget:
+def of(*scenarios, more=()):
     return budget(scenarios, (6.0, 24.0), more)
 
 
-def test_what_is_only_known_in_a_sum_that_position_asks_for_costs_nothing() -> None:
+def test_what_is_only_known_in_a_sum_that_position_asks_for_costs_nothing():
     """The triad turned about z with the platform gimbal's zero: 69 arcsec each, and no reading or position depends."""
     rows = {r["parameter"]: r for r in of("wu2018-18").to_list()}
     assert rows["gimbal_zero:platform"]["sigma"] > 60
@@ -34,7 +33,7 @@ def test_what_is_only_known_in_a_sum_that_position_asks_for_costs_nothing() -> N
     assert rows["misalignment:zy"]["position_error_m_after_h"]["24"] > 10
 
 
-def test_bars_are_in_order_and_none_is_longer_than_the_whole() -> None:
+def test_bars_are_in_order_and_none_is_longer_than_the_whole():
     made = of("wu2018-18")
     parts = [r["position_error_m_after_h"]["24"] for r in made.to_list()[:-1]]
     assert parts == sorted(parts, reverse=True)
@@ -43,7 +42,7 @@ def test_bars_are_in_order_and_none_is_longer_than_the_whole() -> None:
     np.testing.assert_allclose(made.share, made.parts[-1] ** 2 / made.whole[-1] ** 2)
 
 
-def test_a_manoeuvre_shortens_its_bar_and_a_day_at_rest_most() -> None:
+def test_a_manoeuvre_shortens_its_bar_and_a_day_at_rest_most():
     made = of("wu2018-18")
     for part, m in zip(made.parts[-1], made.manoeuvres, strict=True):
         assert m.to_m < part
@@ -51,7 +50,7 @@ def test_a_manoeuvre_shortens_its_bar_and_a_day_at_rest_most() -> None:
     assert of("wu2018-18", "wu2018-static").whole[-1] < 0.1 * made.whole[-1]
 
 
-def test_a_drift_that_nobody_measures_is_the_largest_bar_and_grows() -> None:
+def test_a_drift_that_nobody_measures_is_the_largest_bar_and_grows():
     made = of("wu2018-18", more=("gyro_drift",))
     first = made.to_list()[0]
     assert first["parameter"].startswith("gyro_drift")
@@ -78,7 +77,7 @@ gimbal_angle = { value = 1.0, unit = "arcsec" }
 """
 
 
-def test_the_budget_is_what_happens(tmp_path: Path) -> None:
+def test_the_budget_is_what_happens(tmp_path):
     """Units simulated, calibrated and navigated: their rms position error is the whole bar, within chance."""
     (tmp_path / "s.toml").write_text(SCENARIO)
     L = np.deg2rad(40.0)
@@ -93,14 +92,14 @@ def test_the_budget_is_what_happens(tmp_path: Path) -> None:
     assert np.sqrt(np.mean(squares, axis=0).max()) == pytest.approx(whole, rel=0.33)
 
 
-def test_what_the_calibration_does_not_see_is_said() -> None:
+def test_what_the_calibration_does_not_see_is_said():
     drifting = of("wu2018-18", more=("gyro_drift",))
     golden_text(drifting.in_words)
     assert {drifting.parameters[i].effect for i in drifting.unseen} == {"gyro_drift"}
     assert of("wu2018-18").unseen == ()
 
 
-def test_coloured_noise_of_turns_is_refused_and_not_left_out(tmp_path: Path) -> None:
+def test_coloured_noise_of_turns_is_refused_and_not_left_out(tmp_path):
     path = tmp_path / "s.toml"
     text = find("wei2022-30").read_text()
     path.write_text(text.replace("[noise]", '[noise]\ngyroscope_flicker = { value = 0.001, unit = "deg/h" }'))
@@ -112,11 +111,11 @@ def test_coloured_noise_of_turns_is_refused_and_not_left_out(tmp_path: Path) -> 
 
 
 @cache
-def of_turns(*scenarios: str, hours: float = 12.0) -> Budget:
+def of_turns(*scenarios, hours=12.0):
     return budget(scenarios, (hours,), states="30")
 
 
-def test_of_turns_drift_about_the_pole_is_all_of_it() -> None:
+def test_of_turns_drift_about_the_pole_is_all_of_it():
     """The Earth turns below an axis that is wrong by what drifts about the pole, which aligning does not take up."""
     made = of_turns("wei2022-30", "wei2022-static", hours=24.0)
     sigma = {p.label: s for p, s in zip(made.parameters, made.sigma, strict=True)}
@@ -129,14 +128,14 @@ def test_of_turns_drift_about_the_pole_is_all_of_it() -> None:
     assert made.parts[-1][made.order[0]] > 500 * made.parts[-1][[p.label for p in made.parameters].index("gyro_bias:x")]
 
 
-def test_how_the_unit_stands_says_which_bias_counts(tmp_path: Path) -> None:
+def test_how_the_unit_stands_says_which_bias_counts(tmp_path):
     turned = tmp_path / "s.toml"
     text = find("wei2022-static").read_text()
     turned.write_text(text.replace('x = "east", y = "north", z = "up"', 'x = "north", y = "west", z = "up"'))
     assert of_turns("wei2022-30", str(turned)).to_list()[0]["parameter"] == "gyro_bias:x"
 
 
-def test_of_turns_a_second_session_adds_its_information() -> None:
+def test_of_turns_a_second_session_adds_its_information():
     one, two = of_turns("wei2022-30"), of_turns("wei2022-30", "wei2022-30")
     assert two.whole[-1] == pytest.approx(one.whole[-1] / np.sqrt(2), rel=0.02)
     for part, m in zip(one.parts[-1], one.manoeuvres, strict=True):
@@ -144,7 +143,7 @@ def test_of_turns_a_second_session_adds_its_information() -> None:
         assert m["hours"] > 0
 
 
-def test_of_turns_it_is_one_sigma_of_navigations_with_that_covariance() -> None:
+def test_of_turns_it_is_one_sigma_of_navigations_with_that_covariance():
     """Sensors wrong by draws from what the turns leave, navigated at rest: their rms, within chance of 20 draws."""
     made = of_turns("wei2022-30")
     plan = planned_calibration([("wei2022-30", load("wei2022-30"))], "30", (), 12.0)

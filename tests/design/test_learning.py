@@ -1,7 +1,6 @@
 """A plan to learn a law: what it shows that usual positions do not, and that the law is then found."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +11,7 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.platform import KNOWN
-from gimbalcal.recording import Recording
-from gimbalcal.schedule import EIGHTEEN_POSITIONS, SCHEDULES, Schedule
+from gimbalcal.schedule import EIGHTEEN_POSITIONS, SCHEDULES
 from gimbalcal.schedule.file import read_schedule, schedule_toml
 from gimbalcal.simulate import simulate
 from tests.golden import refused
@@ -21,7 +19,7 @@ from tests.golden import refused
 RIG = rig_of("space-stable", 90.0, 1.0)
 
 
-def recorded(schedule: Schedule, temperature: dict[str, object], seed: int) -> Recording:
+def recorded(schedule, temperature, seed):
     """Positions in which accelerometer y saturates in temperature, which no effect of the catalogue does."""
     names = schedule.platform.axis_names
     holds = [{n: float(np.rad2deg(a)) for n, a in zip(names, h.angles, strict=True)} for h in schedule.holds]
@@ -37,10 +35,9 @@ def recorded(schedule: Schedule, temperature: dict[str, object], seed: int) -> R
     return replace(r, channels={**r.channels, key: r.channels[key] + law})
 
 
-def test_a_law_in_temperature_is_found_in_the_planned_positions_and_not_in_the_usual_ones(tmp_path: Path) -> None:
+def test_a_law_in_temperature_is_found_in_the_planned_positions_and_not_in_the_usual_ones(tmp_path):
     plan = design_learning(RIG, 18, ("temperature",))
     law = plan.law
-    assert law is not None
     assert law.share > 0.3 > 0.05 > law.usual["wu2018-18"]
     (tmp_path / "schedule.toml").write_text(schedule_toml(plan.schedule) + law.toml)
     schedule = read_schedule(tmp_path / "schedule.toml")
@@ -55,39 +52,36 @@ def test_a_law_in_temperature_is_found_in_the_planned_positions_and_not_in_the_u
     assert not d.laws or d.laws[0].alternatives
 
 
-def test_a_product_of_a_gimbal_and_temperature_is_imitated_less_than_in_usual_positions() -> None:
+def test_a_product_of_a_gimbal_and_temperature_is_imitated_less_than_in_usual_positions():
     law = design_learning(RIG, 18, ("temperature", "platform")).law
-    assert law is not None
     assert law.share > 5 * law.usual["wu2018-18"]
     assert "temperature and platform" in law.in_words
 
 
-def test_without_temperature_none_is_asked_for() -> None:
+def test_without_temperature_none_is_asked_for():
     law = design_learning(RIG, 12, ("platform",)).law
-    assert law is not None
     assert (law.toml, law.hours, "°C" in law.in_words) == ("", 2.0, False)
 
 
 @pytest.mark.parametrize("setting", [None, 5.0])
 @pytest.mark.parametrize("name", [name for name, platform in KNOWN.items() if platform.axes])
-def test_every_gimbal_is_compared_with_schedules_of_its_own_platform_alone(name: str, setting: float | None) -> None:
+def test_every_gimbal_is_compared_with_schedules_of_its_own_platform_alone(name, setting):
     """A gimbal of another platform is another axis, even where it has the same name."""
     rig = rig_of(name, 90.0, setting)
     own = {s.name for s in SCHEDULES.values() if s.platform.name == name}
     turned = np.ptp(rig.candidates(), axis=0) > 0
     for learn in np.array(rig.platform.axis_names)[turned].tolist():
         law = design_learning(rig, 4, (learn,)).law
-        assert law is not None
         assert law.usual.keys() == own
 
 
 @pytest.mark.parametrize("learn", [("pressure",), ("time", "time"), ("time", "platform", "inner")])
-def test_variables_that_a_plan_does_not_have_are_refused(learn: tuple[str, ...]) -> None:
+def test_variables_that_a_plan_does_not_have_are_refused(learn):
     with refused():
         design_learning(RIG, 12, learn)
 
 
 @pytest.mark.parametrize(("platform", "gimbal"), [("rate-table", "table"), ("alt-az", "azimuth")])
-def test_a_gimbal_that_positions_do_not_turn_is_refused(platform: str, gimbal: str) -> None:
+def test_a_gimbal_that_positions_do_not_turn_is_refused(platform, gimbal):
     with pytest.raises(InputError, match=f"--learn {gimbal}: positions do not turn this gimbal"):
         design_learning(rig_of(platform, 90.0, 1.0), 8, (gimbal,))

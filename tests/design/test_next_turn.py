@@ -10,7 +10,6 @@ import pytest
 import gimbalcal
 from gimbalcal.design.next_turn import next_turn
 from gimbalcal.history import StoredResult, keep
-from gimbalcal.recording import Recording
 from gimbalcal.schedule.file import read_rotation
 from gimbalcal.units import from_si
 from tests.golden import refused
@@ -24,7 +23,7 @@ NOISE = {
 FEW = [("x", 90.0), ("x", 90.0), ("z", 90.0), ("y", 180.0), ("z", -90.0), ("x", 90.0)]
 
 
-def session(start: dict[str, str], moves: list[tuple[str, float]], seed: int) -> Recording:
+def session(start, moves, seed):
     """A unit without errors, turned at 10 deg/s with stops of 40 s."""
     scenario: dict[str, Any] = {
         "format": 1, "kind": "rotation", "title": f"session {seed}", "seed": seed,
@@ -39,11 +38,11 @@ def session(start: dict[str, str], moves: list[tuple[str, float]], seed: int) ->
 
 
 @pytest.fixture(scope="module")
-def few() -> Recording:
+def few():
     return session({"x": "east", "y": "north", "z": "up"}, FEW, 1)
 
 
-def test_the_promised_sigma_is_that_of_a_calibration_with_the_session(few: Recording) -> None:
+def test_the_promised_sigma_is_that_of_a_calibration_with_the_session(few):
     plan = next_turn([few], "30")
     made = gimbalcal.calibrate([few], states="30")
     at = {p.label: i for i, p in enumerate(plan.parameters)}
@@ -63,7 +62,7 @@ def test_the_promised_sigma_is_that_of_a_calibration_with_the_session(few: Recor
     assert hourly == sorted(hourly, reverse=True)
 
 
-def _third(start: dict[str, str]) -> str:
+def _third(start):
     """The direction of the axis that is left, right-handed: x, y, z."""
     vectors = {"north": (1, 0, 0), "south": (-1, 0, 0), "east": (0, 1, 0), "west": (0, -1, 0),
                "down": (0, 0, 1), "up": (0, 0, -1)}  # fmt: skip
@@ -73,7 +72,7 @@ def _third(start: dict[str, str]) -> str:
     return next(name for name, w in vectors.items() if w == v)
 
 
-def test_goals_of_turns(few: Recording) -> None:
+def test_goals_of_turns(few):
     far = next_turn([few], "30", reach=read_rotation("wei2022-30"), most=1)
     assert not far.reached
     assert len(far.not_reached) > 5
@@ -86,7 +85,7 @@ def test_goals_of_turns(few: Recording) -> None:
     assert np.all(next_turn([few], "30", prior=known).sigma <= np.array(list(known.values())) * (1 + 1e-9))
 
 
-def test_what_does_not_go_with_turns_is_refused(few: Recording) -> None:
+def test_what_does_not_go_with_turns_is_refused(few):
     with refused():
         gimbalcal.next_step(few, grade="consumer")
     with refused():
@@ -97,14 +96,14 @@ def test_what_does_not_go_with_turns_is_refused(few: Recording) -> None:
         gimbalcal.next_step(DATA / "space_stable_18", states="30")
 
 
-def test_a_fleet_is_the_prior_of_what_is_planned(tmp_path: Path) -> None:
+def test_a_fleet_is_the_prior_of_what_is_planned(tmp_path):
     """Six units of which all scale factors agree to some ppm: the dwells so far say less of them than the fleet."""
     store, unit = tmp_path / "units.db", gimbalcal.read(DATA / "space_stable_18")
     made = gimbalcal.calibrate(unit)
     for k in range(6):
         content = replace(made, provenance=replace(made.provenance, recordings=())).to_dict()
         keep(store, StoredResult(f"unit {k}", f"2026-01-0{k + 1}T00:00:00+00:00", "calibration", content))
-    first = unit.select(unit.position <= 4)  # type: ignore[operator]
+    first = unit.select(unit.position <= 4)
     alone, known = gimbalcal.next_step(first), gimbalcal.next_step(first, grade=f"fleet:{store}")
     assert np.all(known.sigma <= alone.sigma * (1 + 1e-9))
     scale = [p.label for p in known.parameters].index("scale_factor:x")

@@ -18,7 +18,7 @@ TABLE = KNOWN["two-axis-table"]
 
 @pytest.mark.parametrize("criterion", ["D", "A"])
 @pytest.mark.parametrize("part", [False, True])
-def test_exchange_finds_the_best_of_all_choices(criterion: str, part: bool) -> None:
+def test_exchange_finds_the_best_of_all_choices(criterion, part):
     rng = np.random.default_rng(8)
     rows = 5 * rng.standard_normal((9, 1, 3))
     interest = np.array([True, True, not part])
@@ -28,7 +28,7 @@ def test_exchange_finds_the_best_of_all_choices(criterion: str, part: bool) -> N
 
 
 @pytest.mark.parametrize("criterion", ["D", "A"])
-def test_gain_is_the_change_of_the_value(criterion: str) -> None:
+def test_gain_is_the_change_of_the_value(criterion):
     rng = np.random.default_rng(0)
     rows = rng.standard_normal((6, 3, 4))
     interest = np.array([True, False, True, True])
@@ -40,7 +40,7 @@ def test_gain_is_the_change_of_the_value(criterion: str) -> None:
         assert worth[c] == pytest.approx(after - before, abs=1e-12)  # the same algebra by another route
 
 
-def test_fifteen_positions_beat_the_published_fifteen() -> None:
+def test_fifteen_positions_beat_the_published_fifteen():
     d = design(free_rig(TABLE, np.pi / 12), 15, criterion="A")
     against = d.against["wang2019-15"]
     assert len(d.schedule.holds) == 15
@@ -52,7 +52,7 @@ def test_fifteen_positions_beat_the_published_fifteen() -> None:
     assert (written["A_value"], written["criterion_ratio_equal_time"]) == (against.value, against.criterion_ratio)
 
 
-def test_predicted_sigma_is_that_of_a_calibration() -> None:
+def test_predicted_sigma_is_that_of_a_calibration():
     """Two routes: the design's prediction and the Cramer-Rao bound of the pulse model at unit scale."""
     from gimbalcal.campaign.trials import POSITIONS
     from gimbalcal.estimate.pulses.gravity_norm import accelerometer_pulses
@@ -66,12 +66,12 @@ def test_predicted_sigma_is_that_of_a_calibration() -> None:
     np.testing.assert_allclose(bias, bound[9:12], rtol=0.01)
 
 
-def test_a_rig_that_only_leans_is_told_what_it_cannot_support() -> None:
+def test_a_rig_that_only_leans_is_told_what_it_cannot_support():
     rig = PositioningRig(TABLE, {"outer": grid(0, np.pi / 6, np.pi / 12), "inner": grid(-np.pi, np.pi, np.pi / 4)})
     assert any("K3:z would be uncertain by" in words for words in design(rig, 15).unsupported)
 
 
-def test_with_angles_the_platform_zero_stays_one_with_a_rotation_of_the_triad() -> None:
+def test_with_angles_the_platform_zero_stays_one_with_a_rotation_of_the_triad():
     d = design(free_rig(KNOWN["space-stable"], setting=5e-6), 18)
     assert [set(u.direction) for u in d.unobservable] == [
         {"misalignment:xz", "misalignment:yz", "gimbal_zero:platform"}
@@ -79,7 +79,7 @@ def test_with_angles_the_platform_zero_stays_one_with_a_rotation_of_the_triad() 
     assert d.against[EIGHTEEN_POSITIONS.name].sigma_ratio < 1
 
 
-def test_separating_confounded_effects_makes_both_known_better() -> None:
+def test_separating_confounded_effects_makes_both_known_better():
     rig = free_rig(TABLE, np.pi / 12)
     pair = ("scale_nonlinearity", "scale_factor_asymmetry")
     terms = ("bias", "scale_factor", "misalignment", *pair)
@@ -90,20 +90,20 @@ def test_separating_confounded_effects_makes_both_known_better() -> None:
     assert np.prod(sigma[1]) < np.prod(sigma[0])
 
 
-def test_unknown_effects_and_criteria_are_refused() -> None:
+def test_unknown_effects_and_criteria_are_refused():
     with refused():
         design(free_rig(TABLE), 6, ("spin",))
     with refused():
         design(free_rig(TABLE), 6, criterion="E")
 
 
-def test_words_name_the_published_schedules() -> None:
+def test_words_name_the_published_schedules():
     d = design(rig_of("two-axis-table", 45.0, None), 15)
     golden_text(d.in_words)
 
 
 @pytest.mark.parametrize("criterion", ["D", "A"])
-def test_a_schedule_against_itself_is_worth_the_same_and_twice_the_positions_too(criterion: str) -> None:
+def test_a_schedule_against_itself_is_worth_the_same_and_twice_the_positions_too(criterion):
     rig = free_rig(TABLE, accelerometer=1e-7)  # far below the priors, which do not double
     twice = Schedule("twice", TABLE, 2 * FIFTEEN_POSITIONS.holds)
     d = assessed_design(FIFTEEN_POSITIONS, rig, design_parameters(rig, TERMS), criterion, (FIFTEEN_POSITIONS, twice), 0)
@@ -112,13 +112,13 @@ def test_a_schedule_against_itself_is_worth_the_same_and_twice_the_positions_too
         assert d.against[name].sigma_ratio == pytest.approx(1, rel=1e-3)
 
 
-def test_a_noisy_unit_is_told_which_orders_it_cannot_support() -> None:
+def test_a_noisy_unit_is_told_which_orders_it_cannot_support():
     quiet, noisy = (design(rig_of("two-axis-table", 45.0, None, ug), 15).unsupported for ug in (1.0, 1000.0))
     assert quiet == []
     assert {words.split(":")[0] for words in noisy} >= {"scale_nonlinearity", "K3"}
 
 
-def test_positions_that_leave_the_smallest_error_of_a_days_navigation() -> None:
+def test_positions_that_leave_the_smallest_error_of_a_days_navigation():
     """Ten positions chosen for the navigator leave less of it than ten that are D-optimal."""
     rig = rig_of("space-stable", 90.0, 5.0)
     d = design(rig, 10, criterion="position")

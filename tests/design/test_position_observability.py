@@ -2,12 +2,11 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gimbalcal.design.position_observability import Observability, observe, observe_static
+from gimbalcal.design.position_observability import observe, observe_static
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
@@ -25,15 +24,15 @@ FORCE_ONLY = {"accelerometer": 5e-3}
 SENSORS = {"accelerometer": 6.5e-5, "gimbal_angle": 0.5 * ARCSEC, "attitude": 0.5 * ARCSEC}
 
 
-def directions(seen: Observability) -> list[dict[str, float]]:
+def directions(seen):
     return [u.direction for u in seen.solution.unobservable]
 
 
-def pairs(seen: Observability) -> set[frozenset[str]]:
+def pairs(seen):
     return {frozenset((t.one, t.other)) for t in seen.confounded}
 
 
-def test_predicted_sigmas_are_those_of_a_fit() -> None:
+def test_predicted_sigmas_are_those_of_a_fit():
     rng = np.random.default_rng(1)
     force = float(from_si(SAMPLE / np.sqrt(SAMPLES), "ug"))
     seen = observe("wu2018-18", angle_sigma=1.0, force_sigma=force)
@@ -43,7 +42,7 @@ def test_predicted_sigmas_are_those_of_a_fit() -> None:
     assert [q.label for q in seen.solution.parameters] == [q.label for q in c.parameters]
 
 
-def test_eighteen_positions_see_all_but_the_turn_about_z() -> None:
+def test_eighteen_positions_see_all_but_the_turn_about_z():
     seen = observe(EIGHTEEN_POSITIONS)
     (null,) = directions(seen)
     sign = np.sign(null["misalignment:xz"])
@@ -54,7 +53,7 @@ def test_eighteen_positions_see_all_but_the_turn_about_z() -> None:
     golden_text(seen.in_words)
 
 
-def test_unknown_angles_leave_the_twelve_combinations_of_the_norm() -> None:
+def test_unknown_angles_leave_the_twelve_combinations_of_the_norm():
     seen = observe("wu2018-18", angle_sigma=np.inf)
     assert len(directions(seen)) == 6
     assert {frozenset(d) for d in directions(seen)} == {
@@ -67,7 +66,7 @@ def test_unknown_angles_leave_the_twelve_combinations_of_the_norm() -> None:
     }
 
 
-def test_faces_alone_see_nonlinearity_less_well() -> None:
+def test_faces_alone_see_nonlinearity_less_well():
     faces = Schedule("faces", SPACE_STABLE, tuple(EIGHTEEN_POSITIONS.holds[i - 1] for i in FACE_POSITIONS))
     seen = observe(faces, angle_sigma=1.0, force_sigma=2.0)
     # an axis feels only +-g and 0 there; the edges add 0.71 g
@@ -76,7 +75,7 @@ def test_faces_alone_see_nonlinearity_less_well() -> None:
     assert np.all(seen.sigma[K] > better.sigma[K])
 
 
-def test_force_of_a_static_run_sees_nine_combinations_at_any_length() -> None:
+def test_force_of_a_static_run_sees_nine_combinations_at_any_length():
     S = np.sin(LATITUDE)
     for hours in (24.0, 48.0):
         seen = observe_static(hours, LATITUDE, FORCE_ONLY, ("scale_factor", "bias", "misalignment"), sample_s=0.01)
@@ -94,14 +93,14 @@ def test_force_of_a_static_run_sees_nine_combinations_at_any_length() -> None:
         assert ratio == pytest.approx(S * g_ratio * 1e6 * ARCSEC, rel=1e-3)
 
 
-def test_gimbals_and_attitude_add_nothing_about_the_accelerometers() -> None:
+def test_gimbals_and_attitude_add_nothing_about_the_accelerometers():
     effects = ("scale_factor", "bias", "misalignment")
     force = observe_static(48.0, LATITUDE, {"accelerometer": 6.5e-5}, effects)
     whole = observe_static(48.0, LATITUDE, SENSORS, effects)
     assert len(directions(force)) == len(directions(whole)) == 3
 
 
-def test_longer_runs_see_better_as_the_root_of_time() -> None:
+def test_longer_runs_see_better_as_the_root_of_time():
     effects = ("scale_factor", "bias", "misalignment")
     day, four = (observe_static(h, LATITUDE, FORCE_ONLY, effects, sample_s=1.0) for h in (23.9345 * 3, 23.9345 * 12))
     at = [q.label for q in day.solution.parameters].index("misalignment:zy")
@@ -109,7 +108,7 @@ def test_longer_runs_see_better_as_the_root_of_time() -> None:
     assert day.sigma[at] / four.sigma[at] == pytest.approx(2, rel=0.02)
 
 
-def test_confounded_effects_outside_the_calibration_are_named_and_others_are_not() -> None:
+def test_confounded_effects_outside_the_calibration_are_named_and_others_are_not():
     seen = observe("wu2018-18", candidates=["cubic_nonlinearity", "odd_quadratic", "cross_coupling"])
     # at 0, 0.71 and 1 g an odd square and a cube differ only by a scale factor
     assert pairs(seen) == {frozenset({"cubic_nonlinearity", "odd_quadratic"})}
@@ -117,7 +116,7 @@ def test_confounded_effects_outside_the_calibration_are_named_and_others_are_not
     assert by["cubic_nonlinearity"].absorbed > by["cross_coupling"].absorbed
 
 
-def test_what_the_calibration_swallows_is_said() -> None:
+def test_what_the_calibration_swallows_is_said():
     seen = observe("wu2018-18", candidates=["gravity_error", "cross_coupling"])
     by = {c.effect: c for c in seen.candidates}
     # gravity is a common scale factor
@@ -126,7 +125,7 @@ def test_what_the_calibration_swallows_is_said() -> None:
     golden_text(seen.in_words)
 
 
-def test_strength_is_what_a_fit_leaves_as_chi_squared() -> None:
+def test_strength_is_what_a_fit_leaves_as_chi_squared():
     seen = observe("wu2018-18", force_sigma=2.0, candidates=["cross_coupling"])
     kind = CATALOGUE["cross_coupling"]
     r, noise = measured(np.zeros(18), np.random.default_rng(0), 0.0, samples=10**12), Noise(to_si(2.0, "ug"), ARCSEC)
@@ -146,13 +145,13 @@ def test_strength_is_what_a_fit_leaves_as_chi_squared() -> None:
     assert np.sqrt(total) == pytest.approx(candidate.strength, rel=5e-3)
 
 
-def test_a_schedule_file_is_read(tmp_path: Path) -> None:
+def test_a_schedule_file_is_read(tmp_path):
     path = tmp_path / "schedule.toml"
     path.write_text(schedule_toml(EIGHTEEN_POSITIONS))
     np.testing.assert_allclose(observe(path).sigma, observe("wu2018-18").sigma, rtol=1e-6)
 
 
-def test_it_can_be_written_as_json() -> None:
+def test_it_can_be_written_as_json():
     content = observe("wu2018-18", candidates=["cross_coupling"]).to_dict()
     again = json.loads(json.dumps(content))
     assert again["unobservable"][0]["why"].startswith("changing")
@@ -161,7 +160,7 @@ def test_it_can_be_written_as_json() -> None:
     assert 0 < by["bias", "x"]["sigma"] < by["bias", "x"]["prior_sigma"] == 500
 
 
-def test_bad_questions_are_answered_with_what_can_be_asked() -> None:
+def test_bad_questions_are_answered_with_what_can_be_asked():
     with refused():
         observe("wu2018-18", effects=["spin"])
     with refused():

@@ -27,7 +27,7 @@ TABLE = table_of(45.0, 360.0, 10.0, 1.0, 1000.0)
 
 
 @pytest.fixture(scope="module")
-def search() -> TurningSearch:
+def search():
     return TurningSearch(TABLE, turning_experiment(34.2, "30"))
 
 

@@ -15,7 +15,7 @@ ANSWER = Diagnosis(
 )  # fmt: skip
 
 
-def test_the_content_of_the_file() -> None:
+def test_the_content_of_the_file():
     content = ANSWER.to_dict()
     assert list(content) == [
         "format", "verdict", "in_words", "outcome", "mismatch", "findings", "unexplained", "fit", "provenance"
@@ -32,13 +32,13 @@ def test_the_content_of_the_file() -> None:
     assert ANSWER.fit.chi2_reduced_before == 3.0  # a copy
 
 
-def test_of_two_views_the_one_that_names_a_cause_is_told() -> None:
+def test_of_two_views_the_one_that_names_a_cause_is_told():
     assert max(("adequate", "unexplained"), key=VERDICTS.index) == "unexplained"
     assert max(("not-identifiable", "missing-physics", "unexplained"), key=VERDICTS.index) == "missing-physics"
     assert sorted(VERDICTS) == ["adequate", "missing-physics", "not-identifiable", "unexplained"]
 
 
-def test_the_files_behind_a_recording() -> None:
+def test_the_files_behind_a_recording():
     r = replace(telescope(1), source=(Source("a/recording.toml", "0" * 64), Source("a/samples.csv", "1" * 64)))
     assert r.files == [
         {"path": "a/recording.toml", "sha256": "0" * 64}, {"path": "a/samples.csv", "sha256": "1" * 64}

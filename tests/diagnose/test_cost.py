@@ -1,13 +1,11 @@
 """What a cause costs if it is left out: a drift a nautical mile, an absorbed bias nothing, and silence elsewhere."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from gimbalcal import diagnose
-from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.cost import _swung, with_cost
 from gimbalcal.diagnose.result import Finding
@@ -16,7 +14,7 @@ from gimbalcal.estimate.extra_effects import extra_effects
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.pipeline import three_stage
-from gimbalcal.recording import Recording, Site
+from gimbalcal.recording import Site
 from gimbalcal.simulate import simulate
 from gimbalcal.words.diagnosis_sentences import cost_in_words
 from tests.diagnose.small import FIT
@@ -28,7 +26,7 @@ NOISE = {"accelerometer": {"value": 3.0, "unit": "ug"}, "gimbal_angle": {"value"
          "attitude": {"value": 0.3, "unit": "arcsec"}}  # fmt: skip
 
 
-def static_run(truth: dict[str, Any]) -> Recording:
+def static_run(truth):
     return simulate({
         "format": 1, "kind": "static-run", "site": PLACE, "noise": NOISE,
         "truth": {"draw": True, "factor": 0.2, **truth},
@@ -37,12 +35,12 @@ def static_run(truth: dict[str, Any]) -> Recording:
     }, 5)[0]  # fmt: skip
 
 
-def diagnosed(recording: Recording, *words: str) -> Diagnosis:
+def diagnosed(recording, *words):
     """A diagnosis that has found these effects, with their refit."""
     made = three_stage([recording], more=extra_effects(words, [recording], ()))
     effects = [w.partition(":")[0].partition(",")[0] for w in words]
 
-    def without(effect: str) -> Calibration:
+    def without(effect):
         others = [w for w, e in zip(words, effects, strict=True) if e != effect]
         return three_stage([recording], more=extra_effects(others, [recording], ()), judged=False)
 
@@ -50,11 +48,11 @@ def diagnosed(recording: Recording, *words: str) -> Diagnosis:
     return Diagnosis("missing-physics", (), findings, (), FIT, calibration=made, without=without)
 
 
-def named(effect: str, axis: str) -> Finding:
+def named(effect, axis):
     return Finding(effect, axis, 0.9, 10.0, ())
 
 
-def test_a_drift_left_out_costs_what_it_drifts() -> None:
+def test_a_drift_left_out_costs_what_it_drifts():
     run = static_run({"gyro_drift": {"polar": 0.002}})
     (found,) = with_cost([run], diagnosed(run, "gyro_drift")).findings
     cost = found["cost"]
@@ -65,13 +63,13 @@ def test_a_drift_left_out_costs_what_it_drifts() -> None:
     golden_text(cost["in_words"])
 
 
-def test_what_the_others_take_up_costs_nothing() -> None:
+def test_what_the_others_take_up_costs_nothing():
     run = static_run({"case_rotation_residue": {"A": {"polar": 1.0}}})
     (found,) = with_cost([run], diagnosed(run, "case_rotation_residue,period=8")).findings
     golden_text(found["cost"]["in_words"])
 
 
-def test_of_positions_a_still_base_is_navigated_through_the_recorded_temperatures() -> None:
+def test_of_positions_a_still_base_is_navigated_through_the_recorded_temperatures():
     device = simulate({
         "format": 1, "kind": "multi-position", "site": PLACE, "noise": NOISE,
         "schedule": {"name": "wu2018-18", "dwell": {"value": 1.0, "unit": "min"}, "rate": {"value": 0.1, "unit": "Hz"}},
@@ -84,7 +82,7 @@ def test_of_positions_a_still_base_is_navigated_through_the_recorded_temperature
     assert 0 < found["cost"]["with_nmi"] < 0.5 * found["cost"]["without_nmi"]
 
 
-def test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded() -> None:
+def test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded():
     base = still_base(24.0, Site(latitude=0.7))
     logged = replace(base, channels={("temperature", ""): np.linspace(20.0, 30.0, len(base.time))})
     swung = _swung(base, [logged])
@@ -93,7 +91,7 @@ def test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded() -> 
     assert (degrees.min(), degrees.max()) == pytest.approx((20.0, 30.0))
 
 
-def test_where_no_navigator_can_be_run_nothing_is_said() -> None:
+def test_where_no_navigator_can_be_run_nothing_is_said():
     run = static_run({"gyro_drift": {"polar": 0.002}})
     found = diagnosed(run, "gyro_drift")
     assert with_cost([run, run], found).findings[0].cost is None
@@ -101,7 +99,7 @@ def test_where_no_navigator_can_be_run_nothing_is_said() -> None:
     assert with_cost([run], nothing) is nothing
 
 
-def test_of_a_unit_turned_in_its_place_a_still_unit_is_navigated() -> None:
+def test_of_a_unit_turned_in_its_place_a_still_unit_is_navigated():
     """30 states take a g-sensitivity for a bias, which is wrong as soon as the unit stands still."""
     wanted = [p for p in parameters(CATALOGUE["gyro_g_sensitivity_rate"]) if p.axis == "yz"]
     run = turning_unit(parameters=wanted, values=[1e-6], stop=12.0, speed=30.0, ramp=0.5, rate=10.0, seed=3)
@@ -134,11 +132,11 @@ def test_of_a_unit_turned_in_its_place_a_still_unit_is_navigated() -> None:
         ),
     ],
 )
-def test_a_cost_reads_as_what_it_is(known: float, left_out: float, raw: float | None, words: str) -> None:
+def test_a_cost_reads_as_what_it_is(known, left_out, raw, words):
     assert words in cost_in_words(24.0, known, left_out, raw)
 
 
-def test_a_static_run_from_end_to_end() -> None:
+def test_a_static_run_from_end_to_end():
     """A residue of the case rotation at 8 min: located, named, its size, and what it costs; nothing, as it is fast."""
     run = simulate({
         "format": 1, "kind": "static-run", "site": PLACE, "noise": NOISE,

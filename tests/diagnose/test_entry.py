@@ -12,7 +12,7 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording, completed
+from gimbalcal.recording import completed
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record
 from tests.diagnose.small import FIT, telescope
@@ -25,13 +25,13 @@ PARTS = ("diagnose_known_noise", "of_gimballed_unit", "of_single_view", "of_tria
 
 
 @pytest.fixture
-def taken(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
+def taken(monkeypatch):
     """Names of the functions that a recording reaches, and what they were given, in place of these."""
     out: list[tuple[str, Any]] = []
     nothing = Diagnosis("adequate", (), (), (), FIT)
 
-    def reached(name: str, answer: Any) -> Any:
-        def called(*given: Any) -> Any:
+    def reached(name, answer):
+        def called(*given):
             out.append((name, given))
             return answer
 
@@ -56,7 +56,7 @@ def taken(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Any]]:
     ],
     ids=["table", "static run", "both", "with gyroscopes", "telescope", "by hand"],
 )
-def test_each_kind_reaches_its_views(taken: list[tuple[str, Any]], recordings: list[Recording], part: str) -> None:
+def test_each_kind_reaches_its_views(taken, recordings, part):
     recordings = [completed(r) for r in recordings]  # as they come from a file
     assert diagnose(recordings, baseline=(), seed=7).verdict == "adequate"
     ((name, given),) = taken
@@ -69,7 +69,7 @@ def test_each_kind_reaches_its_views(taken: list[tuple[str, Any]], recordings: l
     assert (given[0].calibration, given[0].baseline, given[0].seed) == (None, (), 7)
 
 
-def test_nothing_and_nonsense_are_refused_before_any_view(taken: list[tuple[str, Any]]) -> None:
+def test_nothing_and_nonsense_are_refused_before_any_view(taken):
     with refused():
         diagnose([])
     with refused():
@@ -83,8 +83,8 @@ def test_nothing_and_nonsense_are_refused_before_any_view(taken: list[tuple[str,
 
 
 @pytest.mark.parametrize("count", [1, 3, 6])
-def test_a_calibration_of_another_platform_is_one_sentence(count: int) -> None:
-    zero = CATALOGUE["gimbal_zero"](theta_0=np.full(count, 1e-4))  # type: ignore[call-arg]
+def test_a_calibration_of_another_platform_is_one_sentence(count):
+    zero = CATALOGUE["gimbal_zero"](theta_0=np.full(count, 1e-4))
     other = Calibration("test", (zero,), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
     with refused():
         diagnose([TABLE], other)

@@ -1,7 +1,6 @@
 """A new effect is one class: it is simulated, listed, and tried wherever the recording has what it needs."""
 
 import tomllib
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -15,9 +14,7 @@ from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest, view_of_turns
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
-from gimbalcal.views.core import View
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import pointing
@@ -33,14 +30,14 @@ LOGGED = ("vibration", "pressure")
 
 
 @pytest.fixture(scope="module")
-def new() -> Iterator[tuple[str, ...]]:
+def new():
     ids = enter()
     yield ids
     for i in ids:
         del CATALOGUE[i]
 
 
-def short(**more: Any) -> Recording:
+def short(**more):
     """A unit turned by hand, in few rows."""
     content = tomllib.loads(SCENARIO.read_text())
     content["schedule"] |= {"dwell": {"value": 6.0, "unit": "s"}, "rate": {"value": 20.0, "unit": "Hz"}}
@@ -59,7 +56,7 @@ RECORDINGS = {
 }
 
 
-def with_logs(r: Recording) -> Recording:
+def with_logs(r):
     """Channels that wander from rest to rest, with a thermometer; a static run with what a navigator reports."""
     rng = np.random.default_rng(8)
     grid = np.linspace(r.time[0], r.time[-1], 40)
@@ -71,14 +68,14 @@ def with_logs(r: Recording) -> Recording:
 
 
 @pytest.mark.parametrize("name", RECORDINGS)
-def test_a_diagnosis_of_any_kind_runs_with_what_they_need(new: tuple[str, ...], name: str) -> None:
+def test_a_diagnosis_of_any_kind_runs_with_what_they_need(new, name):
     """What they need and is not logged is tried by `test_they_are_causes_where_their_channel_is_logged`."""
     d = diagnose([with_logs(RECORDINGS[name]())])
     assert d.verdict in ("adequate", "unexplained", "missing-physics", "not-identifiable")
     assert not {f["effect"] for f in d.findings} & set(new)  # nothing of theirs is there
 
 
-def views(r: Recording) -> list[View]:
+def views(r):
     if r.kind == "pointing":
         return [pointing(r)]
     if r.kind == "rotation":
@@ -87,7 +84,7 @@ def views(r: Recording) -> list[View]:
     return [v for v in found if v is not None]
 
 
-def tried(r: Recording) -> set[str]:
+def tried(r):
     """Ids of the causes that either road compares."""
     if r.platform.axes and r.kind != "pointing":
         o = fit_baseline(view_at_known_attitude(r))
@@ -116,23 +113,23 @@ WHERE_LOGGED = {
 
 
 @pytest.mark.parametrize("name", RECORDINGS)
-def test_they_are_causes_where_their_channel_is_logged_and_nowhere_else(new: tuple[str, ...], name: str) -> None:
+def test_they_are_causes_where_their_channel_is_logged_and_nowhere_else(new, name):
     made = RECORDINGS[name]()
     assert tried(made) & set(new) == ALWAYS[name]
     assert tried(with_logs(made)) & set(new) == ALWAYS[name] | WHERE_LOGGED[name]
 
 
-def test_every_one_of_them_is_tried_somewhere(new: tuple[str, ...]) -> None:
+def test_every_one_of_them_is_tried_somewhere(new):
     assert set().union(*ALWAYS.values(), *WHERE_LOGGED.values()) == set(new)
 
 
-def test_they_are_listed(new: tuple[str, ...], command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+def test_they_are_listed(new, command, capsys):
     assert command("catalogue") == 0
     listed = capsys.readouterr().out
     assert [i for i in new if i not in listed] == []
 
 
-def test_they_are_simulated(new: tuple[str, ...]) -> None:
+def test_they_are_simulated(new):
     """Each changes what a scenario of its kind gives, by what its size says."""
     for i in new:
         if "pointing" in CATALOGUE[i].kinds and len(CATALOGUE[i].kinds) == 1:
@@ -155,7 +152,7 @@ def test_they_are_simulated(new: tuple[str, ...]) -> None:
         assert changed, i
 
 
-def test_what_a_gyroscope_makes_of_vibration_is_named_with_its_size(new: tuple[str, ...]) -> None:
+def test_what_a_gyroscope_makes_of_vibration_is_named_with_its_size(new):
     """86 deg/h rms from rest to rest, in a logged vibration of a tenth of g."""
     r = with_logs(by_hand())
     truth = 38000.0  # deg/h/g^2
@@ -168,7 +165,7 @@ def test_what_a_gyroscope_makes_of_vibration_is_named_with_its_size(new: tuple[s
 
 
 @pytest.mark.parametrize("seed", [5, 8])
-def test_a_bias_that_follows_a_logged_channel_is_named_where_no_noise_is_known(seed: int) -> None:
+def test_a_bias_that_follows_a_logged_channel_is_named_where_no_noise_is_known(seed):
     r = turned(seed)
     fan = 100 * np.repeat(np.random.default_rng(seed + 50).standard_normal(40), 10)  # one value in each rest
     follows = 3e-5 * (fan - fan.mean())  # m/s^2, 3.06 ug per unit

@@ -1,8 +1,6 @@
 """Recordings that are short, sparse, constant or incomplete: a verdict, or one sentence that says what is lacking."""
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
-from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site, dwell_means, write
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
@@ -23,7 +20,7 @@ from gimbalcal.views.norm import inverted
 from gimbalcal.views.pointing import pointing
 from gimbalcal.words.diagnosis_sentences import largest
 from tests.diagnose import plant, static_plant
-from tests.diagnose.plant import UG, Bench, at_strength, known, on, record
+from tests.diagnose.plant import UG, at_strength, known, on, record
 from tests.diagnose.rows.test_turns import by_hand as turned_by_hand
 from tests.diagnose.small import telescope
 from tests.golden import refused
@@ -34,19 +31,19 @@ CLEAN = record(np.random.default_rng(2))
 AT_REST = static_plant.record(np.random.default_rng(3))
 
 
-def changed(r: Recording, channels: dict[tuple[str, str], Array] | None = None, without: Any = ()) -> Recording:
+def changed(r, channels=None, without=()):
     """Other channels, or fewer: quantities, or (quantity, axis)."""
     kept = {k: v for k, v in r.channels.items() if k not in without and k[0] not in without}
     return replace(r, channels={**kept, **(channels or {})})
 
 
-def first_rows(r: Recording, count: int) -> Recording:
+def first_rows(r, count):
     """So many rows of each position."""
     assert r.position is not None
     return r.select(np.sort(np.concatenate([np.flatnonzero(r.position == p)[:count] for p in np.unique(r.position)])))
 
 
-def held(r: Recording, *positions: int) -> Recording:
+def held(r, *positions):
     return r.select(np.isin(r.position, positions))
 
 
@@ -69,20 +66,20 @@ ODD = {
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_an_odd_recording_without_a_fault_is_adequate(name: str) -> None:
+def test_an_odd_recording_without_a_fault_is_adequate(name):
     d = diagnose([ODD[name]()])
     assert (d.verdict, d.findings) == ("adequate", ())
     assert np.isfinite(d.fit["chi2_reduced_before"])
 
 
-def test_two_accelerometers_show_a_cause_of_theirs() -> None:
+def test_two_accelerometers_show_a_cause_of_theirs():
     error, ids = known(1)["asymmetry"]
     d = diagnose([changed(at_strength(11, error, 25.0), without=[("specific_force", "x")])])
     assert {f["effect"] for f in d.findings} == ids
     assert {f["axis"] for f in d.findings} == {"y"}
 
 
-def test_a_size_that_nothing_shows_is_not_told() -> None:
+def test_a_size_that_nothing_shows_is_not_told():
     """All axes together are one cause; of the accelerometer that was not logged nothing is said, not even zero."""
     r = at_strength(11, lambda b: {"output": np.abs(b.ideal) * [1.0, 1.0, 0.0]}, 40.0)
     (found,) = diagnose([changed(r, without=[("specific_force", "z")])]).findings
@@ -91,7 +88,7 @@ def test_a_size_that_nothing_shows_is_not_told() -> None:
 
 
 @pytest.mark.parametrize("few", ["positions", "accelerometers"])
-def test_a_rest_is_told_although_no_fault_of_setting_can_be_looked_for(few: str) -> None:
+def test_a_rest_is_told_although_no_fault_of_setting_can_be_looked_for(few):
     """Five positions, or two accelerometers, do not show which position was interchanged; the rest is told."""
     r = at_strength(8, lambda b: on(1, np.sin(2 * np.pi * b.t / 130.0)), 60.0)
     d = diagnose([held(r, 1, 3, 5, 8, 11) if few == "positions" else changed(r, without=[("specific_force", "z")])])
@@ -102,7 +99,7 @@ def test_a_rest_is_told_although_no_fault_of_setting_can_be_looked_for(few: str)
 LONG = 6000  # rows of a run that is averaged before it is diagnosed
 
 
-def test_a_gap_in_a_long_static_run_is_not_taken_for_physics(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gap_in_a_long_static_run_is_not_taken_for_physics(monkeypatch):
     """A block that reaches across 400 min would lose a third of the force: blocks end where the clock jumps."""
     short = static_plant.rest
     monkeypatch.setattr(static_plant, "rest", lambda rng: short(rng, hours=LONG / 60, step=60.0))
@@ -116,7 +113,7 @@ def test_a_gap_in_a_long_static_run_is_not_taken_for_physics(monkeypatch: pytest
     assert np.abs(broken.residual).max() < 1.1 * np.abs(whole.residual).max()  # same noise, same constants
 
 
-def test_positions_of_a_static_run_do_no_harm() -> None:
+def test_positions_of_a_static_run_do_no_harm():
     """The experiment that would tell twins apart is laid out with the positions that were written down."""
     r = static_plant.record(np.random.default_rng(22), lambda s: s.ideal**2, 20 * UG)
     linear = [i for i in BASELINE["static-run"] if i != "scale_nonlinearity"]
@@ -125,19 +122,17 @@ def test_positions_of_a_static_run_do_no_harm() -> None:
     assert d.findings[0]["separate_by"]
 
 
-def test_without_a_readout_of_the_platform_gimbal_the_force_tells_the_phase() -> None:
+def test_without_a_readout_of_the_platform_gimbal_the_force_tells_the_phase():
     r = changed(static_plant.record(np.random.default_rng(1)), without=[("gimbal_angle", "platform")])
     assert np.sqrt(np.mean(fit_baseline(view_at_known_attitude(r)).residual ** 2)) == pytest.approx(
         1.0, abs=0.1
     )  # 1440 numbers: 4 sigma, and a K of 1e-6
 
 
-def test_rests_of_one_row_each_count_alike() -> None:
+def test_rests_of_one_row_each_count_alike():
     """One row says nothing of its own scatter: no rest is surer than another."""
     r = turned_by_hand()
-    assert r.position is not None
     view = view_at_rest(first_rows(r.select(r.position > 0), 1))
-    assert view is not None
     assert view.noise.sigma is None
     assert np.isfinite(start(view).covariance).all()
 
@@ -145,10 +140,10 @@ def test_rests_of_one_row_each_count_alike() -> None:
 # --- covariates that have an effect of their own ----------------------------------------------------------------------
 
 
-def follows(name: str, size: float) -> Any:
+def follows(name, size):
     """A bias that follows a logged channel."""
 
-    def error(b: Bench) -> dict[str, Array]:
+    def error(b):
         x = np.cumsum(np.random.default_rng(5).standard_normal(int(b.visit.max()) + 1))[b.visit]
         return {**on(1, x - x.mean()), name: x * size}
 
@@ -156,15 +151,13 @@ def follows(name: str, size: float) -> Any:
 
 
 @pytest.mark.parametrize(("name", "swing", "effect"), [("pressure", 1e4, "pressure"), ("fan", 1.0, "bias_covariate")])
-def test_a_logged_channel_is_named_by_its_own_effect(
-    monkeypatch: pytest.MonkeyPatch, name: str, swing: float, effect: str
-) -> None:
+def test_a_logged_channel_is_named_by_its_own_effect(monkeypatch, name, swing, effect):
     monkeypatch.setattr(plant, "LOGS", (name,))
     (found,) = diagnose([at_strength(11, follows(name, swing), 25.0)]).findings
     assert (found["effect"], found["axis"], found["twins"]) == (effect, "y", [])
 
 
-def test_effects_of_named_channels_are_candidates_where_these_were_logged() -> None:
+def test_effects_of_named_channels_are_candidates_where_these_were_logged():
     n = len(CLEAN.time)
     x = np.linspace(0, 1, n)
     named = {("covariate", k): x for k in ("pressure", "servo_x", "servo_y", "servo_z", "fan")}
@@ -182,13 +175,13 @@ def test_effects_of_named_channels_are_candidates_where_these_were_logged() -> N
 FORCES_AT_REST = changed(AT_REST, without=["gimbal_angle"])
 
 
-def spoiled(channel: tuple[str, str]) -> Recording:
+def spoiled(channel):
     x = CLEAN.channels[channel].copy()
     x[9] = np.nan
     return changed(CLEAN, {channel: x})
 
 
-def by_hand(positions: int) -> Recording:
+def by_hand(positions):
     """A unit that somebody turned: 20 rows in each rest."""
     rng = np.random.default_rng(4)
     g = rng.standard_normal((positions, 3))
@@ -201,14 +194,14 @@ def by_hand(positions: int) -> Recording:
     )
 
 
-def tilted(rows: int, **units: str) -> Recording:
+def tilted(rows, **units):
     rng = np.random.default_rng(5)
     channels = {(q, a): 1e-3 * rng.standard_normal(rows) for q in ("specific_force", "angular_rate") for a in "xyz"}
     return Recording("rotation", "table", BENCH, Site(0.7, 0.0, 9.8), {}, np.arange(rows) * 0.01, None, channels,
                      units={k: units.get(k[0], "m/s^2") for k in channels})  # fmt: skip
 
 
-def few_stars(count: int) -> Recording:
+def few_stars(count):
     return telescope(1).select(slice(0, count))
 
 
@@ -239,18 +232,18 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_diagnosed_is_refused_in_one_sentence(name: str) -> None:
+def test_what_cannot_be_diagnosed_is_refused_in_one_sentence(name):
     made, baseline = REFUSED[name]
     with refused():
         diagnose([made()], baseline=baseline)
 
 
-def test_a_law_that_reads_the_same_for_different_forces_is_refused() -> None:
+def test_a_law_that_reads_the_same_for_different_forces_is_refused():
     with refused():
         inverted(lambda f: 0 * f, np.ones((4, 3)))
 
 
-def test_rows_are_listed_however_few() -> None:
+def test_rows_are_listed_however_few():
     """Words for the rows that are off most, however few there are."""
     v = pointing(few_stars(4))
     assert largest(v, "across", 1.0, 2.0, np.array([2, 0, 1])).endswith("largest at stars 3, 1 and 2")
@@ -258,9 +251,7 @@ def test_rows_are_listed_however_few() -> None:
 
 
 @pytest.mark.parametrize("name", ["one row", "no force"])
-def test_the_command_line_says_it_and_ends_with_status_2(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_says_it_and_ends_with_status_2(name, tmp_path, monkeypatch, capsys):
     write(REFUSED[name][0](), tmp_path / "rec")
     monkeypatch.setattr("sys.argv", ["gimbalcal", "diagnose", str(tmp_path / "rec"), "--quiet"])
     with pytest.raises(SystemExit) as stop:

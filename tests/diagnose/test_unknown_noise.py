@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose import Diagnosis, diagnose
+from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, view_shifts
 from gimbalcal.diagnose.view_diagnosis import serial_correlation
 from gimbalcal.effects import values
-from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.pointing import pointing
@@ -25,20 +24,20 @@ ARCSEC = np.pi / 648000
 N = 80  # stars, as in a real run
 
 
-def size(d: Diagnosis, effect: str, axis: str) -> tuple[float, float]:
+def size(d, effect, axis):
     p = next(p for f in d.findings if f["effect"] == effect for p in f["parameters"] if p["axis"] == axis)
     return p["value"], p["sigma"]
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_telescope_that_lacks_nothing(seed: int) -> None:
+def test_a_telescope_that_lacks_nothing(seed):
     d = diagnose([telescope(seed)])
     assert d.verdict == "adequate"
     assert d.findings == ()
     assert d.fit["rms_after"] == pytest.approx(np.sqrt(2), rel=0.2)  # two components of an arcsecond, 155 degrees
 
 
-def test_settings_whose_residuals_resemble_the_next_are_not_without_a_pattern() -> None:
+def test_settings_whose_residuals_resemble_the_next_are_not_without_a_pattern():
     """A noise with a memory is no noise of separate settings; white ones are not correlated by five sigma."""
     m = start(pointing(telescope(1)))
     white, sigma = np.random.default_rng(1).standard_normal(m.residual.shape), np.ones(m.residual.shape)
@@ -55,7 +54,7 @@ def test_settings_whose_residuals_resemble_the_next_are_not_without_a_pattern() 
     assert words.startswith("successive residuals of pointing are correlated by 0.")
 
 
-def test_a_correlation_of_settings_without_a_cause_is_a_misfit_that_nothing_explains() -> None:
+def test_a_correlation_of_settings_without_a_cause_is_a_misfit_that_nothing_explains():
     """A slow error of the elevation with a memory of five settings, which neither angles nor the clock describe."""
     r, white = telescope(7), np.random.default_rng(7).standard_normal(N)
     slow = white.copy()
@@ -71,7 +70,7 @@ def test_a_correlation_of_settings_without_a_cause_is_a_misfit_that_nothing_expl
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_tilt_and_flexure_come_back(seed: int) -> None:
+def test_tilt_and_flexure_come_back(seed):
     d = diagnose([telescope(seed, 12.0, -7.0, 15.0)])
     assert d.verdict == "missing-physics"
     assert "base_tilt" in {f["effect"] for f in d.findings}
@@ -83,7 +82,7 @@ def test_tilt_and_flexure_come_back(seed: int) -> None:
     assert d.fit["heldout_rms_after"] < 0.2 * d.fit["heldout_rms_before"]
 
 
-def test_a_mistaken_star_is_left_out_and_hides_nothing() -> None:
+def test_a_mistaken_star_is_left_out_and_hides_nothing():
     """One star a minute of arc off is seven arcsec of scatter, in which a tilt of two does not show."""
     r = telescope(3, 2.0, -2.0)
     off = r.channels["gimbal_angle", "elevation"] + 60 * ARCSEC * (np.arange(N) == 16)
@@ -97,7 +96,7 @@ def test_a_mistaken_star_is_left_out_and_hides_nothing() -> None:
     assert d.curves.position[-1] == N
 
 
-def test_what_no_catalogue_holds_is_a_shape() -> None:
+def test_what_no_catalogue_holds_is_a_shape():
     d = diagnose([telescope(3, lifted=lambda _, A: 20.0 * np.sin(5 * A))])
     assert d.verdict == "unexplained"
     assert d.findings == ()
@@ -105,13 +104,13 @@ def test_what_no_catalogue_holds_is_a_shape() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_unit_turned_by_hand_that_lacks_nothing(seed: int) -> None:
+def test_a_unit_turned_by_hand_that_lacks_nothing(seed):
     d = diagnose([turned(seed)])
     assert d.verdict == "adequate"
     assert d.findings == ()
 
 
-def test_rates_that_follow_the_pose() -> None:
+def test_rates_that_follow_the_pose():
     truth = np.array([[0.0, 100.0, -50.0], [200.0, 0.0, 0.0], [0.0, -150.0, 0.0]])
     d = diagnose([turned(7, truth)], baseline=("gyro_bias",))
     assert [f["effect"] for f in d.findings] == ["gyro_g_sensitivity_rate"]
@@ -124,13 +123,13 @@ def test_rates_that_follow_the_pose() -> None:
     assert d.fit["heldout_after"] < 0.2 * d.fit["heldout_before"]
 
 
-def test_biases_that_drift_are_seen_in_the_order_of_visits() -> None:
+def test_biases_that_drift_are_seen_in_the_order_of_visits():
     d = diagnose([turned(8, drift=1.0)], baseline=("bias", "scale_factor", "misalignment"))
     assert [f["effect"] for f in d.findings] == ["slow_bias_drift"]
     assert d.fit["rms_after"] < 0.7 * d.fit["rms_before"]
 
 
-def test_rows_left_out_are_predicted_as_a_fit_without_them_predicts_them() -> None:
+def test_rows_left_out_are_predicted_as_a_fit_without_them_predicts_them():
     """The misfit of a star about a fit to the other 79, each fit made anew; in sigma."""
     v = pointing(telescope(4, 12.0, -7.0))
     m = start(v)
@@ -145,7 +144,7 @@ def test_rows_left_out_are_predicted_as_a_fit_without_them_predicts_them() -> No
     assert (left**2).sum() > (r**2).sum()
 
 
-def test_constants_move_as_what_was_found_moves_them() -> None:
+def test_constants_move_as_what_was_found_moves_them():
     """A bent tube that the model lacks is taken up in part by the zero of the elevation encoder."""
     v = pointing(telescope(5, bend=30.0))
     c = stepwise(v, lambda _: None)
@@ -163,7 +162,7 @@ def test_constants_move_as_what_was_found_moves_them() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_bias_that_drifts_with_the_clock_is_no_other_drift_alone(seed: int) -> None:
+def test_a_bias_that_drifts_with_the_clock_is_no_other_drift_alone(seed):
     """3 mg in ten minutes on one axis: a straight line, and warm_up with a long time constant beside it at most."""
     r = turned(seed)
     ramp = 3e-3 * G * r.time / r.time[-1]
@@ -173,7 +172,7 @@ def test_a_bias_that_drifts_with_the_clock_is_no_other_drift_alone(seed: int) ->
     assert found["axis"] == "y"
 
 
-def test_gyroscopes_that_follow_the_temperature_are_named_with_their_size() -> None:
+def test_gyroscopes_that_follow_the_temperature_are_named_with_their_size():
     r = turned(3)
     warm = 20 + 8 * np.sin(2 * np.pi * r.time / 380.0)
     x = r.channels["angular_rate", "x"] + 40 * np.pi / 648000 * (warm - warm.mean())
@@ -184,7 +183,7 @@ def test_gyroscopes_that_follow_the_temperature_are_named_with_their_size() -> N
     assert abs(size["value"] - 40.0) < 4 * size["sigma"] < 8.0
 
 
-def test_a_worm_is_found_by_the_number_of_its_teeth() -> None:
+def test_a_worm_is_found_by_the_number_of_its_teeth():
     """Tracking over 25 degrees at the sidereal rate, an error of 6 arcsec once per tooth, 1 arcsec of noise."""
     rng = np.random.default_rng(144)
     n = 240
@@ -207,7 +206,7 @@ def test_a_worm_is_found_by_the_number_of_its_teeth() -> None:
     assert d.fit["rms_after"] < 1.1 * np.sqrt(2) < d.fit["rms_before"]
 
 
-def test_a_weak_worm_shows_by_the_harmonics_of_one_tooth() -> None:
+def test_a_weak_worm_shows_by_the_harmonics_of_one_tooth():
     """Each line is hardly above noise with memory; together they are a worm of 180 teeth, not of 540."""
     rng = np.random.default_rng(5)
     n = 300
@@ -235,7 +234,7 @@ def test_a_weak_worm_shows_by_the_harmonics_of_one_tooth() -> None:
     assert np.hypot(sizes["worm_3_sin"], sizes["worm_3_cos"]) == pytest.approx(0.8, abs=0.3)
 
 
-def test_turns_during_which_the_clock_pauses_are_left_out_and_not_refused() -> None:
+def test_turns_during_which_the_clock_pauses_are_left_out_and_not_refused():
     """A logger that is switched off after each rest and on again for the turn."""
     r = unknown_hand.record(3, unknown_hand.Setup(rests=12, gyroscopes=True, minutes=1.0))
     assert r.position is not None
@@ -254,7 +253,7 @@ def test_turns_during_which_the_clock_pauses_are_left_out_and_not_refused() -> N
         ("harmonic", "pointing across: a pattern in the azimuth angle, twice per turn and faster"),
     ],
 )
-def test_laws_of_no_catalogue_are_told_by_their_shape(name: str, shape: str) -> None:
+def test_laws_of_no_catalogue_are_told_by_their_shape(name, shape):
     run = next(r for r in runs() if r.concealed == (name,) and r.sigmas == 40)
     a = answer(run)
     assert a["shapes"][0] == shape
@@ -262,26 +261,26 @@ def test_laws_of_no_catalogue_are_told_by_their_shape(name: str, shape: str) -> 
 
 
 @pytest.mark.parametrize("name", ["slipped", "backlash", "worm 359"])
-def test_what_happens_to_the_drives_of_a_mount_is_named(name: str) -> None:
+def test_what_happens_to_the_drives_of_a_mount_is_named(name):
     run = next(r for r in runs() if r.concealed == (name,) and r.sigmas == 12)
     assert answer(run)["judged"] == ["right"]
 
 
-def test_a_voltage_that_was_logged_is_a_cause_of_its_own() -> None:
+def test_a_voltage_that_was_logged_is_a_cause_of_its_own():
     """What an effect of its own says of a channel a generic one need not say as well: it has no channel left."""
     run = next(r for r in runs() if r.concealed == ("supply",) and r.sigmas == 40)
     assert answer(run)["judged"] == ["right"]
 
 
-def test_poses_that_come_again_and_again_leave_no_shape_of_their_own() -> None:
+def test_poses_that_come_again_and_again_leave_no_shape_of_their_own():
     """Twelve poses five times over: what they tell the model has taken, and the rest of a pattern in them is noise."""
     run = next(r for r in runs() if r.concealed == ("chamber scale T",) and r.sigmas == 40)
     assert answer(run)["judged"] == ["right"]
 
 
 @pytest.mark.parametrize("tau", [60.0, 180.0])  # s; a step of the bias, with certainty, where a minute was not sought
-def test_a_unit_that_warms_up_within_minutes_is_told_as_that(tau: float) -> None:
-    def warming(h: unknown_hand.Hand) -> dict[str, Array]:
+def test_a_unit_that_warms_up_within_minutes_is_told_as_that(tau):
+    def warming(h):
         return {"force": np.outer(np.exp(-h.t / tau), [0.0, 1.0, 0.0])}
 
     setup = unknown_hand.Setup(unknown_hand.MEMS, rests=32, minutes=30.0)
@@ -291,7 +290,7 @@ def test_a_unit_that_warms_up_within_minutes_is_told_as_that(tau: float) -> None
 
 
 @pytest.mark.parametrize("step", [0.0, 0.5])
-def test_readings_without_noise_or_of_few_levels_lack_nothing(step: float) -> None:
+def test_readings_without_noise_or_of_few_levels_lack_nothing(step):
     """Rounding of numbers is no pattern, and samples that do not scatter are no noise of zero."""
     u = np.random.default_rng(3).standard_normal((20, 3))
     f = np.repeat(G * u / np.linalg.norm(u, axis=1, keepdims=True) * [1.001, 0.998, 1.003] + [0.02, -0.01, 0.03], 5, 0)

@@ -8,7 +8,6 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.norm import attitudes, determined_terms, undetermined_misalignments
 from gimbalcal.words.diagnosis_headline import headline
@@ -19,18 +18,18 @@ FACES = np.concatenate([np.eye(3), -np.eye(3)])
 EDGES = np.array([[1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1]]) / np.sqrt(2)
 
 
-def near(directions: Array, deg: float, seed: int = 0) -> Array:
+def near(directions, deg, seed=0):
     """Return unit vectors within some degrees of directions (m, 3)."""
     u = directions + np.radians(deg) / 2 * np.random.default_rng(seed).standard_normal(directions.shape)
     return np.asarray(u / np.linalg.norm(u, axis=1, keepdims=True))
 
 
-def test_attitudes_are_counted_and_not_dwells() -> None:
+def test_attitudes_are_counted_and_not_dwells():
     assert attitudes(near(np.tile(FACES, (5, 1)), 0.5)) == 6
     assert attitudes(near(np.repeat([[0.0, 0, 9.8]], 40, axis=0), 0.5)) == 1
 
 
-def test_six_faces_determine_six_terms_and_faces_with_edges_nine() -> None:
+def test_six_faces_determine_six_terms_and_faces_with_edges_nine():
     faces = near(np.tile(FACES, (3, 1)), 1.0)
     assert undetermined_misalignments(faces) == ("xy", "xz", "yz")
     assert determined_terms(faces) == ("bias", "scale_factor")
@@ -41,13 +40,13 @@ def test_six_faces_determine_six_terms_and_faces_with_edges_nine() -> None:
     assert determined_terms(scattered(9)) == ("bias", "scale_factor")  # nothing would test nine
 
 
-def test_six_faces_are_calibrated_as_six_faces_and_say_what_is_missing() -> None:
+def test_six_faces_are_calibrated_as_six_faces_and_say_what_is_missing():
     made = multiposition(rested(TRUTH, near(np.tile(FACES, (2, 1)), 1.0)))
     assert {p.effect for p in made.parameters} == {"bias", "scale_factor"}
     golden_text((made.provenance.options.declined or {})["misalignment"])
 
 
-def test_one_attitude_calibrates_nothing() -> None:
+def test_one_attitude_calibrates_nothing():
     with pytest.raises(InputError, match="in 1 attitude "):
         multiposition(rested(TRUTH, near(np.repeat(FACES[:1], 12, axis=0), 0.5)))
     with pytest.raises(InputError, match="in 1 attitude "):
@@ -55,7 +54,7 @@ def test_one_attitude_calibrates_nothing() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 6])
-def test_no_model_is_adequate_that_nothing_tests(count: int) -> None:
+def test_no_model_is_adequate_that_nothing_tests(count):
     unit = rested(TRUTH, near(np.tile(FACES[:count], (12 // count, 1)), 0.5))
     found = diagnose([replace(unit, noise={})], baseline=("bias",) if count == 1 else ())
     assert found.verdict == "adequate"
@@ -64,7 +63,7 @@ def test_no_model_is_adequate_that_nothing_tests(count: int) -> None:
     golden_text(headline(found))
 
 
-def test_a_word_of_stated_noise_needs_a_header_that_states_it() -> None:
+def test_a_word_of_stated_noise_needs_a_header_that_states_it():
     unit = rested(TRUTH, scattered(14))
     shaken = unit.triad(FORCE) * (1 + 3e-3 * np.random.default_rng(1).standard_normal((len(unit.time), 1)))
     for noise in ({}, {"accelerometer": 1e-4}):

@@ -5,10 +5,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters
+from gimbalcal.effects import CATALOGUE, Stage, parameters
 from gimbalcal.effects.history import integral
 from gimbalcal.forward import predict
-from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.units import parse
 from tests.effects.stimulus import example, given
@@ -22,31 +21,31 @@ PAIRS = [
 HELD = [(a, b) for a, b in PAIRS if CATALOGUE[a].stage is Stage.PLATFORM]
 
 
-def with_coefficients(name: str, x: Array) -> Effect:
+def with_coefficients(name, x):
     """The effect with the values x in its only field."""
     (field,) = fields(CATALOGUE[name])
     return CATALOGUE[name](**{field.name: x})
 
 
-def coefficients(effect: Effect) -> Array:
+def coefficients(effect):
     (field,) = fields(effect)
     return np.asarray(getattr(effect, field.name))
 
 
 @pytest.mark.parametrize(("name", "other"), PAIRS)
-def test_a_pair_has_the_same_coefficients_in_the_same_unit(name: str, other: str) -> None:
+def test_a_pair_has_the_same_coefficients_in_the_same_unit(name, other):
     mine, theirs = (parameters(CATALOGUE[i]) for i in (name, other))
     assert [parse(p.unit) for p in mine] == [parse(p.unit) for p in theirs]
 
 
 @pytest.mark.parametrize(("name", "other"), [p for p in PAIRS if p not in HELD])
-def test_two_names_of_one_law_add_the_same(name: str, other: str) -> None:
+def test_two_names_of_one_law_add_the_same(name, other):
     made, s = example(name), given()
     np.testing.assert_array_equal(made.contribution(s), with_coefficients(other, coefficients(made)).contribution(s))
 
 
 @pytest.mark.parametrize(("name", "other"), HELD)
-def test_a_platform_adds_up_what_the_strapdown_law_reads(name: str, other: str) -> None:
+def test_a_platform_adds_up_what_the_strapdown_law_reads(name, other):
     made, s = example(name), given()
     read = with_coefficients(other, coefficients(made)).contribution(s)
     assert CATALOGUE[other].stage is Stage.GYROSCOPE
@@ -55,7 +54,7 @@ def test_a_platform_adds_up_what_the_strapdown_law_reads(name: str, other: str) 
 
 
 @pytest.mark.parametrize(("name", "other"), HELD)
-def test_a_held_platform_turns_so_that_its_gyroscopes_read_nothing(name: str, other: str) -> None:
+def test_a_held_platform_turns_so_that_its_gyroscopes_read_nothing(name, other):
     """On a platform that turns as `predict` says, gyroscopes with the negatives of its coefficients read zero.
 
     Axes that have turned by phi see a force f as f - phi x f.

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.effects import CATALOGUE
 from tests.effects.formula import card_formula, evaluated
 from tests.effects.mount_laws import MOUNT_LAWS
 from tests.effects.sensor_laws import SENSOR_LAWS
@@ -43,7 +43,7 @@ ALL = sorted(CATALOGUE)
 SEEDS = (1, 2)
 
 
-def off_its_law(name: str, cls: type[Effect] | None = None) -> float:
+def off_its_law(name, cls=None):
     """Largest difference from the independent number, as a share of the largest number, over random stimuli."""
     worst = 0.0
     for seed in SEEDS:
@@ -55,7 +55,7 @@ def off_its_law(name: str, cls: type[Effect] | None = None) -> float:
     return worst
 
 
-def test_every_effect_has_a_law_of_its_own() -> None:
+def test_every_effect_has_a_law_of_its_own():
     missing = sorted(set(CATALOGUE) - set(LAWS))
     assert not missing, (
         f"{missing}: write the law again from its source, in plain numpy, in tests/effects/sensor_laws.py or "
@@ -65,12 +65,12 @@ def test_every_effect_has_a_law_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_contribution_is_the_independent_number(name: str) -> None:
+def test_contribution_is_the_independent_number(name):
     assert off_its_law(name) < 1e-12
 
 
 @pytest.mark.parametrize("name", [n for n in ALL if n not in NOT_PARSED])
-def test_the_card_s_formula_is_what_the_code_computes(name: str) -> None:
+def test_the_card_s_formula_is_what_the_code_computes(name):
     for seed in SEEDS:
         s, made = given(seed).at(sense=()), example(name)  # readouts counted as the drawing counts them
         found = made.contribution(s)
@@ -80,5 +80,5 @@ def test_the_card_s_formula_is_what_the_code_computes(name: str) -> None:
         assert np.abs(printed - found).max() < SMOOTHED.get(name, 1e-12) * np.abs(found).max()
 
 
-def test_every_card_is_read() -> None:
+def test_every_card_is_read():
     assert len(NOT_PARSED) == 0, "a card that cannot be parsed is rewritten; this list may only shrink"

@@ -1,7 +1,5 @@
 """A process has the covariance that it says, in closed form, sampled, and in pieces."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -27,7 +25,7 @@ EVERY: list[Process] = [
 ]  # fmt: skip
 
 
-def closed_form(process: Process) -> Any:
+def closed_form(process):
     lag = np.abs(TIME[:, None] - TIME)
     same = np.eye(len(TIME))
     match process:
@@ -48,12 +46,12 @@ def closed_form(process: Process) -> Any:
 
 
 @pytest.mark.parametrize("process", EVERY, ids=lambda p: p.id)
-def test_covariance_is_the_closed_form(process: Process) -> None:
+def test_covariance_is_the_closed_form(process):
     np.testing.assert_allclose(covariance(process, TIME, VISIT), closed_form(process), rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("process", EVERY, ids=lambda p: p.id)
-def test_samples_have_that_covariance(process: Process) -> None:
+def test_samples_have_that_covariance(process):
     rng, n = np.random.default_rng(1), 4000
     drawn = np.stack([sample(process, rng, TIME, VISIT)[0] for _ in range(n)])
     P = closed_form(process)
@@ -63,7 +61,7 @@ def test_samples_have_that_covariance(process: Process) -> None:
 
 
 @pytest.mark.parametrize("process", EVERY, ids=lambda p: p.id)
-def test_a_record_in_pieces_goes_on_where_it_stopped(process: Process) -> None:
+def test_a_record_in_pieces_goes_on_where_it_stopped(process):
     time = np.arange(12.0)
     P = covariance(process, time)
     rng, n = np.random.default_rng(2), 4000
@@ -77,7 +75,7 @@ def test_a_record_in_pieces_goes_on_where_it_stopped(process: Process) -> None:
     assert np.abs((found - P) / size * np.sqrt(n)).max() < 5
 
 
-def test_flicker_has_the_flat_allan_deviation_of_ieee_952() -> None:
+def test_flicker_has_the_flat_allan_deviation_of_ieee_952():
     process = Flicker(1.0, 1.0, 4096.0)
     floor = np.sqrt(2 * np.log(2) / np.pi)
     for m in (8, 32, 128):
@@ -87,7 +85,7 @@ def test_flicker_has_the_flat_allan_deviation_of_ieee_952() -> None:
         assert np.sqrt(weight @ P @ weight / 2) == pytest.approx(floor, rel=0.03)
 
 
-def test_quantisation_rounds_to_whole_steps() -> None:
+def test_quantisation_rounds_to_whole_steps():
     x = np.random.default_rng(3).uniform(-100, 100, 20000)
     error = Quantisation(3.0).rounded(x) - x
     assert np.abs(error).max() <= 1.5
@@ -95,7 +93,7 @@ def test_quantisation_rounds_to_whole_steps() -> None:
 
 
 @pytest.mark.parametrize("cls", Process.__subclasses__())
-def test_a_process_has_a_card(cls: type[Process]) -> None:
+def test_a_process_has_a_card(cls):
     assert cls.id
     assert ".. math::" in (cls.__doc__ or "")
     assert set(cls.sources) <= set(REFERENCES)

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
+from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
-from gimbalcal.number import Array
-from gimbalcal.platform import Platform
 from gimbalcal.units import from_si
 from tests.effects.recordings import RECORDINGS, experienced, ready, unknowns
 
@@ -21,14 +19,12 @@ OF_PRIOR = {"gravity_leakage": 0.01}  # of a unit that tilts a little; the table
 CASES = [(n, k) for n in ALL for k in RECORDINGS if k in CATALOGUE[n].kinds]
 
 
-def test_every_effect_is_looked_for_in_every_kind_of_recording_that_it_names() -> None:
+def test_every_effect_is_looked_for_in_every_kind_of_recording_that_it_names():
     assert {k for _, k in CASES} == {k for n in ALL for k in CATALOGUE[n].kinds}
     assert {n for n, _ in CASES} == set(ALL)
 
 
-def rows(
-    platform: Platform, s: Stimulus, effects: tuple[Effect, ...], wanted: tuple[Parameter, ...], kind: str
-) -> tuple[Array, Array]:
+def rows(platform, s, effects, wanted, kind):
     """Whitened prediction (m,) and Jacobian (m, p)."""
     h, J = predict(platform, s, effects, kind), jacobian(platform, s, effects, wanted, kind)
     return (
@@ -38,7 +34,7 @@ def rows(
 
 
 @pytest.mark.parametrize(("name", "kind"), CASES)
-def test_is_recovered_where_it_is_seen_and_named_where_it_is_not(name: str, kind: str) -> None:
+def test_is_recovered_where_it_is_seen_and_named_where_it_is_not(name, kind):
     recording, rng = RECORDINGS[kind], np.random.default_rng([9, len(name)])
     platform, s = recording.platform, experienced(kind)
     own = unknowns(name, constants=False, kind=kind)
@@ -70,7 +66,7 @@ def test_is_recovered_where_it_is_seen_and_named_where_it_is_not(name: str, kind
             assert p.label in named, f"{p.label} is invisible and the fit does not say so"
 
 
-def hidden(J: Array, wanted: tuple[Parameter, ...], p: Parameter) -> float:
+def hidden(J, wanted, p):
     """What is left, in sigma, of one prior sigma of p when the other parameters imitate it by moves of some sigmas.
 
     Without the limit (ten prior sigmas count as one sigma of misfit) a column that is almost invisible would imitate

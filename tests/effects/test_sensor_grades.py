@@ -26,7 +26,7 @@ TABLE = {
 }
 
 
-def test_the_table_is_what_the_factors_make_of_the_catalogue() -> None:
+def test_the_table_is_what_the_factors_make_of_the_catalogue():
     rows = dict(re.findall(r"^(\S[^\n]*\]) +((?:[\d.]+ *){4})$", sensor_grades.__doc__ or "", re.MULTILINE))
     assert set(rows) == set(TABLE)
     for words, (effect, unit) in TABLE.items():
@@ -35,12 +35,12 @@ def test_the_table_is_what_the_factors_make_of_the_catalogue() -> None:
         np.testing.assert_allclose([float(x) for x in rows[words].split()], made, rtol=1e-9)
 
 
-def test_every_number_of_a_sensor_has_a_quantity() -> None:
+def test_every_number_of_a_sensor_has_a_quantity():
     of_sensors = [c for c in CATALOGUE.values() if c.stage in SENSOR_STAGES | GYROSCOPE_STAGES]
     assert {p.unit for c in of_sensors for p in parameters(c)} <= set(QUANTITY_OF_UNIT)
 
 
-def test_navigation_accelerometers_and_mounts_are_as_the_catalogue_says() -> None:
+def test_navigation_accelerometers_and_mounts_are_as_the_catalogue_says():
     for cls in CATALOGUE.values():
         for p in parameters(cls, ("elevation", "azimuth")):
             if cls.stage not in GYROSCOPE_STAGES:
@@ -49,7 +49,7 @@ def test_navigation_accelerometers_and_mounts_are_as_the_catalogue_says() -> Non
                 assert GRADES["consumer"].usual(p) == p
 
 
-def test_each_grade_is_no_better_than_the_one_before() -> None:
+def test_each_grade_is_no_better_than_the_one_before():
     every = [p for c in CATALOGUE.values() for p in parameters(c)]
     factors = np.array([[g.factor(p) for p in every] for g in GRADES.values()])
     assert np.all(np.diff(factors, axis=0) >= 0)
@@ -69,12 +69,12 @@ def test_each_grade_is_no_better_than_the_one_before() -> None:
         (5, 0.3, "industrial"),  # of the two triads the lower one
     ],
 )
-def test_units_of_the_trade_find_their_grade(force: float | None, rate: float | None, name: str) -> None:
+def test_units_of_the_trade_find_their_grade(force, rate, name):
     f = None if force is None else force * 1e-6 * G0
     w = None if rate is None else np.deg2rad(rate) / 60
     assert grade_of_noise(f, w).name == name
 
 
-def test_a_grade_that_is_none_is_refused_with_the_names() -> None:
+def test_a_grade_that_is_none_is_refused_with_the_names():
     with refused():
         grade_named("space")

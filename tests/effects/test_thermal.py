@@ -3,8 +3,6 @@
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects import Effect
-from gimbalcal.number import Array
 from gimbalcal.units import from_si, to_si
 from tests.effects.stimulus import given, made
 
@@ -12,7 +10,7 @@ TIME = np.arange(0.0, 36000.0, 10.0)
 TEN = [to_si(10.0, "ug"), 0, 0]
 
 
-def output(effect: Effect, temperature: Array | float = 20.0, force: Array | float = 0.0) -> Array:
+def output(effect, temperature=20.0, force=0.0):
     """What the x axis adds (n,) [ug]; coefficients are referred to 20 degC."""
     n = len(TIME)
     along = np.zeros((n, 3))
@@ -21,19 +19,19 @@ def output(effect: Effect, temperature: Array | float = 20.0, force: Array | flo
     return np.asarray(from_si(effect.contribution(s)[:, 0], "ug"))
 
 
-def test_after_an_hour_a_third_of_the_warm_up_is_left() -> None:
+def test_after_an_hour_a_third_of_the_warm_up_is_left():
     y = output(made("warm_up", w=TEN, tau=3600.0))
     np.testing.assert_allclose(y[[0, 360, 720]], [10, 10 / np.e, 10 / np.e**2], rtol=1e-12)
 
 
-def test_a_bias_has_its_turning_point_at_the_reference_temperature() -> None:
+def test_a_bias_has_its_turning_point_at_the_reference_temperature():
     ramp = np.linspace(10.0, 30.0, len(TIME))
     y = output(made("bias_temperature_squared", q=[to_si(0.1, "ug/degC^2"), 0, 0]), ramp)
     np.testing.assert_allclose(y, y[::-1], atol=1e-12)
     np.testing.assert_allclose(y[[0, -1]], 10.0, rtol=1e-12)  # 0.1 ug/degC^2 ten degrees away
 
 
-def test_on_a_ramp_the_late_bias_differs_from_the_prompt_one_by_rate_times_time_constant() -> None:
+def test_on_a_ramp_the_late_bias_differs_from_the_prompt_one_by_rate_times_time_constant():
     ramp = 20 + 2.0 * TIME / 3600  # degC, two an hour
     coefficient = [to_si(5.0, "ug/degC"), 0, 0]
     late = output(made("bias_temperature_lagged", b_L=coefficient, tau=1080.0), ramp)
@@ -43,13 +41,13 @@ def test_on_a_ramp_the_late_bias_differs_from_the_prompt_one_by_rate_times_time_
     np.testing.assert_allclose(rate, 10.0, rtol=1e-9)
 
 
-def test_a_scale_that_follows_the_temperature_changes_sign_with_the_face() -> None:
+def test_a_scale_that_follows_the_temperature_changes_sign_with_the_face():
     warm = made("scale_temperature", s_T=[50e-6, 0, 0])
     np.testing.assert_allclose(output(warm, 22.0, G0), 100.0, rtol=1e-12)  # 50 ppm/degC x 2 degC at 1 g
     np.testing.assert_allclose(output(warm, 22.0, -G0), -100.0, rtol=1e-12)
 
 
-def test_self_heating_is_the_same_on_both_faces_and_late_after_a_turn() -> None:
+def test_self_heating_is_the_same_on_both_faces_and_late_after_a_turn():
     heat = made("self_heating", H=TEN, tau=720.0)
     np.testing.assert_allclose(output(heat, force=G0), output(heat, force=-G0), rtol=1e-14)
     turned = output(heat, force=np.where(TIME < 18000.0, 0.0, G0))  # from null to the face

@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, norm_fit
 from gimbalcal.estimate.extra_effects import Extension, extra_effects
-from gimbalcal.number import Array
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.views.norm import norm
@@ -24,7 +22,7 @@ from tests.estimate.static_runs import run
 DRAWS = 12
 
 
-def positions(truth: tuple[Effect, ...], rng: np.random.Generator) -> Recording:
+def positions(truth, rng):
     """18 positions of 12 s with the stated noise of samples and settings."""
     blank = record(rng, dwell=12)
     view = view_of_positions(blank, NOISE, averaged=False)
@@ -35,12 +33,12 @@ def positions(truth: tuple[Effect, ...], rng: np.random.Generator) -> Recording:
     )
 
 
-def norms(truth: tuple[Effect, ...], rng: np.random.Generator) -> Recording:
+def norms(truth, rng):
     """40 rests at unknown attitudes, one a minute."""
     return rested(truth, scattered(40), seed=int(rng.integers(2**31)))
 
 
-def static_run(truth: tuple[Effect, ...], rng: np.random.Generator) -> Recording:
+def static_run(truth, rng):
     """A day of a space-stable platform."""
     return run(truth, rng, hours=24.0, step=900.0)
 
@@ -53,16 +51,16 @@ class Case:
     truth: dict[str, float]
     measure: Callable[[tuple[Effect, ...], np.random.Generator], Recording]
 
-    def effects(self) -> tuple[Effect, ...]:
+    def effects(self):
         cls = CATALOGUE[self.word.partition(":")[0]]
         by_label = {p.label: p for p in parameters(cls, ("platform", "inner", "middle"), constants=True)}
         return with_values((), [by_label[label] for label in self.truth], np.array([*self.truth.values()]))
 
-    def calibrated(self, recording: Recording) -> Calibration:
+    def calibrated(self, recording):
         more = extra_effects([self.word], [recording])
         return multiposition(recording, LINEAR, more) if self.measure is norms else three_stage([recording], more=more)
 
-    def deviations(self, draws: int, seed: int = 0) -> tuple[Array, float]:
+    def deviations(self, draws, seed=0):
         """(estimate - truth) / sigma (draws, p) of size and constant, and the mean correlation of the two."""
         out, together = [], []
         for i in range(draws):
@@ -96,7 +94,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_size_and_constant_scatter_by_their_sigmas(name: str) -> None:
+def test_size_and_constant_scatter_by_their_sigmas(name):
     z, correlation = CASES[name].deviations(DRAWS)
     rms = np.sqrt((z**2).mean(axis=0))
     # the rms of 12 normal draws is within 0.45 and 1.6 in 999 of 1000 cases
@@ -104,7 +102,7 @@ def test_size_and_constant_scatter_by_their_sigmas(name: str) -> None:
     assert abs(correlation) > 0.1  # a sigma of the size that ignored the constant would be too small
 
 
-def test_a_constant_that_is_stated_is_held() -> None:
+def test_a_constant_that_is_stated_is_held():
     case = CASES["warm-up by the norm"]
     recording = case.measure(case.effects(), np.random.default_rng(5))
     free, held = (
@@ -120,7 +118,7 @@ def test_a_constant_that_is_stated_is_held() -> None:
     assert free.sigmas[size] > 1.02 * held.sigmas[size]
 
 
-def test_the_start_does_not_matter() -> None:
+def test_the_start_does_not_matter():
     case = CASES["warm-up by the norm"]
     recording = case.measure(case.effects(), np.random.default_rng(6))
     (e,) = extra_effects(["warm_up:y"], [recording])
@@ -136,7 +134,7 @@ def test_the_start_does_not_matter() -> None:
         np.testing.assert_allclose(other.solution.sigma, first.sigma, rtol=0.01)
 
 
-def test_both_recordings_determine_one_constant() -> None:
+def test_both_recordings_determine_one_constant():
     truth = CASES["warm-up at positions"].effects()
     rng = np.random.default_rng(7)
     table, still = positions(truth, rng), run(truth, rng, hours=24.0, step=100.0)

@@ -1,9 +1,7 @@
 """Two triads in one recording: read apart, written together, calibrated each, held against each other."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +9,7 @@ import pytest
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.cross_check import cross_check
 from gimbalcal.methods import by_sensor, calibrate_each
-from gimbalcal.number import Array
-from gimbalcal.recording import Recording, dwell_means, read, write
+from gimbalcal.recording import dwell_means, read, write
 from gimbalcal.rotation import frame_rotation
 from gimbalcal.units import to_si
 from tests.estimate.test_sessions import session
@@ -21,7 +18,7 @@ from tests.golden import golden_text, refused
 MOUNTED = frame_rotation("z", np.radians(30.0)) @ frame_rotation("x", np.radians(-4.0))
 
 
-def two(seed: int, error: Callable[[Array], Array] = lambda f: f, moving: bool = False) -> Recording:
+def two(seed, error=lambda f: f, moving=False):
     """One unit with a second triad, of half the noise, turned by `MOUNTED`; `error` is added to what that one reads."""
     a = session(seed, moving=moving, rests=20)
     rng = np.random.default_rng(100 + seed)
@@ -32,7 +29,7 @@ def two(seed: int, error: Callable[[Array], Array] = lambda f: f, moving: bool =
     return replace(a, sensor="a", title=f"{a.title} (a)", other_sensors=(b,))
 
 
-def test_two_triads_go_into_a_folder_and_come_back(tmp_path: Path) -> None:
+def test_two_triads_go_into_a_folder_and_come_back(tmp_path):
     made = two(1, moving=True)
     write(made, tmp_path / "rec")
     header = (tmp_path / "rec" / "recording.toml").read_text()
@@ -47,19 +44,19 @@ def test_two_triads_go_into_a_folder_and_come_back(tmp_path: Path) -> None:
             np.testing.assert_allclose(other.triad(quantity), one.triad(quantity), rtol=1e-12)
 
 
-def test_unnamed_columns_are_a_sensor_of_their_own(tmp_path: Path) -> None:
+def test_unnamed_columns_are_a_sensor_of_their_own(tmp_path):
     write(replace(two(1), sensor=""), tmp_path / "rec")
     assert [r.sensor for r in read(tmp_path / "rec").sensors] == ["", "b"]
 
 
-def test_rests_and_means_are_those_of_all() -> None:
+def test_rests_and_means_are_those_of_all():
     means = dwell_means(two(2))
     assert [len(r.time) for r in means.sensors] == [20, 20]
     assert not np.allclose(means.triad("specific_force"), means.other_sensors[0].triad("specific_force"))
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_triads_agree_but_for_how_they_are_mounted(seed: int) -> None:
+def test_triads_agree_but_for_how_they_are_mounted(seed):
     a, b = two(10 + seed).sensors
     check = cross_check((a, multiposition(a)), (b, multiposition(b)), ("a", "b"))
     np.testing.assert_allclose(check.rotation, MOUNTED, atol=3e-3)  # the second frame is that of its own input axes
@@ -68,10 +65,10 @@ def test_triads_agree_but_for_how_they_are_mounted(seed: int) -> None:
     golden_text(check.in_words)
 
 
-def test_a_law_that_one_triad_follows_alone_shows_in_the_other() -> None:
+def test_a_law_that_one_triad_follows_alone_shows_in_the_other():
     """A gravity that is wrong in one attitude leaves the norm as it is and the direction not."""
 
-    def leaning(f: Array) -> Array:
+    def leaning(f):
         tilt = 0.02 * (f[:, :1] > 5.0) * np.array([0.0, 1.0, 0.0])  # the sensor leans in its mount, x up
         return f + np.cross(tilt, f)
 
@@ -79,14 +76,12 @@ def test_a_law_that_one_triad_follows_alone_shows_in_the_other() -> None:
     check = cross_check((a, multiposition(a)), (b, multiposition(b)), ("a", "b"))
     assert not check.agree
     golden_text(check.in_words)
-    few = a.select((a.position > 0) & (a.position <= 3))  # type: ignore[operator]
+    few = a.select((a.position > 0) & (a.position <= 3))
     with refused():
         cross_check((few, multiposition(a)), (few, multiposition(a)), ("a", "b"))
 
 
-def test_each_is_calibrated_and_the_command_writes_both(
-    tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_is_calibrated_and_the_command_writes_both(tmp_path, command, capsys):
     write(two(3), tmp_path / "rec")
     (a, _), (b, _) = calibrate_each([tmp_path / "rec"], "multiposition")
     assert a.provenance["options"]["sensor"] == "a"
@@ -104,9 +99,7 @@ def test_each_is_calibrated_and_the_command_writes_both(
 
 
 @pytest.mark.parametrize("asked", ["calibrate", "diagnose"])
-def test_both_results_are_of_one_age_where_the_second_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: Callable[..., int], asked: str
-) -> None:
+def test_both_results_are_of_one_age_where_the_second_fails(tmp_path, monkeypatch, command, asked):
     """The page of the second sensor cannot be made: nothing of the first is replaced."""
     out = tmp_path / "out"
     for folder in (out, out / "b"):
@@ -118,7 +111,7 @@ def test_both_results_are_of_one_age_where_the_second_fails(
         module = "gimbalcal.report.diagnosis_page.diagnosis_report"
     made: list[int] = []
 
-    def page(*_: object) -> str:
+    def page(*_):
         made.append(1)
         if len(made) == 2:
             raise KeyboardInterrupt
@@ -136,7 +129,7 @@ def test_both_results_are_of_one_age_where_the_second_fails(
     assert len(list(out.rglob("calibration.json"))) == 2
 
 
-def test_recordings_with_other_sensors_do_not_go_together() -> None:
+def test_recordings_with_other_sensors_do_not_go_together():
     with refused():
         by_sensor([two(4), session(5)])
 
@@ -149,7 +142,7 @@ def test_recordings_with_other_sensors_do_not_go_together() -> None:
         (', sensor = "b"', ""),
     ],
 )
-def test_slips_in_naming_sensors(tmp_path: Path, old: str, new: str) -> None:
+def test_slips_in_naming_sensors(tmp_path, old, new):
     write(replace(two(6), sensor=""), tmp_path / "rec")
     path = tmp_path / "rec" / "recording.toml"
     path.write_text(path.read_text().replace(old, new))

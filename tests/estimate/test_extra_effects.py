@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration, from_dict
+from gimbalcal.calibration import from_dict
 from gimbalcal.estimate.extra_effects import extra_effects
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording, block_means
+from gimbalcal.recording import block_means
 from gimbalcal.simulate import simulate
 from tests.diagnose.plant import ARCSEC, UG, known, record
 from tests.golden import golden_text, refused
@@ -20,17 +20,17 @@ from tests.golden import golden_text, refused
 DATA = Path(__file__).parents[2] / "data"
 
 
-def positions(kind: str = "bias T", size: float = 30 * UG, **options: int) -> Recording:
+def positions(kind="bias T", size=30 * UG, **options):
     return record(np.random.default_rng(4), known(1)[kind][0], size, **options)
 
 
-def estimate(made: Calibration, label: str) -> tuple[float, float]:
+def estimate(made, label):
     again = from_dict(json.loads(json.dumps(made.to_dict())))
     at = [p.label for p in again.parameters].index(label)
     return float(again.values[at]), float(again.sigmas[at])
 
 
-def test_an_effect_that_is_added_takes_up_what_was_left() -> None:
+def test_an_effect_that_is_added_takes_up_what_was_left():
     r = positions(dwell=12)
     without, made = three_stage([r]), three_stage([r], more=extra_effects(["bias_temperature:y"], [r]))
     golden_text(without.outcome)
@@ -42,7 +42,7 @@ def test_an_effect_that_is_added_takes_up_what_was_left() -> None:
     assert three_stage([made.apply(r)]).outcome == ""
 
 
-def test_a_constant_is_the_one_that_fits_best_or_the_one_that_is_stated() -> None:
+def test_a_constant_is_the_one_that_fits_best_or_the_one_that_is_stated():
     r = positions("warm-up", 3000 * UG, dwell=12)
     made = three_stage([r], more=extra_effects(["warm_up:y"], [r]))
     value, sigma = estimate(made, "warm_up.tau")
@@ -53,7 +53,7 @@ def test_a_constant_is_the_one_that_fits_best_or_the_one_that_is_stated() -> Non
     assert made.residual.chi2 < told.residual.chi2
 
 
-def test_a_position_that_was_not_set_is_found_among_all() -> None:
+def test_a_position_that_was_not_set_is_found_among_all():
     r = positions("blunder", 40 * ARCSEC, dwell=12)
     assert "mis-set" in three_stage([r]).outcome
     made = three_stage([r], more=extra_effects(["position_blunder"], [r]))
@@ -62,7 +62,7 @@ def test_a_position_that_was_not_set_is_found_among_all() -> None:
     assert not made.provenance["left_out"]
 
 
-def test_a_static_run_and_both_together_take_it_too() -> None:
+def test_a_static_run_and_both_together_take_it_too():
     (run,) = load([DATA / "space_stable_static"])
     table, run = positions(size=0.0, dwell=6), block_means(run, 20)
     alone = three_stage([run], more=extra_effects(["gyro_drift:equatorial"], [run]))
@@ -74,7 +74,7 @@ def test_a_static_run_and_both_together_take_it_too() -> None:
     golden_text(both.outcome)  # they are of two units
 
 
-def test_units_turned_by_hand_take_it_at_rest_and_on_the_way() -> None:
+def test_units_turned_by_hand_take_it_at_rest_and_on_the_way():
     r, truth = simulate("turned-unit")
     r = replace(r, platform=BENCH, channels={k: v for k, v in r.channels.items() if k[0] != "gimbal_angle"})
     asked = extra_effects(["gyro_g_sensitivity_rate:z", "gyro_scale_nonlinearity", "scale_factor_asymmetry:x"], [r])
@@ -106,12 +106,12 @@ def test_units_turned_by_hand_take_it_at_rest_and_on_the_way() -> None:
         "bias",
     ],
 )
-def test_what_cannot_be_added_is_one_sentence(words: str) -> None:
+def test_what_cannot_be_added_is_one_sentence(words):
     with refused():
         extra_effects([words], [positions(dwell=4)], ("bias",))
 
 
-def test_what_needs_an_angle_is_refused_where_none_is_known() -> None:
+def test_what_needs_an_angle_is_refused_where_none_is_known():
     (r,) = load([DATA / "xsens_positions"])
     with refused():
         extra_effects(["gimbal_flexure"], [r])

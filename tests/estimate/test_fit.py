@@ -12,7 +12,7 @@ from gimbalcal.effects.accelerometer import Bias, ScaleFactor
 from gimbalcal.estimate.fit import fit
 from gimbalcal.readings import readings
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
-from gimbalcal.views.core import View, nuisance
+from gimbalcal.views.core import nuisance
 from gimbalcal.views.known_attitude import view_of_readings
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.positions import planned
@@ -22,7 +22,7 @@ TRUE = np.array([3e-3, -2e-3, 1e-3, 2e-4, -1e-4, 3e-4])  # m/s^2, 1
 FORCE, ANGLE = 1e-4, 3e-5  # one sigma of a row, m/s^2 and rad
 
 
-def forces(rng: np.random.Generator, sigma: float, noise: NoiseModel | None = None) -> View:
+def forces(rng, sigma, noise=None):
     """Eighteen positions, in each of which three accelerometers err alike but for noise."""
     r = planned(EIGHTEEN_POSITIONS)
     read = readings(r)
@@ -31,7 +31,7 @@ def forces(rng: np.random.Generator, sigma: float, noise: NoiseModel | None = No
     return view_of_readings(read, noise or NoiseModel())
 
 
-def inclinations(rng: np.random.Generator, sigma: float) -> View:
+def inclinations(rng, sigma):
     """The same force as angles [rad] with noise of their own."""
     v = forces(rng, G * sigma)
     return replace(
@@ -41,7 +41,7 @@ def inclinations(rng: np.random.Generator, sigma: float) -> View:
     )
 
 
-def test_views_of_different_units_have_a_scale_each() -> None:
+def test_views_of_different_units_have_a_scale_each():
     rng, scales, errors = np.random.default_rng(1), [], []
     for _ in range(20):
         found = fit([forces(rng, FORCE), inclinations(rng, ANGLE)], WANTED)
@@ -52,7 +52,7 @@ def test_views_of_different_units_have_a_scale_each() -> None:
     assert 0.85 < np.sqrt(np.mean(np.square(errors))) < 1.15
 
 
-def test_rows_are_weighed_by_the_scale_of_their_own_kind() -> None:
+def test_rows_are_weighed_by_the_scale_of_their_own_kind():
     # angles of 1 ug are worth all, forces of 1 mg nothing: the same fit as of the angles alone
     rng = np.random.default_rng(2)
     good, poor = inclinations(rng, 1e-6), forces(rng, 1e-2)
@@ -61,7 +61,7 @@ def test_rows_are_weighed_by_the_scale_of_their_own_kind() -> None:
     np.testing.assert_allclose(both.sigmas, alone.sigmas, rtol=0.1)
 
 
-def test_rows_of_stated_noise_are_no_degrees_of_freedom_of_the_others() -> None:
+def test_rows_of_stated_noise_are_no_degrees_of_freedom_of_the_others():
     rng = np.random.default_rng(3)
     stated = NoiseModel(np.full(3, FORCE), scale_known=True)
     found = [fit([forces(rng, FORCE, stated), inclinations(rng, ANGLE)], WANTED) for _ in range(20)]
@@ -70,7 +70,7 @@ def test_rows_of_stated_noise_are_no_degrees_of_freedom_of_the_others() -> None:
     np.testing.assert_array_equal(found[0].sigma[0], FORCE)
 
 
-def test_runs_of_one_kind_share_their_scale() -> None:
+def test_runs_of_one_kind_share_their_scale():
     # the scatter about the common constants
     rng = np.random.default_rng(4)
     runs = [forces(rng, FORCE) for _ in range(2)]
@@ -81,7 +81,7 @@ def test_runs_of_one_kind_share_their_scale() -> None:
 
 
 @pytest.mark.parametrize("prior", [1e-9, 1e3])
-def test_a_nuisance_takes_as_many_degrees_of_freedom_as_the_rows_tell_of_it(prior: float) -> None:
+def test_a_nuisance_takes_as_many_degrees_of_freedom_as_the_rows_tell_of_it(prior):
     # of no prior it is one more constant, of a narrow one it is none
     rng = np.random.default_rng(5)
     v = forces(rng, FORCE)
@@ -93,7 +93,7 @@ def test_a_nuisance_takes_as_many_degrees_of_freedom_as_the_rows_tell_of_it(prio
     assert found.excess == pytest.approx(np.sqrt((found.residual[0] ** 2).sum() / free), rel=1e-6)
 
 
-def test_what_a_nuisance_takes_up_is_a_null_direction_of_the_calibration() -> None:
+def test_what_a_nuisance_takes_up_is_a_null_direction_of_the_calibration():
     v = forces(np.random.default_rng(6), FORCE, NoiseModel(np.full(3, FORCE), scale_known=True))
     N = v.evaluate(()).jacobian(WANTED[:1]) * WANTED[0].sigma
     N = np.concatenate([N, 0 * N], axis=-1)

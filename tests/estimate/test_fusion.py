@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.estimate.fusion import fuse
 from gimbalcal.forward import jacobian, predict
-from gimbalcal.inference.information import Information, information, solve
+from gimbalcal.inference.information import information, solve
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
 from tests.estimate.static_runs import ARCSEC, run, static_information
 from tests.golden import golden_text
@@ -19,19 +19,19 @@ SENSORS = ("scale_factor", "bias", "scale_nonlinearity", "misalignment")
 NAMES = SPACE_STABLE.axis_names
 
 
-def eighteen_coefficients() -> tuple[Parameter, ...]:
+def eighteen_coefficients():
     wanted = [p for i in (*SENSORS, "gimbal_zero") for p in parameters(CATALOGUE[i], NAMES)]
     return tuple(p for p in wanted if p.axis != "outer")
 
 
-def truth(seed: int) -> tuple[Effect, ...]:
+def truth(seed):
     """Eighteen coefficients in the sense of Table 1."""
     wanted = eighteen_coefficients()
     x = np.random.default_rng(seed).normal(size=len(wanted)) * [0.3 * p.sigma for p in wanted]
     return with_values((), wanted, x, NAMES)
 
 
-def device(effects: tuple[Effect, ...], rng: np.random.Generator | None, sigma: float = 1e-5) -> Information:
+def device(effects, rng, sigma=1e-5):
     """Eighteen positions at exact angles, white noise of each position's mean."""
     s, wanted = eighteen(), eighteen_coefficients()
     J = jacobian(SPACE_STABLE, s, effects, wanted)["specific_force"]
@@ -41,18 +41,18 @@ def device(effects: tuple[Effect, ...], rng: np.random.Generator | None, sigma: 
     return information(J / sigma, r / sigma, wanted)
 
 
-def before(info: Information) -> Calibration:
+def before(info):
     s = solve(info)
     residual = Residual(s.chi2, s.dof, {"specific_force:x": 1e-5})
     return Calibration("joint", with_values((), s.parameters, s.x, NAMES), s.parameters, s.covariance, (), residual)
 
 
-def sigma_of(c: Calibration, direction: dict[str, float]) -> float:
+def sigma_of(c, direction):
     w = np.array([direction.get(p.label, 0.0) for p in c.parameters])
     return float(np.sqrt(w @ c.covariance @ w))
 
 
-def fused(seed: int, noisy: bool = True) -> tuple[Calibration, Calibration, tuple[Effect, ...]]:
+def fused(seed, noisy=True):
     rng = np.random.default_rng(seed + 100) if noisy else None
     true = truth(seed)
     d = device(true, rng)
@@ -61,7 +61,7 @@ def fused(seed: int, noisy: bool = True) -> tuple[Calibration, Calibration, tupl
     return first, fuse(d, static_information(recording, true), first), true
 
 
-def test_readouts_of_platform_and_outer_gimbal_run_the_other_way() -> None:
+def test_readouts_of_platform_and_outer_gimbal_run_the_other_way():
     assert SPACE_STABLE.sense == (1, 1, 1, 1)
     assert SPACE_STABLE_INERTIAL.sense == (-1, 1, 1, -1)
     angles, sign = np.array([0.3, 0.1, -0.2, 0.7]), np.array(SPACE_STABLE_INERTIAL.sense)
@@ -71,7 +71,7 @@ def test_readouts_of_platform_and_outer_gimbal_run_the_other_way() -> None:
     )
 
 
-def test_fusion_is_within_its_claims_and_no_worse_than_either() -> None:
+def test_fusion_is_within_its_claims_and_no_worse_than_either():
     runs, nees, size = 12, 0.0, 0
     for seed in range(runs):
         first, both, true = fused(seed)
@@ -87,7 +87,7 @@ def test_fusion_is_within_its_claims_and_no_worse_than_either() -> None:
     assert chi2.ppf(0.0005, size) < nees < chi2.ppf(0.9995, size)
 
 
-def test_the_static_run_sharpens_what_the_positions_know_less_well() -> None:
+def test_the_static_run_sharpens_what_the_positions_know_less_well():
     first, both, _ = fused(3)
     difference = {"scale_factor:x": 0.5, "scale_factor:y": -0.5}
     assert sigma_of(both, difference) < 0.6 * sigma_of(first, difference)
@@ -98,7 +98,7 @@ def test_the_static_run_sharpens_what_the_positions_know_less_well() -> None:
     assert "sigma of" in both.stages[0].in_words
 
 
-def test_what_neither_sees_is_named_and_only_with_the_right_sense_of_the_zeros() -> None:
+def test_what_neither_sees_is_named_and_only_with_the_right_sense_of_the_zeros():
     true = truth(4)
     d = device(true, None)
     recording = run(true)
@@ -114,7 +114,7 @@ def test_what_neither_sees_is_named_and_only_with_the_right_sense_of_the_zeros()
     assert not any(triad <= set(u.direction) for u in wrong)  # it would claim to see what no data show
 
 
-def test_contradicting_stages_are_told() -> None:
+def test_contradicting_stages_are_told():
     true = truth(5)
     rng = np.random.default_rng(6)
     d = device(true, rng)
@@ -126,7 +126,7 @@ def test_contradicting_stages_are_told() -> None:
 
 
 @pytest.mark.parametrize("seed", [7, 8])
-def test_without_noise_the_truth_comes_back(seed: int) -> None:
+def test_without_noise_the_truth_comes_back(seed):
     _, both, true = fused(seed, noisy=False)
     seen = {"bias:x": 1.0}, {"scale_factor:z": 1.0}, {"misalignment:zx": 1.0}
     for direction in seen:

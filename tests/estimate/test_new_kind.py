@@ -1,6 +1,5 @@
 """A new kind of measurement is one view and one kind: an inclinometer beside the accelerometers of a unit."""
 
-from collections.abc import Container, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,17 +8,17 @@ import pytest
 from gimbalcal import methods
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.verdict.view_calibration import calibrated_views
-from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.estimate.fit import fit
 from gimbalcal.forward import accelerometers, linearise
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.platform import BENCH, Platform
+from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, dwell_means
 from gimbalcal.recording import kinds as recording_kinds
 from gimbalcal.recording.kinds import Kind
-from gimbalcal.recording.record import FORCE, Key
+from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import Fit, Measurement, View, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import norm
@@ -30,7 +29,7 @@ UP = ("covariate", "upside_down")
 INCLINATION = Measurement("inclination", "mg", "positions", "the force", "the force along {axis}", (FORCE,))
 
 
-def inclined(recording: Recording, baseline: Sequence[str] = ()) -> View:
+def inclined(recording, baseline=()):
     """Return the view of accelerometers whose force an inclinometer tells, in the axes of its case."""
     means = dwell_means(recording)
     tilt = np.stack([np.sin(means.channels[key]) for key in AXES], axis=-1)
@@ -39,7 +38,7 @@ def inclined(recording: Recording, baseline: Sequence[str] = ()) -> View:
     s = stimulus_from_readings(means).at(force=force)
     channels = tuple((FORCE, a) for a in "xyz")
 
-    def rows(effects: Sequence[Effect]):  # type: ignore[no-untyped-def]
+    def rows(effects):
         return linearise(BENCH, s, effects, channels=channels, read=means.triad(FORCE), stages=SENSOR_STAGES)
 
     return View(
@@ -49,7 +48,7 @@ def inclined(recording: Recording, baseline: Sequence[str] = ()) -> View:
     )  # fmt: skip
 
 
-def _beside_an_inclinometer(platform: Platform, channels: Container[Key]) -> bool:
+def _beside_an_inclinometer(platform, channels):
     return not platform.axes and AXES[0] in channels
 
 
@@ -63,11 +62,11 @@ TRUE = np.array([2e-4, -1e-4, 3e-4, 4e-3, -2e-3, 1e-3, 1e-4, -2e-4, 5e-5, 3e-4, 
 
 
 @pytest.fixture(autouse=True)
-def known(monkeypatch: pytest.MonkeyPatch) -> None:
+def known(monkeypatch):
     monkeypatch.setattr(recording_kinds, "EVERY", [INCLINED, *recording_kinds.EVERY])
 
 
-def recorded(rng: np.random.Generator, more: Sequence[Effect] = ()) -> Recording:
+def recorded(rng, more=()):
     """Forty attitudes, each held for five rows, with an inclinometer that is right but for its noise."""
     v = rng.standard_normal((40, 3))
     u = np.repeat(v / np.linalg.norm(v, axis=1, keepdims=True), 5, axis=0)
@@ -84,7 +83,7 @@ def recorded(rng: np.random.Generator, more: Sequence[Effect] = ()) -> Recording
     )
 
 
-def test_a_recording_with_its_channels_is_of_the_new_kind() -> None:
+def test_a_recording_with_its_channels_is_of_the_new_kind():
     r = recorded(np.random.default_rng(0))
     assert r.kind is INCLINED
     assert (
@@ -93,7 +92,7 @@ def test_a_recording_with_its_channels_is_of_the_new_kind() -> None:
     assert methods.usual_method([r]) == "least-squares"
 
 
-def test_it_is_calibrated() -> None:
+def test_it_is_calibrated():
     found, _ = methods.calibrate([recorded(np.random.default_rng(1))])
     error = (found.values - values(with_values((), WANTED, TRUE), found.parameters)) / found.sigmas
     assert len(error) == len(WANTED) == len(TRUE)
@@ -103,7 +102,7 @@ def test_it_is_calibrated() -> None:
     assert found.outcome == ""
 
 
-def test_what_is_added_and_what_it_lacks_are_found() -> None:
+def test_what_is_added_and_what_it_lacks_are_found():
     (cubic,) = with_values((), parameters(CATALOGUE["cubic_nonlinearity"])[1:2], np.array([4e-5]))
     r = recorded(np.random.default_rng(2), [cubic])
     d = diagnose([r])
@@ -115,7 +114,7 @@ def test_what_is_added_and_what_it_lacks_are_found() -> None:
     assert diagnose([recorded(np.random.default_rng(3))]).verdict == "adequate"
 
 
-def test_views_that_share_parameters_are_calibrated_in_one_frame() -> None:
+def test_views_that_share_parameters_are_calibrated_in_one_frame():
     # the norm has no reference for a rotation of the triad and states three misalignments, the other view states six
     errors = []
     for seed in range(6):

@@ -4,19 +4,18 @@ import numpy as np
 import pytest
 
 from gimbalcal.estimate.noise_memory import added_by_memory
-from gimbalcal.number import Array
 from tests.stimuli import remembering
 
 N = 200
 
 
-def noise(rng: np.random.Generator, memory: float, share: float) -> Array:
+def noise(rng, memory, share):
     """Rows (N,) of unit variance, of which a share remembers the row before."""
     slow = remembering(rng.standard_normal(N), memory)
     return np.asarray(np.sqrt(share) * slow + np.sqrt(1 - share) * rng.standard_normal(N))
 
 
-def ratios(memory: float, share: float) -> tuple[Array, Array]:
+def ratios(memory, share):
     """Rms of errors over sigmas of independent rows and of rows with memory: of a mean, a slope and a fast column."""
     rng = np.random.default_rng(5)
     J = np.column_stack([np.ones(N), np.linspace(-1, 1, N), rng.standard_normal(N)])
@@ -32,7 +31,7 @@ def ratios(memory: float, share: float) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize(("memory", "share"), [(0.8, 0.5), (0.9, 0.9), (0.95, 0.4)])
-def test_errors_are_as_large_as_stated_where_rows_remember(memory: float, share: float) -> None:
+def test_errors_are_as_large_as_stated_where_rows_remember(memory, share):
     before, after = ratios(memory, share)
     assert before[:2].min() > 1.8
     assert after.max() < 1.35
@@ -40,12 +39,12 @@ def test_errors_are_as_large_as_stated_where_rows_remember(memory: float, share:
     assert after[2] == pytest.approx(before[2], rel=0.1)  # a column that changes from row to row averages as before
 
 
-def test_independent_rows_keep_their_sigmas() -> None:
+def test_independent_rows_keep_their_sigmas():
     before, after = ratios(0.5, 0.0)
     assert after == pytest.approx(before, rel=0.12)
 
 
-def test_the_covariance_is_that_of_the_noise_in_a_long_record() -> None:
+def test_the_covariance_is_that_of_the_noise_in_a_long_record():
     """Against the sum over all pairs of rows, J^T V J, with the noise that made them."""
     rng, memory, share = np.random.default_rng(1), 0.9, 0.9
     J = np.ones((N, 1))
@@ -61,10 +60,10 @@ def test_the_covariance_is_that_of_the_noise_in_a_long_record() -> None:
     assert np.median(stated) == pytest.approx(exact, rel=0.35)
 
 
-def test_few_rows_show_no_memory() -> None:
+def test_few_rows_show_no_memory():
     J = np.ones((5, 1))
     assert not added_by_memory(J, np.array([1.0, 1, -1, -1, 0]), np.eye(1)).any()
 
 
-def test_a_channel_that_shows_nothing_adds_nothing() -> None:
+def test_a_channel_that_shows_nothing_adds_nothing():
     assert not added_by_memory(np.zeros((20, 2)), np.linspace(-1, 1, 20), np.eye(2)).any()

@@ -17,7 +17,7 @@ FEW = 2  # of 40 at 0.5 % each: more than two in one of 1000 sets of seeds; a fi
 
 
 @pytest.mark.parametrize(("tried", "dof"), [(6, np.inf), (15, 30.0), (18, 6.0)])
-def test_the_largest_of_what_was_tried_exceeds_it_as_rarely_as_promised(tried: int, dof: float) -> None:
+def test_the_largest_of_what_was_tried_exceeds_it_as_rarely_as_promised(tried, dof):
     rng, runs = np.random.default_rng(1), 100_000
     scale = 1.0 if np.isinf(dof) else np.sqrt(rng.chisquare(dof, (runs, tried)) / dof)
     largest = np.abs(rng.standard_normal((runs, tried)) / scale).max(axis=1)
@@ -25,7 +25,7 @@ def test_the_largest_of_what_was_tried_exceeds_it_as_rarely_as_promised(tried: i
     assert np.mean(largest > needed(tried, dof)) == pytest.approx(FALSE_TERM_RATE / TRIADS, abs=9e-4)
 
 
-def test_forces_without_further_terms_stay_without() -> None:
+def test_forces_without_further_terms_stay_without():
     further = set(TERMS) - set(LINEAR)
     taken = 0
     for seed in range(SEEDS):
@@ -34,7 +34,7 @@ def test_forces_without_further_terms_stay_without() -> None:
     assert taken <= FEW
 
 
-def test_gyroscopes_without_further_terms_stay_without() -> None:
+def test_gyroscopes_without_further_terms_stay_without():
     taken = 0
     for seed in range(SEEDS):
         recording = hand(RATES, 2e-3, count=20, seed=200 + seed)

@@ -6,22 +6,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration
-from gimbalcal.effects import Effect
 from gimbalcal.estimate.gyroscopes.revolutions import gyroscopes_from_revolutions
 from gimbalcal.estimate.unit import inertial_unit
-from gimbalcal.number import Array
-from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 
 
 @cache
-def run(name: str) -> tuple[Recording, tuple[Effect, ...], Calibration]:
+def run(name):
     recording, truth = simulate(name)
     return recording, truth, inertial_unit(recording)
 
 
-def errors(name: str, effects: tuple[str, ...]) -> Array:
+def errors(name, effects):
     """Estimate minus truth over sigma."""
     _, truth, made = run(name)
     by_id = {e.id: e for e in truth}
@@ -40,14 +36,14 @@ def errors(name: str, effects: tuple[str, ...]) -> Array:
         ("turned-unit", ("bias", "scale_factor", "misalignment"), 9),
     ],
 )
-def test_truth_comes_back_within_its_uncertainty(name: str, effects: tuple[str, ...], count: int) -> None:
+def test_truth_comes_back_within_its_uncertainty(name, effects, count):
     found = errors(name, effects)
     assert found.size == count
     assert np.sqrt(np.mean(found**2)) < 2  # 9 to 15 normal numbers, sigma scaled to the scatter
     assert np.abs(found).max() < 4
 
 
-def test_revolutions_are_a_hundred_times_sharper_than_gravity() -> None:
+def test_revolutions_are_a_hundred_times_sharper_than_gravity():
     sigma = {}
     for name in ("revolutions", "turned-unit"):
         made = run(name)[2]
@@ -56,11 +52,11 @@ def test_revolutions_are_a_hundred_times_sharper_than_gravity() -> None:
     assert np.mean(sigma["turned-unit"]) > 1e-5
 
 
-def test_the_rotation_between_the_triads_is_told_with_its_sigma() -> None:
+def test_the_rotation_between_the_triads_is_told_with_its_sigma():
     recording, truth, made = run("revolutions")
     options = made.provenance["options"]
     # M = C_p^q to first order where it lies above the triangle, Eq. (43); products of two are below 1 arcsec
-    beta = next(e for e in truth if e.id == "gyro_misalignment").beta * 648000 / np.pi  # type: ignore[attr-defined]
+    beta = next(e for e in truth if e.id == "gyro_misalignment").beta * 648000 / np.pi
     xy, xz, _, yx = beta[:4]
     found, sigma = np.array(options["gyro_inter_triad_arcsec"]), np.array(options["gyro_inter_triad_sigma_arcsec"])
     np.testing.assert_allclose(found, [xz, yx, xy], atol=1.0 + 4 * sigma.max())
@@ -70,9 +66,9 @@ def test_the_rotation_between_the_triads_is_told_with_its_sigma() -> None:
     assert {p.axis for p in alone.parameters if p.effect == "gyro_misalignment"} == {"yz", "zx", "zy"}
 
 
-def test_applied_the_unit_reads_what_turned_it() -> None:
+def test_applied_the_unit_reads_what_turned_it():
     recording, _, made = run("revolutions")
-    still = recording.position > 0  # type: ignore[operator]
+    still = recording.position > 0
     clean = simulate("revolutions")[0]
     there = made.apply(clean)
     outer = recording.channels["gimbal_angle", "outer"]
@@ -88,7 +84,7 @@ def test_applied_the_unit_reads_what_turned_it() -> None:
     assert np.mean(force) == pytest.approx(recording.site.gravity, abs=1e-5)
 
 
-def test_rates_alone_are_calibrated_by_their_revolutions() -> None:
+def test_rates_alone_are_calibrated_by_their_revolutions():
     recording, _, _ = run("revolutions")
     rates = {k: v for k, v in recording.channels.items() if k[0] != "specific_force"}
     made = inertial_unit(replace(recording, channels=rates))

@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import jsonschema
 import numpy as np
@@ -17,7 +16,7 @@ from gimbalcal.campaign.workers import connect
 from gimbalcal.cli import gimbalcal
 from gimbalcal.errors import InputError
 from gimbalcal.fleet import batch, run_batch
-from gimbalcal.fleet.fleet_summary import FleetSummary, fleet_summary
+from gimbalcal.fleet.fleet_summary import fleet_summary
 from gimbalcal.fleet.unit_recording import BatchTask, UnitRecording, entries_of, failed, recordings_of
 from gimbalcal.history import StoredResult, kept, of_store
 from gimbalcal.history.fleet import fleet_of_store
@@ -33,7 +32,7 @@ COUNT, BROKEN, ODD = 7, "rig-003", "rig-006"
 
 
 @pytest.fixture(scope="module")
-def rigs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def rigs(tmp_path_factory):
     """Seven units, one of them without its samples, one with a bias that no other has."""
     folder = tmp_path_factory.mktemp("fleet") / "rigs"
     write_units(folder, COUNT - 1)
@@ -44,23 +43,23 @@ def rigs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def alone(rigs: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[FleetSummary, Path]:
+def alone(rigs, tmp_path_factory):
     """The batch in one process: its summary, and the folder of its store and results."""
     folder = tmp_path_factory.mktemp("alone")
     return run(rigs, folder, workers=1), folder
 
 
-def run(rigs: Path, folder: Path, **options: object) -> FleetSummary:
+def run(rigs, folder, **options):
     return run_batch(
-        [f"{rigs}/*"], folder / "units.sqlite", folder / "out", page=fleet_report, **options,  # type: ignore[arg-type]
+        [f"{rigs}/*"], folder / "units.sqlite", folder / "out", page=fleet_report, **options,
     )  # fmt: skip
 
 
-def table(folder: Path) -> pl.DataFrame:
+def table(folder):
     return pl.read_parquet(folder / "out" / "fleet.parquet")
 
 
-def test_a_recording_that_fails_is_listed_and_the_others_are_calibrated(alone: tuple[FleetSummary, Path]) -> None:
+def test_a_recording_that_fails_is_listed_and_the_others_are_calibrated(alone):
     summary, folder = alone
     assert (summary.recordings, summary.units, summary.failed) == (COUNT, COUNT, 1)
     (failure,) = [r for r in summary.reports if r.failure]
@@ -80,7 +79,7 @@ def test_a_recording_that_fails_is_listed_and_the_others_are_calibrated(alone: t
     assert (len(calibrations), len(diagnoses)) == (1, 1)
 
 
-def digits(store: Path, *units: str) -> list[tuple[str, str, str]]:
+def digits(store, *units):
     """Unit, kind and content of the entries of some units, without the time of their computation."""
     found = []
     for e in kept(store):
@@ -91,7 +90,7 @@ def digits(store: Path, *units: str) -> list[tuple[str, str, str]]:
 
 
 @pytest.mark.slow
-def test_workers_and_a_cluster_change_no_digit(rigs: Path, alone: tuple[FleetSummary, Path], tmp_path: Path) -> None:
+def test_workers_and_a_cluster_change_no_digit(rigs, alone, tmp_path):
     expected = digits(alone[1] / "units.sqlite", "rig-000", "rig-001")
     patterns = [str(rigs / "rig-00[01]")]
     run_batch(patterns, tmp_path / "two.sqlite", workers=2)
@@ -103,7 +102,7 @@ def test_workers_and_a_cluster_change_no_digit(rigs: Path, alone: tuple[FleetSum
     assert digits(tmp_path / "cluster.sqlite", "rig-000", "rig-001") == expected
 
 
-def test_a_second_run_computes_nothing(rigs: Path, alone: tuple[FleetSummary, Path]) -> None:
+def test_a_second_run_computes_nothing(rigs, alone):
     told: list[str] = []
     before = table(alone[1])
     assert run(rigs, alone[1], tell=told.append).to_dict() == alone[0].to_dict()
@@ -111,9 +110,7 @@ def test_a_second_run_computes_nothing(rigs: Path, alone: tuple[FleetSummary, Pa
     assert table(alone[1]).equals(before)
 
 
-def test_what_was_corrected_is_computed_again_and_nothing_else(
-    rigs: Path, alone: tuple[FleetSummary, Path], tmp_path: Path
-) -> None:
+def test_what_was_corrected_is_computed_again_and_nothing_else(rigs, alone, tmp_path):
     store = tmp_path / "units.sqlite"
     store.write_bytes((alone[1] / "units.sqlite").read_bytes())
     samples = rigs / BROKEN / "samples.csv"
@@ -129,7 +126,7 @@ def test_what_was_corrected_is_computed_again_and_nothing_else(
 
 
 @pytest.mark.slow
-def test_a_killed_batch_continues_where_it_was(rigs: Path, alone: tuple[FleetSummary, Path], tmp_path: Path) -> None:
+def test_a_killed_batch_continues_where_it_was(rigs, alone, tmp_path):
     store, patterns = tmp_path / "units.sqlite", [str(rigs / "rig-00[0-3]")]
     code = (
         "from pathlib import Path\nfrom gimbalcal.fleet import run_batch\n"
@@ -146,20 +143,18 @@ def test_a_killed_batch_continues_where_it_was(rigs: Path, alone: tuple[FleetSum
     assert digits(store, *units) == digits(alone[1] / "units.sqlite", *units)
 
 
-def _present(store: Path) -> int:
+def _present(store):
     try:
         return len({e.unit for e in kept(store)})
     except InputError:  # its tables are being made
         return 0
 
 
-def test_a_file_that_cannot_be_read_is_a_failure_of_its_recording_that_is_not_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_cannot_be_read_is_a_failure_of_its_recording_that_is_not_kept(tmp_path, monkeypatch):
     write_units(tmp_path, 2, positions=6)
     store, opened = tmp_path / "units.sqlite", Path.open
 
-    def refusing(path: Path, *arguments: Any, **options: Any) -> Any:
+    def refusing(path, *arguments, **options):
         if path.name == "samples.csv" and path.parent.name == "rig-001":
             raise PermissionError(13, "Permission denied", str(path))
         return opened(path, *arguments, **options)
@@ -173,9 +168,9 @@ def test_a_file_that_cannot_be_read_is_a_failure_of_its_recording_that_is_not_ke
     assert {e.unit for e in kept(store)} == {"rig-000"}
 
 
-def test_a_failure_that_may_pass_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(problem: Exception) -> FleetSummary:
-        def load(_: object) -> None:
+def test_a_failure_that_may_pass_is_not_kept(tmp_path, monkeypatch):
+    def fails(problem):
+        def load(_):
             raise problem
 
         monkeypatch.setattr(pipeline, "load", load)
@@ -192,7 +187,7 @@ def test_a_failure_that_may_pass_is_not_kept(tmp_path: Path, monkeypatch: pytest
     assert told == [f"1 of 1 recording is in {tmp_path / 'units.sqlite'} already"]
 
 
-def test_failures_are_counted_by_recording_and_units_by_sensor() -> None:
+def test_failures_are_counted_by_recording_and_units_by_sensor():
     """A recording of two sensors, of which the diagnosis of one fails."""
     recording = UnitRecording("rigs/rig-000", "rig-000", (Source("recording.toml", "same"),))
     made = [StoredResult(f"rig-000 {s}", START.isoformat(), "calibration", calibration(np.zeros(6), k).to_dict())
@@ -204,15 +199,13 @@ def test_failures_are_counted_by_recording_and_units_by_sensor() -> None:
     assert summary.in_words.startswith("1 recording of 2 units: 1 failed.")
 
 
-def test_every_pattern_must_match(rigs: Path) -> None:
+def test_every_pattern_must_match(rigs):
     with pytest.raises(InputError, match=r"no folder that matches .*rack.* holds a recording\.toml"):
         recordings_of([f"{rigs}/rig-*", f"{rigs}/rack-*"])
 
 
 @pytest.mark.slow
-def test_a_recording_that_ends_its_workers_is_named_and_tried_again(
-    rigs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_that_ends_its_workers_is_named_and_tried_again(rigs, tmp_path, monkeypatch):
     monkeypatch.setattr(batch, "entries_of", dies_with_the_second)
     patterns = [str(rigs / f"rig-00{k}") for k in (0, 1)]
     store = tmp_path / "units.sqlite"
@@ -223,9 +216,7 @@ def test_a_recording_that_ends_its_workers_is_named_and_tried_again(
     assert _present(store) == 1
 
 
-def test_the_units_of_a_store_are_a_prior_and_rest_on_no_prior(
-    alone: tuple[FleetSummary, Path], tmp_path: Path
-) -> None:
+def test_the_units_of_a_store_are_a_prior_and_rest_on_no_prior(alone, tmp_path):
     store = tmp_path / "units.sqlite"
     store.write_bytes((alone[1] / "units.sqlite").read_bytes())
     before = fleet_of_store(store)
@@ -240,9 +231,7 @@ def test_the_units_of_a_store_are_a_prior_and_rest_on_no_prior(
     assert fleet_of_store(store).identity == before.identity
 
 
-def test_the_command_ends_with_one_for_a_fleet_to_look_at_and_with_two_for_none(
-    rigs: Path, alone: tuple[FleetSummary, Path], tmp_path: Path
-) -> None:
+def test_the_command_ends_with_one_for_a_fleet_to_look_at_and_with_two_for_none(rigs, alone, tmp_path):
     store = alone[1] / "units.sqlite"
     arguments = ["batch", f"{rigs}/*", "--store", str(store), "--out", str(tmp_path / "f")]
     done = CliRunner().invoke(gimbalcal, arguments, catch_exceptions=False)
@@ -254,6 +243,6 @@ def test_the_command_ends_with_one_for_a_fleet_to_look_at_and_with_two_for_none(
         CliRunner().invoke(gimbalcal, ["batch", f"{tmp_path}/none*", "--store", str(store)], catch_exceptions=False)
 
 
-def test_units_are_called_after_their_folder_the_one_around_it_or_the_title(rigs: Path) -> None:
+def test_units_are_called_after_their_folder_the_one_around_it_or_the_title(rigs):
     named = [recordings_of([str(rigs / "rig-000")], name)[0].unit for name in ("folder", "parent", "title")]
     assert named == ["rig-000", "rigs", "unit 000"]

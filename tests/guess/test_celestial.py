@@ -1,7 +1,6 @@
 """Right ascensions without sidereal time: UTC or a Julian date and the longitude make it; remarks that tell a place."""
 
 from datetime import date, datetime, timedelta
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ HOUR, DEC = RNG.uniform(-45, 45, N), RNG.uniform(-70, 10, N)  # deg
 START = datetime(2026, 4, 3, 23, 50)  # noqa: DTZ001
 
 
-def ascensions() -> tuple[list[datetime], np.ndarray, np.ndarray, np.ndarray]:
+def ascensions():
     """UTC, Julian date, and the right ascensions [deg] of the sky and the mount, by the formula of the USNO."""
     utc = [START + timedelta(minutes=7 * k) for k in range(N)]
     midnight = np.array([float((t.date() - date(2000, 1, 1)).days) - 0.5 for t in utc])
@@ -28,7 +27,7 @@ def ascensions() -> tuple[list[datetime], np.ndarray, np.ndarray, np.ndarray]:
     return utc, 2451545.0 + midnight + hour / 24, (lst - HOUR) % 360, (lst - HOUR - OFF[0] / 3600) % 360
 
 
-def test_the_formula_is_that_of_the_almanac(tmp_path: Path) -> None:
+def test_the_formula_is_that_of_the_almanac(tmp_path):
     """Meeus, Astronomical Algorithms, examples 12.a and 12.b: 13 h 10 m 46.3668 s, 8 h 34 m 57.0896 s."""
     cells = [["1987-04-10T00:00:00", "1987-04-10T19:21:00"], ["0", "0"], ["0", "0"], ["0", "0"], ["0", "0"]]
     path = write(tmp_path / "a.csv", "utc,ra_cat,dec_cat,ra_tel,dec_tel", *map(np.array, cells))
@@ -39,7 +38,7 @@ def test_the_formula_is_that_of_the_almanac(tmp_path: Path) -> None:
     assert "one equinox" in notes["equinox"]
 
 
-def test_utc_or_a_julian_date_and_the_place_make_hour_angles(tmp_path: Path) -> None:
+def test_utc_or_a_julian_date_and_the_place_make_hour_angles(tmp_path):
     utc, jd, sky, mount = ascensions()
     place = f"# Las Campanas, lat -33:30:00, lon={LONGITUDE} (east)\n"
     stamps = np.array([t.isoformat() for t in utc])
@@ -54,7 +53,7 @@ def test_utc_or_a_julian_date_and_the_place_make_hour_angles(tmp_path: Path) -> 
         np.testing.assert_allclose(off(r, "declination"), OFF[1], atol=0.02)
 
 
-def test_keywords_of_fits_files_tell_mount_plate_and_place(tmp_path: Path) -> None:
+def test_keywords_of_fits_files_tell_mount_plate_and_place(tmp_path):
     utc, _, sky, mount = ascensions()
     cells = [[sexagesimal(x).replace(":", " ") for x in y] for y in (mount / 15, DEC + OFF[1] / 3600)]
     path = write(tmp_path / "a.csv", "file,DATE-OBS,OBJCTRA,OBJCTDEC,CRVAL1,CRVAL2,SITELAT,SITELONG",
@@ -65,7 +64,7 @@ def test_keywords_of_fits_files_tell_mount_plate_and_place(tmp_path: Path) -> No
     assert r.site.latitude == pytest.approx(np.radians(LATITUDE))
 
 
-def test_what_is_missing_or_puts_stars_below_the_horizon_is_asked(tmp_path: Path) -> None:
+def test_what_is_missing_or_puts_stars_below_the_horizon_is_asked(tmp_path):
     utc, _, sky, mount = ascensions()
     names = "utc,ra_cat,dec_cat,ra_tel,dec_tel"
     columns = (np.array([t.isoformat() for t in utc]), sky, DEC, mount, DEC)
@@ -86,5 +85,5 @@ def test_what_is_missing_or_puts_stars_below_the_horizon_is_asked(tmp_path: Path
      ("LATITUDE = 51d28m38s", 51 + 28 / 60 + 38 / 3600), ("plate of 2026", None), ("lat: 12", 12.0),
      ("latitude 39.0 deg S", -39.0)],
 )  # fmt: skip
-def test_a_remark_tells_the_latitude_with_its_sign(line: str, told: float | None) -> None:
+def test_a_remark_tells_the_latitude_with_its_sign(line, told):
     assert angle_stated(line, "lat(?:itude)?", "N", "S") == (pytest.approx(told) if told is not None else None)

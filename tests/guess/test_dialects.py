@@ -6,7 +6,6 @@ recording that was logged.
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -19,7 +18,6 @@ from gimbalcal.guess.column_values import by_order, quantum
 from gimbalcal.guess.message_log import leaves
 from gimbalcal.guess.proposal import Proposal, propose
 from gimbalcal.guess.text_table import table_of, tables_of
-from gimbalcal.number import Array
 from gimbalcal.recording import dwells
 from gimbalcal.rotation import exponential
 from tests.golden import golden_text, refused
@@ -46,12 +44,12 @@ PREAMBLES = (
 )
 
 
-def dialect(path: Path, seed: int, t: Array, f: Array, w: Array) -> tuple[Path, str, str]:
+def dialect(path, seed, t, f, w):
     """Write a log in a dialect that a seed chooses; return it with the units of forces and rates."""
     rng = np.random.default_rng(seed)
 
-    def one(choices: object) -> str:
-        words = list(choices)  # type: ignore[call-overload]
+    def one(choices):
+        words = list(choices)
         return str(words[rng.integers(len(words))])
 
     force, rate, clock = one(FORCE_UNITS), one(RATE_UNITS), one(CLOCKS)
@@ -76,7 +74,7 @@ def dialect(path: Path, seed: int, t: Array, f: Array, w: Array) -> tuple[Path, 
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_a_recording_in_any_dialect_is_proposed_as_it_was(tmp_path: Path, seed: int) -> None:
+def test_a_recording_in_any_dialect_is_proposed_as_it_was(tmp_path, seed):
     t, f, w = turned(1 + seed % 5)
     path, force, rate = dialect(tmp_path / "log.txt", seed, t, f, w)
     found = propose([path])
@@ -91,7 +89,7 @@ def test_a_recording_in_any_dialect_is_proposed_as_it_was(tmp_path: Path, seed: 
     assert len(dwells(r)) == 10
 
 
-def test_names_in_two_lines_and_a_reference_of_the_attitude(tmp_path: Path) -> None:
+def test_names_in_two_lines_and_a_reference_of_the_attitude(tmp_path):
     rng = np.random.default_rng(4)
     n = 3000
     t = 0.01 * np.arange(n)
@@ -119,7 +117,7 @@ def test_names_in_two_lines_and_a_reference_of_the_attitude(tmp_path: Path) -> N
                 propose([path])
 
 
-def test_a_named_quantity_of_another_kind_is_never_a_sensor(tmp_path: Path) -> None:
+def test_a_named_quantity_of_another_kind_is_never_a_sensor(tmp_path):
     t, f, w = turned()
     q = np.column_stack([np.full(len(t), 0.5)] * 4)
     head = "Packet number,M11,M12,M13,Quat_w,Quat_x,Quat_y,Quat_z,lon,lat,height,mag_x [uT],mag_y [uT],mag_z [uT]"
@@ -137,23 +135,23 @@ def test_a_named_quantity_of_another_kind_is_never_a_sensor(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("kind", ["mat", "npz", "npy", "parquet", "json", "records", "h5"])
-def test_arrays_are_read_by_what_a_file_begins_with(tmp_path: Path, kind: str) -> None:
+def test_arrays_are_read_by_what_a_file_begins_with(tmp_path, kind):
     import h5py
 
     t, f, w = turned()
     table, path = np.column_stack([t, f, w]), tmp_path / "log.dat"
     arrays = {"t": t, "imu_acc": f, "imu_gyr": w}
 
-    def hdf5() -> None:
+    def hdf5():
         with h5py.File(path, "w") as file:
             for name, x in arrays.items():
                 file[f"imu/{name}"] = x
 
-    def archive() -> None:
+    def archive():
         with path.open("wb") as file:
             np.savez(file, **arrays)
 
-    def array() -> None:
+    def array():
         with path.open("wb") as file:
             np.save(file, table)
 
@@ -171,7 +169,7 @@ def test_arrays_are_read_by_what_a_file_begins_with(tmp_path: Path, kind: str) -
     np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-6)
 
 
-def test_what_is_nested_deep_in_json_is_read_with_its_row(tmp_path: Path) -> None:
+def test_what_is_nested_deep_in_json_is_read_with_its_row(tmp_path):
     t, f, w = turned()
     names = ("t", "ax", "ay", "az", "gx", "gy", "gz")
     objects = [dict(zip(names, row, strict=True)) for row in np.column_stack([t, f, w]).tolist()]
@@ -184,14 +182,14 @@ def test_what_is_nested_deep_in_json_is_read_with_its_row(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("start", [b"PK\x03\x04junk", b"\x1f\x8b\x08", b"#ROSBAG V2.0\n", b"\x01\x00\x02\x00" * 99])
-def test_what_only_another_program_reads_is_one_sentence(tmp_path: Path, start: bytes) -> None:
+def test_what_only_another_program_reads_is_one_sentence(tmp_path, start):
     path = tmp_path / "log.bin"
     path.write_bytes(start)
     with refused():
         propose([path])
 
 
-def test_counts_of_a_resting_unit_and_the_rate_that_the_log_states(tmp_path: Path) -> None:
+def test_counts_of_a_resting_unit_and_the_rate_that_the_log_states(tmp_path):
     rng = np.random.default_rng(3)
     f = np.round(rng.normal([-260, 14700, 300], 60, (4000, 3)))
     w = np.round(rng.normal([-435, 140, -60], 8, (4000, 3)))
@@ -200,7 +198,7 @@ def test_counts_of_a_resting_unit_and_the_rate_that_the_log_states(tmp_path: Pat
     assert np.diff(found.recording.time[:2]) == pytest.approx(0.01)
 
 
-def test_a_rest_logged_in_seconds_is_not_in_minutes(tmp_path: Path) -> None:
+def test_a_rest_logged_in_seconds_is_not_in_minutes(tmp_path):
     rng = np.random.default_rng(5)
     t = 0.0055 * np.arange(8000)
     f = rng.normal([0.1, 0.06, 0.98], 0.002, (8000, 3))
@@ -210,7 +208,7 @@ def test_a_rest_logged_in_seconds_is_not_in_minutes(tmp_path: Path) -> None:
     assert found.guesses["Time"].unit == "s"
 
 
-def test_stamps_of_whole_seconds_and_packets_are_spread() -> None:
+def test_stamps_of_whole_seconds_and_packets_are_spread():
     t = 0.2 * np.arange(500)
     even, note = spread(np.floor(t))
     np.testing.assert_allclose(np.diff(even), 0.2, atol=0.002)
@@ -221,7 +219,7 @@ def test_stamps_of_whole_seconds_and_packets_are_spread() -> None:
     assert spread(t)[1] == ""
 
 
-def test_gyroscopes_alone_are_a_recording_for_their_noise(tmp_path: Path) -> None:
+def test_gyroscopes_alone_are_a_recording_for_their_noise(tmp_path):
     rng = np.random.default_rng(6)
     w = rng.normal(0, 0.01, (3000, 3))
     found = propose([rows(tmp_path / "a.csv", "gyro_x,gyro_y,gyro_z", *w.T)], rate=100)
@@ -232,7 +230,7 @@ def test_gyroscopes_alone_are_a_recording_for_their_noise(tmp_path: Path) -> Non
     assert {g.quantity for g in by_order(table, "angular_rate").values()} == {"angular_rate"}
 
 
-def test_a_vehicle_that_never_stops_has_no_rests(tmp_path: Path) -> None:
+def test_a_vehicle_that_never_stops_has_no_rests(tmp_path):
     rng = np.random.default_rng(7)
     t = 0.01 * np.arange(6000)
     sway = 0.1 * np.stack([np.sin(1.1 * t), np.cos(1.7 * t), np.sin(0.6 * t)], axis=-1)
@@ -241,7 +239,7 @@ def test_a_vehicle_that_never_stops_has_no_rests(tmp_path: Path) -> None:
         propose([rows(tmp_path / "a.csv", "t,ax,ay,az,wx [rad/s],wy [rad/s],wz [rad/s]", t, *f.T, *sway.T)])
 
 
-def test_a_unit_that_the_numbers_do_not_show_is_said_and_can_be_stated(tmp_path: Path) -> None:
+def test_a_unit_that_the_numbers_do_not_show_is_said_and_can_be_stated(tmp_path):
     rng = np.random.default_rng(8)
     t, f, w = 0.01 * np.arange(3000), rng.normal([0, 0, G], 0.02, (3000, 3)), rng.normal(0, 0.005, (3000, 3))
     path = rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *w.T)
@@ -254,14 +252,14 @@ def test_a_unit_that_the_numbers_do_not_show_is_said_and_can_be_stated(tmp_path:
         propose([path], units={"temperature": "K"})
 
 
-def test_gyroscopes_that_read_half_of_what_turned_are_said_with_the_factor(tmp_path: Path) -> None:
+def test_gyroscopes_that_read_half_of_what_turned_are_said_with_the_factor(tmp_path):
     t, f, w = turned()
     found = propose([rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *(w * D / 2).T)])
     assert found.guesses["gx"].unit == "deg/s"
     golden_text(found.notes["gyroscopes"])
 
 
-def test_lines_of_other_kinds_are_skipped_and_counted(tmp_path: Path) -> None:
+def test_lines_of_other_kinds_are_skipped_and_counted(tmp_path):
     t, f, w = turned()
     lines = rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *w.T).read_text().splitlines()
     lines[40:40] = ["", "INFO: filter settled, all is well, a, b, c, d, e, f", "  ", "% battery low"]
@@ -271,7 +269,7 @@ def test_lines_of_other_kinds_are_skipped_and_counted(tmp_path: Path) -> None:
     golden_text(found.notes["lines"])
 
 
-def test_columns_below_a_block_of_settings_are_one_axis(tmp_path: Path) -> None:
+def test_columns_below_a_block_of_settings_are_one_axis(tmp_path):
     a = np.concatenate([np.arange(0.0, 360, 2), np.arange(360.0, 0, -2)])
     head = "Name;run 2;\n\nName;position (Counter);velocity;position (Resolver)\nSampleTime;10;10;10\nUnit;(None);-;-"
     stamp = [str(132900081483250000 + 100000 * k) for k in range(len(a))]
@@ -284,7 +282,7 @@ def test_columns_below_a_block_of_settings_are_one_axis(tmp_path: Path) -> None:
     assert str(propose([with_none]).recording.kind) == "pointing"
 
 
-def test_places_on_the_sky_that_stand_once_are_refused_for_that(tmp_path: Path) -> None:
+def test_places_on_the_sky_that_stand_once_are_refused_for_that(tmp_path):
     text = "HIP     RA(hh mm ss)    DEC(dd mm ss)   LST(hh mm ss)\n" + "".join(
         f"{54872 + k}   11 {k:02d} 06        +20 26 08       12 {k:02d} 06\n" for k in range(9)
     )
@@ -295,7 +293,7 @@ def test_places_on_the_sky_that_stand_once_are_refused_for_that(tmp_path: Path) 
         propose([tmp_path / "a.txt"], latitude=49.0)
 
 
-def test_the_step_of_a_quantised_column_is_known_in_spite_of_rounding() -> None:
+def test_the_step_of_a_quantised_column_is_known_in_spite_of_rounding():
     x = np.round(np.random.default_rng(9).normal(3.4, 0.05, 4000) / 0.0012217) * 0.0012217
     assert quantum(np.round(x, 6)) == pytest.approx(0.0012217, rel=1e-3)
     assert quantum(np.random.default_rng(9).normal(size=4000)) == 0.0

@@ -1,14 +1,12 @@
 """Tables of rests and logs of rigs that nobody described: rows that are rests, gimbal angles, German names."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from gimbalcal.guess.column_names import by_name
 from gimbalcal.guess.gimbal_chain import gimbal_chain
 from gimbalcal.guess.proposal import propose
-from gimbalcal.number import Array, apply_matrix
+from gimbalcal.number import apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording import dwells
 from tests.golden import golden_text, refused
@@ -17,16 +15,16 @@ G = 9.80665
 FACES = [(i, o) for o in (0, 90, 180, 270) for i in (0, 90, 180, 270)] + [(45, 45), (30, 200), (300, 120), (10, 250)]
 
 
-def felt(platform: Platform, angles: Array) -> Array:
+def felt(platform, angles):
     """Force (n, 3) [m/s^2] on a platform set to angles (n, k) [deg]."""
     return -G * apply_matrix(platform.attitude(np.radians(angles)), np.array([0.0, 0.0, 1.0]))
 
 
-def german(x: float, digits: int = 6) -> str:
+def german(x, digits=6):
     return f"{x:.{digits}f}".replace(".", ",")
 
 
-def laboratory(path: Path, platform: Platform, encoding: str = "latin-1") -> Array:
+def laboratory(path, platform, encoding="latin-1"):
     """A table of means with a caption, semicolons, decimal commas, no clock; returns the forces."""
     angles = np.array(FACES, dtype=float)
     force = felt(platform, angles) + 1e-5 * np.random.default_rng(1).standard_normal((len(angles), 3))
@@ -43,7 +41,7 @@ def laboratory(path: Path, platform: Platform, encoding: str = "latin-1") -> Arr
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-16"])
-def test_a_table_of_means_is_a_rest_in_each_row(tmp_path: Path, encoding: str) -> None:
+def test_a_table_of_means_is_a_rest_in_each_row(tmp_path, encoding):
     force = laboratory(tmp_path / "m.csv", KNOWN["two-axis-table"], encoding)
     found = propose([tmp_path / "m.csv"], latitude=52.3)
     r = found.recording
@@ -55,7 +53,7 @@ def test_a_table_of_means_is_a_rest_in_each_row(tmp_path: Path, encoding: str) -
     golden_text(found.notes["platform"])
 
 
-def test_readouts_that_run_backwards_and_axes_of_ones_own(tmp_path: Path) -> None:
+def test_readouts_that_run_backwards_and_axes_of_ones_own(tmp_path):
     table = KNOWN["two-axis-table"]
     backwards = Platform("table", (Axis("inner", "z", -1), Axis("outer", "x")))
     laboratory(tmp_path / "b.csv", backwards)
@@ -71,7 +69,7 @@ def test_readouts_that_run_backwards_and_axes_of_ones_own(tmp_path: Path) -> Non
     np.testing.assert_allclose(turned, felt(lying, angles), atol=1e-6)
 
 
-def test_a_log_of_gravity_and_a_table_called_after_its_turns(tmp_path: Path) -> None:
+def test_a_log_of_gravity_and_a_table_called_after_its_turns(tmp_path):
     force = laboratory(tmp_path / "g.csv", KNOWN["two-axis-table"], "utf-8")
     text = (tmp_path / "g.csv").read_text().splitlines()
     rows = [line.split(";") for line in text[3:]]
@@ -92,7 +90,7 @@ def test_a_log_of_gravity_and_a_table_called_after_its_turns(tmp_path: Path) -> 
     assert set(r.platform.axis_names) == {"roll", "pitch", "yaw"}
 
 
-def test_angles_that_no_platform_explains_are_left_out_and_said(tmp_path: Path) -> None:
+def test_angles_that_no_platform_explains_are_left_out_and_said(tmp_path):
     rng = np.random.default_rng(3)
     laboratory(tmp_path / "d.csv", Platform("odd", (Axis("inner", "z", 1, 0.6), Axis("outer", "x", 1, 0.5))))
     found = propose([tmp_path / "d.csv"])
@@ -104,7 +102,7 @@ def test_angles_that_no_platform_explains_are_left_out_and_said(tmp_path: Path) 
     assert gimbal_chain({"inner": np.zeros(3)}, force[:3]).platform == KNOWN["two-axis-table"]
 
 
-def test_one_rest_is_a_recording_for_its_noise(tmp_path: Path) -> None:
+def test_one_rest_is_a_recording_for_its_noise(tmp_path):
     rng = np.random.default_rng(2)
     for rate in (1, 100):  # of few samples to a window a still run is one rest too
         t, f = np.arange(3000) / rate, [0, 0, G] + 1e-3 * rng.standard_normal((3000, 3))
@@ -116,7 +114,7 @@ def test_one_rest_is_a_recording_for_its_noise(tmp_path: Path) -> None:
         golden_text(found.notes["kind"])
 
 
-def test_names_of_laboratories_topics_and_telephones() -> None:
+def test_names_of_laboratories_topics_and_telephones():
     said = {
         "Beschleunigung X [g]": ("specific_force", "x", "g"), "Drehrate_z (°/s)": ("angular_rate", "z", "deg/s"),
         "field.angular_velocity.y": ("angular_rate", "y", ""), "imu1/ax (ft/s²)": ("specific_force", "x", "ft/s^2"),
@@ -142,7 +140,7 @@ def test_names_of_laboratories_topics_and_telephones() -> None:
     assert [name for name in no if by_name(name) is not None] == []
 
 
-def test_units_below_the_names_feet_and_body_rates(tmp_path: Path) -> None:
+def test_units_below_the_names_feet_and_body_rates(tmp_path):
     rng = np.random.default_rng(4)
     lines = ["t;ax;ay;az;p;q;r", "s;ft/s²;ft/s²;ft/s²;°/s;°/s;°/s"]
     rows = np.column_stack(
@@ -156,7 +154,7 @@ def test_units_below_the_names_feet_and_body_rates(tmp_path: Path) -> None:
     assert found.recording.has("angular_rate")
 
 
-def test_a_clock_that_jumps_back_can_be_counted(tmp_path: Path) -> None:
+def test_a_clock_that_jumps_back_can_be_counted(tmp_path):
     t = np.r_[np.arange(500), np.arange(300, 800)] / 50
     f = [0, 0, G] + 1e-3 * np.random.default_rng(5).standard_normal((1000, 3))
     np.savetxt(tmp_path / "j.csv", np.column_stack([t, f]), delimiter=",", header="t,ax,ay,az", comments="")

@@ -19,31 +19,31 @@ from tests.recording.test_dwells import turned_by_hand
 TIME = Guess("time", "", "s", "its name")
 
 
-def test_jitter_is_a_share_of_a_step_in_any_unit() -> None:
+def test_jitter_is_a_share_of_a_step_in_any_unit():
     t = np.cumsum(1.0 + 0.3 * np.random.default_rng(1).uniform(-1, 1, 5000))
     assert jitter(t) == pytest.approx(0.24, abs=0.01)  # half of the middle 80 % of 60 %
     assert jitter(1000 * t) == pytest.approx(jitter(t))
 
 
 @pytest.mark.parametrize(("step", "unit"), [(0.02, "s"), (20.0, "ms"), (2e4, "us"), (1.0, "s"), (5e6, "ns")])
-def test_a_clock_counts_in_the_unit_in_which_sensors_are_logged(step: float, unit: str) -> None:
+def test_a_clock_counts_in_the_unit_in_which_sensors_are_logged(step, unit):
     assert unit_of_time(step * np.arange(1000))[0] == unit
 
 
-def test_no_log_is_shorter_than_a_second() -> None:
+def test_no_log_is_shorter_than_a_second():
     """Rows of 9.6 Hz for three minutes are not rows of 9.6 kHz for 0.2 s."""
     costs = costs_of_unit(104.0 * np.arange(1822))
     assert costs["us"][0] > costs["ms"][0] + 5
 
 
-def test_another_unit_of_a_clock_is_said_with_its_rate() -> None:
+def test_another_unit_of_a_clock_is_said_with_its_rate():
     log = in_unit(Log({"t": 2e4 * np.arange(10.0)}, {"t": TIME}), "us")
     assert log.guesses["t"].unit == "us"
     golden_text(log.guesses["t"].why)
     assert log.columns["t"][1] == 2e4
 
 
-def test_a_gyroscope_turns_as_fast_as_it_leaves_its_level() -> None:
+def test_a_gyroscope_turns_as_fast_as_it_leaves_its_level():
     rate = 2.0 * np.sin(np.arange(100.0))
     level, fast = costs_of_rate([rate + 60.5, rate - 60.5, rate], False), costs_of_rate([60 * rate, rate, rate], False)
     assert "hand" not in level["rad/s"][1]
@@ -51,7 +51,7 @@ def test_a_gyroscope_turns_as_fast_as_it_leaves_its_level() -> None:
     assert fast["deg/s"][0] < fast["rad/s"][0] - 15
 
 
-def test_a_bias_that_no_gyroscope_has_and_the_step_of_a_chip_show_the_unit() -> None:
+def test_a_bias_that_no_gyroscope_has_and_the_step_of_a_chip_show_the_unit():
     rng = np.random.default_rng(2)
     chip = [np.round(rng.normal(b, 0.2, 5000) * 16.4) / 16.4 for b in (0.1, -2.0, 0.4)]
     for factor, unit in ((1.0, "deg/s"), (np.pi / 180, "rad/s")):
@@ -61,14 +61,14 @@ def test_a_bias_that_no_gyroscope_has_and_the_step_of_a_chip_show_the_unit() -> 
     assert min(counts, key=lambda u: counts[u][0]) == "count"
 
 
-def test_sigmas_of_three_axes_are_one_of_all() -> None:
+def test_sigmas_of_three_axes_are_one_of_all():
     columns = {"t": np.arange(2.0), "sx": np.array([3.0, 1.0]), "sy": np.array([4.0, 1.0]), "sz": np.array([5.0, 1.0])}
     guesses = {"t": TIME, **{f"s{a}": Guess("sigma", a, "mg", "its name") for a in "xyz"}}
     (sigma,) = without_duplicates(Log(columns, guesses)).values("sigma")
     np.testing.assert_allclose(sigma, [np.sqrt(50 / 3), 1.0])
 
 
-def test_a_second_log_is_brought_to_the_clock_of_the_first_from_a_unit_of_its_own() -> None:
+def test_a_second_log_is_brought_to_the_clock_of_the_first_from_a_unit_of_its_own():
     t = 0.01 * np.arange(400)
     force = {f"a{a}": np.sin(t) for a in "xyz"}
     rate = {f"g{a}": np.cos(2 * t) for a in "xyz"}
@@ -85,11 +85,11 @@ def test_a_second_log_is_brought_to_the_clock_of_the_first_from_a_unit_of_its_ow
 
 @pytest.mark.parametrize(("name", "size", "unit"), [("Drehtisch", 90.0, "deg"), ("Drehtisch", 3.0, "rad"),
                                                     ("A [gon]", 3.0, "gon")])  # fmt: skip
-def test_angles_beyond_a_turn_are_degrees_where_no_name_tells(name: str, size: float, unit: str) -> None:
+def test_angles_beyond_a_turn_are_degrees_where_no_name_tells(name, size, unit):
     assert unit_of_angle(np.array([0.0, size]), name) == unit
 
 
-def test_rests_are_where_the_accelerometers_are_quiet_whatever_a_hand_does() -> None:
+def test_rests_are_where_the_accelerometers_are_quiet_whatever_a_hand_does():
     rng = np.random.default_rng(7)
     time, force, _ = turned_by_hand(rng, 10, 50.0)
     tremor = np.radians(0.3) * np.abs(rng.standard_normal(len(time) // 100 + 1)).repeat(100)[: len(time)]
@@ -97,11 +97,10 @@ def test_rests_are_where_the_accelerometers_are_quiet_whatever_a_hand_does() -> 
     channels |= {("angular_rate", a): tremor * rng.standard_normal(len(time)) for a in "xyz"}
     units = {key: "m/s^2" if key[0] == "specific_force" else "rad/s" for key in channels}
     made = unit_log("", time, channels, units, [Path(__file__)])
-    assert made.position is not None
     assert made.position.max() == 10
 
 
-def test_offsets_in_seconds_of_time_and_a_latitude_in_the_south(tmp_path: Path) -> None:
+def test_offsets_in_seconds_of_time_and_a_latitude_in_the_south(tmp_path):
     head = "# latitude 33.5 S\nHA [deg],Dec [deg],dHA [s],dDec [arcsec]"
     path = write(tmp_path / "s.csv", head, AZ / 6 - 30, EL - 60, OFF[0] / 15, OFF[1], cell="{:.8f}")
     made = propose([path]).recording
@@ -110,7 +109,7 @@ def test_offsets_in_seconds_of_time_and_a_latitude_in_the_south(tmp_path: Path) 
     np.testing.assert_allclose(off(made, "declination"), OFF[1], atol=0.01)
 
 
-def test_right_ascensions_in_degrees_are_held_against_a_sidereal_time_in_hours(tmp_path: Path) -> None:
+def test_right_ascensions_in_degrees_are_held_against_a_sidereal_time_in_hours(tmp_path):
     hour, lst = AZ / 6 - 30, np.mod(22 + 0.1 * np.arange(30), 24)
     ascension = [np.mod(15 * lst - h, 360) for h in (hour, hour + OFF[0] / 3600)]
     head = "# latitude 48.0\nLST,RA target [deg],RA mount [deg],Dec target [deg],Dec mount [deg]"

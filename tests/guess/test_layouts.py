@@ -1,8 +1,5 @@
 """Logs as further loggers write them: clocks that wrap or tick, scales in remarks, rigs and skies of any names."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -11,10 +8,10 @@ from gimbalcal.guess.column_names import by_name, plain
 from gimbalcal.guess.column_values import signed_counts
 from gimbalcal.guess.date_formats import in_iso, is_stamp, split
 from gimbalcal.guess.merged_logs import resampled
-from gimbalcal.guess.proposal import Proposal, propose
+from gimbalcal.guess.proposal import propose
 from gimbalcal.guess.text_table import tables_of
 from gimbalcal.guess.unit_candidates import scales
-from gimbalcal.number import Array, apply_matrix
+from gimbalcal.number import apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording import dwells
 from tests.golden import golden_text, refused
@@ -24,13 +21,13 @@ LATITUDE = 40.0
 EARTH = 7.292115e-5
 
 
-def rows(path: Path, head: str, *columns: Any, mark: str = ",", cell: str = "{:.7g}") -> Path:
+def rows(path, head, *columns, mark=",", cell="{:.7g}"):
     body = [mark.join(x if isinstance(x, str) else cell.format(x) for x in r) for r in zip(*columns, strict=True)]
     path.write_text("\n".join([head, *body]) + "\n", encoding="utf-8")
     return path
 
 
-def same(found: Proposal, t: Array, f: Array, w: Array, atol: float = 1e-3) -> None:
+def same(found, t, f, w, atol=1e-3):
     """The proposal is the recording that was logged."""
     r = found.recording
     np.testing.assert_allclose(r.time - r.time[0], t - t[0], atol=1e-5)
@@ -39,7 +36,7 @@ def same(found: Proposal, t: Array, f: Array, w: Array, atol: float = 1e-3) -> N
     assert len(dwells(r)) == 10
 
 
-def test_a_scale_that_a_remark_tells_is_taken_where_gravity_and_the_turns_agree(tmp_path: Path) -> None:
+def test_a_scale_that_a_remark_tells_is_taken_where_gravity_and_the_turns_agree(tmp_path):
     t, f, w = turned()
     counts = [np.round(x * 16384 / G) for x in f.T] + [np.round(x * D * 65.5) for x in w.T]
     for said, unit in (("LSB 16384/g, 65.5 LSB/dps", ("g", "deg/s")), ("65.5 LSB/dps", ("count", "deg/s")),
@@ -57,7 +54,7 @@ def test_a_scale_that_a_remark_tells_is_taken_where_gravity_and_the_turns_agree(
     assert [size for size, _ in told["angular_rate"]] == pytest.approx([8.75e-3 / D])
 
 
-def test_a_named_clock_comes_before_a_count_and_an_even_one_before_times_of_arrival(tmp_path: Path) -> None:
+def test_a_named_clock_comes_before_a_count_and_an_even_one_before_times_of_arrival(tmp_path):
     t, f, w = turned()
     head = 'loopIteration,time,gyroADC[0],gyroADC[1],gyroADC[2],"accSmooth[0]","accSmooth[1]","accSmooth[2]"'
     path = rows(tmp_path / "b.csv", '"firmware","Betaflight"\n' + head, np.arange(len(t)), np.round(1e6 * t), *w.T * D,
@@ -74,7 +71,7 @@ def test_a_named_clock_comes_before_a_count_and_an_even_one_before_times_of_arri
     same(found, t, f, w)
 
 
-def test_ticks_and_minutes_are_told_by_the_turns_and_the_rests(tmp_path: Path) -> None:
+def test_ticks_and_minutes_are_told_by_the_turns_and_the_rests(tmp_path):
     t, f, w = turned()
     path = rows(tmp_path / "c.txt", "N\tSampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z", np.arange(len(t)),
                 np.round(1e4 * t) + 777, *f.T, *w.T, mark="\t")  # fmt: skip
@@ -86,7 +83,7 @@ def test_ticks_and_minutes_are_told_by_the_turns_and_the_rests(tmp_path: Path) -
     assert found.guesses["t"].unit == "min"
 
 
-def test_clocks_go_on_where_they_begin_again(tmp_path: Path) -> None:
+def test_clocks_go_on_where_they_begin_again(tmp_path):
     t, f, w = turned()
     ms = (86_400_000 - 9000 + np.round(1000 * t).astype(int)) % 86_400_000
     stamp = [f"{x // 3600000:02d}:{x // 60000 % 60:02d}:{x // 1000 % 60:02d}.{x % 1000:03d}" for x in ms]
@@ -102,14 +99,14 @@ def test_clocks_go_on_where_they_begin_again(tmp_path: Path) -> None:
     assert unwrapped(np.array([0.0, 1, 2, 0.5, 1.5, 2.5]))[1] == ""  # no period: a fault
 
 
-def felt(platform: Platform, *angles: Array) -> Array:
+def felt(platform, *angles):
     return -G * apply_matrix(platform.attitude(np.radians(np.stack(angles, axis=-1))), np.array([0.0, 0.0, 1.0]))
 
 
 FACES = np.array([(a, b) for b in (0, 45, 90, 135, 180, 270) for a in (0, 90, 180, 270)], dtype=float)
 
 
-def test_a_rig_of_ones_own_names_is_found_by_how_gravity_goes(tmp_path: Path) -> None:
+def test_a_rig_of_ones_own_names_is_found_by_how_gravity_goes(tmp_path):
     a, b = FACES.T
     f = felt(KNOWN["two-axis-table"], a, b)
     label = [f"P{k + 1:02d}" for k in range(24) for _ in range(8)]
@@ -128,7 +125,7 @@ def test_a_rig_of_ones_own_names_is_found_by_how_gravity_goes(tmp_path: Path) ->
     assert "called alike" in found.guesses["NX"].why
 
 
-def test_degrees_minutes_and_seconds_gon_and_a_form_above_the_table(tmp_path: Path) -> None:
+def test_degrees_minutes_and_seconds_gon_and_a_form_above_the_table(tmp_path):
     psi, theta = FACES.T
     f = felt(Platform("w", (Axis("platform", "z"), Axis("inner", "x"), Axis("middle", "y"))), psi, theta, 0 * psi)
     dms = [[f"{int(x)}°{int(x * 60) % 60:02d}'{0:04.1f}\"" for x in y] for y in (psi, theta, 0 * psi)]
@@ -149,7 +146,7 @@ def test_degrees_minutes_and_seconds_gon_and_a_form_above_the_table(tmp_path: Pa
     np.testing.assert_allclose(turned_to, r.triad("specific_force"), atol=1e-4)
 
 
-def test_angles_of_a_second_log_are_those_of_the_rig(tmp_path: Path) -> None:
+def test_angles_of_a_second_log_are_those_of_the_rig(tmp_path):
     a, b = (np.repeat(x, 100) for x in FACES.T)
     f = felt(KNOWN["two-axis-table"], a, b) + 1e-4 * np.random.default_rng(5).standard_normal((2400, 3))
     t = 345600 + 0.1 * np.arange(2400)
@@ -162,7 +159,7 @@ def test_angles_of_a_second_log_are_those_of_the_rig(tmp_path: Path) -> None:
     assert len(dwells(found.recording)) == 18  # turns about the vertical are not felt
 
 
-def test_a_platform_left_alone_among_the_stars_is_a_static_run(tmp_path: Path) -> None:
+def test_a_platform_left_alone_among_the_stars_is_a_static_run(tmp_path):
     t = np.arange(0, 43200, 60.0)
     s, la = EARTH * t + 0.7, np.radians(LATITUDE)
     f = G * np.stack([np.cos(la) * np.cos(s), np.cos(la) * np.sin(s), np.sin(la) + 0 * s], axis=-1)
@@ -177,7 +174,7 @@ def test_a_platform_left_alone_among_the_stars_is_a_static_run(tmp_path: Path) -
         "static-run", "space-stable", {"platform", "middle", "outer"})  # fmt: skip
 
 
-def test_places_on_the_sky_with_sidereal_time_zenith_distances_and_remarks_in_front(tmp_path: Path) -> None:
+def test_places_on_the_sky_with_sidereal_time_zenith_distances_and_remarks_in_front(tmp_path):
     rng = np.random.default_rng(6)
     hour, dec, off = rng.uniform(-70, 70, 30), rng.uniform(-10, 70, 30), rng.uniform(-300, 300, (2, 30)) / 3600
     lst = np.mod(22 + 0.1 * np.arange(30), 24)
@@ -208,7 +205,7 @@ def test_places_on_the_sky_with_sidereal_time_zenith_distances_and_remarks_in_fr
     np.testing.assert_allclose(np.degrees(r.channels["gimbal_angle", "azimuth"]) - az, off[0], atol=1e-6)
 
 
-def test_words_and_letters_of_names() -> None:
+def test_words_and_letters_of_names():
     assert plain("ψ [°]") == "psi_deg"
     assert plain("Ablage ZD [']") == "ablage_zd_arcmin"
     said = {"G_X [mdps]": ("angular_rate", "x", "mdeg/s"), "gyroADC[1]": ("angular_rate", "y", ""),
@@ -220,7 +217,7 @@ def test_words_and_letters_of_names() -> None:
         assert (g.quantity, g.axis, g.unit) == wanted, name
 
 
-def test_readings_of_a_second_log_keep_their_noise_and_are_not_made_up(tmp_path: Path) -> None:
+def test_readings_of_a_second_log_keep_their_noise_and_are_not_made_up(tmp_path):
     """On a line between neighbours half-way noise is 0.71 of what it is, and sigmas of turns with it."""
     rng = np.random.default_rng(8)
     t, x = 0.01 * np.arange(20_000), rng.standard_normal(20_000)
@@ -239,7 +236,7 @@ def test_readings_of_a_second_log_keep_their_noise_and_are_not_made_up(tmp_path:
     assert r.title == "acc"
 
 
-def test_axes_before_their_sensor_letters_of_gravity_and_clocks_of_days(tmp_path: Path) -> None:
+def test_axes_before_their_sensor_letters_of_gravity_and_clocks_of_days(tmp_path):
     t, f, w = turned()
     counts = [*np.round(f.T / G * 1e3 / 0.061), *np.round(w.T * D / 0.01)]
     names = "% yday\tX_accel\tY_accel\tZ_accel\tX_gyro\tY_gyro\tZ_gyro"
@@ -265,14 +262,14 @@ def test_axes_before_their_sensor_letters_of_gravity_and_clocks_of_days(tmp_path
         (["2026/6/14", "-"], ["08:05", "08:06"], ["2026-06-14T08:05:00", ""]),
     ],
 )
-def test_dates_as_spreadsheets_write_them(days: list[str], times: list[str], want: list[str]) -> None:
+def test_dates_as_spreadsheets_write_them(days, times, want):
     assert in_iso(days, times) == want
     whole = [f"{day} {time}" for day, time in zip(days, times, strict=True)]
     assert in_iso(*split(whole)) == want
     assert is_stamp(whole[0])
 
 
-def test_a_day_and_a_time_apart_are_one_clock(tmp_path: Path) -> None:
+def test_a_day_and_a_time_apart_are_one_clock(tmp_path):
     t, f, w = turned()
     at = 86390 + t
     day = [f"{14 + int(s // 86400)}.06.2026" for s in at]
@@ -284,7 +281,7 @@ def test_a_day_and_a_time_apart_are_one_clock(tmp_path: Path) -> None:
     same(propose([path]), t, f, w)
 
 
-def test_an_attitude_that_a_unit_estimates_is_no_readout_of_a_rig(tmp_path: Path) -> None:
+def test_an_attitude_that_a_unit_estimates_is_no_readout_of_a_rig(tmp_path):
     """It follows gravity at every rest because it was made of it; a calibration against it would prove itself."""
     t, f, w = turned()
     roll, pitch = np.degrees(np.arctan2(f[:, 1], f[:, 2])), np.degrees(np.arctan2(-f[:, 0], np.hypot(*f.T[1:])))
@@ -301,7 +298,7 @@ def test_an_attitude_that_a_unit_estimates_is_no_readout_of_a_rig(tmp_path: Path
 
 @pytest.mark.parametrize("form", ["Ax {:.4f} Ay {:.4f} Az {:.4f}", "Ax: {:.4f}, Ay: {:.4f}, Az: {:.4f}",
                                   "Ax={:.4f};Ay={:.4f};Az={:.4f};"])  # fmt: skip
-def test_words_before_the_numbers_of_each_line_name_the_columns(form: str, tmp_path: Path) -> None:
+def test_words_before_the_numbers_of_each_line_name_the_columns(form, tmp_path):
     _, f, _ = turned()
     path = tmp_path / "log.txt"
     path.write_text("\n".join(["Calibrating", *(form.format(*row) for row in f)]) + "\n")
@@ -310,7 +307,7 @@ def test_words_before_the_numbers_of_each_line_name_the_columns(form: str, tmp_p
 
 
 @pytest.mark.parametrize("form", ["{}x: {:.4f} {}y: {:.4f} {}z: {:.4f}", "{}x {:.4f} {}y {:.4f} {}z {:.4f}"])
-def test_labelled_lines_of_every_kind_make_a_table(form: str, tmp_path: Path) -> None:
+def test_labelled_lines_of_every_kind_make_a_table(form, tmp_path):
     _, f, w = turned()
     lines = []
     for k, (a, g) in enumerate(zip(f, w, strict=True)):
@@ -325,7 +322,7 @@ def test_labelled_lines_of_every_kind_make_a_table(form: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("separator", ["", " ", ": ", " = "])
-def test_names_of_labelled_lines_end_where_the_number_begins(separator: str, tmp_path: Path) -> None:
+def test_names_of_labelled_lines_end_where_the_number_begins(separator, tmp_path):
     """Values of any size and sign, and NaN where there is a separator, stay in the row; lines without one are counted.
 
     A digit belongs to a name where a separator follows.
@@ -346,7 +343,7 @@ def test_names_of_labelled_lines_end_where_the_number_begins(separator: str, tmp
         assert len(table.columns["A1"]) == len(f)
 
 
-def test_counts_of_two_s_complement_get_their_signs_back(tmp_path: Path) -> None:
+def test_counts_of_two_s_complement_get_their_signs_back(tmp_path):
     """The clock is a counter of 16 bits that starts again, and stays one."""
     t, f, w = turned()
     counts = [np.round(x) for x in np.vstack([f.T * 2048 / G, w.T * D * 16.4])]
@@ -362,7 +359,7 @@ def test_counts_of_two_s_complement_get_their_signs_back(tmp_path: Path) -> None
     assert signed_counts({"t": np.arange(0.0, 2e5, 7) % 2**16})[1] == ()
 
 
-def test_one_column_of_two_s_complement_shows_nothing_about_unrelated_ones() -> None:
+def test_one_column_of_two_s_complement_shows_nothing_about_unrelated_ones():
     """An encoder passes zero; accelerometers in offset binary, a temperature and clocks have no signs."""
     k = np.arange(4000.0)
     encoder = np.round(3000 * np.sin(k / 300)) % 2**16
@@ -373,7 +370,7 @@ def test_one_column_of_two_s_complement_shows_nothing_about_unrelated_ones() -> 
     assert all(np.array_equal(columns[n], x) for n, x in others.items())
 
 
-def test_the_triad_of_a_column_of_two_s_complement_has_signs() -> None:
+def test_the_triad_of_a_column_of_two_s_complement_has_signs():
     """Gravity leaves one axis negative throughout; none has signs where they would break an axis."""
     k = np.arange(4000.0)
     true = {"gx": 3000 * np.sin(k / 300), "gy": 2000 * np.cos(k / 300), "gz": -5000 + 20 * np.sin(k)}

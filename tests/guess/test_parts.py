@@ -1,14 +1,10 @@
 """A file for each face or turn of a unit: parts of one run, in plain text and in the lines of a receiver."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import gimbalcal
 from gimbalcal.guess.proposal import propose
-from gimbalcal.number import Array
 from gimbalcal.recording import dwells
 from tests.golden import refused
 
@@ -19,7 +15,7 @@ SECONDS, RATE = 10, 50
 BIASES = tuple(f"bias:{a}" for a in "xyz")
 
 
-def forces(face: Array, seed: int) -> Array:
+def forces(face, seed):
     """Readings (n, 3) of one face, set to a degree, by a unit with BIAS [m/s^2] and SCALE."""
     rng = np.random.default_rng(seed)
     up = face + 0.02 * rng.standard_normal(3)
@@ -27,7 +23,7 @@ def forces(face: Array, seed: int) -> Array:
     return f + 0.005 * rng.standard_normal((SECONDS * RATE, 3))
 
 
-def faces(folder: Path, begins: Callable[[int], float], clock: str = "t_s") -> list[Path]:
+def faces(folder, begins, clock="t_s"):
     paths = []
     for k, face in enumerate(FACES):
         t = begins(k) + np.arange(SECONDS * RATE) / RATE
@@ -38,13 +34,13 @@ def faces(folder: Path, begins: Callable[[int], float], clock: str = "t_s") -> l
     return paths
 
 
-def calibrated(found: gimbalcal.Recording) -> dict[str, float]:
+def calibrated(found):
     made = gimbalcal.calibrate(found, terms=("bias", "scale_factor")).to_dict()["parameters"]
     return {f"{p['name']}:{p['axis']}": p["value"] for p in made}
 
 
 @pytest.mark.parametrize("own", [False, True], ids=["one clock", "a clock for each file"])
-def test_six_faces_in_six_files(own: bool, tmp_path: Path) -> None:
+def test_six_faces_in_six_files(own, tmp_path):
     """The order given does not matter where one clock goes on; each file's own clock is told to mean nothing."""
     paths = faces(tmp_path, (lambda k: 0.0) if own else (lambda k: 100.0 * k))
     found = propose(paths if own else paths[::-1], latitude=45.0)
@@ -57,19 +53,19 @@ def test_six_faces_in_six_files(own: bool, tmp_path: Path) -> None:
     np.testing.assert_allclose([got[name] for name in BIASES], BIAS / r.site.gravity * 1e6, atol=250)
 
 
-def test_rows_of_parts_can_be_counted(tmp_path: Path) -> None:
+def test_rows_of_parts_can_be_counted(tmp_path):
     paths = faces(tmp_path, lambda k: 0.0, clock="frame")
     r = propose(paths, rate=RATE).recording
     assert len(dwells(r)) == 6
     assert np.median(np.diff(r.time)) == pytest.approx(1 / RATE)
 
 
-def test_two_units_at_once_are_no_parts(tmp_path: Path) -> None:
+def test_two_units_at_once_are_no_parts(tmp_path):
     with refused():
         propose(faces(tmp_path, lambda k: 1000.0 + 0.003 * k))
 
 
-def rawimu(path: Path, t0: float, f: Array, w: Array, extended: bool) -> Path:
+def rawimu(path, t0, f, w, extended):
     """Counts of increments as the receiver logs them, with another log and a cut line between."""
     lines = ["<OK\n"]
     head, more = ("%RAWIMUSXA", "00,16,") if extended else ("%RAWIMUSA", "")
@@ -83,7 +79,7 @@ def rawimu(path: Path, t0: float, f: Array, w: Array, extended: bool) -> Path:
 
 
 @pytest.mark.parametrize("extended", [False, True])
-def test_counts_of_a_receiver_face_by_face(extended: bool, tmp_path: Path) -> None:
+def test_counts_of_a_receiver_face_by_face(extended, tmp_path):
     """A turn about the vertical is no rest, though no accelerometer sees it and nobody knows what a count is."""
     count, still = 1.5e-4 * RATE, np.zeros((SECONDS * RATE, 3))
     rng = np.random.default_rng(1)
@@ -104,7 +100,7 @@ def test_counts_of_a_receiver_face_by_face(extended: bool, tmp_path: Path) -> No
     assert len(scales) == 3
 
 
-def test_a_damaged_line_of_a_receiver_is_named(tmp_path: Path) -> None:
+def test_a_damaged_line_of_a_receiver_is_named(tmp_path):
     f = np.ones((30, 3)) * [0, 0, 60000]
     path = rawimu(tmp_path / "a.ASC", 5e5, f, 0 * f, False)
     text = path.read_text().replace("*9319b0f1", "", 3)
@@ -113,7 +109,7 @@ def test_a_damaged_line_of_a_receiver_is_named(tmp_path: Path) -> None:
         propose([path])
 
 
-def test_the_fine_clock_of_xsens_counts_tenths_of_a_millisecond(tmp_path: Path) -> None:
+def test_the_fine_clock_of_xsens_counts_tenths_of_a_millisecond(tmp_path):
     n = SECONDS * RATE
     rows = np.column_stack([np.arange(n), 9475426 + 200 * np.arange(n), forces(FACES[0], 1)])
     path = tmp_path / "a.txt"
@@ -122,7 +118,7 @@ def test_the_fine_clock_of_xsens_counts_tenths_of_a_millisecond(tmp_path: Path) 
     assert np.median(np.diff(propose([path]).recording.time)) == pytest.approx(1 / RATE)
 
 
-def test_a_folder_is_answered_with_what_to_write(tmp_path: Path) -> None:
+def test_a_folder_is_answered_with_what_to_write(tmp_path):
     faces(tmp_path, lambda k: 100.0 * k)
     with refused():
         propose([tmp_path])

@@ -1,13 +1,9 @@
 """Pointing runs that nobody described: layouts, units, sexagesimal cells, offsets either way, the words of the file."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from gimbalcal.guess.proposal import propose
-from gimbalcal.number import Array
-from gimbalcal.recording import Recording
 from tests.golden import golden_text, refused
 
 ARCSEC = np.pi / 648000
@@ -16,29 +12,29 @@ AZ, EL = RNG.uniform(0, 360, 30), RNG.uniform(15, 80, 30)
 OFF = RNG.normal(0, 60, (2, 30)).round(2)  # arcsec, readout minus truth: azimuth, elevation
 
 
-def sexagesimal(x: float) -> str:
+def sexagesimal(x):
     total = round(abs(x) * 36000)
     return f"{'-' if x < 0 else '+'}{total // 36000:02d}:{total // 600 % 60:02d}:{total % 600 / 10:04.1f}"
 
 
-def write(path: Path, head: str, *columns: Array, mark: str = ",", cell: str = "{:.6f}") -> Path:
+def write(path, head, *columns, mark=",", cell="{:.6f}"):
     rows = [mark.join(x if isinstance(x, str) else cell.format(x) for x in row) for row in zip(*columns, strict=True)]
     path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
     return path
 
 
-def off(r: Recording, axis: str) -> Array:
+def off(r, axis):
     """Readout minus truth [arcsec]."""
     return np.asarray((r.channels["gimbal_angle", axis] - r.channels["true_angle", axis]) / ARCSEC)
 
 
-def agrees(r: Recording, sign: float = 1.0, atol: float = 0.02) -> None:
+def agrees(r, sign=1.0, atol=0.02):
     assert (r.kind, r.platform.name, len(r.time)) == ("pointing", "alt-az", 30)
     np.testing.assert_allclose(off(r, "azimuth"), sign * OFF[0], atol=atol)
     np.testing.assert_allclose(off(r, "elevation"), sign * OFF[1], atol=atol)
 
 
-def test_both_angles_in_degrees_and_in_any_order(tmp_path: Path) -> None:
+def test_both_angles_in_degrees_and_in_any_order(tmp_path):
     names = "Az encoder (deg),El encoder (deg),Az target (deg),El target (deg)"
     agrees(propose([write(tmp_path / "a.csv", names, AZ + OFF[0] / 3600, EL + OFF[1] / 3600, AZ, EL)]).recording)
     wrapped = write(
@@ -47,7 +43,7 @@ def test_both_angles_in_degrees_and_in_any_order(tmp_path: Path) -> None:
     agrees(propose([wrapped]).recording)
 
 
-def test_sexagesimal_cells_and_dates(tmp_path: Path) -> None:
+def test_sexagesimal_cells_and_dates(tmp_path):
     time = [f"2026-11-03T{18 + k // 20:02d}:{3 * k % 60:02d}:00" for k in range(30)]
     cells = [[sexagesimal(v) for v in x] for x in (AZ, EL, AZ + OFF[0] / 3600, EL + OFF[1] / 3600)]
     found = propose([write(tmp_path / "c.csv", "UTC;Az soll;El soll;Az ist;El ist", time, *cells, mark=";")])
@@ -55,7 +51,7 @@ def test_sexagesimal_cells_and_dates(tmp_path: Path) -> None:
     assert np.diff(found.recording.time)[0] == pytest.approx(180)
 
 
-def test_offsets_follow_the_words_of_the_file(tmp_path: Path) -> None:
+def test_offsets_follow_the_words_of_the_file(tmp_path):
     head = "# antenna\n# offsets: {}, arcsec\n# time[s] az[deg] el[deg] daz[arcsec] del[arcsec]"
     t = 60.0 * np.arange(30)
     for words, sign in (("measured minus commanded", 1.0), ("commanded - measured", -1.0)):
@@ -68,14 +64,14 @@ def test_offsets_follow_the_words_of_the_file(tmp_path: Path) -> None:
     golden_text(silent.notes["unit"])
 
 
-def test_offsets_on_the_sky_turn_the_axis_further(tmp_path: Path) -> None:
+def test_offsets_on_the_sky_turn_the_axis_further(tmp_path):
     sky = OFF[0] * np.cos(np.radians(EL))
     found = propose([write(tmp_path / "f.csv", "Az,El,xel_off [arcsec],el_off [arcsec]", AZ, EL, sky, OFF[1])])
     agrees(found.recording)
     golden_text(found.notes["sky"])
 
 
-def test_an_equatorial_mount_needs_its_latitude(tmp_path: Path) -> None:
+def test_an_equatorial_mount_needs_its_latitude(tmp_path):
     hour, dec = RNG.uniform(-5, 5, 30), RNG.uniform(-10, 70, 30)
     columns = (hour, dec, hour + OFF[0] / 54000, dec + OFF[1] / 3600)
     path = write(tmp_path / "g.csv", "HA,Dec,HA obs,Dec obs", *columns, cell="{:.8f}")
@@ -91,7 +87,7 @@ def test_an_equatorial_mount_needs_its_latitude(tmp_path: Path) -> None:
     assert told.recording.site.latitude == pytest.approx(np.radians(39.0))
 
 
-def test_a_tpoint_file_is_known_by_its_form_and_a_latitude_may_be_its_whole_site(tmp_path: Path) -> None:
+def test_a_tpoint_file_is_known_by_its_form_and_a_latitude_may_be_its_whole_site(tmp_path):
     path = tmp_path / "t.dat"
     stars = "\n".join(f"{(180 - a) % 360:.6f} {e:.6f} {(180 - a - x / 3600) % 360:.6f} {e + y / 3600:.6f}"
                       for a, e, x, y in zip(AZ, EL, *OFF, strict=True))  # fmt: skip
@@ -101,7 +97,7 @@ def test_a_tpoint_file_is_known_by_its_form_and_a_latitude_may_be_its_whole_site
     assert "TPOINT" in found.notes["kind"]
 
 
-def test_the_command_writes_a_run_and_its_picture(command, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_the_command_writes_a_run_and_its_picture(command, tmp_path):
     path = write(tmp_path / "run.csv", "az_true,el_true,az_enc,el_enc", AZ, EL, AZ + OFF[0] / 3600, EL + OFF[1] / 3600)
     assert command("new", path, "--out", tmp_path / "run", "--quiet") == 0
     assert sorted(p.name for p in (tmp_path / "run").iterdir()) == ["recording.toml", "samples.csv", "stars.html"]

@@ -3,7 +3,6 @@
 import json
 import tomllib
 from datetime import datetime, timedelta
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -13,7 +12,6 @@ from gimbalcal.guess import proposal
 from gimbalcal.guess.column_names import by_name, plain
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.proposal import propose
-from gimbalcal.number import Array
 from gimbalcal.recording import dwells, read
 from gimbalcal.rotation import exponential
 from tests.golden import golden_text, refused
@@ -22,7 +20,7 @@ G, D = 9.80665, 180 / np.pi
 STILL, MOVE, STEP = 150, 50, 0.02
 
 
-def turned(seed: int = 1, rests: int = 10) -> tuple[Array, Array, Array]:
+def turned(seed=1, rests=10):
     """Time (n,), force and rate (n, 3) in SI of a unit turned by hand about one axis after the other."""
     rng = np.random.default_rng(seed)
     rate, force, u = [], [], np.array([0.0, 0, -G])
@@ -39,13 +37,13 @@ def turned(seed: int = 1, rests: int = 10) -> tuple[Array, Array, Array]:
     return np.arange(n) * STEP, f, np.array(rate) + 0.001 * rng.standard_normal((n, 3))
 
 
-def table(path: Path, columns: dict[str, object], separator: str = ",", before: str = "") -> Path:
+def table(path, columns, separator=",", before=""):
     text = pl.DataFrame(columns).write_csv(separator=separator)
     path.write_text(before + text, encoding="utf-8")
     return path
 
 
-def right(path: Path, *more: Path, rate: float = 0.0, gyro: bool = True, begins: float = 0.0) -> None:
+def right(path, *more, rate=0.0, gyro=True, begins=0.0):
     """The proposal is the recording that was logged, whatever units and names it was logged in."""
     t, f, w = turned()
     found = propose([path, *more], rate=rate).recording
@@ -58,7 +56,7 @@ def right(path: Path, *more: Path, rate: float = 0.0, gyro: bool = True, begins:
         assert np.abs(found.triad("angular_rate") - w[at]).max() < (0.05 if more else 1e-4)
 
 
-def test_names_with_units(tmp_path: Path) -> None:
+def test_names_with_units(tmp_path):
     t, f, w = turned()
     columns = {"Time (ms)": t * 1e3, **{f"Acc{a} [g]": f[:, i] / G for i, a in enumerate("XYZ")},
                **{f"Gyro{a}(dps)": w[:, i] * D for i, a in enumerate("XYZ")}, "note": ["x"] * len(t)}  # fmt: skip
@@ -66,7 +64,7 @@ def test_names_with_units(tmp_path: Path) -> None:
     assert propose([tmp_path / "a.csv"]).left_out == ("note",)
 
 
-def test_names_without_units_semicolons_and_dates(tmp_path: Path) -> None:
+def test_names_without_units_semicolons_and_dates(tmp_path):
     t, f, w = turned()
     stamps = [(datetime(2026, 5, 1, 23, 59) + timedelta(seconds=float(s))).isoformat() for s in t]  # noqa: DTZ001
     columns = {"timestamp": stamps, **{f"linear_acceleration.{a}": f[:, i] for i, a in enumerate("xyz")},
@@ -74,13 +72,13 @@ def test_names_without_units_semicolons_and_dates(tmp_path: Path) -> None:
     right(table(tmp_path / "b.csv", columns, ";"), begins=86340.0)
 
 
-def test_no_names_at_all(tmp_path: Path) -> None:
+def test_no_names_at_all(tmp_path):
     t, f, w = turned()
     np.savetxt(tmp_path / "c.txt", np.column_stack([t, f, w * D]), fmt="%.6f")
     right(tmp_path / "c.txt")
 
 
-def test_two_logs_on_two_clocks(tmp_path: Path) -> None:
+def test_two_logs_on_two_clocks(tmp_path):
     t, f, w = turned()
     t2 = np.arange(0, t[-1], 0.013)
     gyro = {"t": t2, **{f"g{a}": np.interp(t2, t, w[:, i]) for i, a in enumerate("xyz")}}
@@ -90,7 +88,7 @@ def test_two_logs_on_two_clocks(tmp_path: Path) -> None:
         propose([force, table(tmp_path / "later.csv", {**gyro, "t": t2 + 1e4})])
 
 
-def test_lines_before_the_table_blanks_holes_and_milli_g(tmp_path: Path) -> None:
+def test_lines_before_the_table_blanks_holes_and_milli_g(tmp_path):
     t, f, _ = turned()
     z = f[:, 2] / G * 1e3
     z[::499] = np.nan
@@ -102,7 +100,7 @@ def test_lines_before_the_table_blanks_holes_and_milli_g(tmp_path: Path) -> None
     right(path, gyro=False)
 
 
-def test_the_turns_tell_a_unit_that_numbers_do_not(tmp_path: Path) -> None:
+def test_the_turns_tell_a_unit_that_numbers_do_not(tmp_path):
     t, f, w = turned()
     columns = {"t": t, **{f"a{a}": f[:, i] for i, a in enumerate("xyz")},
                **{f"gyro_{a}": w[:, i] * D / 10 for i, a in enumerate("xyz")}}  # fmt: skip
@@ -112,7 +110,7 @@ def test_the_turns_tell_a_unit_that_numbers_do_not(tmp_path: Path) -> None:
     golden_text(found.guesses["gyro_x"].why)
 
 
-def test_a_long_log_is_tried_by_means_and_proposed_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_log_is_tried_by_means_and_proposed_whole(tmp_path, monkeypatch):
     t, f, w = turned()
     path = table(tmp_path / "log.csv", {"t": 1000 * t, "ax": f[:, 0], "ay": f[:, 1], "az": f[:, 2], "gx": w[:, 0],
                                         "gy": w[:, 1], "gz": w[:, 2]})  # fmt: skip
@@ -125,7 +123,7 @@ def test_a_long_log_is_tried_by_means_and_proposed_whole(tmp_path: Path, monkeyp
     np.testing.assert_array_equal(again.recording.position, whole.recording.position)
 
 
-def test_means_of_successive_rows_leave_out_what_is_not_there() -> None:
+def test_means_of_successive_rows_leave_out_what_is_not_there():
     guesses = {"t": Guess("time", "", "s", ""), "f": Guess("specific_force", "x", "g", "")}
     log = Log({"t": np.arange(7.0), "f": np.array([1.0, np.nan, 3.0, np.nan, np.nan, np.nan, 9.0])}, guesses)
     few = log.thinned(3, 5)
@@ -135,7 +133,7 @@ def test_means_of_successive_rows_leave_out_what_is_not_there() -> None:
     assert len(log.thinned(1, 2).columns["t"]) == 3
 
 
-def test_a_log_without_a_clock_is_asked_for_its_rate(tmp_path: Path) -> None:
+def test_a_log_without_a_clock_is_asked_for_its_rate(tmp_path):
     _, f, _ = turned()
     path = table(tmp_path / "e.csv", {f"a{a}": f[:, i] for i, a in enumerate("xyz")})
     with refused():
@@ -143,7 +141,7 @@ def test_a_log_without_a_clock_is_asked_for_its_rate(tmp_path: Path) -> None:
     right(path, rate=50.0, gyro=False)
 
 
-def test_a_log_without_gravity_and_its_sign_are_said(tmp_path: Path) -> None:
+def test_a_log_without_gravity_and_its_sign_are_said(tmp_path):
     t, f, w = turned()
     columns = {"t": t, **{f"w{a}": w[:, i] for i, a in enumerate("xyz")}}
     linear = {f"Linear Acceleration {a} (m/s^2)": 0.01 * f[:, i] for i, a in enumerate("xyz")}
@@ -162,14 +160,14 @@ def test_a_log_without_gravity_and_its_sign_are_said(tmp_path: Path) -> None:
         "t,pos,ax,ay,az\n" + "".join(f"{k / 50},0,0,0,9.8\n" for k in range(900)),
     ],
 )
-def test_what_cannot_be_guessed_is_said(tmp_path: Path, text: str) -> None:
+def test_what_cannot_be_guessed_is_said(tmp_path, text):
     path = tmp_path / "log.csv"
     path.write_text(text)
     with refused():
         propose([path])
 
 
-def test_names_of_many_loggers() -> None:
+def test_names_of_many_loggers():
     said = {
         "accelerometer_x": ("specific_force", "x", ""), "GyroZ(dps)": ("angular_rate", "z", "deg/s"),
         "AccY (mg)": ("specific_force", "y", "mg"), "wx [rad/s]": ("angular_rate", "x", "rad/s"),
@@ -187,7 +185,7 @@ def test_names_of_many_loggers() -> None:
     assert plain("Acc_X [m/s^2]") == "acc_x_m_s2"
 
 
-def test_the_command_writes_a_recording_that_can_be_corrected(command, capsys, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_the_command_writes_a_recording_that_can_be_corrected(command, capsys, tmp_path):
     t, f, w = turned()
     columns = {
         "time": t,

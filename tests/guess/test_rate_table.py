@@ -1,30 +1,26 @@
 """Logs of gyroscopes without accelerometers beside what turned them: `new` proposes a rotation on a rate table."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from gimbalcal.checks.driven_rates import driven_turn
 from gimbalcal.guess.column_names import axis_word, by_name
 from gimbalcal.guess.proposal import propose
-from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.quantities import check
-from gimbalcal.recording import Recording
 from gimbalcal.rotation import rotation_vector
 from tests.golden import golden_text, refused
 
 STEP, RATES = 0.02, (5.0, -5.0, 30.0, -30.0, 90.0, -90.0)
 
 
-def profile() -> Array:
+def profile():
     """A table's rate [deg/s], three seconds of each with rests between."""
     return np.concatenate([x for w in RATES for x in (np.zeros(50), np.linspace(0, w, 25), np.full(150, w),
                                                       np.linspace(w, 0, 25))])  # fmt: skip
 
 
-def felt(platform: Platform, angles: Array, seed: int = 1) -> Array:
+def felt(platform, angles, seed=1):
     """What gyroscopes (n, 3) [deg/s] feel on a platform that goes through angles (n, k) [deg], a per cent off."""
     C = platform.attitude(np.radians(angles))
     turn = np.degrees(rotation_vector(C[:-1] @ C[1:].swapaxes(-1, -2))) / STEP
@@ -32,19 +28,19 @@ def felt(platform: Platform, angles: Array, seed: int = 1) -> Array:
     return np.asarray(np.concatenate([turn[:1], turn]) * [1.01, 0.99, 1.005] + [0.3, -0.2, 0.1] + noise)
 
 
-def log(path: Path, gyros: Array, **others: Array) -> Path:
+def log(path, gyros, **others):
     t = STEP * np.arange(len(gyros))
     names = ",".join(["time", "gyro_x", "gyro_y", "gyro_z", *others])
     np.savetxt(path, np.column_stack([t, gyros, *others.values()]), "%.6f", ",", header=names, comments="")
     return path
 
 
-def chain(r: Recording) -> list[tuple[str, str, int]]:
+def chain(r):
     return [(a.name, a.direction, a.sign) for a in r.platform.axes]
 
 
 @pytest.mark.parametrize(("direction", "sign"), [("x", 1), ("y", -1), ("z", 1)])
-def test_the_gyroscopes_tell_axis_and_sense_of_a_table(tmp_path: Path, direction: str, sign: int) -> None:
+def test_the_gyroscopes_tell_axis_and_sense_of_a_table(tmp_path, direction, sign):
     angle = STEP * np.cumsum(profile())
     g = felt(Platform("own", (Axis("table", direction, sign),)), angle[:, None])
     found = propose([log(tmp_path / "a.csv", g, table_angle_deg=angle % 360)])
@@ -58,7 +54,7 @@ def test_the_gyroscopes_tell_axis_and_sense_of_a_table(tmp_path: Path, direction
     ("name", "factor"),
     [("table_rate", 1.0), ("table_speed_rpm", 1 / 6), ("w_cmd", 1.0), ("table_rate_rad", np.pi / 180)],
 )
-def test_a_rate_of_the_table_is_added_up(tmp_path: Path, name: str, factor: float) -> None:
+def test_a_rate_of_the_table_is_added_up(tmp_path, name, factor):
     rate = profile()
     g = felt(Platform("own", (Axis("table", "y"),)), STEP * np.cumsum(rate)[:, None])
     r = propose([log(tmp_path / "a.csv", g, **{name: factor * rate})]).recording
@@ -75,7 +71,7 @@ def test_a_rate_of_the_table_is_added_up(tmp_path: Path, name: str, factor: floa
         ("phi", np.radians), ("revolutions", lambda a: a / 360),
     ],
 )  # fmt: skip
-def test_an_angle_by_any_name_beside_what_is_none(tmp_path: Path, name: str, shown) -> None:  # type: ignore[no-untyped-def]
+def test_an_angle_by_any_name_beside_what_is_none(tmp_path, name, shown):
     rate = profile()
     angle = STEP * np.cumsum(rate)
     g = felt(Platform("own", (Axis("table", "x"),)), angle[:, None])
@@ -89,7 +85,7 @@ def test_an_angle_by_any_name_beside_what_is_none(tmp_path: Path, name: str, sho
     assert "supply_v" in found.left_out
 
 
-def test_a_measured_angle_comes_before_a_command(tmp_path: Path) -> None:
+def test_a_measured_angle_comes_before_a_command(tmp_path):
     rate = profile()
     angle = STEP * np.cumsum(rate)
     g = felt(Platform("own", (Axis("table", "z", -1),)), angle[:, None])
@@ -99,7 +95,7 @@ def test_a_measured_angle_comes_before_a_command(tmp_path: Path) -> None:
     assert "table_speed_cmd" in found.left_out
 
 
-def test_an_inner_axis_that_spins_at_several_outer_angles(tmp_path: Path) -> None:
+def test_an_inner_axis_that_spins_at_several_outer_angles(tmp_path):
     rate = profile()
     inner, outer = STEP * np.cumsum(np.tile(np.append(rate, np.zeros(200)), 3)), np.zeros(3 * (len(rate) + 200))
     for k in range(3):
@@ -112,7 +108,7 @@ def test_an_inner_axis_that_spins_at_several_outer_angles(tmp_path: Path) -> Non
     assert set(made.axes("gimbal_angle")) == {"inner", "outer"}
 
 
-def test_rates_in_rad_and_in_counts(tmp_path: Path) -> None:
+def test_rates_in_rad_and_in_counts(tmp_path):
     angle = STEP * np.cumsum(profile())
     g = felt(Platform("own", (Axis("table", "z"),)), angle[:, None])
     r = propose([log(tmp_path / "a.csv", np.radians(g), table=angle % 360)]).recording
@@ -121,7 +117,7 @@ def test_rates_in_rad_and_in_counts(tmp_path: Path) -> None:
     assert (r.units["angular_rate", "x"], r.platform.axes[0].direction) == ("count", "z")
 
 
-def test_about_the_vertical_gravity_tells_nothing_and_the_gyroscopes_do(tmp_path: Path) -> None:
+def test_about_the_vertical_gravity_tells_nothing_and_the_gyroscopes_do(tmp_path):
     rate = profile()
     g = felt(Platform("own", (Axis("table", "x", -1),)), STEP * np.cumsum(rate)[:, None])
     rng = np.random.default_rng(4)
@@ -133,7 +129,7 @@ def test_about_the_vertical_gravity_tells_nothing_and_the_gyroscopes_do(tmp_path
     assert not any("gyroscopes were not checked" in remark for remark in found.recording.remarks)
 
 
-def test_what_no_column_explains_is_said(tmp_path: Path) -> None:
+def test_what_no_column_explains_is_said(tmp_path):
     angle = STEP * np.cumsum(profile())
     oblique = felt(
         Platform("own", (Axis("tilt", "x", 1, 0.6), Axis("table", "z"))), np.stack([0 * angle, angle], axis=-1)
@@ -146,18 +142,18 @@ def test_what_no_column_explains_is_said(tmp_path: Path) -> None:
         propose(logs)
 
 
-def test_a_rate_of_a_table_is_no_angle_of_it() -> None:
+def test_a_rate_of_a_table_is_no_angle_of_it():
     assert by_name("table_rate_dps") is None
     assert axis_word("table_rate_dps") == "table"
-    assert by_name("table_deg").quantity == "gimbal_angle"  # type: ignore[union-attr]
+    assert by_name("table_deg").quantity == "gimbal_angle"
 
 
-def test_a_header_that_calls_a_rate_an_angle_is_told_what_adds_it_up() -> None:
+def test_a_header_that_calls_a_rate_an_angle_is_told_what_adds_it_up():
     with refused():
         check("deg/s", "gimbal_angle")
 
 
-def test_the_chain_s_rate_is_that_of_its_attitude() -> None:
+def test_the_chain_s_rate_is_that_of_its_attitude():
     rng = np.random.default_rng(3)
     platform = Platform("own", (Axis("a", "x", -1, 0.4), Axis("b", "z", 1, 1.0), Axis("c", "y")))
     angles = np.cumsum(rng.normal(0, 1e-3, (400, 3)), axis=0)
@@ -168,7 +164,7 @@ def test_the_chain_s_rate_is_that_of_its_attitude() -> None:
     assert T.misfit(Platform("own", platform.axes[::-1])) > 0.3
 
 
-def test_a_log_shorter_than_a_span_is_one_span_and_shows_nothing() -> None:
+def test_a_log_shorter_than_a_span_is_one_span_and_shows_nothing():
     time = 1e-4 * np.arange(50)
     turn = driven_turn(time, np.ones((50, 3)), time[:, None], ("table",))
     assert len(turn.read) == 1

@@ -1,7 +1,6 @@
 """Logs as programs write them: remarks behind rows, exponents of Fortran, errors beside offsets, messages, stamps."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from gimbalcal.guess.message_log import tables_in
 from gimbalcal.guess.proposal import propose
 from gimbalcal.guess.text_table import table_of
 from gimbalcal.importers.delimited import encoding_of
-from gimbalcal.number import Array, apply_matrix
+from gimbalcal.number import apply_matrix
 from gimbalcal.platform import KNOWN
 from tests.golden import golden_text, refused
 from tests.guess.test_layouts import FACES, felt, rows, same
@@ -20,7 +19,7 @@ from tests.guess.test_pointing_run import AZ, EL, OFF, agrees, write
 from tests.guess.test_proposal import D, G, turned
 
 
-def test_a_form_above_and_a_column_of_remarks_that_is_left_empty(tmp_path: Path) -> None:
+def test_a_form_above_and_a_column_of_remarks_that_is_left_empty(tmp_path):
     t, f, w = turned()
     units = "\t".join(["Y_Unit", *["g"] * 3, *["deg/s"] * 3])
     form = f"Meter\t2\n\nChannels\t6\t\t\t\t\t\t\nSamples{6 * (chr(9) + '2000')}\t\n{units}\t\n"
@@ -32,14 +31,14 @@ def test_a_form_above_and_a_column_of_remarks_that_is_left_empty(tmp_path: Path)
     same(propose([path]), t, f, w)
 
 
-def test_double_precision_of_fortran(tmp_path: Path) -> None:
+def test_double_precision_of_fortran(tmp_path):
     t, f, w = turned()
     cells = [[f"{v:.7E}".replace("E", "D") for v in x] for x in (t, *f.T, *w.T * D)]
     same(propose([rows(tmp_path / "a.dat", "C TUMBLE\n T(SEC) FX(M/S**2) FY(M/S**2) FZ(M/S**2) WX(DEG/S) WY(DEG/S) "
                        "WZ(DEG/S)", *cells, mark="  ")]), t, f, w)  # fmt: skip
 
 
-def test_seconds_of_arc_have_a_comma_too_and_dashes_of_windows_are_read(tmp_path: Path) -> None:
+def test_seconds_of_arc_have_a_comma_too_and_dashes_of_windows_are_read(tmp_path):
     path = tmp_path / "a.csv"
     body = "\n".join(f"{k};-12°30'36,{k}\";0,5;1,5" for k in range(6))
     path.write_bytes(f"Pos.;Außen;a;b\n–;°;g;g\n{body}\n".encode("cp1252"))
@@ -57,13 +56,12 @@ def test_seconds_of_arc_have_a_comma_too_and_dashes_of_windows_are_read(tmp_path
      ("UncalAccelXMps2", "specific_force", "m/s^2"), ("UncalGyroXRadPerSec", "angular_rate", "rad/s"),
      ("gyro_x_raw", "angular_rate", "count")],
 )  # fmt: skip
-def test_a_unit_stands_before_the_axis_or_behind(name: str, quantity: str, unit: str) -> None:
+def test_a_unit_stands_before_the_axis_or_behind(name, quantity, unit):
     found = by_name(name)
-    assert found is not None
     assert (found.quantity, found.axis, found.unit) == (quantity, "x", unit)
 
 
-def test_an_error_beside_an_offset_is_no_offset(tmp_path: Path) -> None:
+def test_an_error_beside_an_offset_is_no_offset(tmp_path):
     sky = OFF[0] * np.cos(np.radians(EL))
     names = "Az,El,xel_off [arcsec],el_off [arcsec],xel_err [arcsec],el_err [arcsec]"
     small = np.full(30, 0.5)
@@ -74,7 +72,7 @@ def test_an_error_beside_an_offset_is_no_offset(tmp_path: Path) -> None:
         propose([write(tmp_path / "b.csv", "az,el,daz,del,az_corr", AZ, EL, *OFF, OFF[0] + 9)])
 
 
-def test_offsets_beside_both_angles_say_the_same_or_are_asked_about(tmp_path: Path) -> None:
+def test_offsets_beside_both_angles_say_the_same_or_are_asked_about(tmp_path):
     names = "az_cmd,el_cmd,az_act,el_act,az_off [arcsec],el_off [arcsec]"
     read = AZ + OFF[0] / 3600, EL + OFF[1] / 3600
     agrees(propose([write(tmp_path / "a.csv", names, AZ, EL, *read, *OFF, cell="{:.8f}")]).recording)
@@ -83,11 +81,11 @@ def test_offsets_beside_both_angles_say_the_same_or_are_asked_about(tmp_path: Pa
         propose([write(tmp_path / "b.csv", names, AZ, EL, *servo, *OFF)])
 
 
-def _cells(t: Array, *columns: Array) -> list[str]:
+def _cells(t, *columns):
     return [",".join(f"{v:.9g}" for v in row) for row in zip(t, *columns, strict=True)]
 
 
-def test_messages_of_a_flight_controller_two_units_in_turn(tmp_path: Path) -> None:
+def test_messages_of_a_flight_controller_two_units_in_turn(tmp_path):
     t, f, w = turned()
     us = np.round(1e6 * t) + 61e6
     lines = [
@@ -106,7 +104,7 @@ def test_messages_of_a_flight_controller_two_units_in_turn(tmp_path: Path) -> No
     golden_text(found.notes["sensor"])
 
 
-def test_messages_of_a_telephone_named_in_comments_or_in_one_line(tmp_path: Path) -> None:
+def test_messages_of_a_telephone_named_in_comments_or_in_one_line(tmp_path):
     t, f, w = turned()
     ns = np.round(1e9 * t)
     acc, gyr = _cells(ns, *f.T), _cells(ns, *w.T)
@@ -125,14 +123,14 @@ def test_messages_of_a_telephone_named_in_comments_or_in_one_line(tmp_path: Path
         propose([path])
 
 
-def test_labels_of_rows_are_no_messages(tmp_path: Path) -> None:
+def test_labels_of_rows_are_no_messages(tmp_path):
     body = [f"{'M31' if k % 2 else 'Vega'},{k},{k + 1},{k + 2}" for k in range(60)]
     path = tmp_path / "a.csv"
     path.write_text("\n".join(lines := ["Star,Az,El,x", *body]), encoding="utf-8")
     assert tables_in(path, lines) == ({}, 0)
 
 
-def test_lines_of_a_terminal_with_times_of_arrival_and_checksums(tmp_path: Path) -> None:
+def test_lines_of_a_terminal_with_times_of_arrival_and_checksums(tmp_path):
     t, f, w = turned()
     second = 14 * 3600 + t
     stamp = [f"14:{int(s) // 60 % 60:02d}:{s % 60:06.3f} -> " for s in second]
@@ -156,7 +154,7 @@ def test_lines_of_a_terminal_with_times_of_arrival_and_checksums(tmp_path: Path)
     np.testing.assert_allclose(propose([path]).recording.triad("angular_rate")[:, 2], w[:, 2], atol=1e-6)
 
 
-def test_a_clock_of_whole_seconds_and_nanoseconds_and_rates_with_a_bias(tmp_path: Path) -> None:
+def test_a_clock_of_whole_seconds_and_nanoseconds_and_rates_with_a_bias(tmp_path):
     t, f, w = turned()
     w += 0.02  # a constant length at rest, as gravity has
     whole = 1_772_000_000 + np.floor(t + 0.9)
@@ -170,7 +168,7 @@ def test_a_clock_of_whole_seconds_and_nanoseconds_and_rates_with_a_bias(tmp_path
     assert not {"1", "2"} & set(found.left_out)
 
 
-def test_dates_with_the_name_of_a_month_and_axes_counted_from_one(tmp_path: Path) -> None:
+def test_dates_with_the_name_of_a_month_and_axes_counted_from_one(tmp_path):
     t, f, w = turned()
     stamp = [f"{'11-Mär-2026' if s < 90 else '12-Mär-2026'} {int(23 * 3600 + 3510 + s) // 3600 % 24:02d}:"
              f"{int(3510 + s) // 60 % 60:02d}:{(3510 + s) % 60:06.3f}" for s in t]  # fmt: skip
@@ -185,7 +183,7 @@ def test_dates_with_the_name_of_a_month_and_axes_counted_from_one(tmp_path: Path
         assert in_iso(*split([f"{day} 08:05:10"])) == [f"{iso}T08:05:10"]
 
 
-def test_marks_of_thousands(tmp_path: Path) -> None:
+def test_marks_of_thousands(tmp_path):
     t, f, w = turned()
     cells = [[f"{v:,.3f}" for v in x] for x in (*f.T / G * 1000, *w.T * D)]
     clock = [f"{s:.2f}" for s in t]
@@ -196,7 +194,7 @@ def test_marks_of_thousands(tmp_path: Path) -> None:
     same(propose([path]), t, f, w)
 
 
-def test_what_an_offset_is_known_to_stands_behind_a_plus_and_minus(tmp_path: Path) -> None:
+def test_what_an_offset_is_known_to_stands_behind_a_plus_and_minus(tmp_path):
     sky = OFF[0] * np.cos(np.radians(EL))
     head = "! Scan   Az   El  dAzcosEl  +-  dEl  +-  Tau"
     path = write(
@@ -209,7 +207,7 @@ def test_what_an_offset_is_known_to_stands_behind_a_plus_and_minus(tmp_path: Pat
 
 @pytest.mark.parametrize("decimal", [".", ","])
 @pytest.mark.parametrize("slow", [1, 100])
-def test_times_of_day_are_a_clock_without_a_name_and_past_midnight(tmp_path: Path, decimal: str, slow: int) -> None:
+def test_times_of_day_are_a_clock_without_a_name_and_past_midnight(tmp_path, decimal, slow):
     t, f, _ = turned()
     ms = np.round(1000 * slow * t).astype(int) + 86_395_000
     stamp = [f"{x // 3600000 % 24:02d}:{x // 60000 % 60:02d}:{x // 1000 % 60:02d}{decimal}{x % 1000:03d}" for x in ms]
@@ -217,7 +215,7 @@ def test_times_of_day_are_a_clock_without_a_name_and_past_midnight(tmp_path: Pat
     np.testing.assert_allclose(r.time - r.time[0], slow * t, atol=1e-6)
 
 
-def test_lines_of_json(tmp_path: Path) -> None:
+def test_lines_of_json(tmp_path):
     t, f, w = turned()
     path = tmp_path / "a.jsonl"
     lines = [json.dumps({"ts": round(1000 * s), "ok": True, "acc": dict(zip("xyz", a, strict=True)), "gyro": list(b)})
@@ -226,7 +224,7 @@ def test_lines_of_json(tmp_path: Path) -> None:
     same(propose([path]), t, f, w)
 
 
-def test_a_row_without_a_time_is_left_out_and_told(tmp_path: Path) -> None:
+def test_a_row_without_a_time_is_left_out_and_told(tmp_path):
     t, f, w = turned()
     text = rows(tmp_path / "a.csv", "time,ax,ay,az,gx,gy,gz", t, *f.T, *w.T).read_text().splitlines()
     text.insert(1, "scale:,1,1,1,1,1,1")  # a line of settings above the rows, and one among them
@@ -237,7 +235,7 @@ def test_a_row_without_a_time_is_left_out_and_told(tmp_path: Path) -> None:
     golden_text(found.notes["time"])
 
 
-def test_a_magnetometer_beside_the_forces_is_no_gyroscope_and_what_does_not_turn_is_told(tmp_path: Path) -> None:
+def test_a_magnetometer_beside_the_forces_is_no_gyroscope_and_what_does_not_turn_is_told(tmp_path):
     t, f, w = turned()
     field = f @ np.array([[0.0, 0.2, 0.1], [0.1, 0.0, -0.2], [0.2, 0.1, 0.0]])
     path = tmp_path / "a.txt"
@@ -249,13 +247,13 @@ def test_a_magnetometer_beside_the_forces_is_no_gyroscope_and_what_does_not_turn
     golden_text(told)
 
 
-def test_where_a_plate_was_solved_is_where_the_mount_looked(tmp_path: Path) -> None:
+def test_where_a_plate_was_solved_is_where_the_mount_looked(tmp_path):
     read = AZ + OFF[0] / 3600, EL + OFF[1] / 3600
     agrees(propose([write(tmp_path / "a.csv", "target_az,target_el,solved_az,solved_el", *read, AZ, EL)]).recording)
     agrees(propose([write(tmp_path / "b.csv", "AZ(enc),EL(enc),AZ(true),EL(true)", *read, AZ, EL)]).recording)
 
 
-def test_resolvers_that_count_a_turn_in_a_power_of_two_are_angles(tmp_path: Path) -> None:
+def test_resolvers_that_count_a_turn_in_a_power_of_two_are_angles(tmp_path):
     platform = KNOWN["two-axis-table"]
     a, b = FACES.T
     each = [np.repeat(x, 20) for x in (a, b, *felt(platform, a, b).T)]
@@ -270,7 +268,7 @@ def test_resolvers_that_count_a_turn_in_a_power_of_two_are_angles(tmp_path: Path
     np.testing.assert_allclose(turned_to, r.triad("specific_force"), atol=2e-3)
 
 
-def test_rows_of_several_kinds_and_no_table_at_all_are_told_with_a_line(tmp_path: Path) -> None:
+def test_rows_of_several_kinds_and_no_table_at_all_are_told_with_a_line(tmp_path):
     path = tmp_path / "a.log"
     path.write_text("12;3;4.5\n12;3;4.5;6;7\n1;2;3", encoding="utf-8")
     with refused():

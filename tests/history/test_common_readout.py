@@ -14,7 +14,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.history import DatedCalibration, compare
 from gimbalcal.history.fleet import fleet, with_fleet
 from gimbalcal.methods import calibrate
-from gimbalcal.recording import Recording, Source, read
+from gimbalcal.recording import Source, read
 from gimbalcal.recording.record import FORCE
 from gimbalcal.report.history_page import history_report
 from tests.history.calibrations import START
@@ -24,18 +24,18 @@ OTHER = Readout(Counts((2.0e-3, 3.0e-3, 2.5e-3), (33000.0, 32000.0, 31000.0)))
 
 
 @pytest.fixture(scope="module")
-def recorded() -> Recording:
+def recorded():
     return read(Path("data/xsens_positions"))
 
 
-def with_sensitivity(r: Recording, factor: float, added: float = 0.0) -> Recording:
+def with_sensitivity(r, factor, added=0.0):
     """The recording of a unit whose counts per force are `factor` times as many, about 32768 and an offset."""
     changed = {(FORCE, a): 32768 + added + factor * (r.channels[FORCE, a] - 32768) for a in "xyz"}
     return replace(r, channels={**r.channels, **changed})
 
 
 @pytest.fixture(scope="module")
-def calibrations(recorded: Recording) -> dict[float, DatedCalibration]:
+def calibrations(recorded):
     """Calibrations of units that differ in sensitivity: that of 1.0 and of 1.5 computed, the others written down."""
     out = {}
     first, _ = calibrate([recorded])
@@ -43,7 +43,6 @@ def calibrations(recorded: Recording) -> dict[float, DatedCalibration]:
         c = calibrate([with_sensitivity(recorded, factor)])[0] if factor == 1.5 else first
         if factor not in (1.0, 1.5):
             counts = first.readout.accelerometers
-            assert counts is not None
             offset = tuple(32768 + factor * (x - 32768) for x in counts.offset)
             c = replace(c, readout=Readout(Counts(tuple(x / factor for x in counts.scale), offset)))
         c = replace(c, provenance=replace(c.provenance, recordings=(Source("samples.csv", f"{k:064x}"),)))
@@ -51,7 +50,7 @@ def calibrations(recorded: Recording) -> dict[float, DatedCalibration]:
     return out
 
 
-def test_the_counts_of_any_effect_belong_to_the_same_force(recorded: Recording) -> None:
+def test_the_counts_of_any_effect_belong_to_the_same_force(recorded):
     """Effects that bend, kink or shift the output are converted exactly, and converting back changes nothing."""
     names = ("bias", "scale_factor", "misalignment", "quadratic_nonlinearity", "cubic_nonlinearity", "odd_quadratic",
              "scale_factor_asymmetry", "dead_zone")  # fmt: skip
@@ -67,7 +66,7 @@ def test_the_counts_of_any_effect_belong_to_the_same_force(recorded: Recording) 
     assert again.sigmas == pytest.approx(c.sigmas, rel=1e-9)
 
 
-def test_a_fleet_shows_how_the_sensitivity_of_its_units_differs(calibrations: dict[float, DatedCalibration]) -> None:
+def test_a_fleet_shows_how_the_sensitivity_of_its_units_differs(calibrations):
     known = fleet({d.name: d for d in calibrations.values()})
     for axis in "xyz":
         d = known.distributions[f"scale_factor:{axis}"]
@@ -84,9 +83,7 @@ def test_a_fleet_shows_how_the_sensitivity_of_its_units_differs(calibrations: di
     assert np.abs(usual.values - own.values) == pytest.approx(0, abs=1e-3)
 
 
-def test_a_change_of_sensitivity_is_seen_and_none_is_not(
-    calibrations: dict[float, DatedCalibration], recorded: Recording
-) -> None:
+def test_a_change_of_sensitivity_is_seen_and_none_is_not(calibrations, recorded):
     changed = compare([calibrations[1.0], calibrations[1.5]])
     assert not changed.agree
     assert changed.steps[0].p_value < 1e-6
@@ -100,7 +97,7 @@ def test_a_change_of_sensitivity_is_seen_and_none_is_not(
     }
 
 
-def test_counts_and_si_have_no_common_readout(calibrations: dict[float, DatedCalibration]) -> None:
+def test_counts_and_si_have_no_common_readout(calibrations):
     """A history refuses them; a fleet takes each parameter from the units that output as most do."""
     counts = [d.calibration for d in calibrations.values()]
     si = replace(counts[0], readout=Readout())
@@ -114,9 +111,7 @@ def test_counts_and_si_have_no_common_readout(calibrations: dict[float, DatedCal
         compare([made["u0"], replace(made["u1"], calibration=si)])
 
 
-def test_the_page_says_what_scale_and_offset_the_values_are_errors_of(
-    calibrations: dict[float, DatedCalibration],
-) -> None:
+def test_the_page_says_what_scale_and_offset_the_values_are_errors_of(calibrations):
     comparison = compare(list(calibrations.values())[:2]).printed
     page = history_report(comparison)
     scale = comparison.readout["accelerometers"]["scale"]

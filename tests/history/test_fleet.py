@@ -2,12 +2,10 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import from_dict
 from gimbalcal.calibration.gravity_uncertainty import scaled
 from gimbalcal.effects import values
@@ -15,7 +13,6 @@ from gimbalcal.errors import InputError
 from gimbalcal.history import DatedCalibration, StoredResult, keep
 from gimbalcal.history.fleet import (
     MIN_UNITS,
-    Fleet,
     fleet,
     fleet_of_store,
     own_estimate,
@@ -30,7 +27,7 @@ from tests.fleet.units import SPREAD, unit
 from tests.history.calibrations import LABELS, SIGMA, START, WANTED, calibration
 
 
-def units(seed: int, count: int, spread: float = 5.0) -> dict[str, DatedCalibration]:
+def units(seed, count, spread=5.0):
     """Calibrations whose true values (6,) have this spread about 100, all in sigmas of one calibration."""
     rng = np.random.default_rng(seed)
     x = 100 + np.hypot(spread, 1.0) * rng.standard_normal((count, len(WANTED)))
@@ -38,7 +35,7 @@ def units(seed: int, count: int, spread: float = 5.0) -> dict[str, DatedCalibrat
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.3, 3.0])
-def test_a_further_unit_lies_in_the_distribution_as_often_as_it_says(spread: float) -> None:
+def test_a_further_unit_lies_in_the_distribution_as_often_as_it_says(spread):
     """Tails of all but one unit are uniform over many fleets, whether the spread shows beneath the sigmas or not."""
     rng = np.random.default_rng(1)
     tails = []
@@ -50,7 +47,7 @@ def test_a_further_unit_lies_in_the_distribution_as_often_as_it_says(spread: flo
     assert 0.02 < rate < 0.06  # a spread that does not show is not taken for zero, so it is rather too small
 
 
-def test_the_spread_is_found_and_few_units_leave_it_wide() -> None:
+def test_the_spread_is_found_and_few_units_leave_it_wide():
     rng = np.random.default_rng(2)
     x, sigma = 3 + 2 * rng.standard_normal(400), np.full(400, 0.5)
     posterior, _, _, tau = posterior_of_spread(x, sigma)
@@ -61,7 +58,7 @@ def test_the_spread_is_found_and_few_units_leave_it_wide() -> None:
     assert alike @ tau > 0.05  # equal values do not show that the units are equal
 
 
-def test_units_outside_are_named_and_take_no_part() -> None:
+def test_units_outside_are_named_and_take_no_part():
     made = units(3, 40)
     for name in ("u7", "u9"):
         odd = values(made[name].calibration.effects, WANTED) / SIGMA + 60 * np.eye(len(WANTED))[2]
@@ -73,7 +70,7 @@ def test_units_outside_are_named_and_take_no_part() -> None:
     assert found[LABELS[2]].mean == pytest.approx(100 * SIGMA[2], abs=3 * SIGMA[2])
 
 
-def test_where_more_than_a_quarter_lie_elsewhere_they_are_no_exceptions() -> None:
+def test_where_more_than_a_quarter_lie_elsewhere_they_are_no_exceptions():
     """Eight of twenty at ever larger distances, of which each is far off those before it."""
     made = units(4, 20, spread=0.5)
     for k in range(8):
@@ -81,7 +78,7 @@ def test_where_more_than_a_quarter_lie_elsewhere_they_are_no_exceptions() -> Non
     assert all(d.inside.all() for d in fleet(made).distributions.values())
 
 
-def test_the_spread_is_integrated_over_with_the_mean() -> None:
+def test_the_spread_is_integrated_over_with_the_mean():
     """Expectations by sums over a plain grid of mean and spread."""
     x, sigma = np.array([1.0, 2.5, 0.3, 4.0, 2.2]), np.array([0.5, 0.8, 0.4, 1.0, 0.6])
     posterior, mean, variance, tau = posterior_of_spread(x, sigma)
@@ -96,7 +93,7 @@ def test_the_spread_is_integrated_over_with_the_mean() -> None:
     assert posterior @ (variance + (mean - 2) ** 2) == pytest.approx(expected[2], rel=0.05)
 
 
-def test_the_prior_is_that_of_the_joint_normal_distribution() -> None:
+def test_the_prior_is_that_of_the_joint_normal_distribution():
     """Along a null direction the fleet says all; elsewhere both count by their information."""
     known = fleet(units(5, 30))
     c = calibration(np.full(6, 101.0))
@@ -120,7 +117,7 @@ def test_the_prior_is_that_of_the_joint_normal_distribution() -> None:
     assert [p.sigma for p in found.parameters] == pytest.approx(size)
 
 
-def test_an_unusual_parameter_keeps_its_own_estimate_and_is_named() -> None:
+def test_an_unusual_parameter_keeps_its_own_estimate_and_is_named():
     known = fleet(units(6, 30))
     x = np.full(6, 100.0)
     x[1] += 50
@@ -131,10 +128,10 @@ def test_an_unusual_parameter_keeps_its_own_estimate_and_is_named() -> None:
     assert not with_fleet(calibration(np.full(6, 101.0)), known).outcome
 
 
-def test_no_number_of_units_averages_the_error_of_gravity_away() -> None:
+def test_no_number_of_units_averages_the_error_of_gravity_away():
     gravity = 5e-4
 
-    def at_a_site(c: Calibration) -> Calibration:
+    def at_a_site(c):
         u = scaled(c)
         origin = c.provenance.with_options(gravity=9.8, gravity_sigma_ppm=1e6 * gravity)
         return replace(c, covariance=c.covariance + gravity**2 * np.outer(u, u), provenance=origin)
@@ -144,7 +141,7 @@ def test_no_number_of_units_averages_the_error_of_gravity_away() -> None:
     assert np.all(found.sigmas[3:] > gravity)
 
 
-def test_a_store_is_a_fleet_of_units_that_speak_for_themselves(tmp_path: Path) -> None:
+def test_a_store_is_a_fleet_of_units_that_speak_for_themselves(tmp_path):
     store = tmp_path / "units.sqlite"
     made = units(8, 8)
     for name, d in list(made.items())[: MIN_UNITS - 1]:
@@ -163,7 +160,7 @@ def test_a_store_is_a_fleet_of_units_that_speak_for_themselves(tmp_path: Path) -
         assert fleet_of_store(store).identity == known.identity  # also of a unit that is in the fleet
 
 
-def test_a_unit_is_not_its_own_prior() -> None:
+def test_a_unit_is_not_its_own_prior():
     made = units(9, MIN_UNITS + 1)
     known, others = fleet(made), fleet({name: d for name, d in made.items() if name != "u2"})
     own = made["u2"].calibration
@@ -175,7 +172,7 @@ def test_a_unit_is_not_its_own_prior() -> None:
     assert with_fleet(own, others, [replace(recording, source=made["u1"].calibration.provenance.recordings)]) is own
 
 
-def test_a_unit_that_is_unusual_in_every_parameter_takes_nothing_from_the_fleet() -> None:
+def test_a_unit_that_is_unusual_in_every_parameter_takes_nothing_from_the_fleet():
     own = calibration(np.full(6, 1000.0))
     alone = with_fleet(own, fleet(units(6, 30)))
     assert not rests_on_fleet(alone)
@@ -185,13 +182,13 @@ def test_a_unit_that_is_unusual_in_every_parameter_takes_nothing_from_the_fleet(
 
 
 @pytest.fixture(scope="module")
-def eighteen() -> Fleet:
+def eighteen():
     """Twenty units in all 18 positions."""
     return fleet({f"u{k}": DatedCalibration(f"u{k}", START, calibrate([unit(k)[0]])[0]) for k in range(20)})
 
 
 @pytest.mark.parametrize(("positions", "least"), [(6, 1.4), (12, 1.1)])
-def test_a_unit_of_the_fleet_needs_fewer_positions(eighteen: Fleet, positions: int, least: float) -> None:
+def test_a_unit_of_the_fleet_needs_fewer_positions(eighteen, positions, least):
     """Sigmas shrink, and the errors with them: they stay as large as their sigmas."""
     gain, z = [], []
     for k in range(100, 108):
@@ -205,13 +202,13 @@ def test_a_unit_of_the_fleet_needs_fewer_positions(eighteen: Fleet, positions: i
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.2
 
 
-def test_the_spread_of_simulated_units_is_the_drawn_one(eighteen: Fleet) -> None:
+def test_the_spread_of_simulated_units_is_the_drawn_one(eighteen):
     ratio = [d.spread / d.parameter.sigma / SPREAD for d in eighteen.distributions.values()]
     assert 0.9 < np.sqrt(np.mean(np.square(ratio))) < 1.15  # 15 parameters of 20 units: 4 % in the rms
     assert all(d.inside.all() for d in eighteen.distributions.values())
 
 
-def test_the_prior_is_taken_out_again() -> None:
+def test_the_prior_is_taken_out_again():
     """Also after a calibration went through its file."""
     given = calibrate([unit(2000, 6)[0]])[0]
     members = {str(k): DatedCalibration(str(k), START, calibrate([unit(k)[0]])[0]) for k in range(MIN_UNITS)}

@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from threading import Timer
-from typing import Any
 
 import numpy as np
 import pytest
@@ -37,12 +36,12 @@ for k in range(first, first + count):
 """
 
 
-def entry(k: int, unit: str = "u", kind: str = "calibration") -> StoredResult:
+def entry(k, unit="u", kind="calibration"):
     content = calibration(100.0 + np.arange(6), k).to_dict()
     return StoredResult(unit, content["provenance"]["created"], kind, content)
 
 
-def writer(first: int, count: int, path: Path) -> subprocess.Popen[str]:
+def writer(first, count, path):
     command = [sys.executable, "-c", WRITER, str(first), str(count), str(path)]
     root = str(Path(__file__).parents[2])
     return subprocess.Popen(
@@ -50,7 +49,7 @@ def writer(first: int, count: int, path: Path) -> subprocess.Popen[str]:
     )
 
 
-def test_what_is_kept_comes_back_in_order(tmp_path: Path) -> None:
+def test_what_is_kept_comes_back_in_order(tmp_path):
     path = tmp_path / "new" / "units.db"
     made = [entry(2), entry(0), entry(1, "v"), entry(3, kind="diagnosis")]
     assert all(keep(path, e) for e in made)
@@ -69,7 +68,7 @@ def test_what_is_kept_comes_back_in_order(tmp_path: Path) -> None:
     assert rows[0] == tuple(first[k] for k in ("name", "axis", "value", "sigma", "unit"))
 
 
-def test_of_one_recording_the_last_counts_and_a_diagnosis_only_alone(tmp_path: Path) -> None:
+def test_of_one_recording_the_last_counts_and_a_diagnosis_only_alone(tmp_path):
     path = tmp_path / "units.db"
     for k, (method, size, recording) in enumerate(
         [("three-stage", 1, "a"), ("three-stage", 2, "a"), ("diagnosis", 3, "a"), ("diagnosis", 4, "b")]
@@ -82,7 +81,7 @@ def test_of_one_recording_the_last_counts_and_a_diagnosis_only_alone(tmp_path: P
     assert told == ()
 
 
-def test_of_one_recording_what_was_computed_last_counts_whenever_it_was_kept(tmp_path: Path) -> None:
+def test_of_one_recording_what_was_computed_last_counts_whenever_it_was_kept(tmp_path):
     path = tmp_path / "units.db"
     for k in (2, 1):  # computed on days of their own, of a recording of one day
         keep(
@@ -93,7 +92,7 @@ def test_of_one_recording_what_was_computed_last_counts_whenever_it_was_kept(tmp
     np.testing.assert_allclose(found.calibration.values, 102.0 * SIGMA)
 
 
-def test_a_date_without_a_zone_is_in_utc_and_two_of_a_day_have_their_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_date_without_a_zone_is_in_utc_and_two_of_a_day_have_their_time(monkeypatch):
     monkeypatch.setenv("TZ", "Asia/Tokyo")
     time.tzset()
     try:
@@ -108,7 +107,7 @@ def test_a_date_without_a_zone_is_in_utc_and_two_of_a_day_have_their_time(monkey
     assert day_of(evening.date, [morning, evening]) == "2024-02-03 20:00:00"
 
 
-def test_units_and_strange_files_are_told_apart(tmp_path: Path) -> None:
+def test_units_and_strange_files_are_told_apart(tmp_path):
     path = tmp_path / "units.db"
     keep(path, entry(0))
     keep(path, entry(1, "v"))
@@ -139,7 +138,7 @@ def test_units_and_strange_files_are_told_apart(tmp_path: Path) -> None:
         "unit = x'75'",
     ],
 )
-def test_an_entry_that_is_not_what_was_kept_is_refused(tmp_path: Path, damage: str) -> None:
+def test_an_entry_that_is_not_what_was_kept_is_refused(tmp_path, damage):
     path = tmp_path / "units.db"
     keep(path, entry(0))
     keep(path, entry(1))
@@ -149,7 +148,7 @@ def test_an_entry_that_is_not_what_was_kept_is_refused(tmp_path: Path, damage: s
         kept(path)
 
 
-def test_who_makes_a_store_waits_for_another_who_makes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_makes_a_store_waits_for_another_who_makes_it(tmp_path, monkeypatch):
     path = tmp_path / "units.db"
     other = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     with closing(other):
@@ -165,14 +164,12 @@ def test_who_makes_a_store_waits_for_another_who_makes_it(tmp_path: Path, monkey
     assert len(kept(path)) == 1
 
 
-def test_a_store_that_another_makes_while_it_is_looked_at_is_no_other_programs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_store_that_another_makes_while_it_is_looked_at_is_no_other_programs(tmp_path, monkeypatch):
     path, connect, others = tmp_path / "units.db", sqlite3.connect, [entry(1)]
     path.touch()  # the other has begun
 
     class Interrupted(sqlite3.Connection):
-        def execute(self, sql: str, *values: Any) -> sqlite3.Cursor:
+        def execute(self, sql, *values):
             if others and "sqlite_master" in sql:
                 with suppress(InputError):  # who looks holds a lock, so that the other has to wait
                     keep(path, others.pop())
@@ -185,7 +182,7 @@ def test_a_store_that_another_makes_while_it_is_looked_at_is_no_other_programs(
     assert entry(0).date in {e.date for e in kept(path)}
 
 
-def test_two_writers_at_once_lose_nothing(tmp_path: Path) -> None:
+def test_two_writers_at_once_lose_nothing(tmp_path):
     path, count = tmp_path / "units.db", 40
     both = [writer(first, count, path) for first in (0, count)]
     told = [len(p.communicate(timeout=120)[0].split()) for p in both]
@@ -194,12 +191,11 @@ def test_two_writers_at_once_lose_nothing(tmp_path: Path) -> None:
     assert {e.date for e in kept(path)} == {entry(k).date for k in range(2 * count)}
 
 
-def test_a_writer_that_is_killed_leaves_what_it_had_kept(tmp_path: Path) -> None:
+def test_a_writer_that_is_killed_leaves_what_it_had_kept(tmp_path):
     path = tmp_path / "units.db"
     done: set[int] = set()
     for first, wait in ((0, 0.01), (500, 0.05), (1000, 0.12)):
         p = writer(first, 400, path)
-        assert p.stdout is not None
         p.stdout.readline()
         done.add(first)
         time.sleep(wait)

@@ -1,6 +1,5 @@
 """Other rigs' files: what comes out, and what is refused."""
 
-from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -11,9 +10,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.importers import KINDS, import_files, importer
 from gimbalcal.importers.registry import number
 from gimbalcal.importers.unit_log import text_matrix, unit_log
-from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording, dwell_means, dwells, read
+from gimbalcal.recording import dwell_means, dwells, read
 from gimbalcal.rotation import exponential
 from gimbalcal.units import to_si
 from tests.golden import golden_text, refused
@@ -38,52 +36,50 @@ gravity = {{ value = 9.80146, unit = "m/s^2" }}
 """
 
 
-def header(path: Path, **names: str) -> dict[str, str]:
+def header(path, **names):
     """The option that names a header file for these columns."""
     file = path / "columns.toml"
     file.write_text(COLUMNS.format(**names))
     return {"header": str(file)}
 
 
-def table(n: int = 60) -> tuple[Array, Array, Array]:
+def table(n=60):
     rng = np.random.default_rng(1)
     position = np.repeat([1.0, 2.0], n // 2)
     force = np.where(position[:, None] == 1, [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]) + 1e-4 * rng.standard_normal((n, 3))
     return 0.5 * np.arange(n), position, force
 
 
-def refusal(kind: str, files: list[Path], options: dict[str, str] | None = None) -> str:
+def refusal(kind, files, options=None):
     with pytest.raises(InputError) as caught:
         import_files(kind, files, options)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
 
-def test_unknown_kind_lists_the_known_ones(tmp_path: Path) -> None:
+def test_unknown_kind_lists_the_known_ones(tmp_path):
     assert refusal("xsens", [tmp_path]).endswith(", ".join(sorted(KINDS)))
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_every_kind_has_help_and_refuses_what_is_not_there(tmp_path: Path, kind: str) -> None:
+def test_every_kind_has_help_and_refuses_what_is_not_there(tmp_path, kind):
     assert KINDS[kind].summary
     golden_text(refusal(kind, [tmp_path / "none"]))
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_every_kind_refuses_an_unknown_option(tmp_path: Path, kind: str) -> None:
+def test_every_kind_refuses_an_unknown_option(tmp_path, kind):
     file = tmp_path / "file"
     file.write_text("")
     golden_text(refusal(kind, [file], {"bananas": "3"}))
 
 
-def test_a_format_of_another_package_is_listed_and_read(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_format_of_another_package_is_listed_and_read(monkeypatch, tmp_path, command, capsys):
     monkeypatch.setattr("gimbalcal.importers.registry.KINDS", kinds := dict(KINDS))
     monkeypatch.setattr("gimbalcal.importers.KINDS", kinds)
 
     @importer("mine", "shift")
-    def import_mine(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
+    def import_mine(files, options):
         """One text file: t [s] ax ay az [g] in each line; shift = s.
 
         More about it.
@@ -109,7 +105,7 @@ def test_a_format_of_another_package_is_listed_and_read(
 # --- imu_tk ---------------------------------------------------------------------------------------------------------
 
 
-def test_imu_tk_text(tmp_path: Path) -> None:
+def test_imu_tk_text(tmp_path):
     recording = import_files("imu-tk", [as_text(tmp_path / "acc.mat")], {"title": "Xsens"})
     time, counts = accelerometers()
     assert (recording.kind, recording.platform, recording.title) == ("multi-position", BENCH, "Xsens")
@@ -120,7 +116,7 @@ def test_imu_tk_text(tmp_path: Path) -> None:
     golden_text(recording.remarks[-1])
 
 
-def test_the_shipped_positions_are_the_means_of_the_raw_data(tmp_path: Path) -> None:
+def test_the_shipped_positions_are_the_means_of_the_raw_data(tmp_path):
     made = import_files("imu-tk", [as_text(tmp_path / "acc.mat")], {"means": "yes"})
     shipped = read(SHIPPED)
     np.testing.assert_allclose(made.triad("specific_force"), shipped.triad("specific_force"), rtol=1e-14)
@@ -128,17 +124,17 @@ def test_the_shipped_positions_are_the_means_of_the_raw_data(tmp_path: Path) -> 
     assert shipped.noise["accelerometer"] == pytest.approx(made.noise["accelerometer"], rel=1e-12)
 
 
-def test_the_real_positions_have_one_norm_to_a_tenth_of_a_milli_g() -> None:
+def test_the_real_positions_have_one_norm_to_a_tenth_of_a_milli_g():
     # Bias, scale and misalignment (9 numbers) leave 0.1 mg; bias and scale alone (6) leave some 3.4 mg.
     from scipy.optimize import least_squares
 
     counts = read(SHIPPED).triad("specific_force")
 
-    def norm_error(p: Array) -> Array:
+    def norm_error(p):
         T = np.array([[p[3], p[6], p[7]], [0.0, p[4], p[8]], [0.0, 0.0, p[5]]]) / 4100
         return np.asarray(np.linalg.norm((counts - 33000 - 100 * p[:3]) @ T.T, axis=1) - 1)
 
-    def without_misalignment(p: Array) -> Array:
+    def without_misalignment(p):
         return norm_error(np.concatenate([p, np.zeros(3)]))
 
     full = least_squares(norm_error, np.array([0.0, 0, 0, 1, 1, 1, 0, 0, 0]))
@@ -147,7 +143,7 @@ def test_the_real_positions_have_one_norm_to_a_tenth_of_a_milli_g() -> None:
     assert 1e3 * np.sqrt(np.mean(plain.fun**2)) == pytest.approx(3.4, abs=0.2)
 
 
-def test_imu_tk_faults(tmp_path: Path) -> None:
+def test_imu_tk_faults(tmp_path):
     good, other, words, short = (tmp_path / name for name in ("good", "other", "words", "short"))
     lines = [f"{0.01 * i:.2f} 1 2 {3 + i % 2}" for i in range(50)]
     good.write_text("\n".join(lines))
@@ -167,7 +163,7 @@ def test_imu_tk_faults(tmp_path: Path) -> None:
 # --- general tables -------------------------------------------------------------------------------------------------
 
 
-def test_csv_of_a_german_logger(tmp_path: Path) -> None:
+def test_csv_of_a_german_logger(tmp_path):
     time, position, force = table()
     rows = ["Logger 3000", "Messung vom 18.11.2026", "Zeit;Pos;ax;ay;az;Bemerkung"]
     for t, p, f in zip(time, position, force, strict=True):
@@ -184,7 +180,7 @@ def test_csv_of_a_german_logger(tmp_path: Path) -> None:
     golden_text(said)
 
 
-def test_csv_faults(tmp_path: Path) -> None:
+def test_csv_faults(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("t,p,a,b,c\n0,1,0,0,-1\n1,1,0,x,-1\n")
     options = header(tmp_path, time="t", position="p", x="a", y="b", z="c")
@@ -199,7 +195,7 @@ def test_csv_faults(tmp_path: Path) -> None:
     golden_text(refusal("csv", [file], bad))
 
 
-def test_csv_without_a_clock(tmp_path: Path) -> None:
+def test_csv_without_a_clock(tmp_path):
     _, position, force = table()
     rows = ["p,a,b,c", *(f"{p},{x:.9f},{y:.9f},{z:.9f}" for p, (x, y, z) in zip(position, force, strict=True))]
     (tmp_path / "log.csv").write_text("\n".join(rows))
@@ -208,7 +204,7 @@ def test_csv_without_a_clock(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.time, np.arange(60) / 50, rtol=1e-15)
 
 
-def test_matlab_up_to_v7(tmp_path: Path) -> None:
+def test_matlab_up_to_v7(tmp_path):
     from scipy.io import savemat
 
     time, position, force = table()
@@ -226,7 +222,7 @@ def test_matlab_up_to_v7(tmp_path: Path) -> None:
     golden_text(refusal("mat", [tmp_path / "rig.mat"], options))
 
 
-def test_matlab_v73_is_hdf5(tmp_path: Path) -> None:
+def test_matlab_v73_is_hdf5(tmp_path):
     import h5py
 
     time, position, force = table()
@@ -237,7 +233,7 @@ def test_matlab_v73_is_hdf5(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.triad("specific_force"), force * 9.80665, rtol=1e-15)
 
 
-def test_hdf5(tmp_path: Path) -> None:
+def test_hdf5(tmp_path):
     import h5py
 
     time, position, force = table()
@@ -253,13 +249,13 @@ def test_hdf5(tmp_path: Path) -> None:
     golden_text(refusal("hdf5", [tmp_path / "rig.h5"], options))
 
 
-def test_text_called_mat_is_sent_elsewhere(tmp_path: Path) -> None:
+def test_text_called_mat_is_sent_elsewhere(tmp_path):
     options = header(tmp_path, time="t", position="p", x="a", y="b", z="c")
     said = refusal("mat", [as_text(tmp_path / "xsens_acc.mat")], options)
     golden_text(said)
 
 
-def test_columns_of_different_length(tmp_path: Path) -> None:
+def test_columns_of_different_length(tmp_path):
     import h5py
 
     time, position, force = table()
@@ -269,7 +265,7 @@ def test_columns_of_different_length(tmp_path: Path) -> None:
     golden_text(refusal("hdf5", [tmp_path / "rig.h5"], options))
 
 
-def test_imported_tables_pass_the_same_checks(tmp_path: Path) -> None:
+def test_imported_tables_pass_the_same_checks(tmp_path):
     import h5py
 
     time, position, force = table()
@@ -286,7 +282,7 @@ def test_imported_tables_pass_the_same_checks(tmp_path: Path) -> None:
     golden_text(said)
 
 
-def test_the_clock_of_a_rate_is_in_the_unit_of_its_column(tmp_path: Path) -> None:
+def test_the_clock_of_a_rate_is_in_the_unit_of_its_column(tmp_path):
     _, position, force = table()
     rows = ["p,a,b,c", *(f"{p},{x:.9f},{y:.9f},{z:.9f}" for p, (x, y, z) in zip(position, force, strict=True))]
     (tmp_path / "log.csv").write_text("\n".join(rows))
@@ -303,7 +299,7 @@ def test_the_clock_of_a_rate_is_in_the_unit_of_its_column(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(("name", "given"), [("comma", ","), ("blanks", "   "), ("tab", "\t"), ("semicolon", ";")])
-def test_a_table_without_names_has_numbered_columns(tmp_path: Path, name: str, given: str) -> None:
+def test_a_table_without_names_has_numbered_columns(tmp_path, name, given):
     time, position, force = table()
     lines = [f"{t:g},{p:g},{x:.8f},{y:.8f},{z:.8f}" for t, p, (x, y, z) in zip(time, position, force, strict=True)]
     lines[7] = lines[7].rsplit(",", 1)[0] + ",NaN"
@@ -318,7 +314,7 @@ def test_a_table_without_names_has_numbered_columns(tmp_path: Path, name: str, g
     ), name
 
 
-def test_names_that_stand_in_the_comment_above_the_numbers(tmp_path: Path) -> None:
+def test_names_that_stand_in_the_comment_above_the_numbers(tmp_path):
     time, position, force = table()
     lines = [f"{t:g} {p:g} {x:.8f} {y:.8f} {z:.8f} " for t, p, (x, y, z) in zip(time, position, force, strict=True)]
     (tmp_path / "log.txt").write_text("# an odd rig\n# time pos ax ay az\n" + "\n".join(lines))
@@ -339,7 +335,7 @@ def test_names_that_stand_in_the_comment_above_the_numbers(tmp_path: Path) -> No
         read(folder)
 
 
-def test_two_kinds_of_rows_in_one_table_whose_times_run_into_each_other(tmp_path: Path) -> None:
+def test_two_kinds_of_rows_in_one_table_whose_times_run_into_each_other(tmp_path):
     """A filter's rows between those of the sensors, each stamped with its own time, as MicroStrain units write them."""
     time, position, force = table()
     lines = ["timestamp,pos,ax,ay,az,q"]
@@ -356,7 +352,7 @@ def test_two_kinds_of_rows_in_one_table_whose_times_run_into_each_other(tmp_path
     golden_text(recording.remarks[0])
 
 
-def test_dates_in_a_text_table(tmp_path: Path) -> None:
+def test_dates_in_a_text_table(tmp_path):
     time, position, force = table()
     start = datetime(2026, 3, 29, 1, 59, 50)  # noqa: DTZ001  a logger that names no zone
     rows = ["when;p;a;b;c"]
@@ -373,7 +369,7 @@ def test_dates_in_a_text_table(tmp_path: Path) -> None:
     golden_text(said)
 
 
-def test_matlab_with_a_file_for_each_channel(tmp_path: Path) -> None:
+def test_matlab_with_a_file_for_each_channel(tmp_path):
     from scipy.io import savemat
 
     time, position, force = table()
@@ -390,7 +386,7 @@ def test_matlab_with_a_file_for_each_channel(tmp_path: Path) -> None:
     golden_text(refusal("mat", files, options))
 
 
-def in_the_hand(rate_unit: float = 1.0) -> tuple[Array, Array, Array]:
+def in_the_hand(rate_unit=1.0):
     """Eight rests of 4 s and quarter turns of 1 s between them, 50 Hz: time, force [m/s^2], rate."""
     rng = np.random.default_rng(4)
     n, C, force, rate = 50, np.eye(3), [], []
@@ -407,7 +403,7 @@ def in_the_hand(rate_unit: float = 1.0) -> tuple[Array, Array, Array]:
 
 
 @pytest.mark.parametrize(("accel", "gyro"), [("m/s^2", "rad/s"), ("g", "deg/s")])
-def test_imu_tk_in_physical_units(tmp_path: Path, accel: str, gyro: str) -> None:
+def test_imu_tk_in_physical_units(tmp_path, accel, gyro):
     time, force, rate = in_the_hand(to_si(1.0, gyro))
     np.savetxt(tmp_path / "acc.mat", np.column_stack([time, force / to_si(1.0, accel)]))
     np.savetxt(tmp_path / "gyro.mat", np.column_stack([time, rate]))
@@ -425,7 +421,7 @@ def test_imu_tk_in_physical_units(tmp_path: Path, accel: str, gyro: str) -> None
     golden_text(refusal("imu-tk", [tmp_path / "acc.mat"], {"gyro": "deg"}))
 
 
-def test_imu_tk_rates_are_looked_at_less_what_they_read_at_rest(tmp_path: Path) -> None:
+def test_imu_tk_rates_are_looked_at_less_what_they_read_at_rest(tmp_path):
     time, force, rate = in_the_hand(to_si(1.0, "deg/s"))
     np.savetxt(tmp_path / "acc.mat", np.column_stack([time, force]))
     np.savetxt(tmp_path / "gyro.mat", np.column_stack([time, rate + np.array([40.0, -30.0, 35.0])]))  # deg/s
@@ -433,7 +429,7 @@ def test_imu_tk_rates_are_looked_at_less_what_they_read_at_rest(tmp_path: Path) 
     assert recording.units["angular_rate", "x"] == "deg/s"
 
 
-def test_text_of_a_logger_that_missed_some_values(tmp_path: Path) -> None:
+def test_text_of_a_logger_that_missed_some_values(tmp_path):
     time, force, rate = in_the_hand()
     force[30:33, 1] = np.nan
     np.savetxt(tmp_path / "acc.mat", np.column_stack([time, force]))
@@ -443,7 +439,7 @@ def test_text_of_a_logger_that_missed_some_values(tmp_path: Path) -> None:
     golden_text(recording.remarks[1])
 
 
-def test_mikoff_log(tmp_path: Path) -> None:
+def test_mikoff_log(tmp_path):
     rng = np.random.default_rng(3)
     rows = np.column_stack([rng.normal([0, 0, -9.8], 0.05, (400, 3)), rng.normal(0, 1e-3, (400, 3))])
     rows[180:220, :3] += rng.standard_normal((40, 3))
@@ -455,7 +451,7 @@ def test_mikoff_log(tmp_path: Path) -> None:
     assert len(dwells(recording)) == len(dwell_means(recording).time)
 
 
-def test_stars_and_means_need_no_clock_and_samples_do(tmp_path: Path) -> None:
+def test_stars_and_means_need_no_clock_and_samples_do(tmp_path):
     header = tmp_path / "h.toml"
     header.write_text(
         'format = 1\nkind = "multi-position"\n[columns]\nNr = { quantity = "position" }\n'

@@ -6,7 +6,7 @@ from scipy.linalg import block_diag
 from gimbalcal.inference.algebra import block_diagonal
 
 
-def test_blocks_of_any_shape_stand_along_the_diagonal() -> None:
+def test_blocks_of_any_shape_stand_along_the_diagonal():
     rng = np.random.default_rng(0)
     for shapes in ([(2, 2), (3, 3)], [(4, 1), (2, 0), (3, 5)], [(1, 3)]):
         blocks = [rng.standard_normal(shape) for shape in shapes]

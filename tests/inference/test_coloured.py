@@ -6,11 +6,9 @@ from scipy.signal import lfilter
 
 from gimbalcal.effects.process import GaussMarkov, RandomWalk, WhiteNoise, covariance
 from gimbalcal.inference.coloured import estimate_noise, least_squares
-from gimbalcal.inference.noise_processes import Noise
-from gimbalcal.number import Array
 
 
-def dense(time: Array, weight: Array, noise: Noise) -> Array:
+def dense(time, weight, noise):
     """V from the covariances of the processes; a walk began one median step before the first row."""
     white, *slow = noise
     before = np.append(time[0] - np.median(np.diff(time)), time)
@@ -28,7 +26,7 @@ def dense(time: Array, weight: Array, noise: Noise) -> Array:
         (WhiteNoise(3.0), GaussMarkov(4.0, 0.5)),
     ],
 )
-def test_banded_equals_dense_on_irregular_rows(noise: Noise) -> None:
+def test_banded_equals_dense_on_irregular_rows(noise):
     rng = np.random.default_rng(1)
     time = np.cumsum(rng.uniform(0.2, 30.0, 60))
     weight = rng.uniform(0.5, 20.0, 60)
@@ -46,7 +44,7 @@ def test_banded_equals_dense_on_irregular_rows(noise: Noise) -> None:
     assert fit.log_determinant == pytest.approx(expected, rel=1e-9)
 
 
-def simulate(rng: np.random.Generator, n: int, step: float, kind: str) -> Array:
+def simulate(rng, n, step, kind):
     white = rng.normal(size=n)
     if kind == "gauss-markov":
         phi = np.exp(-step / 3000.0)
@@ -59,7 +57,7 @@ def simulate(rng: np.random.Generator, n: int, step: float, kind: str) -> Array:
 
 
 @pytest.mark.parametrize("kind", ["white", "gauss-markov", "random-walk"])
-def test_the_noise_is_found_by_kind_and_size(kind: str) -> None:
+def test_the_noise_is_found_by_kind_and_size(kind):
     n, step = 2000, 60.0
     time = step * np.arange(n)
     A = np.stack([np.ones(n), np.sin(7.29e-5 * time), np.cos(7.29e-5 * time)], -1)
@@ -77,7 +75,7 @@ def test_the_noise_is_found_by_kind_and_size(kind: str) -> None:
         assert np.mean([noise[1].N for noise in right]) == pytest.approx(0.02, rel=0.15)
 
 
-def test_dependent_columns_and_unknown_kinds_are_refused() -> None:
+def test_dependent_columns_and_unknown_kinds_are_refused():
     time, A = np.arange(20.0), np.ones((20, 2))
     with pytest.raises(np.linalg.LinAlgError, match="not independent"):
         least_squares(time, A, np.ones((20, 1)), np.ones(20), (WhiteNoise(1.0),))

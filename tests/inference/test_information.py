@@ -14,7 +14,7 @@ TRIADS = parameters(CATALOGUE["scale_factor"]) + parameters(CATALOGUE["bias"])
 SIGMAS = np.array([p.sigma for p in TRIADS])
 
 
-def test_equals_weighted_least_squares_where_everything_is_seen() -> None:
+def test_equals_weighted_least_squares_where_everything_is_seen():
     rng = np.random.default_rng(2)
     J, r = rng.normal(size=(40, 6)) * 30 / SIGMAS, rng.normal(size=40)
     s = solve(information(J, r, TRIADS))
@@ -25,7 +25,7 @@ def test_equals_weighted_least_squares_where_everything_is_seen() -> None:
     assert s.unobservable == ()
 
 
-def test_stages_add_in_any_order_and_over_different_parameters() -> None:
+def test_stages_add_in_any_order_and_over_different_parameters():
     rng = np.random.default_rng(3)
     J, r = rng.normal(size=(60, 6)) * 30 / SIGMAS, rng.normal(size=60)
     J[:20, 3:] = 0
@@ -39,7 +39,7 @@ def test_stages_add_in_any_order_and_over_different_parameters() -> None:
         assert together.chi2 == pytest.approx(whole.chi2)
 
 
-def test_what_18_positions_cannot_see_is_the_platform_zero_against_the_triad_turned_about_z() -> None:
+def test_what_18_positions_cannot_see_is_the_platform_zero_against_the_triad_turned_about_z():
     s = eighteen()
     ids = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
     wanted = [p for i in ids for p in parameters(CATALOGUE[i], s.axis_names) if p.axis != "outer"]
@@ -56,7 +56,7 @@ def test_what_18_positions_cannot_see_is_the_platform_zero_against_the_triad_tur
     golden_text(found.unobservable[0].why)
 
 
-def test_an_unobservable_direction_keeps_the_prior_and_says_so() -> None:
+def test_an_unobservable_direction_keeps_the_prior_and_says_so():
     J = np.zeros((10, 6))
     J[:, 0] = 1 / SIGMAS[0] * 100
     J[:, 1] = J[:, 2] = 1 / SIGMAS[1] * 100
@@ -69,7 +69,7 @@ def test_an_unobservable_direction_keeps_the_prior_and_says_so() -> None:
     assert s.x[1] == pytest.approx(s.x[2])  # smallest prior-scaled norm among equals
 
 
-def test_named_directions_depend_on_the_space_and_not_on_the_vectors_that_span_it() -> None:
+def test_named_directions_depend_on_the_space_and_not_on_the_vectors_that_span_it():
     """The vectors of equal singular values, and their signs, differ from processor to processor."""
     wanted = parameters(CATALOGUE["bias"]) + parameters(CATALOGUE["misalignment"])
     spanned = np.array([[1, 0, 0, 0, 1, 0, 0, 0, 0], [0, 1, 0, 0, 0, -1, 0, 0, 0], [0, 0, 1, 1, 0, 0, 0.5, 0, 0.0]]).T

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.fft import dct
 
-from gimbalcal.effects.process import Flicker, GaussMarkov, Process, RandomWalk, SettingError, WhiteNoise, covariance
+from gimbalcal.effects.process import Flicker, GaussMarkov, RandomWalk, SettingError, WhiteNoise, covariance
 from gimbalcal.inference import noise_processes
 from tests.effects.test_process import EVERY, TIME
 
@@ -12,7 +12,7 @@ ONE_STATE = [p for p in EVERY if not isinstance(p, Flicker | SettingError)]
 
 
 @pytest.mark.parametrize("process", ONE_STATE, ids=lambda p: p.id)
-def test_a_chain_whitens_and_inverts_the_covariance(process: Process) -> None:
+def test_a_chain_whitens_and_inverts_the_covariance(process):
     before = np.append(TIME[0] - np.median(np.diff(TIME)), TIME)
     V = covariance(process, before)[1:, 1:]
     found = noise_processes.chain(process, TIME)
@@ -24,12 +24,12 @@ def test_a_chain_whitens_and_inverts_the_covariance(process: Process) -> None:
     assert found.log_determinant == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-10)
 
 
-def test_a_chain_of_several_states_is_refused() -> None:
+def test_a_chain_of_several_states_is_refused():
     with pytest.raises(ValueError, match="must have one state, flicker has"):
         noise_processes.chain(Flicker(1.0), TIME)
 
 
-def test_the_spectrum_of_a_walk_is_what_the_cosine_transform_makes_of_it() -> None:
+def test_the_spectrum_of_a_walk_is_what_the_cosine_transform_makes_of_it():
     """A walk of unknown start: its precision, the first row's own taken away, is diagonal in the transform."""
     n, step, walk = 40, 60.0, RandomWalk(0.3)
     diagonal, below = noise_processes.chain(walk, step * np.arange(n)).precision
@@ -42,7 +42,7 @@ def test_the_spectrum_of_a_walk_is_what_the_cosine_transform_makes_of_it() -> No
     np.testing.assert_allclose((modes @ Lambda @ modes.T)[0], 0.0, atol=1e-10 * expected.max())
 
 
-def test_the_spectrum_of_stationary_noise_is_the_variance_of_its_modes() -> None:
+def test_the_spectrum_of_stationary_noise_is_the_variance_of_its_modes():
     n, step = 2000, 1.0
     every = (WhiteNoise(1.0), GaussMarkov(2.0, 5.0), Flicker(0.5, 8.0, 16.0))
     V = sum(covariance(p, step * np.arange(n)) for p in every)

@@ -66,7 +66,7 @@ def _smoothed_covariance(problem, filtered):
     return adjoint.covariance(Phi, Psi, INDEX, known, S[:M, M:] @ np.linalg.inv(S[M:, M:]), filtered.factor[M:, M:])
 
 
-def test_filter_and_smoother_are_the_dense_joint_solution(problem) -> None:
+def test_filter_and_smoother_are_the_dense_joint_solution(problem):
     filtered, smoothed = _ours(problem)
     means, theta, every = _dense(problem)
     covariance = every[-P:, -P:]
@@ -83,7 +83,7 @@ def test_filter_and_smoother_are_the_dense_joint_solution(problem) -> None:
         assert np.abs((ours[k] - own) / np.outer(one, one)).max() < 1e-8
 
 
-def test_filter_and_smoother_are_filterpy_s(problem) -> None:
+def test_filter_and_smoother_are_filterpy_s(problem):
     """`batch_filter`, and the smoother of Rauch, Tung and Striebel with each step's own matrix.
 
     filterpy's `rts_smoother` takes F[k] where F[k + 1] belongs, so it is given them shifted by one.
@@ -118,7 +118,7 @@ def test_filter_and_smoother_are_filterpy_s(problem) -> None:
     assert np.abs(plain[:, :M, 0] - smoothed[1:]).max() > 1e-3  # why it is not used
 
 
-def test_covariances_beside_a_wide_prior_keep_their_digits(problem) -> None:
+def test_covariances_beside_a_wide_prior_keep_their_digits(problem):
     """A prior a million times wider: what is smoothed is as it is with one that is wide enough."""
     Phi, Psi, Q, d, z, R, x, theta, S = problem
     made = []
@@ -130,7 +130,7 @@ def test_covariances_beside_a_wide_prior_keep_their_digits(problem) -> None:
     assert np.abs(made[1] / made[0] - 1).max() < 1e-4
 
 
-def test_a_measurement_beyond_the_gate_changes_nothing(problem) -> None:
+def test_a_measurement_beyond_the_gate_changes_nothing(problem):
     Phi, Psi, Q, d, z, R, x, theta, S = problem
     wild, gone = z.copy(), z.copy()
     wild[20], gone[20] = 1e6, np.nan

@@ -6,7 +6,7 @@ import pytest
 from gimbalcal.inference.whitening import whitening, whitenings
 
 
-def example() -> tuple[np.ndarray, ...]:
+def example():
     """Seven rows of three channels: a level that wanders, one that fades, one anew at two rows."""
     rng = np.random.default_rng(4)
     Phi, Q = np.tile([1.0, 0.8, 1.0], (7, 1)), rng.uniform(0.1, 2.0, (7, 3))
@@ -14,7 +14,7 @@ def example() -> tuple[np.ndarray, ...]:
     return Phi, Q, rng.standard_normal((7, 3, 3))
 
 
-def formed(Phi: np.ndarray, Q: np.ndarray, H: np.ndarray) -> np.ndarray:
+def formed(Phi, Q, H):
     n, C, m = H.shape
     V = np.eye(n * C)
     for k in range(n):  # what enters at row k and what is left of it later
@@ -27,7 +27,7 @@ def formed(Phi: np.ndarray, Q: np.ndarray, H: np.ndarray) -> np.ndarray:
     return V
 
 
-def test_it_is_the_inverse_of_the_cholesky_factor() -> None:
+def test_it_is_the_inverse_of_the_cholesky_factor():
     V, made = formed(*example()), whitening(*example())
     np.testing.assert_allclose(made.whiten(np.eye(21)), np.linalg.inv(np.linalg.cholesky(V)), atol=1e-12)
     np.testing.assert_allclose(made.colour(np.eye(21)), np.linalg.cholesky(V), atol=1e-12)
@@ -35,7 +35,7 @@ def test_it_is_the_inverse_of_the_cholesky_factor() -> None:
     assert made.rows == 21
 
 
-def test_several_at_once_are_each_what_it_is_alone() -> None:
+def test_several_at_once_are_each_what_it_is_alone():
     Phi, Q, H = example()
     both = whitenings(np.stack([Phi, 0.5 * Phi]), np.stack([Q, 3 * Q]), H)
     for made, alone in zip(both, (whitening(Phi, Q, H), whitening(0.5 * Phi, 3 * Q, H)), strict=True):

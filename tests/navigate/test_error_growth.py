@@ -12,14 +12,14 @@ G = float(normal_gravity(LATITUDE))
 SILENT = {"accelerometer": 0.0, "gyroscope": 0.0, "velocity": 1e-5}
 
 
-def _stretch(rows: slice):
+def _stretch(rows):
     r = turning_unit(noise=SILENT, start=np.eye(3), stop=5.0)
     dt = np.diff(r.time, prepend=0.0)
     start = strapdown(dt, r.triad("angular_rate"), r.triad("specific_force"), np.eye(3), np.zeros(3), [LATITUDE, 0, 0])
     return dt[rows], r.triad("angular_rate")[rows], r.triad("specific_force")[rows], start.C_bn[rows.start]
 
 
-def _errors(end, reference, RM: float, RN: float):
+def _errors(end, reference, RM, RN):
     """True minus reference: attitude, velocity, position in metres."""
     R = end.C_bn[-1] @ reference.C_bn[-1].T
     phi = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
@@ -28,7 +28,7 @@ def _errors(end, reference, RM: float, RN: float):
     return np.concatenate([phi, end.velocity[-1] - reference.velocity[-1], place])
 
 
-def test_transition_is_the_derivative_of_navigation_by_where_it_starts() -> None:
+def test_transition_is_the_derivative_of_navigation_by_where_it_starts():
     dt, w, f, C = _stretch(slice(100, 180))  # four seconds, half at rest and half turning
     RM, RN = radii(np.sin(LATITUDE), 0.0)
     D, q = np.zeros((80, 6, 0)), np.zeros((80, 6))
@@ -47,7 +47,7 @@ def test_transition_is_the_derivative_of_navigation_by_where_it_starts() -> None
         assert np.all(np.abs(made.Phi[0, :, i] - column) < tolerance[:, i // 3]), i
 
 
-def test_response_is_the_derivative_by_what_the_sensors_read() -> None:
+def test_response_is_the_derivative_by_what_the_sensors_read():
     dt, w, f, C = _stretch(slice(100, 180))
     D = np.eye(6)[None]  # six biases
     made = transitions([0, 80], np.ones(80), dt, w, f, D, np.zeros((80, 6)), C[None], LATITUDE, 0, G, np.zeros(80))
@@ -60,7 +60,7 @@ def test_response_is_the_derivative_by_what_the_sensors_read() -> None:
         assert np.abs(made.Psi[0, :, i] - column).max() < 1e-3 * np.abs(column).max(), i
 
 
-def test_noise_of_samples_adds_up_to_random_walks() -> None:
+def test_noise_of_samples_adds_up_to_random_walks():
     dt, w, f, C = _stretch(slice(0, 60))
     q = np.tile([1e-6] * 3 + [1e-12] * 3, (60, 1))
     made = transitions([0, 60], np.ones(60), dt, w, f, np.zeros((60, 6, 0)), q, C[None], LATITUDE, 0, G)

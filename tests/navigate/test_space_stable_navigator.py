@@ -16,7 +16,6 @@ import pytest
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
 from gimbalcal.navigate import space_stable_navigator
 from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, deviation, navigate, schuler_rate
-from gimbalcal.number import Array
 
 L = np.deg2rad(40.0)
 SITE = InertialSite(L, 60.0, float(normal_gravity(L, 60.0)), 0.4)
@@ -25,25 +24,25 @@ UP, NORTH, EAST = np.array([np.cos(L), 0, np.sin(L)]), np.array([-np.sin(L), 0, 
 FREE, TIGHT = Aids(damping=0.0), Aids(damping=0.0, height_s=10.0)
 
 
-def rows(hours: float, step: float) -> tuple[Array, Array]:
+def rows(hours, step):
     """Time since the beginning, and S, of rows in the middle of steps."""
     time = step * (np.arange(round(3600 * hours / step)) + 0.5)
     return time, SITE.phase + EARTH_RATE * (time - time[0])
 
 
-def true_force(S: Array) -> Array:
+def true_force(S):
     return SITE.gravity * np.stack([np.cos(L) * np.cos(S), np.cos(L) * np.sin(S), np.sin(L) + 0 * S], axis=-1)
 
 
-def errors(hours: float, step: float, error: Array | float = 0.0, aids: Aids = FREE, **start: object) -> Array:
+def errors(hours, step, error=0.0, aids=FREE, **start):
     """North and east error (n, 2) [m] less what the step alone makes, 5 cm at 20 s."""
     time, S = rows(hours, step)
-    c = navigate(time, true_force(S) + error, SITE, aids, **start)  # type: ignore[arg-type]
+    c = navigate(time, true_force(S) + error, SITE, aids, **start)
     still = navigate(time, true_force(S), SITE, Aids(height_s=aids.height_s, damping=aids.damping))
     return np.stack([(c.latitude - still.latitude) * M, (c.phase - still.phase) * N * np.cos(L)], axis=-1)
 
 
-def system(aids: Aids) -> Array:
+def system(aids):
     """A of x' = A x + (0, 0, 0, a), x = N, E, U and their velocities."""
     k, g, T = 2 * aids.damping * schuler_rate(SITE), SITE.gravity, aids.height_s
     by_height = float(normal_gravity(L, 160.0) - normal_gravity(L, -40.0)) / 200
@@ -59,9 +58,7 @@ def system(aids: Aids) -> Array:
     return A
 
 
-def closed_form(
-    time: Array, c: dict[int, Array], aids: Aids, growing: bool = False, start: tuple[float, float] = (0.0, 0.0)
-) -> Array:
+def closed_form(time, c, aids, growing=False, start=(0.0, 0.0)):
     """North and east (n, 2) that answer Re sum c_k e^{ikwt}, or t times that, from rest or a velocity."""
     A, t = system(aids), time[:, None]
     particular, begin = np.zeros((len(time), 6), dtype=complex), np.zeros(6, dtype=complex)
@@ -77,10 +74,10 @@ def closed_form(
     return np.asarray((particular + (np.exp(np.outer(time, w)) * free) @ V.T).real[:, :2])
 
 
-def harmonics(of_phase: object, step: float, orders: int = 2) -> dict[int, Array]:
+def harmonics(of_phase, step, orders=2):
     """Fourier coefficients of a force error in platform axes, a function of S, as N, E, U since the beginning."""
     S = SITE.phase - EARTH_RATE * step / 2 + 2 * np.pi * np.arange(8) / 8
-    f = of_phase(S)  # type: ignore[operator]
+    f = of_phase(S)
     x, y = np.cos(S) * f[:, 0] + np.sin(S) * f[:, 1], -np.sin(S) * f[:, 0] + np.cos(S) * f[:, 1]
     e = np.stack([x, y, f[:, 2]], axis=-1)
     a = np.stack([e @ NORTH, e @ EAST, e @ UP], axis=-1)
@@ -103,7 +100,7 @@ SOURCES = {
 
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 @pytest.mark.parametrize("source", SOURCES)
-def test_every_source_has_its_analytic_history(source: str, damping: float) -> None:
+def test_every_source_has_its_analytic_history(source, damping):
     (time, S), aids = rows(30, 20.0), Aids(damping=damping)
     made = errors(30, 20.0, SOURCES[source](S), aids)
     expected = closed_form(time, harmonics(SOURCES[source], 20.0), aids)
@@ -112,11 +109,11 @@ def test_every_source_has_its_analytic_history(source: str, damping: float) -> N
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_drift_grows_as_the_stars_leave_it(axis: int) -> None:
+def test_a_drift_grows_as_the_stars_leave_it(axis):
     rate = np.deg2rad(1e-3) / 3600 * np.eye(3)[axis]
     (time, S), aids = rows(30, 20.0), Aids(damping=0.3)
 
-    def per_second(S: Array) -> Array:
+    def per_second(S):
         return -np.cross(rate, true_force(S))
 
     made = errors(30, 20.0, time[:, None] * per_second(S), aids)
@@ -125,7 +122,7 @@ def test_a_drift_grows_as_the_stars_leave_it(axis: int) -> None:
     np.testing.assert_allclose(made, expected, atol=2e-3 * np.abs(expected).max())
 
 
-def test_the_period_is_schulers() -> None:
+def test_the_period_is_schulers():
     """84.4 min, from the whole plane of the swing, which Foucault's turn does not change."""
     made = errors(48, 10.0, start=(0.1, 0.0))
     energy = (made**2).sum(1)
@@ -134,7 +131,7 @@ def test_the_period_is_schulers() -> None:
     assert 2 * half / 60 == pytest.approx(84.4, abs=0.1)
 
 
-def test_the_swing_turns_as_foucaults_pendulum() -> None:
+def test_the_swing_turns_as_foucaults_pendulum():
     """A swing that began northwards turns its plane by w t sin L; in the closed form, and by its plane after 5 h."""
     (time, _), start = rows(6, 2.0), (0.1, 0.0)
     made = errors(6, 2.0, aids=TIGHT, start=start)
@@ -145,7 +142,7 @@ def test_the_swing_turns_as_foucaults_pendulum() -> None:
     assert turned == pytest.approx(EARTH_RATE * (time[-1] - 2532) * np.sin(L), abs=0.03)
 
 
-def test_the_undamped_swing_keeps_its_energy() -> None:
+def test_the_undamped_swing_keeps_its_energy():
     """But for what the height's loop takes, as Coriolis' force makes the height swing along: 0.54 % a day at 10 s."""
     time, S = rows(24, 2.0)
     c = navigate(time, true_force(S), SITE, TIGHT, start=(0.1, 0.05))
@@ -157,10 +154,10 @@ def test_the_undamped_swing_keeps_its_energy() -> None:
     np.testing.assert_allclose(energy * np.exp(taken * time), energy[0], rtol=2e-3)
 
 
-def test_halving_the_step_quarters_the_error() -> None:
+def test_halving_the_step_quarters_the_error():
     slow = Aids(damping=0.2, height_s=300.0)
 
-    def at_six_hours(h: float) -> Array:
+    def at_six_hours(h):
         made = errors(7, h, 1e-4 * np.array([0, 0, 1.0]), slow)
         i = round(6 * 3600 / h)
         return (made[i - 1] + made[i]) / 2
@@ -170,7 +167,7 @@ def test_halving_the_step_quarters_the_error() -> None:
     assert 3 < coarse / fine < 5
 
 
-def test_a_perfect_navigator_stays_for_five_days() -> None:
+def test_a_perfect_navigator_stays_for_five_days():
     time, S = rows(120, 10.0)
     c = navigate(time, true_force(S), SITE)
     assert np.abs(c.latitude - L).max() * M < 0.02
@@ -178,7 +175,7 @@ def test_a_perfect_navigator_stays_for_five_days() -> None:
     assert np.abs(c.velocity).max() < 1e-4
 
 
-def test_the_height_is_held() -> None:
+def test_the_height_is_held():
     """A vertical force error a leaves a / (c2 - 2g/R) = a T^2, and an external height is followed."""
     time, S = rows(6, 10.0)
     up = np.stack([np.cos(L) * np.cos(S), np.cos(L) * np.sin(S), np.sin(L) + 0 * S], axis=-1)
@@ -189,20 +186,20 @@ def test_the_height_is_held() -> None:
     assert c.height[-1] == pytest.approx(SITE.height + held, abs=0.05)
 
 
-def test_a_wrong_log_drives_the_place() -> None:
+def test_a_wrong_log_drives_the_place():
     """k v over g/R: the swing is pulled until gravity holds against the log."""
     made = errors(12, 10.0, aids=Aids(damping=0.5, velocity=(0.1, 0.0)))
     assert made[-1, 0] == pytest.approx(2 * 0.5 * 0.1 / schuler_rate(SITE), rel=0.02)
 
 
-def test_rows_too_far_apart_are_refused() -> None:
+def test_rows_too_far_apart_are_refused():
     time, S = rows(6, 300.0)
     with pytest.raises(ValueError, match="height_s"):
         navigate(time, true_force(S), SITE)
 
 
 @pytest.mark.parametrize(("damping", "lengths"), [(0.5, [10.0]), (0.0, [20.0]), (0.5, [5.0, 12.0, 7.0])])
-def test_small_errors_all_at_once_are_what_each_does_alone(damping: float, lengths: list[float]) -> None:
+def test_small_errors_all_at_once_are_what_each_does_alone(damping, lengths):
     """Half of what two navigations differ by, to the 5 cm by which the base itself is off its step, of the Earth."""
     aids = Aids(damping=damping)
     gaps = np.repeat(np.resize(lengths, 12), 250)
@@ -227,7 +224,7 @@ def test_small_errors_all_at_once_are_what_each_does_alone(damping: float, lengt
             )
 
 
-def test_python_and_the_machine_march_alike() -> None:
+def test_python_and_the_machine_march_alike():
     time, S = rows(12, 10.0)
     force = true_force(S) + 1e-4
     every = []

@@ -9,7 +9,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.earth import NAUTICAL_MILE
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.navigate.mechanisations import navigated
 from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated, labels
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids, InertialSite
@@ -17,7 +17,7 @@ from gimbalcal.navigate.static_run import half_apart, horizontal
 from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.navigate.summary import NavigationInputs, summary
 from gimbalcal.navigate.uncertainty import bands, before_and_after, uncertain
-from gimbalcal.recording import Recording, Site, block_means
+from gimbalcal.recording import Site, block_means
 from gimbalcal.simulate import simulate
 from tests.golden import golden_text, refused
 
@@ -32,7 +32,7 @@ TRUTH = {
 
 
 @cache
-def made(hours: float = 30.0, rate: float = 1 / 120, **more: object) -> tuple[Recording, tuple[Effect, ...]]:
+def made(hours=30.0, rate=1 / 120, **more):
     return simulate({
         "format": 1, "kind": "static-run", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
         "schedule": {"duration": {"value": hours, "unit": "h"}, "rate": {"value": rate, "unit": "Hz"}},
@@ -40,11 +40,11 @@ def made(hours: float = 30.0, rate: float = 1 / 120, **more: object) -> tuple[Re
     })  # fmt: skip
 
 
-def calibration(effects: tuple[Effect, ...], wanted: tuple[Parameter, ...] = (), sigma: float = 0.0) -> Calibration:
+def calibration(effects, wanted=(), sigma=0.0):
     return Calibration("test", effects, wanted, sigma**2 * np.eye(len(wanted)), (), Residual(0, 0, {}))
 
 
-def test_the_truth_taken_off_leaves_nothing() -> None:
+def test_the_truth_taken_off_leaves_nothing():
     run, effects = made()
     before, after = before_and_after(run, [("truth", calibration(effects))])
     assert before.position.max() > 300
@@ -53,7 +53,7 @@ def test_the_truth_taken_off_leaves_nothing() -> None:
     assert before.largest[4:].min() > 2e-5
 
 
-def test_a_constant_drift_goes_a_nautical_mile_a_day() -> None:
+def test_a_constant_drift_goes_a_nautical_mile_a_day():
     run, _ = simulate({
         "format": 1, "kind": "static-run", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
         "schedule": {"duration": {"value": 48.0, "unit": "h"}, "rate": {"value": 1 / 120, "unit": "Hz"}},
@@ -65,7 +65,7 @@ def test_a_constant_drift_goes_a_nautical_mile_a_day() -> None:
     assert found.position[-1] / NAUTICAL_MILE == pytest.approx(48 * 0.06 * np.cos(np.deg2rad(40)), rel=0.05)
 
 
-def test_who_is_told_a_wrong_place_finds_the_true_one() -> None:
+def test_who_is_told_a_wrong_place_finds_the_true_one():
     """Errors are navigator minus true: put too far south it ends north of it, and put too far east in the west."""
     run, _ = simulate({
         "format": 1, "kind": "static-run", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
@@ -78,7 +78,7 @@ def test_who_is_told_a_wrong_place_finds_the_true_one() -> None:
     assert navigated(east).error[-1, 1] == pytest.approx(-ARCMIN, rel=0.02)
 
 
-def test_rows_that_are_means_have_lost_some_of_the_turn_of_gravity() -> None:
+def test_rows_that_are_means_have_lost_some_of_the_turn_of_gravity():
     """Over ten minutes gravity's equatorial part loses 8e-5 of itself, 60 ug: uncorrected some 400 m of position."""
     run, _ = simulate({
         "format": 1, "kind": "static-run", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
@@ -87,7 +87,7 @@ def test_rows_that_are_means_have_lost_some_of_the_turn_of_gravity() -> None:
     assert navigated(block_means(run, 10)).position.max() < 20.0
 
 
-def test_a_radian_is_shorter_along_the_meridian_at_the_equator() -> None:
+def test_a_radian_is_shorter_along_the_meridian_at_the_equator():
     at = InertialSite(0.0, 0.0, 9.78, 0.0)
     north, east = np.zeros((1, 7)), np.zeros((1, 7))
     north[0, 0] = east[0, 1] = 1e-6
@@ -95,7 +95,7 @@ def test_a_radian_is_shorter_along_the_meridian_at_the_equator() -> None:
     assert horizontal(east, at) == pytest.approx(6.378137)
 
 
-def test_position_is_told_in_nautical_miles_at_its_largest_at_the_end_and_rms() -> None:
+def test_position_is_told_in_nautical_miles_at_its_largest_at_the_end_and_rms():
     miles = np.array([0.0, 4.0, 3.0])
     runs = [
         Navigated(name, np.arange(3.0), np.zeros((3, 7)), k * miles * 1852.0) for name, k in (("none", 1), ("a", 2))
@@ -106,7 +106,7 @@ def test_position_is_told_in_nautical_miles_at_its_largest_at_the_end_and_rms() 
     assert (first.improvement_percent, second.improvement_percent) == (None, -100.0)
 
 
-def test_bands_by_propagation_and_by_samples_agree() -> None:
+def test_bands_by_propagation_and_by_samples_agree():
     run, effects = made()
     wanted = tuple(
         p for e in ("bias", "misalignment", "gimbal_zero") for p in parameters(CATALOGUE[e], run.platform.axis_names)
@@ -122,7 +122,7 @@ def test_bands_by_propagation_and_by_samples_agree() -> None:
     np.testing.assert_array_less(1e-9, linear.max(0))
 
 
-def test_runs_that_hardly_differ_are_told_apart_as_if_each_was_navigated() -> None:
+def test_runs_that_hardly_differ_are_told_apart_as_if_each_was_navigated():
     base = still_base(24.0, Site(latitude=np.deg2rad(40.0)))
     wanted = [p for e in ("bias", "gimbal_zero", "polar_axis_misalignment")
               for p in parameters(CATALOGUE[e], base.platform.axis_names)]  # fmt: skip
@@ -138,7 +138,7 @@ def test_runs_that_hardly_differ_are_told_apart_as_if_each_was_navigated() -> No
     np.testing.assert_allclose(half_apart(pairs, USUAL) / size, expected / size, rtol=0, atol=1e-7)
 
 
-def test_a_bias_that_is_not_known_is_as_uncertain_as_it_leads_astray() -> None:
+def test_a_bias_that_is_not_known_is_as_uncertain_as_it_leads_astray():
     base = still_base(24.0, Site(latitude=np.deg2rad(40.0)))
     (bias,) = (p for p in parameters(CATALOGUE["bias"]) if p.axis == "y")
     known = calibration(with_values((), [bias], np.array([0.0]), base.platform.axis_names), (bias,), 3e-4)
@@ -146,7 +146,7 @@ def test_a_bias_that_is_not_known_is_as_uncertain_as_it_leads_astray() -> None:
     assert uncertain(base, known) == pytest.approx(navigated(off.corrupt(base)).position.max(), rel=1e-3)
 
 
-def test_no_covariance_no_band() -> None:
+def test_no_covariance_no_band():
     run, effects = made()
     few = run.select(slice(0, 120))
     (_, linear), (_, sampled) = bands(few, calibration(effects), Aids(), 2, 1)
@@ -154,7 +154,7 @@ def test_no_covariance_no_band() -> None:
     assert not sampled.any()
 
 
-def test_gaps_are_filled_in_axes_that_turn_with_the_earth() -> None:
+def test_gaps_are_filled_in_axes_that_turn_with_the_earth():
     run, _ = made()
     whole = navigated(run)
     kept = np.ones(len(run.time), dtype=bool)
@@ -163,7 +163,7 @@ def test_gaps_are_filled_in_axes_that_turn_with_the_earth() -> None:
     np.testing.assert_allclose(holed.error[:, :2], whole.error[kept, :2], atol=3e-6)  # 15 m of 900
 
 
-def test_the_quasi_static_formula_is_what_the_navigator_does_slowly() -> None:
+def test_the_quasi_static_formula_is_what_the_navigator_does_slowly():
     """Eq. (28) puts the measured force where the navigator has its vertical: alike but for swing and lag."""
     run, _ = made()
     attitude = -np.stack([run.channels["attitude_error", a] for a in ("roll", "pitch", "yaw")], axis=-1)
@@ -176,7 +176,7 @@ def test_the_quasi_static_formula_is_what_the_navigator_does_slowly() -> None:
 
 
 @pytest.mark.parametrize(("hours", "rate"), [(6.0, 1.0), (6.0, 1 / 300)])
-def test_the_spacing_of_rows_does_not_matter(hours: float, rate: float) -> None:
+def test_the_spacing_of_rows_does_not_matter(hours, rate):
     run, _ = made(hours, rate)
     usual, _ = made(hours, 1 / 10)
     a, b = navigated(run), navigated(usual)
@@ -184,7 +184,7 @@ def test_the_spacing_of_rows_does_not_matter(hours: float, rate: float) -> None:
     np.testing.assert_allclose(a.position[5:], at[5:], atol=1.0)  # of 700 m
 
 
-def test_the_content_has_every_channel_for_every_calibration() -> None:
+def test_the_content_has_every_channel_for_every_calibration():
     run, effects = made()
     runs = before_and_after(run, [("truth", calibration(effects))], samples=1)
     told = summary(runs, Aids(), NavigationInputs()).to_dict()
@@ -194,7 +194,7 @@ def test_the_content_has_every_channel_for_every_calibration() -> None:
     golden_text(told["in_words"])
 
 
-def test_without_gimbals_there_is_no_attitude() -> None:
+def test_without_gimbals_there_is_no_attitude():
     run, _ = made()
     bare = replace(run, channels={k: v for k, v in run.channels.items() if k[0] != "gimbal_angle"})
     found = navigated(bare)
@@ -202,7 +202,7 @@ def test_without_gimbals_there_is_no_attitude() -> None:
     assert len(summary([found], Aids(), NavigationInputs()).channels) == 4
 
 
-def test_what_cannot_be_navigated_is_refused() -> None:
+def test_what_cannot_be_navigated_is_refused():
     run, _ = made()
     for wrong in (
         replace(run, kind="multi-position"),
@@ -215,13 +215,13 @@ def test_what_cannot_be_navigated_is_refused() -> None:
             navigated(wrong)
 
 
-def test_calibrations_are_called_by_file_or_folder() -> None:
+def test_calibrations_are_called_by_file_or_folder():
     assert labels([Path("a/calibration.json"), Path("b/calibration.json")]) == ["a", "b"]
     assert labels([Path("two.json"), Path("three.json")]) == ["two", "three"]
     assert labels([Path("x/two.json"), Path("y/two.json")]) == ["x/two.json", "y/two.json"]
 
 
-def test_drift_is_a_slope_and_rms_is_rms() -> None:
+def test_drift_is_a_slope_and_rms_is_rms():
     t = np.arange(0.0, 86400.0, 60.0)
     error = np.outer(t / 86400, np.arange(1.0, 8.0))
     found = Navigated("line", t, error, 0 * t)

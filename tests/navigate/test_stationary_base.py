@@ -1,6 +1,5 @@
 """A perfect unit at rest stays where it is, however it stands; what is added moves it by known amounts and signs."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +9,7 @@ from gimbalcal.earth import normal_gravity
 from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.navigate.stationary_base import still_unit
-from gimbalcal.number import Array
-from gimbalcal.recording import Recording, Site
+from gimbalcal.recording import Site
 from gimbalcal.rotation import exponential
 
 L = np.deg2rad(40.0)
@@ -19,12 +17,12 @@ SITE = Site(L, 60.0, float(normal_gravity(L, 60.0)))
 ASKEW = exponential(np.array([0.4, -1.1, 2.0]))
 
 
-def added(run: Recording, more: Mapping[tuple[str, str], Array | float]) -> Recording:
+def added(run, more):
     return replace(run, channels={key: x + more.get(key, 0.0) for key, x in run.channels.items()})
 
 
 @pytest.mark.parametrize("C_bn", [np.eye(3), ASKEW])
-def test_a_perfect_unit_at_rest_stays_where_and_as_it_is(C_bn: Array) -> None:
+def test_a_perfect_unit_at_rest_stays_where_and_as_it_is(C_bn):
     run = still_unit(6.0, SITE, C_bn)
     found = navigated(run, None, usual(run))
     assert found.position.max() < 0.01  # m
@@ -32,7 +30,7 @@ def test_a_perfect_unit_at_rest_stays_where_and_as_it_is(C_bn: Array) -> None:
 
 
 @pytest.mark.parametrize(("axis", "channel"), [("x", 0), ("y", 1)])
-def test_a_force_that_steps_overshoots_as_its_damping_lets_it(axis: str, channel: int) -> None:
+def test_a_force_that_steps_overshoots_as_its_damping_lets_it(axis, channel):
     """A level unit that feels 50 ug more to the north or east, once aligned, settles there, where it takes the
     vertical to be, after an overshoot of exp(-pi z / sqrt(1 - z^2)): position is navigator minus true."""
     z, b, run = 0.3, 50e-6, still_unit(4.0, SITE, np.eye(3))
@@ -44,14 +42,14 @@ def test_a_force_that_steps_overshoots_as_its_damping_lets_it(axis: str, channel
     assert moved[-1] / b == pytest.approx(1.0, abs=0.1)
 
 
-def test_of_a_unit_that_turns_slowly_nobody_knows_how_it_stands() -> None:
+def test_of_a_unit_that_turns_slowly_nobody_knows_how_it_stands():
     run = still_unit(2.0, SITE, np.eye(3))
     turning = added(run, {("angular_rate", "z"): np.deg2rad(0.1)})
     assert np.isnan(navigated(turning, None, usual(turning)).error[:, 4:]).all()
     assert np.isfinite(navigated(run, None, usual(run)).error).all()
 
 
-def test_a_gyroscope_that_reads_too_much_turns_the_navigator_on() -> None:
+def test_a_gyroscope_that_reads_too_much_turns_the_navigator_on():
     """0.1 deg/h about down are six arc minutes of yaw in an hour, navigator minus true, and little else."""
     run = still_unit(1.5, SITE, np.eye(3))
     found = navigated(added(run, {("angular_rate", "z"): np.deg2rad(0.1) / 3600}), None, usual(run))

@@ -12,7 +12,7 @@ SILENT = {"accelerometer": 0.0, "gyroscope": 0.0, "velocity": 1e-5}
 PLACE = np.array([LATITUDE, 0.3, 0.0])
 
 
-def test_a_unit_that_is_turned_in_its_place_does_not_move() -> None:
+def test_a_unit_that_is_turned_in_its_place_does_not_move():
     """Through fifteen turns: attitude to 1e-9 rad, velocity to 0.2 mm/s, what two samples know of sculling."""
     r = turning_unit(noise=SILENT, start=np.eye(3), stop=5.0, rate=50.0)
     dt = np.diff(r.time, prepend=0.0)
@@ -25,7 +25,7 @@ def test_a_unit_that_is_turned_in_its_place_does_not_move() -> None:
     assert np.abs((moved.position[-1] - PLACE) * [6.4e6, 6.4e6, 1]).max() < 0.01
 
 
-def test_at_rest_for_an_hour_nothing_happens() -> None:
+def test_at_rest_for_an_hour_nothing_happens():
     n = 3600
     earth = EARTH_RATE * np.array([np.cos(LATITUDE), 0, -np.sin(LATITUDE)])
     g = np.array([0, 0, float(normal_gravity(LATITUDE))])
@@ -35,7 +35,7 @@ def test_at_rest_for_an_hour_nothing_happens() -> None:
 
 
 @pytest.mark.parametrize("velocity", [(200.0, 0.0, 0.0), (0.0, 250.0, 0.0), (100.0, -150.0, 0.0)])
-def test_a_level_flight_keeps_its_speed(velocity: tuple[float, float, float]) -> None:
+def test_a_level_flight_keeps_its_speed(velocity):
     """Body along north, east, down: it turns with the frame, and feels Coriolis' force and gravity."""
     v, h, n = np.array(velocity), 0.01, 2000
     L, turn, force = LATITUDE, [], []
@@ -53,7 +53,7 @@ def test_a_level_flight_keeps_its_speed(velocity: tuple[float, float, float]) ->
     assert moved.position[-1, 0] == pytest.approx(L, abs=1e-12)
 
 
-def test_coning_is_what_two_intervals_know_of_it() -> None:
+def test_coning_is_what_two_intervals_know_of_it():
     """A cone of 1 deg at 2 Hz, 100 Hz: without the cross product of two increments it drifts by 0.2 deg in 10 s."""
     a, w, h, n = np.radians(1.0), 2 * np.pi * 2.0, 0.01, 1000
     t = h * np.arange(n + 1)

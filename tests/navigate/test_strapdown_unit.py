@@ -5,15 +5,13 @@ with the height held, x = (r_N, r_E, v_N, v_E, phi_N, phi_E, phi_D); the program
 """
 
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.earth import EARTH_RATE, NAUTICAL_MILE, normal_gravity
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.navigate.mean_intervals import thinned
 from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.navigation_errors import Navigated
@@ -21,8 +19,7 @@ from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, schule
 from gimbalcal.navigate.strapdown import aided, radii
 from gimbalcal.navigate.strapdown_unit import aligned
 from gimbalcal.navigate.uncertainty import bands, before_and_after
-from gimbalcal.number import Array
-from gimbalcal.recording import Recording, read, write
+from gimbalcal.recording import read, write
 from gimbalcal.rotation import exponential
 from gimbalcal.simulate import simulate
 from tests.golden import refused
@@ -41,7 +38,7 @@ UNIT = {
 }  # fmt: skip
 
 
-def textbook(damping: float = 0.0) -> Array:
+def textbook(damping=0.0):
     """F (7, 7)."""
     F, s, c = np.zeros((7, 7)), EARTH_RATE * np.sin(L), EARTH_RATE * np.cos(L)
     F[0, 2] = F[1, 3] = 1
@@ -54,7 +51,7 @@ def textbook(damping: float = 0.0) -> Array:
     return F
 
 
-def grown(hours: float, u: Array, start: Array, damping: float = 0.0, step: float = 10.0) -> Array:
+def grown(hours, u, start, damping=0.0, step=10.0):
     """Position north and east (n, 2) [m] at multiples of the step."""
     from scipy.linalg import expm
 
@@ -68,9 +65,7 @@ def grown(hours: float, u: Array, start: Array, damping: float = 0.0, step: floa
     return np.array(out)
 
 
-def at_rest(
-    hours: float, force: Array, rate: Array, phi: Array, damping: float = 0.0, step: float = 10.0, start: Any = None
-) -> Array:
+def at_rest(hours, force, rate, phi, damping=0.0, step=10.0, start=None):
     """The same of the navigator, a level unit pointing north, with sensor errors and errors of attitude at first."""
     n = round(3600 * hours / step)
     made = aided(
@@ -85,7 +80,7 @@ SOURCES = [("bias", i) for i in range(2)] + [("drift", i) for i in range(3)] + [
 
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 @pytest.mark.parametrize(("source", "axis"), SOURCES)
-def test_every_source_has_its_analytic_history(source: str, axis: int, damping: float) -> None:
+def test_every_source_has_its_analytic_history(source, axis, damping):
     one = np.eye(3)[axis]
     force, rate, phi = 10 * UG * one * (source == "bias"), 0.002 * DEG_H * one * (source == "drift"), np.zeros(3)
     phi = 5e-5 * one if source == "attitude" else phi
@@ -95,7 +90,7 @@ def test_every_source_has_its_analytic_history(source: str, axis: int, damping: 
     np.testing.assert_allclose(at_rest(30, force, rate, phi, damping), expected, atol=4e-3 * np.abs(expected).max())
 
 
-def test_it_swings_with_schuler_turned_by_foucault_and_with_the_day() -> None:
+def test_it_swings_with_schuler_turned_by_foucault_and_with_the_day():
     """The equation has no other periods than these, and the navigator none besides."""
     w = np.sort(np.linalg.eigvals(textbook()).imag)[-3:]
     between = np.sqrt(SITE.gravity / M) - np.sqrt(SITE.gravity / N)  # a swing north is slower than one east
@@ -109,7 +104,7 @@ def test_it_swings_with_schuler_turned_by_foucault_and_with_the_day() -> None:
     assert np.abs(left).max() < 2e-3 * np.abs(made).max()
 
 
-def test_halving_the_step_quarters_the_error() -> None:
+def test_halving_the_step_quarters_the_error():
     start = np.array([0.3, 0.2, 0.0])
     fine = at_rest(6, np.zeros(3), np.zeros(3), np.zeros(3), step=1.25, start=start)
     off = []
@@ -121,7 +116,7 @@ def test_halving_the_step_quarters_the_error() -> None:
     assert off[0] < 0.02 * np.abs(fine).max()
 
 
-def test_the_height_stays_where_the_external_one_is() -> None:
+def test_the_height_stays_where_the_external_one_is():
     """Left alone it doubles every seven minutes: 10 ug would be 100 km in six hours."""
     n = 2160
     heavy = UP + np.array([0.0, 0.0, 10 * UG])
@@ -130,7 +125,7 @@ def test_the_height_stays_where_the_external_one_is() -> None:
     assert np.abs(made.position[:, 2] - SITE.height).max() < 2.0  # 10 ug times the square of 100 s
 
 
-def test_alignment_hides_what_it_can() -> None:
+def test_alignment_hides_what_it_can():
     """Level by the accelerometers, north by the east gyroscope: phi_E = -df_N/g, phi_N = df_E/g, phi_D by the rest."""
     n, force, rate = 60, UG * np.array([100.0, -60.0, 0.0]), DEG_H * np.array([0.0, 0.01, 0.0])
     C = aligned(np.full(n, 1.0), np.tile(EARTH + rate, (n, 1)), np.tile(UP + force, (n, 1)), SITE, Aids(damping=0.0))
@@ -140,7 +135,7 @@ def test_alignment_hides_what_it_can() -> None:
     np.testing.assert_allclose(phi, [*level, north], atol=5e-7)
 
 
-def run(truth: dict[str, Any], hours: float = 12.0, **schedule: Any) -> tuple[Recording, tuple[Effect, ...]]:
+def run(truth, hours=12.0, **schedule):
     motion = {"start": {"x": "east", "y": "north", "z": "up"}, "dwell": {"value": hours, "unit": "h"},
               "start_sigma": {"value": 0.3, "unit": "deg"}, "rate": {"value": 0.1, "unit": "Hz"}}  # fmt: skip
     return simulate(
@@ -149,16 +144,16 @@ def run(truth: dict[str, Any], hours: float = 12.0, **schedule: Any) -> tuple[Re
 
 
 @cache
-def unit() -> tuple[Recording, tuple[Effect, ...]]:
+def unit():
     return run(UNIT)
 
 
-def calibration(effects: tuple[Effect, ...], wanted: tuple[Parameter, ...] = (), sigma: float = 0.0) -> Calibration:
+def calibration(effects, wanted=(), sigma=0.0):
     variance = [(sigma * p.sigma) ** 2 for p in wanted]
     return Calibration("test", effects, wanted, np.diag(variance), (), Residual(0, 0, {}))
 
 
-def test_the_truth_taken_off_leaves_nothing() -> None:
+def test_the_truth_taken_off_leaves_nothing():
     made, effects = unit()
     before, after = before_and_after(made, [("truth", calibration(effects))], usual(made))
     assert before.position.max() > NAUTICAL_MILE
@@ -168,7 +163,7 @@ def test_the_truth_taken_off_leaves_nothing() -> None:
 
 
 @pytest.mark.parametrize("rate", [100.0, 25.0])
-def test_a_unit_that_swings_is_aligned_and_navigated_all_the_same(rate: float) -> None:
+def test_a_unit_that_swings_is_aligned_and_navigated_all_the_same(rate):
     """2, 2 and 8 Hz in half a minute of alignment and two of navigation; fourth order in the step."""
     axis = {"frequency": {"value": 2.0, "unit": "Hz"}, "amplitude": {"value": 3.0, "unit": "deg"}}
     fast = {"frequency": {"value": 8.0, "unit": "Hz"}, "amplitude": {"value": 0.5, "unit": "deg"}}
@@ -182,7 +177,7 @@ def test_a_unit_that_swings_is_aligned_and_navigated_all_the_same(rate: float) -
     assert np.isnan(found.error[:, 4:]).all()  # nobody knows how it truly stands
 
 
-def test_a_unit_that_turns_is_navigated_row_by_row_and_at_rest_in_means() -> None:
+def test_a_unit_that_turns_is_navigated_row_by_row_and_at_rest_in_means():
     turns = [{"axis": a, "angle": {"value": b, "unit": "deg"}} for a, b in (("z", 180), ("x", 180), ("z", -180))]
     made, _ = run({}, moves=turns, dwell={"value": 300, "unit": "s"}, rate={"value": 20.0, "unit": "Hz"})
     legs = thinned(made, 10.0)
@@ -194,7 +189,7 @@ def test_a_unit_that_turns_is_navigated_row_by_row_and_at_rest_in_means() -> Non
     assert navigated(made, None, Aids(damping=0.0, alignment=200.0)).position.max() < 3.0
 
 
-def test_bands_by_propagation_and_by_samples_agree() -> None:
+def test_bands_by_propagation_and_by_samples_agree():
     made, effects = unit()
     wanted = tuple(p for e in ("bias", "gyro_bias") for p in parameters(CATALOGUE[e], ()))
     known = calibration(effects, wanted, 1e-3)
@@ -203,7 +198,7 @@ def test_bands_by_propagation_and_by_samples_agree() -> None:
     assert np.all(np.abs(ratio - 1) < 3 / np.sqrt(2 * 60)), ratio
 
 
-def test_pauses_of_a_unit_at_rest_are_filled_and_those_of_one_that_turns_refused() -> None:
+def test_pauses_of_a_unit_at_rest_are_filled_and_those_of_one_that_turns_refused():
     made, _ = unit()
     whole = navigated(made, None, usual(made))
     kept = np.ones(len(made.time), dtype=bool)
@@ -219,7 +214,7 @@ def test_pauses_of_a_unit_at_rest_are_filled_and_those_of_one_that_turns_refused
         navigated(turned.select(lost), None, Aids(alignment=200.0))
 
 
-def test_what_cannot_be_navigated_is_refused() -> None:
+def test_what_cannot_be_navigated_is_refused():
     from dataclasses import replace
 
     made, _ = unit()
@@ -233,7 +228,7 @@ def test_what_cannot_be_navigated_is_refused() -> None:
             navigated(wrong, None, usual(wrong))
 
 
-def test_errors_are_told_from_the_end_of_the_alignment() -> None:
+def test_errors_are_told_from_the_end_of_the_alignment():
     made, _ = unit()
     found: Navigated = navigated(made, None, Aids(damping=0.0, alignment=3600.0))
     assert found.time[0] == 0
@@ -241,14 +236,14 @@ def test_errors_are_told_from_the_end_of_the_alignment() -> None:
     assert found.position[0] < 1e-6  # m
 
 
-def driven(truth: dict[str, Any], **more: Any) -> tuple[Recording, tuple[Effect, ...]]:
+def driven(truth, **more):
     motion = {"drive": {"speed": {"value": 15, "unit": "m/s"}, "pitch": {"value": 2, "unit": "deg"},
                         "rest": {"value": 300, "unit": "s"}},
               "duration": {"value": 0.75, "unit": "h"}, "rate": {"value": 10, "unit": "Hz"}}  # fmt: skip
     return simulate({"format": 1, "kind": "rotation", "site": PLACE, "truth": truth, "schedule": motion, **more})
 
 
-def test_a_vehicle_is_held_against_its_reference() -> None:
+def test_a_vehicle_is_held_against_its_reference():
     """Ten legs with bends and hills: the simulated motion and the navigator know nothing of each other."""
     made, _ = driven({})
     found = navigated(made, None, Aids(damping=0.0, alignment=240.0))
@@ -259,7 +254,7 @@ def test_a_vehicle_is_held_against_its_reference() -> None:
     assert before.position.max() > 100 * after.position.max()
 
 
-def test_the_place_of_a_vehicle_is_written_and_read(tmp_path: Path) -> None:
+def test_the_place_of_a_vehicle_is_written_and_read(tmp_path):
     made, _ = driven({}, noise={"accelerometer": {"value": 50.0, "unit": "ug"},
                                 "gyroscope": {"value": 5.0, "unit": "deg/h"}})  # fmt: skip
     write(made, tmp_path / "drive", "samples.csv")
@@ -268,7 +263,7 @@ def test_the_place_of_a_vehicle_is_written_and_read(tmp_path: Path) -> None:
         np.testing.assert_allclose(back.channels[quantity, ""], made.channels[quantity, ""], atol=size)
 
 
-def test_readings_of_an_instant_are_corrected_before_they_are_means() -> None:
+def test_readings_of_an_instant_are_corrected_before_they_are_means():
     """What bends with the square of a rate does so with that of the instant: 0.1 deg/s of a swing are rectified."""
     fast = {"frequency": {"value": 8.0, "unit": "Hz"}, "amplitude": {"value": 2.0, "unit": "deg"}}
     made, effects = simulate({

@@ -7,16 +7,16 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.recording import Recording, read
+from gimbalcal.recording import read
 
 SHIPPED = Path(__file__).parents[2] / "data" / "space_stable_concealed"
 
 
-def without(recording: Recording, quantity: str) -> Recording:
+def without(recording, quantity):
     return replace(recording, channels={k: c for k, c in recording.channels.items() if k[0] != quantity})
 
 
-def test_the_thermometer_hidden_and_given_back() -> None:
+def test_the_thermometer_hidden_and_given_back():
     recording = read(SHIPPED)
     blind, seen = diagnose([without(recording, "temperature")]), diagnose([recording])
     assert blind.verdict == "unexplained"

@@ -6,7 +6,7 @@ from tests.golden import golden_text
 from tests.real.recordings import diagnosed, names
 
 
-def test_accelerometers_lack_nothing() -> None:
+def test_accelerometers_lack_nothing():
     d = diagnosed("mikoff", "bias", "scale_factor", "misalignment")
     assert d.verdict == "adequate"
     assert d.findings == ()
@@ -16,7 +16,7 @@ def test_accelerometers_lack_nothing() -> None:
     golden_text(d.in_words)
 
 
-def test_misalignment_left_out_is_found_again_and_nothing_else() -> None:
+def test_misalignment_left_out_is_found_again_and_nothing_else():
     d = diagnosed("mikoff", "bias", "scale_factor")
     assert names(d) == {"misalignment"}
     assert d.fit["chi2_of_samples_before"]["norm"] > 20

@@ -4,14 +4,13 @@ import json
 import resource
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from tests.real.recordings import DATA, FILES, diagnosed, finding, names, recording, size
 
 
-def test_mmt_tilt_flexure_and_a_cotangent() -> None:
+def test_mmt_tilt_flexure_and_a_cotangent():
     d = diagnosed("mmt")
     assert d.verdict == "missing-physics"
     assert names(d) == {"base_tilt", "tube_flexure", "refraction"}
@@ -24,7 +23,7 @@ def test_mmt_tilt_flexure_and_a_cotangent() -> None:
     assert abs(tilt) > 50 * sigma
 
 
-def test_mmt_through_the_command_line(tmp_path: Path) -> None:
+def test_mmt_through_the_command_line(tmp_path):
     recording("mmt")
     run = [sys.executable, "-m", "gimbalcal"]
     kind, file = FILES["mmt"]
@@ -45,7 +44,7 @@ def test_mmt_through_the_command_line(tmp_path: Path) -> None:
     assert "Traceback" not in page
 
 
-def test_cgx_l_cone_polar_axis_and_eccentricity() -> None:
+def test_cgx_l_cone_polar_axis_and_eccentricity():
     d = diagnosed("cgx-l", "gimbal_zero")
     assert d.verdict == "missing-physics"
     core = {"axis_collimation", "base_tilt", "gimbal_nonorthogonality", "encoder_eccentricity"}
@@ -61,7 +60,7 @@ def test_cgx_l_cone_polar_axis_and_eccentricity() -> None:
     assert "declination" in d.unexplained[0]["shape"]  # 73 arcsec stay, with a pattern: it is told, not hidden
 
 
-def test_warp_astron_slips_in_the_course_of_the_night() -> None:
+def test_warp_astron_slips_in_the_course_of_the_night():
     d = diagnosed("warp-astron")
     assert d.verdict == "missing-physics"
     assert {"encoder_eccentricity", "gimbal_zero_drift"} <= names(d)

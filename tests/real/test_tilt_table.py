@@ -7,7 +7,7 @@ from gimbalcal.units import to_si
 from tests.real.recordings import diagnosed, names, rms_after, size
 
 
-def test_gravity_leaks_in_and_lever_arm_and_delay_are_found_together() -> None:
+def test_gravity_leaks_in_and_lever_arm_and_delay_are_found_together():
     d = diagnosed("tilt table")
     assert d.verdict == "missing-physics"
     assert names(d) == {"gravity_leakage", "lever_arm", "time_tag_latency", "misalignment"}
@@ -19,7 +19,6 @@ def test_gravity_leaks_in_and_lever_arm_and_delay_are_found_together() -> None:
     assert not any(asked.values())
     # reference 1777 -> 7.5 um/s^2 along x, means over another length: longer means hold less of both (2 s: 1201 -> 7.5)
     sigma = 1e6 * to_si(d.fit["noise"]["sigma_of_a_row"], "ug")
-    assert d.curves is not None
     before, after = (sigma * np.sqrt(np.mean(c[:, 0] ** 2)) for c in (d.curves.before, d.curves.after))
     assert 1200 < before < 1800
     assert 7 < after < 12
@@ -34,7 +33,7 @@ def test_gravity_leaks_in_and_lever_arm_and_delay_are_found_together() -> None:
     assert abs(delay - 10.5) < 3 * s  # ms, reference
 
 
-def test_with_gravity_known_lever_arm_and_delay_are_found_together() -> None:
+def test_with_gravity_known_lever_arm_and_delay_are_found_together():
     d = diagnosed("tilt table", "bias", "gravity_leakage")
     assert names(d) == {"lever_arm", "time_tag_latency", "misalignment"}
     value, s = size(d, "lever_arm", "z")

@@ -6,11 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import correct
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.unit import inertial_unit
-from gimbalcal.recording import Recording
 from gimbalcal.units import to_si
 from tests.golden import golden_text
 from tests.real.recordings import recording
@@ -20,7 +18,7 @@ LATITUDE = np.radians(45.4)
 
 
 @cache
-def in_the_hand(name: str) -> Recording:
+def in_the_hand(name):
     """The recording as its rests and turns calibrate it, for a navigator: what remains to be found is nothing."""
     made = recording(name)
     return replace(
@@ -28,7 +26,7 @@ def in_the_hand(name: str) -> Recording:
     )
 
 
-def found(name: str, wandering: bool = True, latitude: float = LATITUDE) -> Calibration:
+def found(name, wandering=True, latitude=LATITUDE):
     made = in_the_hand(name)
     force, rate = WANDER[name]
     noise = {"accelerometer_flicker": to_si(force, "ug"), "gyroscope_flicker": to_si(rate, "deg/h")}
@@ -37,7 +35,7 @@ def found(name: str, wandering: bool = True, latitude: float = LATITUDE) -> Cali
 
 
 @pytest.mark.parametrize("name", ["xsens", "mikoff"])
-def test_what_rests_and_turns_taught_is_found_again_with_every_sample_of_the_motion(name: str) -> None:
+def test_what_rests_and_turns_taught_is_found_again_with_every_sample_of_the_motion(name):
     c = found(name)
     assert c.outcome == ""
     assert np.sqrt(np.mean((c.values / c.sigmas) ** 2)) < 1.3  # 21 numbers; the other calibration has its errors too
@@ -46,11 +44,11 @@ def test_what_rests_and_turns_taught_is_found_again_with_every_sample_of_the_mot
     assert north.endswith("these gyroscopes hardly see the Earth turn")
 
 
-def test_biases_that_wander_are_asked_for() -> None:
+def test_biases_that_wander_are_asked_for():
     c = found("xsens", wandering=False)
     golden_text(c.outcome)
 
 
-def test_the_latitude_does_not_matter_where_north_is_not_seen() -> None:
+def test_the_latitude_does_not_matter_where_north_is_not_seen():
     here, there = found("xsens"), found("xsens", latitude=0.0)
     assert np.abs((here.values - there.values) / here.sigmas).max() < 0.3

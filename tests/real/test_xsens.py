@@ -12,14 +12,14 @@ from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import likeliest
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.grade import graded
-from gimbalcal.recording import Recording, read
+from gimbalcal.recording import read
 from gimbalcal.views.norm import norm
 from tests.real.recordings import diagnosed, finding, names, recording, rms_after, size
 
 MEANS = Path(__file__).parents[2] / "data" / "xsens_positions"
 
 
-def test_accelerometers_lack_misalignment_and_then_a_drift_of_the_biases() -> None:
+def test_accelerometers_lack_misalignment_and_then_a_drift_of_the_biases():
     d = diagnosed("xsens", "bias", "scale_factor")
     assert d.verdict == "missing-physics"
     assert names(d) == {"misalignment", "slow_bias_drift"}  # no quadratic or cubic: they are not supported
@@ -32,12 +32,12 @@ def test_accelerometers_lack_misalignment_and_then_a_drift_of_the_biases() -> No
     assert d.fit["heldout_rms_after"] < 0.05 * d.fit["heldout_rms_before"]
 
 
-def test_quadratic_and_cubic_terms_are_declined() -> None:
+def test_quadratic_and_cubic_terms_are_declined():
     declined = multiposition(recording("xsens")).provenance["options"]["declined"]
     assert set(declined) == {"scale_nonlinearity", "cubic_nonlinearity"}
 
 
-def test_gyroscopes_lack_g_sensitivity_and_what_rests_teach_holds_while_turning() -> None:
+def test_gyroscopes_lack_g_sensitivity_and_what_rests_teach_holds_while_turning():
     d = diagnosed("xsens", "gyro_bias")
     assert d.verdict == "missing-physics"
     assert names(d) == {"gyro_g_sensitivity_rate"}
@@ -58,13 +58,13 @@ def test_gyroscopes_lack_g_sensitivity_and_what_rests_teach_holds_while_turning(
     assert abs(value) > 10 * sigma  # deg/h/g: across the diagonal, which no rate of the Earth can imitate
 
 
-def shuffled(means: Recording, seed: int) -> Recording:
+def shuffled(means, seed):
     """The order of visits hidden: the same positions at the same times, one in the place of another."""
     order = np.random.default_rng(seed).permutation(len(means.time))
     return replace(means, channels={k: c[order] for k, c in means.channels.items()}, weight=means.weight[order])
 
 
-def test_without_the_order_of_visits_the_drift_is_not_there() -> None:
+def test_without_the_order_of_visits_the_drift_is_not_there():
     means = read(MEANS)
     ids = ("bias", "scale_factor", "misalignment")
     there = diagnose([means], baseline=ids)
@@ -73,10 +73,10 @@ def test_without_the_order_of_visits_the_drift_is_not_there() -> None:
     assert hidden.verdict == "adequate"
 
 
-def test_the_drift_is_no_accident_of_the_order() -> None:
+def test_the_drift_is_no_accident_of_the_order():
     """Permutation test: what the true order supports, none of twenty orders at random does (one in 21 by chance)."""
 
-    def odds(means: Recording) -> float:
+    def odds(means):
         view = norm(means)
         return likeliest(start(view)).ln_total
 

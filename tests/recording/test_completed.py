@@ -1,7 +1,6 @@
 """A recording made in Python is completed as a file is when it is read."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, completed, read, write
 
 
-def by_hand(noise: float = 0.003, rests: int = 14) -> Recording:
+def by_hand(noise=0.003, rests=14):
     """A unit held still in many attitudes and turned from one to the next, at 50 Hz; nothing but its readings."""
     rng = np.random.default_rng(3)
     force: list[Array] = []
@@ -33,11 +32,10 @@ def by_hand(noise: float = 0.003, rests: int = 14) -> Recording:
                      units=units)  # fmt: skip
 
 
-def test_rests_and_scatter_are_those_of_the_same_recording_in_a_file(tmp_path: Path) -> None:
+def test_rests_and_scatter_are_those_of_the_same_recording_in_a_file(tmp_path):
     made = by_hand()
     write(made, tmp_path, "samples.csv")
     there, here = read(tmp_path), completed(made)
-    assert here.position is not None
     np.testing.assert_array_equal(here.position, there.position)
     assert here.position.max() == 14
     assert here.scatter.keys() == there.scatter.keys()
@@ -45,14 +43,14 @@ def test_rests_and_scatter_are_those_of_the_same_recording_in_a_file(tmp_path: P
     assert here.sigma("accelerometer") == pytest.approx(0.003, rel=0.1)
 
 
-def test_what_is_there_stays() -> None:
+def test_what_is_there_stays():
     made = completed(by_hand())
     assert completed(made) is made
     still = replace(made, scatter={}, channels={key: np.full(len(made.time), 1.0) for key in made.channels})
     assert completed(still).scatter == {}
 
 
-def test_a_calibration_in_python_is_that_of_the_file(tmp_path: Path) -> None:
+def test_a_calibration_in_python_is_that_of_the_file(tmp_path):
     made = by_hand()
     write(made, tmp_path, "samples.csv")
     one, other = inertial_unit(made), inertial_unit(read(tmp_path))
@@ -60,7 +58,7 @@ def test_a_calibration_in_python_is_that_of_the_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(one.sigmas, other.sigmas, rtol=1e-6)
 
 
-def test_a_correction_changes_the_noise_as_it_changes_the_readings() -> None:
+def test_a_correction_changes_the_noise_as_it_changes_the_readings():
     r = replace(completed(by_hand()), noise={"accelerometer": 0.003, "gyroscope": 1.0})
     s = np.array([0.5, 0.0, 0.0])  # reads two thirds of what is there
     unit = Calibration("test", (ScaleFactor(s=s),), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))

@@ -10,7 +10,7 @@ L = np.deg2rad(48.0)
 HERE = float(normal_gravity(L, 500.0))
 
 
-def test_the_gravity_of_the_ellipsoid_is_good_to_anomalies_and_to_the_height() -> None:
+def test_the_gravity_of_the_ellipsoid_is_good_to_anomalies_and_to_the_height():
     known = with_normal_gravity(L, 500.0)
     assert (known.gravity, known.gravity_sigma) == (HERE, 3e-4)  # 30 mGal
     unknown = with_normal_gravity(L, None)
@@ -19,7 +19,7 @@ def test_the_gravity_of_the_ellipsoid_is_good_to_anomalies_and_to_the_height() -
     assert with_normal_gravity(None, None).gravity_sigma > 10 * unknown.gravity_sigma
 
 
-def test_a_stated_gravity_is_exact_unless_it_is_anomalous_or_its_sigma_is_stated() -> None:
+def test_a_stated_gravity_is_exact_unless_it_is_anomalous_or_its_sigma_is_stated():
     usual, strange = HERE + 2 * ANOMALY, HERE - 4e-3
     assert with_gravity_stated(L, 500.0, usual, None).gravity_sigma == 0.0
     assert with_gravity_stated(L, 500.0, strange, None).gravity_sigma == pytest.approx(4e-3)

@@ -1,7 +1,6 @@
 """What recording.toml may not say, and in which words it is refused."""
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -46,33 +45,33 @@ HEADER_FAULTS = [
 
 
 @pytest.mark.parametrize(("old", "new"), HEADER_FAULTS)
-def test_header_fault_is_refused(tmp_path: Path, old: str, new: str) -> None:
+def test_header_fault_is_refused(tmp_path, old, new):
     assert old in HEADER
     golden_text(refusal(tmp_path, HEADER.replace(old, new, 1)))
 
 
-def test_a_header_that_is_no_toml_is_refused_by_line_and_column(tmp_path: Path) -> None:
+def test_a_header_that_is_no_toml_is_refused_by_line_and_column(tmp_path):
     assert "recording.toml, line 3, column" in refusal(tmp_path, HEADER.replace('"two positions"', '"two positions'))
 
 
-def test_static_run_without_latitude_is_refused(tmp_path: Path) -> None:
+def test_static_run_without_latitude_is_refused(tmp_path):
     header = re.sub(r"latitude .*\n", "", HEADER.replace("multi-position", "static-run"))
     golden_text(refusal(tmp_path, header))
 
 
-def test_a_header_stands_for_its_folder(tmp_path: Path) -> None:
+def test_a_header_stands_for_its_folder(tmp_path):
     made = folder(tmp_path)
     assert read(made / "recording.toml").files == read(made).files
 
 
-def test_no_folder_no_header(tmp_path: Path) -> None:
+def test_no_folder_no_header(tmp_path):
     with refused():
         read(tmp_path / "nowhere")
     with refused():
         read(tmp_path)
 
 
-def test_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
+def test_link_out_of_the_folder_is_refused(tmp_path):
     target = folder(tmp_path)
     (target / "samples.csv").rename(tmp_path / "elsewhere.csv")
     (target / "samples.csv").symlink_to(tmp_path / "elsewhere.csv")

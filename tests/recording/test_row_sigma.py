@@ -1,15 +1,13 @@
 """One sigma of each row: it becomes a weight, positions and stars are weighed by it, and slips are refused."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.pointing.mount import pointing_calibration
-from gimbalcal.number import Array
-from gimbalcal.recording import Recording, read
+from gimbalcal.recording import read
 from tests.golden import refused
 
 G = 9.80665
@@ -24,7 +22,7 @@ SIGMA = 's = { quantity = "sigma", of = "specific_force", unit = "mg" }\n'
 SCALE = np.array([3e-3, -2e-3, 1e-3])
 
 
-def positions(seed: int) -> tuple[Array, Array]:
+def positions(seed):
     """Mean forces of 24 positions [m/s^2] and the sigma of each [mg]: every other one is ten times worse."""
     rng = np.random.default_rng(seed)
     up = rng.standard_normal((24, 3))
@@ -33,7 +31,7 @@ def positions(seed: int) -> tuple[Array, Array]:
     return up * (1 + SCALE) + 1e-3 * G * sigma[:, None] * rng.standard_normal((24, 3)), sigma
 
 
-def recording(path: Path, force: Array, sigma: Array, columns: str = COLUMNS + SIGMA, head: str = "") -> Recording:
+def recording(path, force, sigma, columns=COLUMNS + SIGMA, head=""):
     kind = 'kind = "multi-position"' if "kind" not in head else ""
     (path / "recording.toml").write_text(f"format = 1\n{kind}\n{head}\n[columns]\n{columns}")
     n = np.arange(len(force))
@@ -42,7 +40,7 @@ def recording(path: Path, force: Array, sigma: Array, columns: str = COLUMNS + S
     return read(path)
 
 
-def test_the_median_is_the_noise_and_the_others_weigh_by_it(tmp_path: Path) -> None:
+def test_the_median_is_the_noise_and_the_others_weigh_by_it(tmp_path):
     force, _ = positions(1)
     sigma = np.where(np.arange(24) < 16, 2.0, 4.0)
     made = recording(tmp_path, force, sigma)
@@ -51,7 +49,7 @@ def test_the_median_is_the_noise_and_the_others_weigh_by_it(tmp_path: Path) -> N
     assert ("sigma", "") not in made.channels
 
 
-def test_positions_are_weighed_by_their_sigma(tmp_path: Path) -> None:
+def test_positions_are_weighed_by_their_sigma(tmp_path):
     errors: dict[bool, list[float]] = {True: [], False: []}
     for seed in range(4):
         made = recording(tmp_path, *positions(seed))
@@ -64,7 +62,7 @@ def test_positions_are_weighed_by_their_sigma(tmp_path: Path) -> None:
     assert rms[True] < 0.35 * rms[False]
 
 
-def test_stars_are_weighed_by_their_sigma(tmp_path: Path) -> None:
+def test_stars_are_weighed_by_their_sigma(tmp_path):
     rng = np.random.default_rng(3)
     n = 40
     az, el = rng.uniform(0, 360, n), rng.uniform(20, 80, n)
@@ -110,12 +108,12 @@ s = { quantity = "sigma", of = "true_angle", unit = "arcsec" }
         (COLUMNS.replace('p = { quantity = "position" }\n', "") + SIGMA, 'kind = "rotation"'),
     ],
 )
-def test_slips(tmp_path: Path, columns: str, head: str) -> None:
+def test_slips(tmp_path, columns, head):
     with refused():
         recording(tmp_path, *positions(1), columns, head)
 
 
-def test_a_sigma_of_nothing_is_refused_with_its_line(tmp_path: Path) -> None:
+def test_a_sigma_of_nothing_is_refused_with_its_line(tmp_path):
     force, sigma = positions(1)
     sigma[7] = 0.0
     with refused():

@@ -1,7 +1,6 @@
 """Writing loses nothing, leaves nothing behind when it fails, and keeps to its folder."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ FINITE = st.floats(-1e6, 1e6)
 
 
 @st.composite
-def recordings(draw: st.DrawFn) -> Recording:
+def recordings(draw):
     """Any recording that the format can hold, short enough not to be called frozen."""
     n = draw(st.integers(1, 12))
     column = st.lists(FINITE, min_size=n, max_size=n).map(np.array)
@@ -51,12 +50,12 @@ def recordings(draw: st.DrawFn) -> Recording:
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(recording=recordings(), samples=st.sampled_from(["samples.csv", "a b.parquet"]))
-def test_what_is_written_is_read(tmp_path: Path, recording: Recording, samples: str) -> None:
+def test_what_is_written_is_read(tmp_path, recording, samples):
     again = read(write(recording, tmp_path / "round", samples=samples))
     assert (again.kind, again.title, again.platform) == (recording.kind, recording.title, recording.platform)
 
     # Values pass through their unit and back: two roundings each way.
-    def close(got: object, expected: object) -> None:
+    def close(got, expected):
         np.testing.assert_allclose(np.asarray(got, dtype=float), np.asarray(expected, dtype=float), rtol=1e-15)
 
     assert again.site.gravity == recording.site.gravity
@@ -73,10 +72,10 @@ def test_what_is_written_is_read(tmp_path: Path, recording: Recording, samples: 
         close(again.channels[key], values)
 
 
-def test_nothing_is_left_when_writing_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_left_when_writing_fails(tmp_path, monkeypatch):
     recording = read(folder(tmp_path))
 
-    def full(*_: object) -> None:
+    def full(*_):
         raise OSError("no space left on device")
 
     monkeypatch.setattr("gimbalcal.recording.writing._write_rows", full)
@@ -85,7 +84,7 @@ def test_nothing_is_left_when_writing_fails(tmp_path: Path, monkeypatch: pytest.
     assert sorted(p.name for p in tmp_path.iterdir()) == ["rec"]
 
 
-def test_writing_keeps_strangers_in_the_folder(tmp_path: Path) -> None:
+def test_writing_keeps_strangers_in_the_folder(tmp_path):
     recording = read(folder(tmp_path))
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "truth.json").write_text("{}")
@@ -93,13 +92,13 @@ def test_writing_keeps_strangers_in_the_folder(tmp_path: Path) -> None:
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"truth.json", "recording.toml", "samples.csv"}
 
 
-def test_writing_refuses_a_name_outside(tmp_path: Path) -> None:
+def test_writing_refuses_a_name_outside(tmp_path):
     recording = read(folder(tmp_path))
     with refused():
         write(recording, tmp_path / "out", samples="../x.csv")
 
 
-def test_when_it_was_recorded_goes_with_it(tmp_path: Path) -> None:
+def test_when_it_was_recorded_goes_with_it(tmp_path):
     for said, told in (("2024-03-01", "2024-03-01"), ('"2024-03-01"', "2024-03-01"),
                        ("2024-03-01T05:00:00+01:00", "2024-03-01T05:00:00+01:00"), ('""', "")):  # fmt: skip
         made = read(folder(tmp_path, HEADER.replace("format = 1", f"format = 1\ndate = {said}")))

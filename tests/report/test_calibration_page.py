@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration import Calibration, Counts, Provenance, Readout, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Stage, parameters, with_values
 from gimbalcal.forward import accelerometers, linearise
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.platform import BENCH, SPACE_STABLE_INERTIAL
@@ -18,11 +18,11 @@ from tests.report.example import ARCSEC, NOISE, example
 
 
 @pytest.fixture(scope="module")
-def page() -> str:
+def page():
     return calibration_report(*example())
 
 
-def test_nothing_is_loaded_from_elsewhere(page: str) -> None:
+def test_nothing_is_loaded_from_elsewhere(page):
     assert not re.search(r"<[^>]*\s(?:src|srcset|data|poster)=|<link", page)
     assert page.count("<script>") == 1
     script = page[page.index("<script>") + 8 : page.index("</script>")]
@@ -34,17 +34,17 @@ def test_nothing_is_loaded_from_elsewhere(page: str) -> None:
     assert "default-src 'none'" in page
 
 
-def test_every_picture_says_what_it_shows(page: str) -> None:
+def test_every_picture_says_what_it_shows(page):
     alts = re.findall(r'<div role="img" aria-label="([^"]*)"', page)
     assert len(alts) == page.count("<figure") == 6  # residuals, stages, correlations, schedule, two of the static run
     assert all(len(alt) > 30 for alt in alts)
 
 
-def test_the_page_stays_small(page: str) -> None:
+def test_the_page_stays_small(page):
     assert len(page.encode()) < 400_000
 
 
-def test_what_a_user_wrote_is_escaped() -> None:
+def test_what_a_user_wrote_is_escaped():
     calibration, _, _ = example()
     hostile = dataclasses.replace(
         calibration, outcome="<script>alert(1)</script> & so on",
@@ -58,24 +58,23 @@ def test_what_a_user_wrote_is_escaped() -> None:
     assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; so on" in text
 
 
-def test_a_page_needs_neither_recordings_nor_stages() -> None:
+def test_a_page_needs_neither_recordings_nor_stages():
     calibration, _, _ = example()
     text = calibration_report(dataclasses.replace(calibration, stages=()))
     assert "bias x" in text
     assert "Stage by stage" not in text
 
 
-def test_residuals_of_the_fit_are_as_large_as_their_sigma() -> None:
+def test_residuals_of_the_fit_are_as_large_as_their_sigma():
     calibration, (still, _), _ = example()
     e = by_position(still, calibration.effects, calibration.provenance, calibration.readout)
-    assert e.sigma is not None
     # 54 residuals less 17 directions: the mean square of the scaled ones is about 37/54, sigma sqrt(2 x 37)/54 = 0.16,
     # and larger because the example's fit weighs all axes alike
     assert 0.2 < np.mean((e.after / e.sigma) ** 2) < 3
     assert np.sqrt(np.mean(e.before**2)) > 50 * np.sqrt(np.mean(e.after**2))
 
 
-def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle() -> None:
+def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle():
     _, (still, _), _ = example()
     s, channels = stimulus_from_readings(still), [("specific_force", a) for a in "xyz"]
     spread = setting_spread(linearise(still.platform, s, (), channels=channels, stages=[Stage.ENCODER]), ARCSEC)
@@ -83,7 +82,7 @@ def test_a_setting_error_moves_a_horizontal_axis_by_g_times_the_angle() -> None:
     assert spread[0] == pytest.approx([9.80146 * ARCSEC, 9.80146 * ARCSEC, 0.0], rel=1e-12, abs=1e-15)
 
 
-def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
+def test_a_day_is_drawn_with_few_points_and_their_own_sigma():
     calibration, (_, run), _ = example()
     hours, curves = over_time(run, calibration.effects)
     assert hours.size <= 288
@@ -92,7 +91,7 @@ def test_a_day_is_drawn_with_few_points_and_their_own_sigma() -> None:
     assert curves[2].sigma == pytest.approx(five_minutes, rel=1e-12)
 
 
-def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
+def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity():
 
     wanted = [p for i in ("scale_factor", "bias", "misalignment") for p in parameters(CATALOGUE[i])]
     effects = with_values((), wanted, np.random.default_rng(3).normal(0, [10 * p.sigma for p in wanted]))
@@ -105,13 +104,13 @@ def test_a_unit_without_gimbals_is_judged_by_the_size_of_gravity() -> None:
     assert np.abs(e.after).max() < 1e-6  # ug: what rounding of 9.8 leaves
 
 
-def against_the_run(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+def against_the_run(effects):
     """The same effects with the gimbal zeros of the run's own sense, S_t and q, in place of Table 1's."""
     sign = np.array(SPACE_STABLE_INERTIAL.sense)
-    return tuple(dataclasses.replace(e, theta_0=sign * e.theta_0) if e.id == "gimbal_zero" else e for e in effects)  # type: ignore[attr-defined,call-arg]
+    return tuple(dataclasses.replace(e, theta_0=sign * e.theta_0) if e.id == "gimbal_zero" else e for e in effects)
 
 
-def test_the_truth_leaves_of_a_day_what_the_noise_is() -> None:
+def test_the_truth_leaves_of_a_day_what_the_noise_is():
     calibration, (_, run), truth = example()
     x = np.array([truth[p.label] for p in calibration.parameters])
     effects = with_values((), calibration.parameters, x, calibration.readout.gimbals)
@@ -127,7 +126,7 @@ def test_the_truth_leaves_of_a_day_what_the_noise_is() -> None:
     assert not np.allclose(wrong[0].fitted, curves[0].fitted, atol=1.0)  # 1 arcsec
 
 
-def test_readings_in_counts_are_judged_in_si() -> None:
+def test_readings_in_counts_are_judged_in_si():
     calibration, (still, _), _ = example()
     effects = calibration.effects
     scale, offset = np.array([0.002, 0.003, 0.004]), np.array([100.0, -50.0, 7.0])
@@ -144,7 +143,7 @@ def test_readings_in_counts_are_judged_in_si() -> None:
     assert "a nominal 0.002, 0.003, 0.004 m/s² per count from 100, -50, 7 counts" in text
 
 
-def test_what_counts_mean_is_what_the_calibration_makes_of_them() -> None:
+def test_what_counts_mean_is_what_the_calibration_makes_of_them():
     """The printed scale and offset of an axis against `Calibration.apply` on readings in counts."""
     wanted = [p for i in ("scale_factor", "bias") for p in parameters(CATALOGUE[i])]
     x = np.array([0.02, -0.03, 0.01, 0.5, -0.4, 0.3])
@@ -167,7 +166,7 @@ def test_what_counts_mean_is_what_the_calibration_makes_of_them() -> None:
     assert [row["sigma"] for row in rows(made, None)] == ["0.20", "0.30", "0.4", "0.05", "0.033", "0.025"]
 
 
-def test_parameters_that_are_not_determined_one_by_one_are_below_the_others(page: str) -> None:
+def test_parameters_that_are_not_determined_one_by_one_are_below_the_others(page):
     table = rows(example()[0], None)
     below = [row["unobservable"] for row in table]
     assert below == sorted(below)
@@ -180,10 +179,10 @@ def test_parameters_that_are_not_determined_one_by_one_are_below_the_others(page
     assert page.index('class="group below"') < page.index("misalignment xz</th>") < page.index('id="stages"')
 
 
-def test_a_parameter_that_no_stage_lists_is_named_instead_of_dashes() -> None:
+def test_a_parameter_that_no_stage_lists_is_named_instead_of_dashes():
     calibration, _, _ = example()
 
-    def without_biases(s: StageResult) -> StageResult:
+    def without_biases(s):
         keep = [i for i, label in enumerate(s.labels) if not label.startswith("bias")]
         return dataclasses.replace(
             s, labels=tuple(s.labels[i] for i in keep), values=s.values[keep], sigmas=s.sigmas[keep]
@@ -196,7 +195,7 @@ def test_a_parameter_that_no_stage_lists_is_named_instead_of_dashes() -> None:
     assert stages(calibration, None)["stage_rest"] == ""
 
 
-def test_a_stage_that_leaves_angles_says_so() -> None:
+def test_a_stage_that_leaves_angles_says_so():
     (scale, *_) = parameters(CATALOGUE["gyro_scale_factor"])
     stage = StageResult("gyro_scale_factor", (scale.label,), np.array([1e-6]), np.array([1e-6]), ARCSEC, "turns")
     c = Calibration("turns", (), (scale,), np.eye(1) * 1e-12, (), Residual(0.0, 0, {}), stages=(stage,))

@@ -9,7 +9,7 @@ from gimbalcal.report.diagnosis_page import diagnosis_report, on_the_sky, panels
 from tests.report.pages import DIAGNOSIS, FIT, MISMATCH, curves
 
 
-def test_changes_of_the_calibration_by_the_findings_are_listed() -> None:
+def test_changes_of_the_calibration_by_the_findings_are_listed():
     moved = (Shift("bias", "y", -34.6, 2.7, "ug", -12.84),)
     page = diagnosis_report(replace(DIAGNOSIS, fit=replace(FIT, calibration_moved=moved)))
     assert "−34.6" in page
@@ -18,7 +18,7 @@ def test_changes_of_the_calibration_by_the_findings_are_listed() -> None:
 
 
 @pytest.mark.parametrize("verdict", ["adequate", "missing-physics", "unexplained", "not-identifiable"])
-def test_every_verdict_makes_a_page_that_escapes(verdict: str) -> None:
+def test_every_verdict_makes_a_page_that_escapes(verdict):
     hostile = (replace(MISMATCH, in_words="<script>alert(1)</script>"),)
     page = diagnosis_report(replace(DIAGNOSIS, verdict=verdict, mismatch=hostile), title="<b>rig</b>")
     assert "<script>alert" not in page
@@ -27,13 +27,13 @@ def test_every_verdict_makes_a_page_that_escapes(verdict: str) -> None:
     assert "78 % probable; 24.1 σ" in page
 
 
-def test_one_thing_has_one_name() -> None:
+def test_one_thing_has_one_name():
     page = diagnosis_report(DIAGNOSIS)
     assert "K3" not in page
     assert page.count("cubic nonlinearity") >= 2
 
 
-def test_positions_and_times_are_means_in_sigmas_of_one_row() -> None:
+def test_positions_and_times_are_means_in_sigmas_of_one_row():
     by_position, over_time = panels(curves(), [MISMATCH])
     assert (by_position.name, by_position.x_label, by_position.unit) == ("specific force y", "position", "σ")
     assert (over_time.x_label, over_time.x[-1]) == ("time [h]", pytest.approx(359 / 60, rel=0.01))
@@ -44,7 +44,7 @@ def test_positions_and_times_are_means_in_sigmas_of_one_row() -> None:
     assert np.isfinite(over_time.before).all()
 
 
-def test_residuals_stand_in_their_unit_over_what_they_may_follow() -> None:
+def test_residuals_stand_in_their_unit_over_what_they_may_follow():
     bare = curves()
     warm = np.linspace(15.0, 25.0, 360)
     known = replace(bare, sigma=np.full((360, 2), 5.0), units=("ug", "ug"), against={"temperature [°C]": warm})
@@ -56,12 +56,12 @@ def test_residuals_stand_in_their_unit_over_what_they_may_follow() -> None:
     assert (by_temperature.x[0], by_temperature.x[-1]) == pytest.approx((15.0, 25.0), abs=0.1)
 
 
-def test_without_a_located_mismatch_the_largest_channel_is_drawn() -> None:
+def test_without_a_located_mismatch_the_largest_channel_is_drawn():
     assert panels(curves(), [])[0].name == "specific force x"
     assert len(panels(curves(positions=1), [])) == 1
 
 
-def test_where_nothing_was_added_the_residual_is_drawn_once() -> None:
+def test_where_nothing_was_added_the_residual_is_drawn_once():
     fits = replace(curves(), after=curves().before)
     (first, *_) = panels(fits, [])
     assert not first.changed
@@ -70,7 +70,7 @@ def test_where_nothing_was_added_the_residual_is_drawn_once() -> None:
     assert " → " not in page[page.index("<figure") : page.index("<figcaption")]
 
 
-def test_stars_are_drawn_on_the_sky_before_and_after() -> None:
+def test_stars_are_drawn_on_the_sky_before_and_after():
     around, up = np.linspace(0, 350, 36), np.linspace(20, 80, 36)
     left = np.stack([np.sin(around), np.cos(around)], axis=1)
     at = (("pointing", "across"), ("pointing", "along"))

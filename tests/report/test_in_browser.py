@@ -8,7 +8,6 @@ import re
 import shutil
 import subprocess
 from html import unescape
-from typing import Any
 
 import pytest
 
@@ -48,7 +47,7 @@ addEventListener("load", () => {{
 
 
 @pytest.fixture(scope="module")
-def asked(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[dict[str, Any]], str]:
+def asked(tmp_path_factory):
     if CHROMIUM is None:
         pytest.skip("no Chromium here")
     folder = tmp_path_factory.mktemp("pages")
@@ -67,31 +66,31 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[dict[str, Any]
     return json.loads(unescape(found[-1])), ran.stderr
 
 
-def test_no_page_is_wider_than_its_window(asked: tuple[list[dict[str, Any]], str]) -> None:
+def test_no_page_is_wider_than_its_window(asked):
     told, _ = asked
     assert len(told) == 3 * len(PAGES)
     assert [row for row in told if row["beyond"]] == []
 
 
-def test_charts_are_there_and_open_large(asked: tuple[list[dict[str, Any]], str]) -> None:
+def test_charts_are_there_and_open_large(asked):
     for row in asked[0]:
         assert row["charts"] >= 1, row["page"]
         assert row["opened"] == 1, (row["page"], row["width"])
 
 
-def test_no_word_of_a_chart_is_cut(asked: tuple[list[dict[str, Any]], str]) -> None:
+def test_no_word_of_a_chart_is_cut(asked):
     assert {(row["page"], *row["cut"]) for row in asked[0] if row["cut"]} == set()
 
 
-def test_the_table_of_the_first_screen_fits_a_phone(asked: tuple[list[dict[str, Any]], str]) -> None:
+def test_the_table_of_the_first_screen_fits_a_phone(asked):
     assert [(row["page"], row["width"]) for row in asked[0] if row["hidden"]] == []
 
 
-def test_no_sentence_of_a_table_is_a_word_wide(asked: tuple[list[dict[str, Any]], str]) -> None:
+def test_no_sentence_of_a_table_is_a_word_wide(asked):
     assert [(row["page"], row["width"], row["narrow"]) for row in asked[0] if row["narrow"]] == []
 
 
-def test_a_page_is_in_words(asked: tuple[list[dict[str, Any]], str]) -> None:
+def test_a_page_is_in_words(asked):
     """No LaTeX, no label such as `bias:x`, no number such as 1e-05, no unit as a program writes it."""
     words = r"\\[a-z]{2,}|[_^]\{|\b[a-z]+(?:_[a-z]+)*:[xyz]\b|\bug\b|\^[23]|sqrt\(|\bdeg/|\bnan\b"
     odd = words + r"|\d(?:\.\d+)?e[+-]?\d+\b| \+- "
@@ -99,5 +98,5 @@ def test_a_page_is_in_words(asked: tuple[list[dict[str, Any]], str]) -> None:
     assert found == set()
 
 
-def test_no_page_complains(asked: tuple[list[dict[str, Any]], str]) -> None:
+def test_no_page_complains(asked):
     assert [line for line in asked[1].splitlines() if "CONSOLE" in line] == []

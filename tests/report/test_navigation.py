@@ -10,10 +10,10 @@ from gimbalcal.report.calibration_page import calibration_report
 from gimbalcal.report.sections import innovations_by_leg, navigation_facts, navigation_pictures, sigma_over_time
 from gimbalcal.words.calibration_sentences import navigation_checks
 from tests.estimate.systematic.table import turning_unit
-from tests.golden import Golden, page_text
+from tests.golden import page_text
 
 
-def test_the_page_of_a_systematic_calibration(golden: Golden) -> None:
+def test_the_page_of_a_systematic_calibration(golden):
     recording = turning_unit(stop=10.0)
     c = systematic(recording, "30")
     origin = replace(c.provenance, recordings=(), created="2026-11-22T10:00:00+00:00")
@@ -28,7 +28,7 @@ def test_the_page_of_a_systematic_calibration(golden: Golden) -> None:
     assert navigation_pictures(without) == navigation_facts(without) == navigation_checks(without) == []
 
 
-def test_each_effect_has_a_panel() -> None:
+def test_each_effect_has_a_panel():
     groups = {("bias", "µg"): {"x": [3.0, 1.0], "y": [2.0, 1.0]}, ("gyro bias", "°/h"): {"x": [1.0, 0.1]}}
     drawn = sigma_over_time(np.array([0.0, 600.0]), groups)
     assert [c.title for c in drawn] == ["bias  [µg]", "gyro bias  [°/h]"]

@@ -1,7 +1,5 @@
 """schedule.toml there and back, and its refusals."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from tests.golden import refused
 
 
 @pytest.mark.parametrize("name", SCHEDULES)
-def test_a_schedule_comes_back(name: str, tmp_path: Path) -> None:
+def test_a_schedule_comes_back(name, tmp_path):
     path = tmp_path / "schedule.toml"
     path.write_text(schedule_toml(SCHEDULES[name]))
     made = read_schedule(path)
@@ -31,19 +29,19 @@ def test_a_schedule_comes_back(name: str, tmp_path: Path) -> None:
         '[[schedule.holds]]\ninner = "a"\n',
     ],
 )
-def test_a_wrong_file_is_refused_with_the_place(text: str, tmp_path: Path) -> None:
+def test_a_wrong_file_is_refused_with_the_place(text, tmp_path):
     path = tmp_path / "schedule.toml"
     path.write_text(text)
     with refused():
         read_schedule(path)
 
 
-def test_an_unknown_name_lists_the_known_ones() -> None:
+def test_an_unknown_name_lists_the_known_ones():
     with refused():
         read_schedule("nobody-7")
 
 
-def test_a_platform_of_ones_own_and_a_title_with_quotes_are_kept(tmp_path: Path) -> None:
+def test_a_platform_of_ones_own_and_a_title_with_quotes_are_kept(tmp_path):
     own = Platform("tilt table", (Axis("roll", "x"), Axis("pitch", "y", -1, np.pi / 2)))
     made = Schedule('bench "4"', own, (Hold((0.0, 0.5)), Hold((1.0, -0.5))))
     path = tmp_path / "schedule.toml"

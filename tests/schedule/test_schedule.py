@@ -14,11 +14,11 @@ GRAVITY = [
 ]  # fmt: skip
 
 
-def test_the_18_positions_turn_gravity_as_table_1_prints_it() -> None:
+def test_the_18_positions_turn_gravity_as_table_1_prints_it():
     np.testing.assert_allclose(EIGHTEEN_POSITIONS.gravity_directions(), GRAVITY, atol=1e-15)
 
 
-def test_face_positions_put_one_axis_along_the_vertical() -> None:
+def test_face_positions_put_one_axis_along_the_vertical():
     faces = EIGHTEEN_POSITIONS.gravity_directions()[np.array(FACE_POSITIONS) - 1]
     np.testing.assert_allclose(np.abs(faces).max(axis=1), 1, atol=1e-15)
     assert len({tuple(np.round(f).astype(int)) for f in faces}) == 6

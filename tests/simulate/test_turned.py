@@ -1,7 +1,5 @@
 """A unit that a schedule turns: its readings are means over their intervals, whatever the interval."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -18,7 +16,7 @@ from tests.golden import refused
 LATITUDE = np.deg2rad(34.2)
 
 
-def unit(**changes: Any) -> dict[str, Any]:
+def unit(**changes):
     """Four turns in half a minute, with errors that act on rate, acceleration, force, temperature and time."""
     degrees = [("x", 90.0), ("outer", -120.0), ("inner", 45.0), ("y", 3.0)]
     clock = {
@@ -51,12 +49,12 @@ def unit(**changes: Any) -> dict[str, Any]:
     } | changes
 
 
-def readings(**changes: Any) -> np.ndarray:
+def readings(**changes):
     made, _ = simulate(unit(**changes))
     return np.hstack([made.triad("specific_force"), made.triad("angular_rate")])
 
 
-def at(hertz: float, **more: Any) -> dict[str, Any]:
+def at(hertz, **more):
     return {"schedule": {"rate": {"value": hertz, "unit": "Hz"}, **more}}
 
 

@@ -9,9 +9,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.forward import turning
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
-from gimbalcal.recording import Recording
 from gimbalcal.simulate import check_content, prepare, simulate
 from tests.golden import refused
 
@@ -19,7 +17,7 @@ HOLDS = [{"inner": 0.0}, {"inner": 90.0, "middle": 40.0}, {"inner": 90.0, "middl
          {"inner": 95.0, "middle": 40.0, "outer": -720.0}]  # fmt: skip
 
 
-def table(**changes: Any) -> dict[str, Any]:
+def table(**changes):
     clock = {"holds": HOLDS, "dwell": {"value": 5.0, "unit": "s"}, "rate": {"value": 100.0, "unit": "Hz"},
              "slew_rate": {"value": 60.0, "unit": "deg/s"}, "settle": {"value": 0.5, "unit": "s"}}  # fmt: skip
     return {
@@ -28,7 +26,7 @@ def table(**changes: Any) -> dict[str, Any]:
     } | changes  # fmt: skip
 
 
-def turned(recording: Recording) -> Array:
+def turned(recording):
     """Rotation (n - 1, 3) [rad] from row to row of the drawing's attitude, in the platform."""
     C = recording.platform.attitude(recording.angles())
     step = C[1:] @ np.swapaxes(C[:-1], -1, -2)
@@ -37,7 +35,7 @@ def turned(recording: Recording) -> Array:
     )
 
 
-def test_rates_are_the_turning_of_the_platform_and_of_the_earth() -> None:
+def test_rates_are_the_turning_of_the_platform_and_of_the_earth():
     recording, _ = simulate(table())
     rate = recording.triad("angular_rate")
     C_np = recording.platform.attitude(recording.angles())
@@ -47,11 +45,11 @@ def test_rates_are_the_turning_of_the_platform_and_of_the_earth() -> None:
     np.testing.assert_allclose(turned(recording), own / 2 * 0.01, atol=2e-6)
     revolving = (recording.time > 15) & (recording.time < 24)
     np.testing.assert_allclose(np.linalg.norm((rate - earth)[revolving], axis=1), np.deg2rad(60), rtol=1e-12)
-    still = recording.position > 0  # type: ignore[operator]
+    still = recording.position > 0
     np.testing.assert_allclose(rate[still], earth[still], atol=1e-17)
 
 
-def test_a_leaning_axis_leans_the_rate() -> None:
+def test_a_leaning_axis_leans_the_rate():
     platform = KNOWN["three-axis-table"]
     s = stimulus_from_readings(simulate(table())[0])
     wanted = parameters(CATALOGUE["gimbal_nonorthogonality"], platform.axis_names)
@@ -67,9 +65,8 @@ def test_a_leaning_axis_leans_the_rate() -> None:
     assert np.abs(own - straight).max() > 1e-4
 
 
-def test_a_turn_comes_to_speed_and_to_rest() -> None:
+def test_a_turn_comes_to_speed_and_to_rest():
     run = prepare(check_content(table()))
-    assert run.table is not None
     assert run.table.ramp == 1.0
     time = np.arange(0.0, run.table.stop[-1], 1e-3)
     angle, rate = run.table.angles(time, run.table.true), run.table.rates(time, run.table.true)
@@ -80,7 +77,7 @@ def test_a_turn_comes_to_speed_and_to_rest() -> None:
     assert np.abs(rate[time > run.table.stop[2]]).max() == pytest.approx(np.deg2rad(5), rel=1e-6)
 
 
-def test_a_setting_error_turns_the_gyroscopes_too() -> None:
+def test_a_setting_error_turns_the_gyroscopes_too():
     noisy = table(noise={"gimbal_angle": {"value": 1.0, "unit": "deg"}})
     recording, _ = simulate(noisy)
     rate = recording.triad("angular_rate")
@@ -90,7 +87,7 @@ def test_a_setting_error_turns_the_gyroscopes_too() -> None:
     assert 1e-3 < np.linalg.norm(difference) < 0.2
 
 
-def test_bias_is_read_and_the_accelerometers_stay_as_they_were() -> None:
+def test_bias_is_read_and_the_accelerometers_stay_as_they_were():
     truth = {"gyro_bias": {"x": 100.0}, "gyro_g_sensitivity_rate": {"yz": 10.0}}
     with_errors, clean = simulate(table(truth=truth))[0], simulate(table())[0]
     added = with_errors.triad("angular_rate") - clean.triad("angular_rate")
@@ -100,11 +97,11 @@ def test_bias_is_read_and_the_accelerometers_stay_as_they_were() -> None:
     np.testing.assert_array_equal(with_errors.triad("specific_force"), clean.triad("specific_force"))
 
 
-def test_a_lever_arm_shows_on_the_way_and_not_at_rest() -> None:
+def test_a_lever_arm_shows_on_the_way_and_not_at_rest():
     difference = simulate(table(truth={"lever_arm": {"x": 30.0}}))[0].triad("specific_force")
     difference = difference - simulate(table())[0].triad("specific_force")
     recording = simulate(table())[0]
-    assert np.abs(difference[recording.position > 0]).max() < 1e-6  # type: ignore[operator]  # Earth's rate squared
+    assert np.abs(difference[recording.position > 0]).max() < 1e-6  # Earth's rate squared
     w = recording.triad("angular_rate")
     inward = np.cross(w, np.cross(w, [0.03, 0.0, 0.0]))
     revolving = (recording.time > 15) & (recording.time < 24)  # at constant rate but for the Earth's, 7e-5 rad/s
@@ -122,6 +119,6 @@ WRONG: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize("scenario", WRONG)
-def test_a_bad_scenario_is_told_in_one_sentence(scenario: dict[str, Any]) -> None:
+def test_a_bad_scenario_is_told_in_one_sentence(scenario):
     with refused():
         simulate(scenario)

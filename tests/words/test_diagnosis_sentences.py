@@ -27,7 +27,6 @@ from gimbalcal.views.pointing import pointing
 from gimbalcal.words import diagnosis_sentences
 from gimbalcal.words.naming import spaced
 from tests.diagnose.small import telescope
-from tests.golden import Golden
 
 NUMBERS = {"chi2_reduced_before": 3.14159, "chi2_reduced_after": 1.01234, "heldout_before": 3.5, "heldout_after": 1.05}
 FIT = FitSummary(**NUMBERS, noise={})
@@ -50,7 +49,7 @@ VIEW_FIT = ViewFit(
 
 
 @pytest.mark.parametrize("effect", CATALOGUE)
-def test_every_effect_has_a_sentence(effect: str) -> None:
+def test_every_effect_has_a_sentence(effect):
     said = Finding(effect, "", 0.9, 9.0, ()).physics
     assert said[0].isupper() or not said[0].isalpha()
     assert said.endswith(".")
@@ -58,14 +57,14 @@ def test_every_effect_has_a_sentence(effect: str) -> None:
     assert "_" not in spaced(effect)
 
 
-def test_an_equation_is_that_of_the_card() -> None:
+def test_an_equation_is_that_of_the_card():
     assert CUBIC["equation"] == re.sub(
         r"\s+", " ", (CATALOGUE["cubic_nonlinearity"].__doc__ or "").split(".. math::")[1].split("\n\n")[0].strip()
     )
     assert "K_{3" in CUBIC["equation"]
 
 
-def test_the_sentences_of_a_diagnosis(golden: Golden) -> None:
+def test_the_sentences_of_a_diagnosis(golden):
     turned = replace(VIEW_FIT, turns=RmsMisfit(100.4, 20.2, "arcsec"))
     few = replace(VIEW_FIT, heldout_rms_after=90.0)
     late = Finding("gyro_latency", "", 0.9, 9.0, (Estimate("gyro_latency", "", 3.2, 0.1, "ms"),), ("readout_latency",))
@@ -108,15 +107,15 @@ def test_the_sentences_of_a_diagnosis(golden: Golden) -> None:
     assert of_view("unexplained", [], [WAVE]) == cases["unexplained"]
 
 
-def of_view(verdict: str, findings: list[Finding], shapes: list[Shape]) -> str:
+def of_view(verdict, findings, shapes):
     return diagnosis_sentences.answer(verdict, [(STARS, VIEW_FIT, findings)], shapes, OFF)
 
 
-def of_forces(verdict: str, findings: list[Finding], shapes: list[Shape], mismatch: Any = OFF) -> str:
+def of_forces(verdict, findings, shapes, mismatch=OFF):
     return diagnosis_sentences.answer(verdict, [(FORCES, FIT, findings)], shapes, mismatch)
 
 
-def test_a_shape_of_a_gimbal_names_its_gimbal_once() -> None:
+def test_a_shape_of_a_gimbal_names_its_gimbal_once():
     shape = "a third or higher harmonic of the inner gimbal angle"
     assert diagnosis_sentences.shape_in_words(Shape("gimbal_angle inner", shape)) == shape
     assert diagnosis_sentences.shape_in_words(Shape("gimbal_angle inner", "a pattern")).endswith("gimbal angle inner")

@@ -33,12 +33,12 @@ from gimbalcal.words.rounding import last_place, pdg, rms, significant
         (1.0, inf, ("1", "inf")),
     ],
 )
-def test_rounding_of_the_particle_data_group(value: float, sigma: float, printed: tuple[str, str]) -> None:
+def test_rounding_of_the_particle_data_group(value, sigma, printed):
     assert pdg(value, sigma) == printed
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-9, 1e6))
-def test_rounding_moves_neither_by_more_than_half_a_last_place(value: float, sigma: float) -> None:
+def test_rounding_moves_neither_by_more_than_half_a_last_place(value, sigma):
     rounded_value, rounded_sigma = map(float, pdg(value, sigma))
     half = 0.5 * 10.0 ** last_place(sigma) * (1 + 1e-9)  # the text read back is a double again
     assert abs(rounded_value - value) <= half + 1e-9 * abs(value)
@@ -50,9 +50,9 @@ def test_rounding_moves_neither_by_more_than_half_a_last_place(value: float, sig
     ("x", "text"),
     [(0.0, "0"), (4.736, "4.74"), (280.4, "280"), (1e-7, "1.00·10⁻⁷"), (2.5e7, "2.50·10⁷"), (-0.5, "-0.500")],
 )
-def test_significant_digits(x: float, text: str) -> None:
+def test_significant_digits(x, text):
     assert significant(x, 3) == text
 
 
-def test_a_root_mean_square_is_told_to_three_digits() -> None:
+def test_a_root_mean_square_is_told_to_three_digits():
     assert rms(np.array([3.0, 4.0])) == "3.54"

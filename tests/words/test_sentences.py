@@ -1,9 +1,7 @@
 """Sentences of calibrations, diagnoses, plans and campaigns, generated from results of every kind."""
 
 import re
-from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -34,7 +32,6 @@ from gimbalcal.words.naming import (
     why_in_words,
 )
 from gimbalcal.words.tables import bounds_table
-from tests.golden import Golden
 from tests.report.example import example
 from tests.report.pages import campaign
 
@@ -42,7 +39,7 @@ JARGON = re.compile(r"\{|}|_|chi|p-value|directions that|statistic|\\bnan|None|n
 DIRECTION = {"misalignment:xz": 1.0, "gimbal_zero:platform": -1.0}
 
 
-def lines(cases: Mapping[str, Any], in_words: Callable[[Any], str]) -> str:
+def lines(cases, in_words):
     """A line for each case: its name and its sentences."""
     return "\n".join(f"{name}: {in_words(case)}" for name, case in cases.items())
 
@@ -56,16 +53,14 @@ BIASES = tuple(parameters(CATALOGUE["bias"]))
 COMMON_TURN = Unobservable(DIRECTION, "a common turn")
 
 
-def calibration(
-    chi2: float = 38.0, dof: int = 37, *unobservable: Unobservable, rms: float | None = None, **changes: Any
-) -> Calibration:
+def calibration(chi2=38.0, dof=37, *unobservable, rms=None, **changes):
     """A calibration of 18 parameters."""
     residual = Residual(chi2, dof, {} if rms is None else {"pointing:across": rms})
     made = Calibration("three-stage", (), tuple(PAIR) * 9, np.eye(18), unobservable, residual)
     return replace(made, **changes)
 
 
-def of(**provenance: Any) -> dict[str, Any]:
+def of(**provenance):
     return {"provenance": Provenance(**provenance)}
 
 
@@ -95,13 +90,13 @@ CALIBRATIONS = {
 }
 
 
-def test_answers_of_calibrations(golden: Golden) -> None:
+def test_answers_of_calibrations(golden):
     golden(
         "sentences/calibration", lines(CALIBRATIONS, lambda c: f"[{calibration_verdict(c)}] {calibration_in_words(c)}")
     )
 
 
-def test_held_parameters_are_not_counted_as_unobservable() -> None:
+def test_held_parameters_are_not_counted_as_unobservable():
     assert CALIBRATIONS["held, not unobservable"].null_directions == ()
 
 
@@ -113,7 +108,7 @@ def test_held_parameters_are_not_counted_as_unobservable() -> None:
         (1.3**2 * 1000, 1000, "misfit"),
     ],
 )
-def test_lack_of_fit_is_both_significant_and_large(chi2: float, dof: int, expected: str) -> None:
+def test_lack_of_fit_is_both_significant_and_large(chi2, dof, expected):
     assert goodness_of_fit(chi2, dof)[2] == expected
 
 
@@ -131,7 +126,7 @@ TWO_UNITS = ("the 2 sessions do not share their constants: a does not agree (bia
              "by 0.11 m/s^2, and `gimbalcal diagnose` looks for what the model misses")  # fmt: skip
 
 
-def finding(effect: str, value: float = -12.3) -> Finding:
+def finding(effect, value=-12.3):
     """A finding of an effect on its first axis, with all its parameters and constants."""
     cls = CATALOGUE[effect]
     own = parameters(cls, ("inner",))
@@ -140,12 +135,12 @@ def finding(effect: str, value: float = -12.3) -> Finding:
     return Finding(effect, own[0].axis, 0.9, 20.0, (*sizes, *fixed))
 
 
-def fit(chi2: float = 1.06) -> FitSummary:
+def fit(chi2=1.06):
     return FitSummary(chi2_reduced_before=chi2, chi2_reduced_after=1.0, heldout_before=chi2, heldout_after=1.0,
                       noise={})  # fmt: skip
 
 
-def diagnosis(verdict: str, *findings: Finding, **more: Any) -> Diagnosis:
+def diagnosis(verdict, *findings, **more):
     shapes = (Shape("specific_force z", "grows with the square root of time"),)
     made = Diagnosis(verdict, (), findings, shapes if verdict == "unexplained" else (), fit())
     return replace(made, **more)
@@ -177,7 +172,7 @@ DIAGNOSES = {
 }  # fmt: skip
 
 
-def test_headlines_of_diagnoses(golden: Golden) -> None:
+def test_headlines_of_diagnoses(golden):
     golden("sentences/diagnosis", lines(DIAGNOSES, headline))
     for name, content in DIAGNOSES.items():
         text = re.sub(r"`[^`]*`", "", headline(content))
@@ -185,19 +180,19 @@ def test_headlines_of_diagnoses(golden: Golden) -> None:
         assert "Next: " in text or name.startswith(("adequate", "constants")), text
 
 
-def test_an_outcome_is_added_to_the_headline_of_what_was_found() -> None:
+def test_an_outcome_is_added_to_the_headline_of_what_was_found():
     assert headline(DIAGNOSES["missing physics with an outcome"]).startswith(headline(DIAGNOSES["missing physics"]))
 
 
 @pytest.mark.parametrize(("unit", "sigma", "size"), [("ug", 50.0, "1.5 mg"), ("arcsec", 40.0, "20 arcmin")])
-def test_the_size_of_a_misfit_is_given_in_the_unit_of_the_readings(unit: str, sigma: float, size: str) -> None:
+def test_the_size_of_a_misfit_is_given_in_the_unit_of_the_readings(unit, sigma, size):
     before = np.array([[0.0, 1.0], [0.0, -30.0]])
     channels = (("specific_force", "x"), ("specific_force", "y"))
     curves = Curves(np.arange(2.0), np.ones(2), channels, before, 0 * before, np.full((2, 2), sigma), (unit, unit))
     assert f"off by up to {size}." in headline(replace(DIAGNOSES["missing physics"], curves=curves))
 
 
-def test_every_effect_has_a_sentence_with_its_size_and_a_next_step(golden: Golden) -> None:
+def test_every_effect_has_a_sentence_with_its_size_and_a_next_step(golden):
     for effect in CATALOGUE:
         text = does(finding(effect))
         assert CATALOGUE[effect].says
@@ -209,7 +204,7 @@ def test_every_effect_has_a_sentence_with_its_size_and_a_next_step(golden: Golde
     golden("sentences/findings", lines({e: finding(e) for e in sorted(CATALOGUE)}, does))
 
 
-def sized(effect: str, *sizes: tuple[str, float, float, str], axis: str = "") -> Finding:
+def sized(effect, *sizes, axis=""):
     """A finding of sizes: axis, value, sigma, unit."""
     return Finding(effect, axis, 0.9, 20.0, tuple(Estimate(effect, *size) for size in sizes))
 
@@ -223,20 +218,20 @@ def sized(effect: str, *sizes: tuple[str, float, float, str], axis: str = "") ->
         ([("y", -1.0, 18.0, "ug/degC")], "at most 37 µg per °C"),
     ],
 )  # fmt: skip
-def test_sizes_of_a_finding(sizes: list[tuple[str, float, float, str]], words: str) -> None:
+def test_sizes_of_a_finding(sizes, words):
     assert size_in_words(sized("base_tilt", *sizes)) == words
 
 
 @pytest.mark.parametrize(("value", "sense"), [(3.2, "later"), (-3.2, "earlier")])
-def test_the_sign_of_a_delay(value: float, sense: str) -> None:
+def test_the_sign_of_a_delay(value, sense):
     assert f"3.20 ± 0.10 ms {sense}" in does(sized("readout_latency", ("", value, 0.1, "ms")))
 
 
-def test_a_plain_number_that_counts_is_no_share() -> None:
+def test_a_plain_number_that_counts_is_no_share():
     assert "%" not in does(finding("periodic_worm_error"))  # 144 teeth were "14400 %"
 
 
-def test_an_effect_of_a_user_needs_no_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effect_of_a_user_needs_no_sentence(monkeypatch):
     monkeypatch.setitem(CATALOGUE, "my_own", type("MyOwn", (CATALOGUE["bias_temperature"],), {"says": ""}))
     assert does(replace(WARM, effect="my_own")).startswith("My own y ")
 
@@ -244,7 +239,7 @@ def test_an_effect_of_a_user_needs_no_sentence(monkeypatch: pytest.MonkeyPatch) 
 # --- tables of the console --------------------------------------------------------------------------------------------
 
 
-def test_tables_of_the_console(golden: Golden) -> None:
+def test_tables_of_the_console(golden):
     calibration, _, _ = example()
     held = Unobservable({"misalignment:up": 1.0, "cubic_nonlinearity:x": 1.0}, "declined")
     two = tuple(Estimate("b_T", a, 14.83, 0.34, "ug/degC") for a in "xy")
@@ -261,18 +256,18 @@ def test_tables_of_the_console(golden: Golden) -> None:
 # --- plans, noise, campaigns ------------------------------------------------------------------------------------------
 
 
-def test_a_plan_names_four_kinds_of_parameters_and_counts_the_rest() -> None:
+def test_a_plan_names_four_kinds_of_parameters_and_counts_the_rest():
     kinds = ["bias", "scale_factor", "misalignment", "quadratic_nonlinearity", "gyro_bias"]
     assert "more in the report" not in precision([(k, 1.0, "1") for k in kinds[:4]])
     assert precision([(k, 1.0, "1") for k in kinds]).endswith("; 1 more in the report.")
 
 
-def test_headlines_of_noise(golden: Golden) -> None:
+def test_headlines_of_noise(golden):
     cases = {f"{s:.0f} s": RestNoise(1, "random walk below 3 ug", 1, s, s, 1.0, {}, (), ()) for s in (600.0, 7200.0)}
     golden("sentences/noise", lines(cases, noise_answer))
 
 
-def test_headlines_of_campaigns(golden: Golden) -> None:
+def test_headlines_of_campaigns(golden):
     cases = {
         "honest": campaign(), "few runs": campaign(4, 1.5), "large errors": campaign(ratio=1.6),
         "offset": campaign(mean=0.5), "failed runs": campaign(failed=3),
@@ -283,14 +278,14 @@ def test_headlines_of_campaigns(golden: Golden) -> None:
     assert [name for name, found in classes.items() if found == ["fits"]] == ["honest", "few runs"]
 
 
-def test_the_interval_of_chance_is_wider_for_few_runs_and_many_parameters() -> None:
+def test_the_interval_of_chance_is_wider_for_few_runs_and_many_parameters():
     assert chance(10, 5)[0] < chance(100, 5)[0] < 1 < chance(100, 5)[1] < chance(100, 50)[1] < chance(10, 50)[1]
 
 
 # --- names, units, directions -----------------------------------------------------------------------------------------
 
 
-def test_a_direction_starts_with_its_largest_weight_and_omits_negligible_ones() -> None:
+def test_a_direction_starts_with_its_largest_weight_and_omits_negligible_ones():
     direction = {"bias:x": 0.5, "scale_factor:y": -1.0, "bias:z": 0.001}
     assert direction_in_words(direction) == "scale factor y − 0.50 bias x"
     assert leading(direction) == ["scale_factor:y", "bias:x"]
@@ -318,5 +313,5 @@ def test_a_direction_starts_with_its_largest_weight_and_omits_negligible_ones() 
          "Cubic nonlinearity is left out: its sigma is 3 µg/g³ (a.inter_triad)."),
     ],
 )  # fmt: skip
-def test_names_numbers_and_units_are_typeset(call: Callable[[], str], text: str) -> None:
+def test_names_numbers_and_units_are_typeset(call, text):
     assert call() == text

@@ -15,18 +15,17 @@ from gimbalcal.diagnose.evidence.channel_scales import (
     products_of_noises,
 )
 from gimbalcal.diagnose.evidence.correlated_noise import POLES, noises_of_channels, noises_of_unknown_scale
-from gimbalcal.diagnose.evidence.projection import Projection, gather, project, projected, stack
+from gimbalcal.diagnose.evidence.projection import gather, project, projected, stack
 from gimbalcal.diagnose.evidence.scale import _DENSITY, Channels, Free
-from gimbalcal.diagnose.library.candidates import Candidate, Layout, Variant, layout_of
+from gimbalcal.diagnose.library.candidates import Candidate, Variant, layout_of
 from gimbalcal.diagnose.search.ranking import bayes_factors
 from gimbalcal.inference.algebra import logsumexp
-from gimbalcal.number import Array
 from gimbalcal.views.noise import of_channels
 
 n = 60
 
 
-def example(sigma: tuple[float, ...], size: float, seed: int) -> tuple[Array, Array, Array]:
+def example(sigma, size, seed):
     """Misfit (n C,) of unit rms, five modelled columns that all channels share, and a wave in the first channel."""
     rng, C = np.random.default_rng(seed), len(sigma)
     J, X = rng.standard_normal((n * C, 5)), np.zeros((n, C))
@@ -37,13 +36,11 @@ def example(sigma: tuple[float, ...], size: float, seed: int) -> tuple[Array, Ar
     return r / r.std(), J, X.reshape(-1, 1) / r.std()
 
 
-def layout(X: Array) -> Layout:
+def layout(X):
     return layout_of([Candidate("wave", "", (), (Variant((), tuple(range(X.shape[1]))),))])
 
 
-def weighed(
-    r: Array, J: Array, X: Array, C: int, divided: tuple[float, ...] = (), sample: tuple[float, ...] = ()
-) -> tuple[Projection, ...]:
+def weighed(r, J, X, C, divided=(), sample=()):
     """Projections in white noise of rows whose channels were divided by scales before."""
     scales = divided or (1.0,) * C
     d = np.resize(scales, len(r))[:, None]
@@ -55,17 +52,17 @@ def weighed(
     )
 
 
-def ln_bayes(p: tuple[Projection, ...], X: Array) -> float:
+def ln_bayes(p, X):
     return float(bayes_factors(p, layout(X))[1][0])
 
 
-def ln_odds_of_scales(p: tuple[Projection, ...]) -> float:
+def ln_odds_of_scales(p):
     """Ln odds of scales of their own to one scale, without a cause."""
     ln, alike = np.array([q.log_evidence() for q in p]), np.array([q.node.prior == 0.25 for q in p])
     return float(logsumexp(ln[~alike]) - logsumexp(ln[alike]))
 
 
-def integrated(r: Array, J: Array, X: Array, C: int, values: Array) -> tuple[float, float]:
+def integrated(r, J, X, C, values):
     """Ln Bayes factor and ln odds of scales by sums over contrasts of ln scales, the common scale and the size."""
     free = np.linalg.svd(J)[0][:, J.shape[1] :]
     y, x = free.T @ r, (free.T @ X)[:, 0]
@@ -73,7 +70,7 @@ def integrated(r: Array, J: Array, X: Array, C: int, values: Array) -> tuple[flo
     share = np.interp(np.log(sizes), *_DENSITY)
     share = np.log(np.maximum(share / share.sum(), 1e-300))[:, None]
 
-    def at(scales: Array) -> tuple[float, float]:
+    def at(scales):
         V = free.T @ (np.resize(scales**2, len(r))[:, None] * free)
         L = np.linalg.cholesky(V)
         yw, xw = np.linalg.solve(L, y), np.linalg.solve(L, x)
@@ -97,7 +94,7 @@ def integrated(r: Array, J: Array, X: Array, C: int, values: Array) -> tuple[flo
 @pytest.mark.parametrize(
     ("sigma", "size"), [((1, 5), 0.0), ((1, 5), 0.6), ((1, 5), 1.0), ((1, 5), 2.0), ((1, 1), 0.5), ((1, 1), 2.0)]
 )
-def test_two_channels_weigh_what_integration_over_both_scales_says(sigma: tuple[float, ...], size: float) -> None:
+def test_two_channels_weigh_what_integration_over_both_scales_says(sigma, size):
     r, J, X = example(sigma, size, 3)
     truth, odds = integrated(r, J, X, 2, np.linspace(-4, 4, 161))
     for divided in ((), sigma):  # whatever the rows were divided by
@@ -107,7 +104,7 @@ def test_two_channels_weigh_what_integration_over_both_scales_says(sigma: tuple[
 
 
 @pytest.mark.parametrize(("sigma", "size"), [((1, 1, 5), 0.7), ((1, 1, 1), 0.0)])
-def test_three_channels_weigh_what_integration_over_all_scales_says(sigma: tuple[float, ...], size: float) -> None:
+def test_three_channels_weigh_what_integration_over_all_scales_says(sigma, size):
     r, J, X = example(sigma, size, 5)
     truth, odds = integrated(r, J, X, 3, np.linspace(-2.4, 2.4, 49))
     p = weighed(r, J, X, 3)
@@ -115,7 +112,7 @@ def test_three_channels_weigh_what_integration_over_all_scales_says(sigma: tuple
     assert ln_odds_of_scales(p) == pytest.approx(odds, abs=0.2)
 
 
-def test_a_cause_in_a_quiet_channel_shows_beside_a_noisy_one() -> None:
+def test_a_cause_in_a_quiet_channel_shows_beside_a_noisy_one():
     """One scale for both channels sees nothing of it."""
     found, one = [], []
     for seed in range(8):
@@ -128,7 +125,7 @@ def test_a_cause_in_a_quiet_channel_shows_beside_a_noisy_one() -> None:
     assert np.median(one) < 0.5
 
 
-def test_where_channels_scatter_alike_one_scale_is_likelier() -> None:
+def test_where_channels_scatter_alike_one_scale_is_likelier():
     """And what the data say of a cause is then what they say with one scale."""
     odds = []
     for seed in range(12):
@@ -142,12 +139,12 @@ def test_where_channels_scatter_alike_one_scale_is_likelier() -> None:
 
 
 @pytest.mark.parametrize("sample", [(), (0.05, 0.2)])
-def test_odds_in_closed_form_are_those_of_the_lattice(sample: tuple[float, ...]) -> None:
+def test_odds_in_closed_form_are_those_of_the_lattice(sample):
     for seed, sigma in enumerate([(1, 1), (1, 1.5), (1, 4)]):
         r, J, X = example(sigma, 0.0, seed)
         expected = ln_odds_of_scales(weighed(r, J, X, 2, sigma, sample))
 
-        def left(scales: Array, r: Array = r, J: Array = J) -> tuple[Array, Array]:
+        def left(scales, r=r, J=J):
             d = np.resize(scales, len(r))
             Q = np.linalg.qr(J / d[:, None])[0]
             e = (r / d - Q @ (Q.T @ (r / d))) * d
@@ -164,7 +161,7 @@ def test_odds_in_closed_form_are_those_of_the_lattice(sample: tuple[float, ...])
             np.testing.assert_allclose(scales, own, rtol=5e-3)
 
 
-def test_a_channel_without_noise_has_no_scale() -> None:
+def test_a_channel_without_noise_has_no_scale():
     r, J, X = example((1, 1), 0.0, 0)
     r.reshape(n, 2)[:, 1] = 0.0
     J.reshape(n, 2, 5)[:, 1] = 0.0
@@ -174,7 +171,7 @@ def test_a_channel_without_noise_has_no_scale() -> None:
 
 @pytest.mark.parametrize("memory", [0.0, 0.8])
 @pytest.mark.parametrize("sigma", [(1.0, 1.0), (1.0, 6.0), (1.0, 1.0, 1.0), (1.0, 3.0, 10.0)])
-def test_claims_on_clean_channels_are_rare(sigma: tuple[float, ...], memory: float) -> None:
+def test_claims_on_clean_channels_are_rare(sigma, memory):
     """20 to one in at most one of twenty, over the scales and the memory of the channels."""
     rng, C = np.random.default_rng(6), len(sigma)
     nodes = noises_of_unknown_scale(n, C, of_channels(n, C))
@@ -190,7 +187,7 @@ def test_claims_on_clean_channels_are_rare(sigma: tuple[float, ...], memory: flo
     assert np.mean(np.array(ln) > np.log(20)) <= 0.05
 
 
-def test_the_noise_of_second_order_has_the_covariance_of_its_poles() -> None:
+def test_the_noise_of_second_order_has_the_covariance_of_its_poles():
     """Whitened by the recursion itself, r_k - (a + b) r_{k-1} + a b r_{k-2}, beyond the first two rows."""
     r = np.random.default_rng(2).standard_normal((n, 1))
     for node in noises_of_channels(n, 1)[: len(POLES)]:
@@ -201,7 +198,7 @@ def test_the_noise_of_second_order_has_the_covariance_of_its_poles() -> None:
         assert -2 * np.linalg.slogdet(root)[1] == pytest.approx(node.logdet)
 
 
-def test_channels_with_noises_of_their_own_have_the_products_of_the_rows_that_these_whiten() -> None:
+def test_channels_with_noises_of_their_own_have_the_products_of_the_rows_that_these_whiten():
     rows, channels = np.random.default_rng(3).standard_normal((2 * n, 6)), Channels((1.0, 2.0))
     every = noises_of_channels(n, 2)
     some = [every[k] for k in (0, 7, 100, len(every) - 1)]

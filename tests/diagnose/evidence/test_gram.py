@@ -7,13 +7,13 @@ from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import Projection, condition
 
 
-def products(seed: int = 0) -> np.ndarray:
+def products(seed=0):
     A = np.random.default_rng(seed).standard_normal((12, 7))
     A[:, 5] = 2 * A[:, 1]  # two causes that are alike
     return A.T @ A
 
 
-def test_every_product_is_that_of_the_matrix() -> None:
+def test_every_product_is_that_of_the_matrix():
     G = products()
     half = Gram.of(G)
     assert half.triangle.size == 28
@@ -24,7 +24,7 @@ def test_every_product_is_that_of_the_matrix() -> None:
     np.testing.assert_array_equal(half.beside(np.array([3, 1])), G[:, [3, 1]])
 
 
-def test_what_columns_in_the_model_leave_is_schurs_complement_one_after_the_other() -> None:
+def test_what_columns_in_the_model_leave_is_schurs_complement_one_after_the_other():
     G, size = products(), 30.0
     b = np.random.default_rng(1).standard_normal((7, 1))
     p = Projection(Node((), {}, 1.0, 0.0, np.eye(2)), Gram.of(G), b, np.array([50.0]), 0.0)

@@ -13,36 +13,35 @@ from gimbalcal.diagnose.evidence.correlated_noise import (
     noises_of_unknown_scale,
     single_walks,
 )
-from gimbalcal.diagnose.evidence.node import SINGLE_WALK_PRIOR_AT_REST, Node
-from gimbalcal.diagnose.evidence.projection import Projection, any_size, condition, log_bayes, project, stack
+from gimbalcal.diagnose.evidence.node import SINGLE_WALK_PRIOR_AT_REST
+from gimbalcal.diagnose.evidence.projection import any_size, condition, log_bayes, project, stack
 from gimbalcal.diagnose.evidence.scale import _DENSITY, SIZES, STATED, Free
 from gimbalcal.effects.process import covariance
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.inference.noise_processes import chain
-from gimbalcal.number import Array
 
 n, C = 30, 2
 
 
-def example(size: float = 0.7) -> tuple[Array, Array, Array]:
+def example(size=0.7):
     """Misfit (n C,), modelled columns (n C, 3), candidates (n C, 4), of which the first is in the misfit."""
     rng = np.random.default_rng(2)
     J, X = rng.standard_normal((n * C, 3)), rng.standard_normal((n * C, 4))
     return size * X[:, 0] + rng.standard_normal(n * C), J, X
 
 
-def projections(r: Array, J: Array, X: Array, sample: float = 0.0) -> tuple[Projection, ...]:
+def projections(r, J, X, sample=0.0):
     Q = np.linalg.qr(J)[0]
     rows = stack(Q, X, r[:, None], len(r), Free(len(r) - Q.shape[1], sample))
     return tuple(project(node, rows) for node in noises_of_unknown_scale(len(r) // C, C))
 
 
-def stationary(rho: float) -> Array:
+def stationary(rho):
     """Covariance (n C, n C) of a first-order process of unit variance in each channel."""
     return np.kron(toeplitz(rho ** np.arange(n)), np.eye(C))
 
 
-def dense(r: Array, J: Array, W: Array, rho: float, scale: float, size: float) -> float:
+def dense(r, J, W, rho, scale, size):
     """ln of the restricted likelihood: contrasts free of J, columns W with a normal prior of this size."""
     U, *_ = np.linalg.svd(J)
     free = U[:, J.shape[1] :]
@@ -51,7 +50,7 @@ def dense(r: Array, J: Array, W: Array, rho: float, scale: float, size: float) -
 
 
 @pytest.mark.parametrize(("index", "memory"), [([0], 0), ([1, 2], 2), ([0, 3], 4)])
-def test_evidence_is_the_mean_of_dense_densities_over_scales_and_sizes(index: list[int], memory: int) -> None:
+def test_evidence_is_the_mean_of_dense_densities_over_scales_and_sizes(index, memory):
     """Prior densities: of ln(size) a chain of straight lines between NEAR_SIZES, of ln(scale) flat."""
     r, J, X = example()
     p = projections(r, J, X)[memory]
@@ -66,7 +65,7 @@ def test_evidence_is_the_mean_of_dense_densities_over_scales_and_sizes(index: li
     assert float(any_size(p, np.array(index))) == pytest.approx(truth, abs=0.06)
 
 
-def test_a_memory_weighs_what_its_dense_density_says() -> None:
+def test_a_memory_weighs_what_its_dense_density_says():
     """With nothing modelled the misfit is a normal vector: each memory weighs what its densities do over all scales."""
     r, _, X = example()
     rows = stack(np.zeros((len(r), 0)), X, r[:, None], len(r), Free(len(r)))
@@ -81,7 +80,7 @@ def test_a_memory_weighs_what_its_dense_density_says() -> None:
     assert sum(MEMORY_PRIOR) == pytest.approx(1.0)
 
 
-def test_a_second_cause_given_the_first_is_the_pair() -> None:
+def test_a_second_cause_given_the_first_is_the_pair():
     """Ratios of sizes to the noise, not sizes, are what is integrated over: conditioning is exact at any scale."""
     p = projections(*example())[2]
     one = np.array([3.0])
@@ -89,17 +88,17 @@ def test_a_second_cause_given_the_first_is_the_pair() -> None:
     assert first + log_bayes(condition(p, np.array([0]), 3.0), np.array([1]), one) == pytest.approx(both)
 
 
-def test_columns_that_are_modelled_already_say_nothing() -> None:
+def test_columns_that_are_modelled_already_say_nothing():
     r, J, X = example()
     X[:, 1] = J[:, 0] - 2 * J[:, 2]
     assert float(any_size(projections(r, J, X)[0], np.array([1]))) == pytest.approx(0.0, abs=0.02)
 
 
-def test_what_columns_take_away_is_what_regression_says() -> None:
+def test_what_columns_take_away_is_what_regression_says():
     r, J, X = example()
     p = projections(r, J, X)[0]
 
-    def left(A: Array) -> float:
+    def left(A):
         return float(np.sum((r - A @ np.linalg.lstsq(A, r, rcond=None)[0]) ** 2))
 
     assert p.explained([0, 2]) == pytest.approx(left(J) - left(np.concatenate([J, X[:, [0, 2]]], axis=1)))
@@ -107,7 +106,7 @@ def test_what_columns_take_away_is_what_regression_says() -> None:
     assert float(p.scale.sigma(p.misfit[0])) == pytest.approx(np.sqrt(left(J) / (len(r) - 3)))
 
 
-def test_the_scatter_of_the_samples_says_what_the_scale_seldom_is() -> None:
+def test_the_scatter_of_the_samples_says_what_the_scale_seldom_is():
     """Less than the samples scatter by exp(-1) costs 1 / 0.3, more by e costs one."""
     free, told = Free(40), Free(40, 2.0)
     cost = [float(told.log_likelihood(40 * s**2) - free.log_likelihood(40 * s**2)) for s in (2 / np.e, 2.0, 2 * np.e)]
@@ -115,14 +114,14 @@ def test_the_scatter_of_the_samples_says_what_the_scale_seldom_is() -> None:
     assert Free(40, 2.0, 0.5).log_likelihood(np.array(160.0)) < told.log_likelihood(np.array(160.0))  # half is new
 
 
-def test_a_prior_of_sizes_is_whole_at_any_scale() -> None:
+def test_a_prior_of_sizes_is_whole_at_any_scale():
     for sigma in (0.01, 0.3, 1.0):
         left = np.full(len(Free.sizes), 50 * sigma**2)
         assert np.exp(Free(50).log_prior(left)).sum() == pytest.approx(1.0, abs=0.02)
     assert np.exp(STATED.log_prior(np.zeros(len(SIZES)))).sum() == pytest.approx(1.0)
 
 
-def test_claims_on_clean_misfits_are_rare() -> None:
+def test_claims_on_clean_misfits_are_rare():
     """20 to one in at most one of twenty, although scale and memory are taken from the same 40 numbers."""
     rng = np.random.default_rng(4)
     ln = []
@@ -139,7 +138,7 @@ def test_claims_on_clean_misfits_are_rare() -> None:
 
 
 @pytest.mark.parametrize("rho", [rho for rho in MEMORY if rho])
-def test_memory_from_row_to_row_is_a_gauss_markov_process(rho: float) -> None:
+def test_memory_from_row_to_row_is_a_gauss_markov_process(rho):
     noise, m = first_order(rho), 12
     time = np.arange(float(m))
     V = covariance(noise, time)
@@ -149,14 +148,14 @@ def test_memory_from_row_to_row_is_a_gauss_markov_process(rho: float) -> None:
     assert chain(noise, time).log_determinant == pytest.approx((m - 1) * np.log(1 - rho**2), abs=1e-10)
 
 
-def seen_by_turning() -> tuple[Array, tuple[Node, ...]]:
+def seen_by_turning():
     """How three sensors that wander show in the norm of 14 attitudes, and the noises of it."""
     H = np.random.default_rng(3).standard_normal((14, 1, 3))
     H /= np.linalg.norm(H, axis=2, keepdims=True)
     return H, noises_of_unknown_scale(14, 1, H)
 
 
-def test_sensors_that_wander_show_in_a_norm_as_each_attitude_turns_them() -> None:
+def test_sensors_that_wander_show_in_a_norm_as_each_attitude_turns_them():
     """A bias that lasts changes sign with the attitude: the norm does not remember what its sensors do."""
     H, made = seen_by_turning()
     assert sum(node.prior for node in made) == pytest.approx(1.0)
@@ -172,7 +171,7 @@ def test_sensors_that_wander_show_in_a_norm_as_each_attitude_turns_them() -> Non
         assert node.fresh == pytest.approx(1 - a * rho**2)
 
 
-def test_one_sensor_that_walks_alone_is_a_walk_beside_what_all_of_them_wander() -> None:
+def test_one_sensor_that_walks_alone_is_a_walk_beside_what_all_of_them_wander():
     H, _ = seen_by_turning()
     rng = np.random.default_rng(5)
     time, weight = np.cumsum(rng.uniform(10, 200, 14)), rng.uniform(0.3, 1.0, (14, 1))
@@ -193,7 +192,7 @@ def test_one_sensor_that_walks_alone_is_a_walk_beside_what_all_of_them_wander() 
     assert sum(node.prior for node in every) == pytest.approx(3 * SINGLE_WALK_PRIOR_AT_REST)
 
 
-def test_a_noise_half_white_and_half_with_a_memory_is_no_drift() -> None:
+def test_a_noise_half_white_and_half_with_a_memory_is_no_drift():
     """40 rests of three gyroscopes: no single memory is like it, and one in seven was a cause where it has to be."""
     rng = np.random.default_rng(8)
     m = 40
@@ -214,6 +213,6 @@ def test_a_noise_half_white_and_half_with_a_memory_is_no_drift() -> None:
     assert claims[1] <= 3
 
 
-def stationary_of(m: int, rho: float) -> Array:
+def stationary_of(m, rho):
     """Covariance (m, m) of a first-order process of unit variance."""
     return np.asarray(toeplitz(rho ** np.arange(m)))

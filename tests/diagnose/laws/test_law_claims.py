@@ -1,7 +1,6 @@
 """Laws that no catalogue holds: found, written as effects, and these explain the recording."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
@@ -13,15 +12,13 @@ import pytest
 import sympy
 
 from gimbalcal import calibrate, load_effects
-from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws.expressions import Expression, terms
 from gimbalcal.diagnose.laws.law_claims import _visible_columns, separating_manoeuvre
 from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.diagnose.laws.law_search import Law, Place
-from gimbalcal.diagnose.library.variables import Variable, variables
+from gimbalcal.diagnose.library.variables import variables
 from gimbalcal.effects import CATALOGUE, Stage
-from gimbalcal.number import Array
 from gimbalcal.pipeline import load
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, write
@@ -38,12 +35,12 @@ SCHEMA = Path(__file__).parents[3] / "docs" / "schemas" / "diagnosis.schema.json
 pytestmark = pytest.mark.usefixtures("own_catalogue")
 
 
-def sky(error: unknown_mount.Error, arcsec: float) -> Recording:
+def sky(error, arcsec):
     """A run of 90 stars on an alt-azimuth mount."""
     return unknown_mount.record(5, unknown_mount.Setup(stars=90), ((error, arcsec * unknown_mount.ARCSEC),))
 
 
-def explained(d: Diagnosis, r: Recording, there: Path) -> float:
+def explained(d, r, there):
     """chi^2 over its degrees of freedom of the calibration with the laws, whose outcome has to be empty."""
     (there / "law.py").write_text(source(d.laws))
     made = calibrate(r, more=load_effects(there / "law.py"))
@@ -51,7 +48,7 @@ def explained(d: Diagnosis, r: Recording, there: Path) -> float:
     return made.residual.chi2 / made.residual.dof
 
 
-def evaluated(d: Diagnosis, n: int = 200) -> tuple[sympy.Expr, dict[str, Array], Array]:
+def evaluated(d, n=200):
     """The expression of the first law, random values of its variables within the domain, and its values there."""
     law = d.laws[0].to_dict()
     e = sympy.sympify(law["expression"])
@@ -61,7 +58,7 @@ def evaluated(d: Diagnosis, n: int = 200) -> tuple[sympy.Expr, dict[str, Array],
     return e, at, np.asarray(sympy.lambdify(law["variables"], e)(*at.values()))
 
 
-def test_a_law_of_a_mount_is_found_written_and_explains_the_run(tmp_path: Path, command: Callable[..., int]) -> None:
+def test_a_law_of_a_mount_is_found_written_and_explains_the_run(tmp_path, command):
     r = sky(lambda k: {"readout": np.column_stack([np.cos(2 * k.inner) * np.sin(3 * k.outer), 0 * k.t])}, 40.0)
     write(r, tmp_path / "run")
     assert command("diagnose", tmp_path / "run", "--quiet", "--out", tmp_path / "d") == 1
@@ -78,21 +75,19 @@ def test_a_law_of_a_mount_is_found_written_and_explains_the_run(tmp_path: Path, 
     assert "law.py" in page
 
 
-def softly(b: plant.Bench) -> dict[str, Array]:
+def softly(b):
     """A step of output y that is 0.6 degrees wide, at 23.2 degC of the plant's body."""
     return plant.on(1, np.tanh((b.body - 23.2) / 0.6))
 
 
 @cache
-def stepped() -> tuple[Recording, Diagnosis]:
+def stepped():
     """A recording with such a step of 50 ug, and its diagnosis."""
     r = plant.record(np.random.default_rng(3), softly, 50 * plant.UG)
     return r, diagnose([r])
 
 
-def test_the_calibration_of_a_diagnosis_contains_the_law(
-    tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_calibration_of_a_diagnosis_contains_the_law(tmp_path, command, capsys):
     first, second, clean = (plant.record(np.random.default_rng(seed), softly, size * plant.UG)
                             for seed, size in ((3, 50.0), (4, 50.0), (4, 0.0)))  # fmt: skip
     for r, name in ((first, "first"), (replace(second, title="second"), "second")):
@@ -113,11 +108,10 @@ def test_the_calibration_of_a_diagnosis_contains_the_law(
     assert misfit(corrected)[0] < misfit(clean)[0] + 16 < misfit(second)[0] / 2
 
 
-def test_the_curve_of_a_law_goes_through_what_the_recording_shows() -> None:
+def test_the_curve_of_a_law_goes_through_what_the_recording_shows():
     d = stepped()[1]
     (law,) = d.laws
     c = law.curve
-    assert c is not None
     assert c.x_label == "temperature [degC]"
     noise = np.std(c.observed - c.law)
     truth = 50 * np.tanh((c.x - 23.2) / 0.6)  # the thermometer reads the body of the plant with an offset
@@ -128,24 +122,23 @@ def test_the_curve_of_a_law_goes_through_what_the_recording_shows() -> None:
     assert "formula for specific force y" in diagnosis_report(d)
 
 
-def test_a_law_is_flagged_where_it_is_extrapolated() -> None:
+def test_a_law_is_flagged_where_it_is_extrapolated():
     r, d = stepped()
     calibration = d.calibration
-    assert calibration is not None
     assert calibration.apply(r).remarks == r.remarks
     warmer = {**r.channels, ("temperature", ""): r.channels["temperature", ""] + 10}
     (remark,) = calibration.apply(replace(r, channels=warmer)).remarks[len(r.remarks) :]
     assert "extrapolates law_specific_force_y: temperature from 3" in remark
 
 
-def test_what_acts_on_two_axes_is_two_laws(tmp_path: Path) -> None:
+def test_what_acts_on_two_axes_is_two_laws(tmp_path):
     r = sky(lambda k: {"tilt": np.column_stack([np.cos(3 * k.azimuth), np.sin(3 * k.azimuth)])}, 10.0)
     d = diagnose([r])
     assert [law.axis for law in d.laws] == ["elevation", "azimuth"]
     assert explained(d, r, tmp_path) < 1.2
 
 
-def test_a_wave_and_its_period_are_found_in_18_positions(tmp_path: Path) -> None:
+def test_a_wave_and_its_period_are_found_in_18_positions(tmp_path):
     r = plant.record(np.random.default_rng(3), lambda b: plant.on(1, np.sin(2 * np.pi * b.t / 660.0 + 1)), 4e-4)
     d = diagnose([r])
     assert d.verdict == "unexplained"
@@ -160,7 +153,7 @@ def test_a_wave_and_its_period_are_found_in_18_positions(tmp_path: Path) -> None
     assert explained(d, r, tmp_path) < 1.1
 
 
-def test_a_threshold_is_found_in_a_static_run(tmp_path: Path) -> None:
+def test_a_threshold_is_found_in_a_static_run(tmp_path):
     r = static_plant.record(np.random.default_rng(3), lambda r: np.outer(r.T > 23, [1.0, 0, 0]), 17 * plant.UG)
     d = diagnose([replace(r, title='a "day" \\ """ with\nquotes {x}')])
     e, _, _ = evaluated(d)
@@ -171,7 +164,7 @@ def test_a_threshold_is_found_in_a_static_run(tmp_path: Path) -> None:
     assert explained(d, r, tmp_path) < 1.1
 
 
-def test_an_instant_is_told_to_a_row() -> None:
+def test_an_instant_is_told_to_a_row():
     r = static_plant.record(
         np.random.default_rng(106), lambda r: np.outer((r.t > 100000) * r.ideal[:, 0], [0, 0, 1.0]), 19 * plant.UG
     )
@@ -181,7 +174,7 @@ def test_an_instant_is_told_to_a_row() -> None:
     assert sympy.solve(step.args[0])[0] == pytest.approx(100000, abs=600)
 
 
-def test_a_law_of_all_axes_has_one_form_and_a_size_for_each(tmp_path: Path) -> None:
+def test_a_law_of_all_axes_has_one_form_and_a_size_for_each(tmp_path):
     sizes = (25.0, -17.5, 12.5)
     r = plant.record(
         np.random.default_rng(8), lambda b: {"output": np.outer(np.sin(2 * np.pi * b.body / 1.3), sizes)}, plant.UG
@@ -196,13 +189,12 @@ def test_a_law_of_all_axes_has_one_form_and_a_size_for_each(tmp_path: Path) -> N
     for law, size in zip(d.laws, sizes, strict=True):
         value = sympy.lambdify("temperature", sympy.sympify(law.expression))(T)
         assert np.abs(value - size * np.sin(2 * np.pi * T / 1.3)).max() < 0.2 * abs(size)
-        assert law.curve is not None
         assert np.nanstd(law.curve.observed - law.curve.law) < 22  # a sample has 20 ug of noise
     assert source(d.laws).count("class ") == 1
     assert explained(d, r, tmp_path) < 1.1
 
 
-def test_a_law_of_all_gyroscopes_is_found_in_noise_of_unknown_scale() -> None:
+def test_a_law_of_all_gyroscopes_is_found_in_noise_of_unknown_scale():
     """Rates follow the temperature of a chamber, in noise of unknown scale and memory."""
     rng = np.random.default_rng(4)
     T = np.linspace(0.0, 65.0, 29)
@@ -218,8 +210,8 @@ def test_a_law_of_all_gyroscopes_is_found_in_noise_of_unknown_scale() -> None:
     assert [law.axis for law in d.laws] == ["x", "y", "z"]
 
 
-def test_recordings_of_one_unit_have_one_law() -> None:
-    def error(r: static_plant.Rest) -> Array:
+def test_recordings_of_one_unit_have_one_law():
+    def error(r):
         return np.outer(np.abs(r.ideal[:, 0]) * (r.T - 20), [0, 1.0, 0])
 
     r = static_plant.record(np.random.default_rng(16), error, 14 * plant.UG)
@@ -234,7 +226,7 @@ def test_recordings_of_one_unit_have_one_law() -> None:
     assert [row["heldout_after"] < row["heldout_before"] for row in d.fit["recordings"]] == [True, True]
 
 
-def test_a_law_of_another_size_in_each_recording_is_none() -> None:
+def test_a_law_of_another_size_in_each_recording_is_none():
     r = static_plant.record(
         np.random.default_rng(16),
         lambda r: np.outer(np.abs(r.ideal[:, 0]) * (r.T - 20) * np.where(r.t < 86400, 1, 0.4), [0, 1.0, 0]),
@@ -247,7 +239,7 @@ def test_a_law_of_another_size_in_each_recording_is_none() -> None:
     golden_text(d.recommend)
 
 
-def test_what_tells_a_law_from_the_next_is_taken_from_the_menu() -> None:
+def test_what_tells_a_law_from_the_next_is_taken_from_the_menu():
     r = plant.record(np.random.default_rng(4), dwell=20)
     o = fit_baseline(view_at_known_attitude(r))
     place = Place(
@@ -260,7 +252,7 @@ def test_what_tells_a_law_from_the_next_is_taken_from_the_menu() -> None:
     )
     x, *follows = (next(v for v in place.variables if v.name == n) for n in ("force_x", "time", "temperature"))
 
-    def law(v: Variable) -> Law:
+    def law(v):
         plain = [terms(v, o.view.stimulus, ("x",))[0] for v in (x, v)]
         return Law((place,), Expression(tuple(plain)).referred().without([0]), 50.0, ())
 
@@ -272,7 +264,7 @@ def test_what_tells_a_law_from_the_next_is_taken_from_the_menu() -> None:
     )
 
 
-def test_a_law_that_leaves_no_rest_takes_the_place_of_a_cause_that_does(tmp_path: Path) -> None:
+def test_a_law_that_leaves_no_rest_takes_the_place_of_a_cause_that_does(tmp_path):
     r = static_plant.record(
         np.random.default_rng(18), lambda r: np.outer(r.ideal[:, 1] * np.exp(-r.t / 15000), [1.0, 0, 0]), 76 * plant.UG
     )
@@ -286,7 +278,7 @@ def test_a_law_that_leaves_no_rest_takes_the_place_of_a_cause_that_does(tmp_path
     assert explained(d, r, tmp_path) < 1.1
 
 
-def test_what_has_a_name_keeps_it_beside_a_law(tmp_path: Path) -> None:
+def test_what_has_a_name_keeps_it_beside_a_law(tmp_path):
     """The cube of a cosine is the cosine, which eccentricity has, and its third harmonic."""
     r = sky(lambda k: {"readout": np.column_stack([np.cos(k.outer) ** 3, 0 * k.t])}, 16.0)
     d = diagnose([r])
@@ -304,7 +296,7 @@ def test_what_has_a_name_keeps_it_beside_a_law(tmp_path: Path) -> None:
     golden_text(told)
 
 
-def test_none_is_named_where_nothing_small_fits() -> None:
+def test_none_is_named_where_nothing_small_fits():
     rng = np.random.default_rng(2)
     steps = rng.standard_normal(18)
     d = diagnose([plant.record(rng, lambda b: plant.on(0, steps[b.visit]), 3e-4)])
@@ -314,7 +306,7 @@ def test_none_is_named_where_nothing_small_fits() -> None:
     assert d.to_dict()["laws"] == []
 
 
-def test_the_calibration_with_a_law_is_of_the_rows_that_were_diagnosed() -> None:
+def test_the_calibration_with_a_law_is_of_the_rows_that_were_diagnosed():
     r = sky(lambda k: {"readout": np.column_stack([np.cos(2 * k.inner) * np.sin(3 * k.outer), 0 * k.t])}, 40.0)
     elevation = r.channels["gimbal_angle", "elevation"].copy()
     elevation[33] += 4000 * unknown_mount.ARCSEC  # one star that is not the one it is taken for
@@ -322,31 +314,28 @@ def test_the_calibration_with_a_law_is_of_the_rows_that_were_diagnosed() -> None
     clean = diagnose([r]).calibration
     assert d.laws
     assert "was omitted" in d.in_words
-    assert d.calibration is not None
-    assert clean is not None
     for name, rms in clean.residual.rms.items():
         assert d.calibration.residual.rms[name] < 1.2 * rms
 
 
-def test_a_given_calibration_stays_in_the_model_with_a_law() -> None:
-    def cubic(b: plant.Bench) -> Array:
+def test_a_given_calibration_stays_in_the_model_with_a_law():
+    def cubic(b):
         return 8 * np.outer(b.ideal[:, 2] ** 3, [0.0, 0.0, 1.0])
 
-    def both(b: plant.Bench) -> dict[str, Array]:
+    def both(b):
         return {"output": cubic(b) + np.outer(np.tanh((b.body - 23.2) / 0.6), [0.0, 1.0, 0.0])}
 
-    def recorded(seed: int, error: plant.Error) -> Recording:
+    def recorded(seed, error):
         return plant.record(np.random.default_rng(seed), error, 50 * plant.UG, unit=np.random.default_rng(77))
 
     known = calibrate(recorded(4, lambda b: {"output": cubic(b)}), more=["cubic_nonlinearity:z"])
     d = diagnose([recorded(3, both)], calibration=known)
-    assert d.calibration is not None
     effects = {p.effect for p in d.calibration.parameters}
     assert {"cubic_nonlinearity", "law_specific_force_y"} <= effects
     assert d.calibration.residual.chi2 < 1.1 * d.calibration.residual.dof
 
 
-def test_a_column_that_shows_in_no_row_is_not_visible() -> None:
+def test_a_column_that_shows_in_no_row_is_not_visible():
     """A threshold that no row passes adds nothing anywhere: its norm is zero."""
     o = fit_baseline(view_at_known_attitude(plant.record(np.random.default_rng(1), None, 0.0)))
     columns = np.zeros((*o.residual.shape, 2))

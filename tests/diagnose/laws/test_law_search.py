@@ -8,13 +8,11 @@ import pytest
 import sympy
 
 from gimbalcal.diagnose.entry import diagnose
-from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Form, Term, terms
+from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Term, terms
 from gimbalcal.diagnose.laws.law_file import _with as printed_form
 from gimbalcal.diagnose.laws.law_file import stated
 from gimbalcal.diagnose.laws.law_search import Ground, Law, Place, screen, spanned, trimmed
 from gimbalcal.diagnose.library.variables import Variable
-from gimbalcal.number import Array
-from gimbalcal.recording import Recording
 from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.benchmarks import unknown_hand
@@ -24,12 +22,12 @@ from tests.test_effects_contract import rich
 pytestmark = pytest.mark.usefixtures("own_catalogue")
 
 
-def shifted(r: Recording, by: float) -> Recording:
+def shifted(r, by):
     """The recording of a thermometer that reads so much more."""
     return replace(r, channels={**r.channels, ("temperature", ""): r.channels["temperature", ""] + by})
 
 
-def test_a_law_does_not_depend_on_the_zero_of_the_thermometer() -> None:
+def test_a_law_does_not_depend_on_the_zero_of_the_thermometer():
     r = plant.record(np.random.default_rng(8), lambda b: plant.on(1, np.tanh((b.body - 23.2) / 0.6)), 50 * plant.UG)
     one, other = (diagnose([x]).laws[0] for x in (r, shifted(r, -37.5)))
     assert one.evidence == pytest.approx(other.evidence, abs=0.1)
@@ -39,10 +37,10 @@ def test_a_law_does_not_depend_on_the_zero_of_the_thermometer() -> None:
     assert np.abs(values[0] - values[1]).max() < 0.01 * np.abs(values[0]).max()
 
 
-def test_columns_of_powers_span_the_same_functions_whatever_the_origin() -> None:
+def test_columns_of_powers_span_the_same_functions_whatever_the_origin():
     x = np.linspace(19.0, 26.0, 40)
 
-    def columns(shift: float) -> Array:
+    def columns(shift):
         v = Variable("temperature", "degC", x + shift, "", "logged", float(x.mean()) + shift)
         f = Variable("force_x", "g", np.cos(x), "", "force")
         cubic, plain = Term(v, FORMS["to x^3"], (), 1), Term(f, FORMS["x"], (), 1)
@@ -52,7 +50,7 @@ def test_columns_of_powers_span_the_same_functions_whatever_the_origin() -> None
     np.testing.assert_allclose(A @ A.T, B @ B.T, atol=1e-9 * len(x))
 
 
-def test_a_free_origin_stands_in_products_alone() -> None:
+def test_a_free_origin_stands_in_products_alone():
     x = np.linspace(0.0, 1.0, 20)
     T = Variable("temperature", "degC", x, "", "logged", 0.5)
     f = Variable("force_x", "g", 1 - x, "", "force")
@@ -62,11 +60,11 @@ def test_a_free_origin_stands_in_products_alone() -> None:
     assert set(MULTIPLIED) == {"force", "angle", "rate", "time", "since", "logged", "course", "move"}
 
 
-def test_a_formula_comes_before_a_cause_that_is_much_like_it() -> None:
+def test_a_formula_comes_before_a_cause_that_is_much_like_it():
     """A knee at 0.35 g is the size of the force but for a tenth, which no other cause explains."""
     made = unknown_hand.Setup(thermometer=True, rests=44)
 
-    def knee(h: unknown_hand.Hand) -> dict[str, Array]:
+    def knee(h):
         return {"force": np.outer(np.maximum(h.f[:, 0] - 0.35, 0.0), [1.0, 0, 0])}
 
     size = 40 / unknown_hand.strength(7, made, knee)
@@ -82,7 +80,7 @@ def test_a_formula_comes_before_a_cause_that_is_much_like_it() -> None:
     assert np.sqrt(np.mean(rest**2)) < 0.1 * size
 
 
-def test_what_shows_only_while_the_unit_turns_has_a_formula_too() -> None:
+def test_what_shows_only_while_the_unit_turns_has_a_formula_too():
     unit = turned_plant.Unit(rate=lambda f, w, T, t: np.outer(0.01 * w[:, 0] * w[:, 1], [0, 0, 1.0]))
     d = diagnose([turned_plant.turned(1, unit, rests=36)])
     (law,) = d.laws
@@ -92,10 +90,10 @@ def test_what_shows_only_while_the_unit_turns_has_a_formula_too() -> None:
     assert abs(size.value - truth) < 4 * size.sigma + 0.02 * truth
 
 
-def test_harmonics_that_the_grid_of_angles_makes_equal_are_alternatives() -> None:
+def test_harmonics_that_the_grid_of_angles_makes_equal_are_alternatives():
     """At multiples of 45 deg the fifth harmonic of an angle is the third, in cosine, and its negative in sine."""
 
-    def error(b: plant.Bench) -> dict[str, Array]:
+    def error(b):
         return plant.on(0, np.cos(5 * b.read[:, 1] + 3 * b.read[:, 0]))
 
     (law,) = diagnose([plant.record(np.random.default_rng(3), error, 4e-4)]).laws
@@ -104,12 +102,12 @@ def test_harmonics_that_the_grid_of_angles_makes_equal_are_alternatives() -> Non
     assert any("cos(3*platform)*cos(5*inner)" in other for other in law.alternatives)
 
 
-def test_what_acts_in_one_dwell_alone_is_no_law() -> None:
+def test_what_acts_in_one_dwell_alone_is_no_law():
     r = plant.record(np.random.default_rng(12), lambda b: plant.on(0, 1.0 * (b.visit == 7)), 4e-4)
     assert diagnose([r]).laws == ()
 
 
-def test_every_form_has_as_many_words_as_columns() -> None:
+def test_every_form_has_as_many_words_as_columns():
     x = np.linspace(0.1, 3.0, 30)
     v = Variable("time", "s", x, "s.time", "time", 1.5)
     for form in FORMS.values():
@@ -121,7 +119,7 @@ def test_every_form_has_as_many_words_as_columns() -> None:
 
 
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
-def test_a_form_is_printed_in_the_units_of_its_coefficients(form: Form) -> None:
+def test_a_form_is_printed_in_the_units_of_its_coefficients(form):
     """The formula in printed units is the column in SI, with the unit by which its coefficient is divided."""
     unit = "rad" if form.key == "harmonic" else "deg/s"  # of angles alone
     x = np.linspace(0.1, 3.0, 41) if form.key in ("log", "fade", "ring") else np.linspace(-3.0, 3.0, 41)
@@ -139,7 +137,7 @@ def test_a_form_is_printed_in_the_units_of_its_coefficients(form: Form) -> None:
         np.testing.assert_allclose(f(in_print) * per * np.ones(41), t.columns[:, k], atol=1e-4)
 
 
-def test_a_law_is_trimmed_where_the_calibration_has_as_many_parameters_as_there_are_rows() -> None:
+def test_a_law_is_trimmed_where_the_calibration_has_as_many_parameters_as_there_are_rows():
     """No row is free there, so no column of the law is needed, and one is kept."""
     n, s = 8, rich("multi-position")
     T = Variable("temperature", "degC", np.linspace(0.0, 1.0, n), "", "logged", 0.5)

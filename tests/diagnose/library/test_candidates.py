@@ -26,31 +26,31 @@ RECORDING = record(np.random.default_rng(2), dwell=20)
 S = stimulus_from_angles(RECORDING)
 
 
-def groups(effect: str) -> list[tuple[str, str, list[str]]]:
+def groups(effect):
     cls = CATALOGUE[effect]
     found = by_mechanism(parameters(cls, GIMBALS), cls)
     return [(mechanism, axis, [f"{p.field}:{p.axis}" for p in ps]) for mechanism, axis, ps in found]
 
 
-def test_axes_alone_and_together() -> None:
+def test_axes_alone_and_together():
     assert groups("bias_drift") == [
         ("", "x", ["d:x"]), ("", "y", ["d:y"]), ("", "z", ["d:z"]), ("", "x, y, z", ["d:x", "d:y", "d:z"]),
     ]  # fmt: skip
 
 
-def test_a_pair_of_axes_belongs_to_the_first_and_an_equatorial_one_to_the_equator() -> None:
+def test_a_pair_of_axes_belongs_to_the_first_and_an_equatorial_one_to_the_equator():
     assert groups("cross_coupling")[0] == ("", "x", ["K_c:xy", "K_c:xz"])
     assert [axis for _, axis, _ in groups("gyro_drift")] == ["equatorial", "polar", "equatorial, polar"]
 
 
-def test_a_second_mechanism_is_a_candidate_of_its_own() -> None:
+def test_a_second_mechanism_is_a_candidate_of_its_own():
     found = groups("gimbal_flexure")
     assert ("", "inner", ["kappa_1:inner", "kappa_2:inner"]) in found
     assert ("carried", "inner", ["kappa_3:inner", "kappa_4:inner"]) in found
     assert [axis for mechanism, axis, _ in found if mechanism == "carried"] == list(GIMBALS)
 
 
-def test_terms_of_a_series_are_candidates_with_all_of_lower_order() -> None:
+def test_terms_of_a_series_are_candidates_with_all_of_lower_order():
     """A worm on one axis: its fundamental alone, and with harmonics up to the second, third, fourth and fifth."""
     cls = CATALOGUE["periodic_worm_error"]
     own = [(m, [p.label for p in ps]) for m, _, ps in by_mechanism(parameters(cls, ("hour",)), cls)]
@@ -59,7 +59,7 @@ def test_terms_of_a_series_are_candidates_with_all_of_lower_order() -> None:
     assert own[1][1] == ["worm_sin:hour", "worm_cos:hour", "worm_2_sin:hour", "worm_2_cos:hour"]
 
 
-def test_numbers_of_a_scan_stand_for_those_nearest_to_them() -> None:
+def test_numbers_of_a_scan_stand_for_those_nearest_to_them():
     """Every tenth number was scanned: nine about a peak weigh as the 18 numbers and a half step that they stand for."""
     every = np.arange(30.0, 2000.0, 10.0)
     near = np.linspace(171.0, 189.0, 9)
@@ -69,7 +69,7 @@ def test_numbers_of_a_scan_stand_for_those_nearest_to_them() -> None:
     assert weight[4] == pytest.approx(0.225, rel=1e-9)
 
 
-def test_harmonics_are_summed_at_the_multiples_of_a_number() -> None:
+def test_harmonics_are_summed_at_the_multiples_of_a_number():
     every = np.arange(30.0, 1000.0, 6.0)
     power = np.zeros(len(every))
     for k in (1, 2, 3, 4):
@@ -79,24 +79,24 @@ def test_harmonics_are_summed_at_the_multiples_of_a_number() -> None:
     assert total.max() == 4
 
 
-def test_one_vector_is_one_candidate() -> None:
+def test_one_vector_is_one_candidate():
     assert groups("position_blunder") == [("", "", ["delta:x", "delta:y", "delta:z"])]
 
 
-def test_two_mechanisms_of_one_axis_are_two_causes() -> None:
+def test_two_mechanisms_of_one_axis_are_two_causes():
     found = [c for c in library(fit_baseline(view_at_known_attitude(RECORDING))).candidates if c.axis == "inner"]
     flexure = [c for c in found if c.effect == "gimbal_flexure"]
     assert len({c.key for c in flexure}) == len(flexure) == 2
 
 
-def test_what_happens_once_is_told_by_its_constants() -> None:
+def test_what_happens_once_is_told_by_its_constants():
     assert Candidate("bias_step", "x", (), ()).once
     assert Candidate("position_blunder", "", (), ()).once
     assert not Candidate("warm_up", "x", (), ()).once
     assert not Candidate("unknown time", "x", (), (), rival="a smooth function of time").once
 
 
-def test_columns_stand_where_the_variants_say() -> None:
+def test_columns_stand_where_the_variants_say():
     o = fit_baseline(view_at_known_attitude(RECORDING))
     made = library(o)
     c = next(c for c in made.candidates if c.label == "warm_up:y")
@@ -123,26 +123,26 @@ EVERYWHERE = frozenset(Stage)
         ("refraction", False, False),  # another kind of recording
     ],
 )
-def test_an_effect_says_where_it_is_a_candidate(effect: str, known: bool, unknown: bool) -> None:
+def test_an_effect_says_where_it_is_a_candidate(effect, known, unknown):
     cls = CATALOGUE[effect]
     assert eligible(cls, "multi-position", S, EVERYWHERE, scale_known=True) == known
     assert eligible(cls, "multi-position", S, EVERYWHERE, scale_known=False) == unknown
     assert not eligible(cls, "multi-position", S, frozenset(), scale_known=True)
 
 
-def test_what_the_model_holds_is_not_missing_from_it() -> None:
+def test_what_the_model_holds_is_not_missing_from_it():
     o = fit_baseline(view_at_known_attitude(RECORDING))
     assert "bias_drift" in available(o.view)
     assert "bias_drift" not in available(replace(o.view, baseline=("bias_drift",)))
 
 
-def test_a_unit_without_gimbals_does_not_say_where_north_is() -> None:
+def test_a_unit_without_gimbals_does_not_say_where_north_is():
     bare = S.at(attitude=None)
     assert eligible(CATALOGUE["magnetic_field"], "multi-position", S, EVERYWHERE, scale_known=True)
     assert not eligible(CATALOGUE["magnetic_field"], "multi-position", bare, EVERYWHERE, scale_known=True)
 
 
-def test_finer_constants_are_found_between_those_of_the_grid() -> None:
+def test_finer_constants_are_found_between_those_of_the_grid():
     """A warm-up of 700 s, which is none of the starting values, comes back with its time constant."""
     from gimbalcal.diagnose import diagnose
 
@@ -153,7 +153,7 @@ def test_finer_constants_are_found_between_those_of_the_grid() -> None:
     assert abs(tau["value"] * 3600 - 700.0) < 4 * max(tau["sigma"] * 3600, 10.0)
 
 
-def test_an_effect_of_any_covariate_is_tried_with_each() -> None:
+def test_an_effect_of_any_covariate_is_tried_with_each():
     x = S.time
     logged = S.at(covariates={"fan": x, "pressure": x})
     assert sources(CATALOGUE["bias_drift"], logged) == ("",)
@@ -161,13 +161,13 @@ def test_an_effect_of_any_covariate_is_tried_with_each() -> None:
     assert sources(CATALOGUE["bias_covariate"], S) == ()
 
 
-def test_every_combination_of_constants_is_a_variant_with_columns_of_its_own() -> None:
+def test_every_combination_of_constants_is_a_variant_with_columns_of_its_own():
     cls = CATALOGUE["bias_temperature_lagged"]
     wanted, tried = parameters(cls), choices(cls, S)
     blocks: list[Array] = [np.zeros((4, 5))]
     seen: list[Effect] = []
 
-    def columns(made: Effect) -> Array:
+    def columns(made):
         seen.append(made)
         X = np.zeros((4, len(wanted)))
         X[:, :2] = 1.0  # the z axis shows nothing

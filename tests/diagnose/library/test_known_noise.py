@@ -22,7 +22,7 @@ LIBRARY = library(O)
     "label", ["cubic_nonlinearity:x", "gimbal_flexure:inner", "base_tilt_drift:north", "bias_temperature_lagged:y",
               "scale_factor_asymmetry:z"],
 )  # fmt: skip
-def test_a_column_is_a_difference_of_two_predictions(label: str) -> None:
+def test_a_column_is_a_difference_of_two_predictions(label):
     """Half a prior sigma either way, reduced as the data are: sensors are linear to 1e-4 at such sizes."""
     c = next(c for c in LIBRARY.candidates if c.label == label)
     v = c.variants[len(c.variants) // 2]
@@ -39,7 +39,7 @@ def test_a_column_is_a_difference_of_two_predictions(label: str) -> None:
     np.testing.assert_allclose(columns_at(O, c, v.constants), LIBRARY.X[:, list(v.index)])
 
 
-def test_what_is_in_the_model_is_no_candidate() -> None:
+def test_what_is_in_the_model_is_no_candidate():
     ids = available(O.view)
     assert not set(ids) & set(BASE)
     assert {c.effect for c in LIBRARY.candidates if not c.rival} <= set(ids)
@@ -47,7 +47,7 @@ def test_what_is_in_the_model_is_no_candidate() -> None:
     assert all(parameters(CATALOGUE[i], O.view.stimulus.axis_names) for i in ids)
 
 
-def test_every_column_has_an_owner() -> None:
+def test_every_column_has_an_owner():
     owned = {i for c in LIBRARY.candidates for v in c.variants for i in v.index}
     shown = np.flatnonzero(np.abs(LIBRARY.X).max(axis=0) > 0)
     assert set(shown.tolist()) <= owned
@@ -55,9 +55,7 @@ def test_every_column_has_an_owner() -> None:
     assert len(LIBRARY.X) == len(O.reduced(O.Z))
 
 
-def test_of_many_places_those_that_explain_most_are_weighed_with_the_share_of_all(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_of_many_places_those_that_explain_most_are_weighed_with_the_share_of_all(monkeypatch):
     o = observed(3, lambda b: turned(2, (b.visit == 6).astype(float)), dwell=6, size=60 * ARCSEC / UG)
     every = next(c for c in library(o).candidates if c.effect == "position_blunder")
     monkeypatch.setattr("gimbalcal.diagnose.library.assemble.MOST", 5)

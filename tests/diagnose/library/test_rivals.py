@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.shapes import RIVAL_SIGMA, shapes_in_outputs
 from gimbalcal.number import Array
 from tests.diagnose.small import at_rest, observed
@@ -14,11 +13,11 @@ FOUND = shapes_in_outputs(O, BLOCKS)
 X = np.concatenate(BLOCKS, axis=1)
 
 
-def rival(effect: str, axis: str) -> Candidate:
+def rival(effect, axis):
     return next(c for c in FOUND if (c.effect, c.axis) == (effect, axis))
 
 
-def left(rows: Array, c: Candidate) -> float:
+def left(rows, c):
     """Share of rows (R,) that no column of a variant of a shape can take."""
     out = []
     for v in c.variants:
@@ -27,14 +26,14 @@ def left(rows: Array, c: Candidate) -> float:
     return float(min(out))
 
 
-def along(axis: int, values: Array) -> Array:
+def along(axis, values):
     column = np.zeros((*O.residual.shape, 1))
     column[:, axis, 0] = values
     return O.reduced(column)[:, 0]
 
 
 @pytest.mark.parametrize("axis", [0, 2])
-def test_a_shape_spans_what_its_words_say(axis: int) -> None:
+def test_a_shape_spans_what_its_words_say(axis):
     s, name = O.view.stimulus, "xyz"[axis]
     scattered = np.random.default_rng(1).standard_normal(18)[s.position - 1]
     wave = np.cos(3 * np.pi * s.time / s.time[-1])
@@ -47,7 +46,7 @@ def test_a_shape_spans_what_its_words_say(axis: int) -> None:
     assert left(along(axis, wave), rival("unknown time", "x, y, z")) < 1e-3
 
 
-def test_columns_are_of_one_size() -> None:
+def test_columns_are_of_one_size():
     """Rms of a row `RIVAL_SIGMA`, so that one prior of size suits all shapes."""
     for name in ("position", "time", "orientation"):
         for axis in "xyz":
@@ -56,7 +55,7 @@ def test_columns_are_of_one_size() -> None:
             assert np.median(rms) == pytest.approx(RIVAL_SIGMA, rel=0.1)  # means of six rows keep nearly all of it
 
 
-def test_shapes_have_words_and_no_parameters() -> None:
+def test_shapes_have_words_and_no_parameters():
     assert len({(c.effect, c.axis) for c in FOUND}) == len(FOUND)
     for c in FOUND:
         assert c.rival
@@ -68,7 +67,7 @@ def test_shapes_have_words_and_no_parameters() -> None:
     assert owned == list(range(1, X.shape[1]))
 
 
-def test_a_static_run_has_its_own() -> None:
+def test_a_static_run_has_its_own():
     o = at_rest(1)
     blocks: list[Array] = [o.reduced(o.Z)]
     names = {c.effect for c in shapes_in_outputs(o, blocks)}

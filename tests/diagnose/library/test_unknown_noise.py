@@ -22,7 +22,7 @@ KNOWN, X = FOUND.candidates, FOUND.X
 HANDS = norm(turned(1))
 
 
-def test_a_cause_is_what_the_model_does_not_hold() -> None:
+def test_a_cause_is_what_the_model_does_not_hold():
     fitted = {(p.effect, p.field, p.axis) for p in MODEL.parameters}
     for c in KNOWN:
         assert not {(p.effect, p.field, p.axis) for p in c.parameters} & fitted
@@ -32,7 +32,7 @@ def test_a_cause_is_what_the_model_does_not_hold() -> None:
     assert "bias_drift" not in effects  # of accelerometers
 
 
-def test_columns_are_what_one_prior_sigma_adds() -> None:
+def test_columns_are_what_one_prior_sigma_adds():
     c = next(c for c in KNOWN if c.effect == "base_tilt" and c.axis == "north, east")
     (v,) = c.variants
     made = absent(CATALOGUE["base_tilt"], STARS.stimulus.axis_names)
@@ -48,7 +48,7 @@ def test_columns_are_what_one_prior_sigma_adds() -> None:
     assert np.all(np.isfinite(X))
 
 
-def test_axes_that_the_rows_cannot_show_are_left_out() -> None:
+def test_axes_that_the_rows_cannot_show_are_left_out():
     assert {p.axis for p in STARS.parameters_of("base_tilt")} == {"north", "east"}
     made = HANDS.parameters_of("misalignment")
     assert len(made) == 3  # a triangle: three of six turn the unit as a whole
@@ -56,7 +56,7 @@ def test_axes_that_the_rows_cannot_show_are_left_out() -> None:
     assert catalogue == pytest.approx(parameters(CATALOGUE["misalignment"])[0].sigma)
 
 
-def test_sizes_are_those_of_the_grade_and_a_drift_is_as_fast_as_the_recording_is_short() -> None:
+def test_sizes_are_those_of_the_grade_and_a_drift_is_as_fast_as_the_recording_is_short():
     low = replace(HANDS, grade=GRADES["consumer"])
     for effect, times in (("misalignment", 30.0), ("bias", 100.0), ("quadratic_nonlinearity", 100.0)):
         for p, q in zip(low.parameters_of(effect), HANDS.parameters_of(effect), strict=True):
@@ -65,7 +65,7 @@ def test_sizes_are_those_of_the_grade_and_a_drift_is_as_fast_as_the_recording_is
     assert p.sigma == pytest.approx(100 * q.sigma * 3600 / np.ptp(HANDS.stimulus.time))
 
 
-def test_shapes_are_as_large_as_the_misfit() -> None:
+def test_shapes_are_as_large_as_the_misfit():
     blocks: list[Array] = [np.zeros((80, 2, 4))]
     made = shapes_of(STARS, MODEL.residual, spans(MODEL.jacobian), blocks, free_rows(STARS, MODEL.parameters))
     rms = np.sqrt(np.mean(MODEL.residual**2))
@@ -80,20 +80,20 @@ def test_shapes_are_as_large_as_the_misfit() -> None:
         assert np.abs(columns[:, 1 - k, at]).max() == 0.0
 
 
-def test_no_shape_has_more_than_half_as_many_columns_as_there_are_rows_to_test_it_with() -> None:
+def test_no_shape_has_more_than_half_as_many_columns_as_there_are_rows_to_test_it_with():
     blocks: list[Array] = [np.zeros((80, 2, 4))]
     made = shapes_of(STARS, MODEL.residual, spans(MODEL.jacobian), blocks, 6)
     assert {len(c.variants[0].index) for c in made} == {2, 3}
 
 
-def test_an_effect_of_the_model_keeps_its_constants() -> None:
+def test_an_effect_of_the_model_keeps_its_constants():
     effect = next(i for i in available(STARS) if constants_of(absent(CATALOGUE[i], STARS.stimulus.axis_names)))
     made = absent(CATALOGUE[effect], STARS.stimulus.axis_names)
     known = library(replace(MODEL, effects=(*MODEL.effects, made))).candidates
     assert {v.constants for c in known if c.effect == effect for v in c.variants} == {constants_of(made)}
 
 
-def test_a_scan_ranks_by_what_least_squares_takes_away() -> None:
+def test_a_scan_ranks_by_what_least_squares_takes_away():
     rng = np.random.default_rng(3)
     X, y = rng.standard_normal((5, 12, 2, 3)), rng.standard_normal((12, 2))
     X[2, ..., 1] = 2 * X[2, ..., 0]  # spans less than it has columns

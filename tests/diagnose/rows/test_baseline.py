@@ -9,7 +9,6 @@ from gimbalcal.diagnose.entry import check_baseline, check_finite
 from gimbalcal.diagnose.of_recording import unfit
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording
 from gimbalcal.views.core import by_triad, known_effect
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record
@@ -37,13 +36,13 @@ ONE = replace(TABLE, channels={**TABLE.channels, ("covariate", "fan"): TABLE.tim
         ("magnetic_field", replace(TABLE, platform=BENCH), "needs gimbals, which say where north is, and 'plant' has"),
     ],
 )
-def test_a_sentence_says_why_not(effect: str, recording: Recording, why: str) -> None:
+def test_a_sentence_says_why_not(effect, recording, why):
     said = unfit(effect, recording)
     assert said.startswith(why)
     assert bool(said) is bool(why)
 
 
-def test_a_baseline_is_refused_only_where_no_recording_can_hold_it() -> None:
+def test_a_baseline_is_refused_only_where_no_recording_can_hold_it():
     check_baseline(["bias_temperature"], [BARE, TABLE])
     check_baseline([], [BARE])
     with refused():
@@ -53,7 +52,7 @@ def test_a_baseline_is_refused_only_where_no_recording_can_hold_it() -> None:
     assert known_effect("bias") is CATALOGUE["bias"]
 
 
-def test_effects_belong_to_the_triad_that_they_act_on() -> None:
+def test_effects_belong_to_the_triad_that_they_act_on():
     """A drift of the platform has a gyroscope's name and is none of a sensor's outputs."""
     forces, rates = by_triad(["bias", "gyro_bias", "misalignment", "gyro_g_sensitivity_rate", "gyro_drift"])
     assert rates == ["gyro_bias", "gyro_g_sensitivity_rate"]
@@ -61,7 +60,7 @@ def test_effects_belong_to_the_triad_that_they_act_on() -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_a_value_that_is_no_number_is_named_by_row_and_channel(value: float) -> None:
+def test_a_value_that_is_no_number_is_named_by_row_and_channel(value):
     check_finite(TABLE)
     y = TABLE.channels["specific_force", "y"].copy()
     y[[4, 7]] = value

@@ -6,10 +6,9 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.effects import CATALOGUE, parameters
-from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
-from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.views.core import absent_effect
 from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at, view_at_known_attitude
 
 SCENARIO: dict[str, Any] = {
@@ -21,7 +20,7 @@ SCENARIO: dict[str, Any] = {
 }  # fmt: skip
 
 
-def fitted(o: Fit, effect: str) -> tuple[float, Array, Array]:
+def fitted(o, effect):
     """Reduced chi^2 of constants and one effect together, the constants' shift [prior sigmas], and the sizes [SI]."""
     wanted = parameters(CATALOGUE[effect], o.view.stimulus.axis_names)
     scale = np.array([p.sigma for p in wanted])
@@ -33,7 +32,7 @@ def fitted(o: Fit, effect: str) -> tuple[float, Array, Array]:
     return float(left @ left) / (len(y) - np.linalg.matrix_rank(A)), x[:q], x[q:] * scale
 
 
-def test_the_rows_about_a_large_cause_are_explained_by_it() -> None:
+def test_the_rows_about_a_large_cause_are_explained_by_it():
     run: Recording = simulate(SCENARIO, 4)[0]
     dragged = scale_to_scatter(fit_baseline(view_at_known_attitude(run)))
     assert fitted(dragged, "gyro_drift")[0] > 5  # about constants that the cause has dragged away

@@ -8,7 +8,7 @@ from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.effects import parameters
 from gimbalcal.effects.thermal import ScaleTemperature
 from gimbalcal.simulate import simulate
-from gimbalcal.views.core import Fit, absent_effect
+from gimbalcal.views.core import absent_effect
 from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at, view_at_known_attitude
 
 UG = 9.80665e-6
@@ -24,13 +24,13 @@ DAY: dict[str, Any] = {
 }  # fmt: skip
 
 
-def misfit(o: Fit) -> float:
+def misfit(o):
     Z, y = o.reduced(o.Z), o.reduced(o.residual[:, :, None])
     left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
     return float((left**2).mean())
 
 
-def test_bias_less_scale_is_no_copy_of_a_scale_factor_in_temperature() -> None:
+def test_bias_less_scale_is_no_copy_of_a_scale_factor_in_temperature():
     # z lies along the Earth's axis and feels the same force all day: bias and scale factor differ by the cause alone,
     # which was "adequate" at 4700 sigma
     o = scale_to_scatter(fit_baseline(view_at_known_attitude(simulate(DAY, 1)[0]), steps=0))

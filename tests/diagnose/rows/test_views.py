@@ -1,6 +1,5 @@
 """Views: misfits that vanish at the truth, and derivatives against central differences of the misfit itself."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -9,13 +8,11 @@ import pytest
 
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.view_diagnosis import diagnosis_of
-from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
-from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
-from gimbalcal.views.core import View
 from gimbalcal.views.norm import inverted, norm
 from gimbalcal.views.pointing import pointing
 from gimbalcal.views.tilting_table import BLOCK_S, averaged, tilting_table
@@ -26,7 +23,7 @@ RNG = np.random.default_rng(1)
 UP = np.array([u / np.linalg.norm(u) for u in RNG.standard_normal((20, 3))])
 
 
-def unit(force: Array, rate: Array | None = None) -> Recording:
+def unit(force, rate=None):
     """Twenty rests of two readings each."""
     channels = {("specific_force", a): np.repeat(force[:, i], 2) for i, a in enumerate("xyz")}
     if rate is not None:
@@ -36,7 +33,7 @@ def unit(force: Array, rate: Array | None = None) -> Recording:
                      np.repeat(np.arange(1, 21), 2), channels)  # fmt: skip
 
 
-def tilting(lever: Array | None = None) -> Recording:
+def tilting(lever=None):
     """Twelve seconds at 100 Hz of a table that tilts by a tenth of a radian about x; a level unit feels (0, 0, -g)."""
     t = np.arange(1200) * 0.01
     rate = np.stack([0.1 * np.cos(t), 0 * t, 0 * t], axis=-1)
@@ -51,7 +48,7 @@ def tilting(lever: Array | None = None) -> Recording:
 
 
 @cache
-def view(name: str) -> View:
+def view(name):
     noise = np.random.default_rng(2).standard_normal
     if name == "pointing":
         return pointing(telescope(1))
@@ -73,18 +70,18 @@ EFFECTS = {
 }
 
 
-def wanted(v: View) -> tuple[Parameter, ...]:
+def wanted(v):
     return tuple(p for i in EFFECTS[v.name] for p in parameters(CATALOGUE[i], v.stimulus.axis_names))
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_the_derivative_is_that_of_the_misfit(name: str) -> None:
+def test_the_derivative_is_that_of_the_misfit(name):
     """What a parameter adds to the reading leaves the misfit: r(x + dx) = r(x) - J dx, away from zero too."""
     v = view(name)
     ps = wanted(v)
     sigma, x = np.array([p.sigma for p in ps]), 0.3 * np.array([p.sigma for p in ps])
 
-    def misfit(x: Array) -> Array:
+    def misfit(x):
         return v.linearised(with_values((), ps, x, v.stimulus.axis_names), ())[0]
 
     r, J = v.linearised(with_values((), ps, x, v.stimulus.axis_names), ps)
@@ -96,7 +93,7 @@ def test_the_derivative_is_that_of_the_misfit(name: str) -> None:
         np.testing.assert_allclose(J[..., k], difference, atol=1e-5 * np.abs(difference).max() + 1e-14 / step)
 
 
-def test_a_corrected_norm_is_gravity() -> None:
+def test_a_corrected_norm_is_gravity():
     """Readings through an error law written here: biases, which the model has, and a scale of z, which it has not."""
     b = np.array([0.1, -0.2, 0.05])
     y = G * UP * [1.0, 1.0, 1.001] + b
@@ -111,21 +108,19 @@ def test_a_corrected_norm_is_gravity() -> None:
     np.testing.assert_allclose(none[:, 0], np.linalg.norm(y, axis=1) - G, atol=1e-9)
 
 
-def test_rates_at_rest_lose_what_the_effects_say() -> None:
+def test_rates_at_rest_lose_what_the_effects_say():
     w = 1e-4 * np.random.default_rng(3).standard_normal((20, 3))
     v = view_at_rest(replace(unit(G * UP, w), site=Site(0.0, 0.0, G)))  # nothing turns about the vertical
-    assert v is not None
     ps = parameters(CATALOGUE["gyro_bias"])
     effects = with_values((), ps, np.array([1e-5, 2e-5, -3e-5]))
     np.testing.assert_allclose(v.linearised(effects, ())[0], w - [1e-5, 2e-5, -3e-5], atol=1e-12)
 
 
-def test_rests_are_judged_where_too_few_turns_were_logged_to_prove_it() -> None:
+def test_rests_are_judged_where_too_few_turns_were_logged_to_prove_it():
     """A g-sensitivity of 20 deg/h per g at rest; one turn between the rests is no fit of nine parameters."""
     hour = np.pi / 648000
     noise = 0.1 * hour * np.random.default_rng(5).standard_normal((20, 3))
     at, one = unit(G * UP, 20 * hour * UP[:, [1, 2, 0]] + noise), 20  # rows before the one turn that is logged
-    assert at.position is not None
     channels = {key: np.insert(x, one, np.zeros(20)) for key, x in at.channels.items()}
     begin = np.where(at.position > 10, 1020.0, 0.0) + at.time + 100.0 * at.position
     time = np.insert(begin, one, begin[one - 1] + np.arange(1.0, 21.0))
@@ -133,7 +128,6 @@ def test_rests_are_judged_where_too_few_turns_were_logged_to_prove_it() -> None:
     position = np.insert(at.position, one, np.zeros(20, dtype=int))
     r = Recording("multi-position", "unit", BENCH, Site(0.0, 0.0, G), {}, time, position, channels)
     v = view_at_rest(r)
-    assert v is not None
     assert v.missed_by_turns is not None
     found = diagnosis_of(stepwise(v, silent), silent)
     assert [f["effect"] for f in found.findings] == ["gyro_g_sensitivity_rate"]
@@ -141,14 +135,13 @@ def test_rests_are_judged_where_too_few_turns_were_logged_to_prove_it() -> None:
 
 
 @pytest.mark.parametrize("vertical", [10.0, 40.0])
-def test_the_earth_s_vertical_rate_is_no_g_sensitivity_where_no_latitude_tells_it(vertical: float) -> None:
+def test_the_earth_s_vertical_rate_is_no_g_sensitivity_where_no_latitude_tells_it(vertical):
     """A rate about the vertical of a deg/h remains with a over Omega / sqrt(3) of one sigma in all rests together."""
     hour = np.pi / 648000
     noise = hour * np.random.default_rng(3).standard_normal((20, 3))
 
-    def residual(rate: float) -> Array:
+    def residual(rate):
         v = view_at_rest(unit(G * UP, rate * hour * UP + [1e-5, 2e-5, -3e-5] + noise))
-        assert v is not None
         return v.linearised((), ())[0]
 
     remains = residual(vertical) - residual(0.0)
@@ -158,7 +151,7 @@ def test_the_earth_s_vertical_rate_is_no_g_sensitivity_where_no_latitude_tells_i
 
 
 @pytest.mark.parametrize("seed", [0, 3])
-def test_a_gyroscope_that_scatters_hides_no_g_sensitivity_of_another_axis(seed: int) -> None:
+def test_a_gyroscope_that_scatters_hides_no_g_sensitivity_of_another_axis(seed):
     """Noise of 30 deg/h in z is no misfit of a clean unit, and 5 deg/h/g of x shows beside it as beside 1 deg/h."""
     hour = np.pi / 648000
     noise = np.random.default_rng(seed).standard_normal((20, 3)) * [1.0, 1.0, 30.0]
@@ -172,12 +165,11 @@ def test_a_gyroscope_that_scatters_hides_no_g_sensitivity_of_another_axis(seed: 
     (f,) = sensitive.findings
     assert (f.effect, f.axis) == ("gyro_g_sensitivity_rate", "x")
     (xx,) = (p for p in f.parameters if p.axis == "xx")
-    assert xx.sigma is not None
     assert xx.value == pytest.approx(5.0, abs=3 * xx.sigma)
     assert 0.2 < xx.sigma < 0.8  # 1 deg/h over a component of twenty unit vectors, beside the vertical rate
 
 
-def test_a_lever_on_a_table_is_known_by_its_centrifugal_and_euler_forces() -> None:
+def test_a_lever_on_a_table_is_known_by_its_centrifugal_and_euler_forces():
     """The force of a unit off the axis, written as cross products, vanishes with the lever of the catalogue."""
     lever = np.array([0.03, -0.05, 0.02])
     v, level = tilting_table(tilting(lever), step=0.01), tilting_table(tilting(), step=0.01)
@@ -190,7 +182,7 @@ def test_a_lever_on_a_table_is_known_by_its_centrifugal_and_euler_forces() -> No
     assert np.abs(with_it.mean(axis=0)).max() < 1e-12  # the mean force is not known
 
 
-def test_blocks_are_means_and_a_last_short_one_is_left_out() -> None:
+def test_blocks_are_means_and_a_last_short_one_is_left_out():
     r = tilting()
     r = r.select(slice(0, 1150))
     made = averaged(r, BLOCK_S)
@@ -202,7 +194,7 @@ def test_blocks_are_means_and_a_last_short_one_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("law", [lambda f: 1.02 * f + 1e-3 * f**2, lambda f: f + 1e-4 * f**3 + 0.1])
-def test_a_law_is_inverted_with_its_derivative(law: Callable[[Array], Array]) -> None:
+def test_a_law_is_inverted_with_its_derivative(law):
     truth = G * UP
     f, H = inverted(law, law(truth))
     np.testing.assert_allclose(f, truth, rtol=1e-12, atol=1e-12)
@@ -212,7 +204,7 @@ def test_a_law_is_inverted_with_its_derivative(law: Callable[[Array], Array]) ->
     assert np.abs(H - np.einsum("ni,ij->nij", slope, np.eye(3))).max() < 1e-8
 
 
-def test_what_remembers_the_rest_before_stands_in_the_norm_beside_the_scale_factors() -> None:
+def test_what_remembers_the_rest_before_stands_in_the_norm_beside_the_scale_factors():
     """A sensor that its own power warms follows the forces of other rows: all columns then go through all rows."""
     v = norm(unit(G * UP))
     warmth, scale = (parameters(CATALOGUE[i]) for i in ("self_heating", "scale_factor"))

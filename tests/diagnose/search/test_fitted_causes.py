@@ -13,12 +13,10 @@ from gimbalcal.diagnose.search.fitted_causes import (
     joint_covariance,
     scaled_inverse,
 )
-from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import limits
 from gimbalcal.inference.algebra import orthonormal
-from gimbalcal.number import Array
 from tests.diagnose.plant import known
 from tests.diagnose.small import again, candidate, clean, covariance, gls, observed, rows_of, searched, with_data
 
@@ -27,7 +25,7 @@ S = searched(observed(2, known(1)["asymmetry"][0], 60.0, dwell=6), *PAIR)
 LAGGED = searched(observed(1, known(0)["lagged T"][0], 100.0, dwell=30), "bias_temperature_lagged:x")
 
 
-def dense(s: Search, index: list[int], k: int) -> tuple[Array, Array, int]:
+def dense(s, index, k):
     """Calibration and columns fitted together in noise k: estimate, covariance, and how many are of the calibration."""
     Z, y = rows_of(s.fit)
     Q = orthonormal(Z)
@@ -35,7 +33,7 @@ def dense(s: Search, index: list[int], k: int) -> tuple[Array, Array, int]:
     return x, C, Q.shape[1]
 
 
-def ln_posterior_of_noises(s: Search, index: list[int]) -> Array:
+def ln_posterior_of_noises(s, index):
     """ln prior and restricted likelihood of each noise, the columns in the model at their likeliest common size."""
     Z, y = rows_of(s.fit)
     U, sv, _ = np.linalg.svd(Z)
@@ -49,7 +47,7 @@ def ln_posterior_of_noises(s: Search, index: list[int]) -> Array:
     return np.array(out)
 
 
-def test_sizes_are_generalised_least_squares_averaged_over_the_noise() -> None:
+def test_sizes_are_generalised_least_squares_averaged_over_the_noise():
     members = (0, 1)
     index = [i for m in members for i in S.library.candidates[m].variants[0].index]
     f = fit_causes(S, members)
@@ -68,7 +66,7 @@ def test_sizes_are_generalised_least_squares_averaged_over_the_noise() -> None:
     assert (f.members, f.index) == (members, tuple(index))
 
 
-def test_significance_is_what_a_member_takes_away_beside_the_others() -> None:
+def test_significance_is_what_a_member_takes_away_beside_the_others():
     f = fit_causes(S, (0, 1))
     k = [p.node for p in S.projections].index(f.projection.node)
     for j, m in enumerate(f.members):
@@ -79,7 +77,7 @@ def test_significance_is_what_a_member_takes_away_beside_the_others() -> None:
         assert f.significance[j] == pytest.approx(np.sqrt(wald), rel=1e-6)
 
 
-def test_drawn_sizes_scatter_as_stated() -> None:
+def test_drawn_sizes_scatter_as_stated():
     """NEES of 60 recordings with known sizes, in the noise they were drawn from: a mean of chi^2 over its degrees."""
     rng = np.random.default_rng(8)
     s = searched(S.fit, *PAIR, count=1)
@@ -96,14 +94,14 @@ def test_drawn_sizes_scatter_as_stated() -> None:
     assert np.abs(np.mean(pulls, axis=0)).max() < 4 / np.sqrt(60)
 
 
-def test_nothing_found_is_the_calibration_alone() -> None:
+def test_nothing_found_is_the_calibration_alone():
     f = fit_causes(S, ())
     assert (f.members, f.index, f.significance) == ((), (), ())
     assert f.x.shape == (0,)
     assert f.projection.node == S.projections[int(np.argmax(S.null))].node
 
 
-def test_constants_of_the_calibration_move_as_a_joint_fit_moves_them() -> None:
+def test_constants_of_the_calibration_move_as_a_joint_fit_moves_them():
     f = fit_causes(S, (0,))
     before, after, sigma = calibration_fit(S, f)
     Z, y = rows_of(S.fit)
@@ -121,7 +119,7 @@ def test_constants_of_the_calibration_move_as_a_joint_fit_moves_them() -> None:
     np.testing.assert_allclose(sigma, np.sqrt(((Vt[keep].T / sv[keep]) ** 2).sum(axis=1))[:q], rtol=1e-5)
 
 
-def test_a_lag_has_the_mean_and_spread_of_its_variants() -> None:
+def test_a_lag_has_the_mean_and_spread_of_its_variants():
     f = fit_causes(LAGGED, (0,))
     c = LAGGED.library.candidates[candidate(LAGGED, "bias_temperature_lagged:x")]
     Z, y = rows_of(LAGGED.fit)
@@ -139,7 +137,7 @@ def test_a_lag_has_the_mean_and_spread_of_its_variants() -> None:
     assert sigma == pytest.approx(np.sqrt(w @ (tau - mean) ** 2 / w.sum()), rel=1e-4)
 
 
-def test_sizes_and_lag_have_one_covariance() -> None:
+def test_sizes_and_lag_have_one_covariance():
     """A least-squares fit of calibration, size and lag, its column by differences, in the likeliest noise."""
     f = fit_causes(LAGGED, (0,))
     c, o, node = LAGGED.library.candidates[0], LAGGED.fit, f.projection.node
@@ -165,7 +163,7 @@ def test_sizes_and_lag_have_one_covariance() -> None:
     assert p.label.endswith("tau")
 
 
-def test_a_combination_that_nothing_determines_keeps_its_variance() -> None:
+def test_a_combination_that_nothing_determines_keeps_its_variance():
     """Of a decay that is shorter than the means only size times time constant shows: a cut-off made it sure."""
     G = np.array([[0.776, 1038.8], [1038.8, 1.0388**2 * 1e6 / 0.776 * (1 + 1e-6)]])
     joint, held = scaled_inverse(G), scaled_inverse(G[:1, :1])

@@ -1,7 +1,5 @@
 """Singles and pairs: evidence against dense densities, shares that make a whole, and the planted pair on top."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -10,16 +8,15 @@ from gimbalcal.diagnose.evidence.odds import BESIDE, PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Library
-from gimbalcal.diagnose.search.ranking import Search, beside, given, log_priors, pairs, same, search
+from gimbalcal.diagnose.search.ranking import beside, given, log_priors, pairs, same, search
 from gimbalcal.inference.algebra import logsumexp
-from gimbalcal.number import Array
-from tests.diagnose.plant import Bench, known
+from tests.diagnose.plant import known
 from tests.diagnose.small import candidate, covariance, few, noises, observed, rows_of, searched
 
 LABELS = ("scale_factor_asymmetry:y", "scale_temperature:z", "cross_coupling:x", "unknown time:x")
 
 
-def both(b: Bench) -> dict[str, Array]:
+def both(b):
     """|f| of y, and a scale of z that follows the temperature."""
     one, two = known(1)["asymmetry"][0](b)["output"], known(2)["scale T"][0](b)["output"]
     return {"output": one + two / 2}
@@ -29,7 +26,7 @@ S = searched(observed(3, both, 150.0, dwell=6), *LABELS)
 CLEAN = searched(observed(4, dwell=6), *LABELS)
 
 
-def dense(s: Search, members: list[tuple[int, ...]], sizes: tuple[float, ...], k: int) -> float:
+def dense(s, members, sizes, k):
     """ln density of the contrasts free of the calibration, with these columns of these prior sizes, in noise k."""
     Z, y = rows_of(s.fit)
     U, sv, _ = np.linalg.svd(Z)
@@ -41,7 +38,7 @@ def dense(s: Search, members: list[tuple[int, ...]], sizes: tuple[float, ...], k
     return float(multivariate_normal(cov=V).logpdf(free.T @ y))
 
 
-def test_a_single_is_the_mean_over_noises_and_sizes() -> None:
+def test_a_single_is_the_mean_over_noises_and_sizes():
     for label in ("scale_factor_asymmetry:y", "unknown time:x"):
         i = candidate(CLEAN, label)
         (v,) = CLEAN.library.candidates[i].variants
@@ -54,7 +51,7 @@ def test_a_single_is_the_mean_over_noises_and_sizes() -> None:
         np.testing.assert_allclose(CLEAN.null - CLEAN.null[0], nothing - nothing[0], atol=1e-6)
 
 
-def test_a_second_cause_is_judged_with_the_first_in_the_model_at_its_best_size() -> None:
+def test_a_second_cause_is_judged_with_the_first_in_the_model_at_its_best_size():
     """In one noise: the second's sizes mixed with the first at its likeliest size, and what the first had gained."""
     one = searched(S.fit, *LABELS, count=1)
     i, j = candidate(one, LABELS[0]), candidate(one, LABELS[1])
@@ -69,7 +66,7 @@ def test_a_second_cause_is_judged_with_the_first_in_the_model_at_its_best_size()
     assert given(one.projections[0], one.library.candidates[i])[1] == pytest.approx(float(gained), abs=1e-4)
 
 
-def test_two_causes_are_found_as_a_pair() -> None:
+def test_two_causes_are_found_as_a_pair():
     best = max(S.hypotheses, key=lambda h: h.ln_weight)
     assert {S.library.candidates[m].label for m in best.members} == set(LABELS[:2])
     assert S.hypotheses[0] is best
@@ -82,7 +79,7 @@ def test_two_causes_are_found_as_a_pair() -> None:
             assert h.ln_weight - h.ln_bayes == pytest.approx(S.share[h.members[0]])
 
 
-def test_shares_of_the_prior_make_a_whole() -> None:
+def test_shares_of_the_prior_make_a_whole():
     o = S.fit
     whole = library(o)
     prior = log_priors(whole.candidates)
@@ -99,13 +96,13 @@ def test_shares_of_the_prior_make_a_whole() -> None:
     np.testing.assert_allclose(list(by_effect.values()), 1 / len(by_effect))
 
 
-def test_pairs_share_what_is_theirs() -> None:
+def test_pairs_share_what_is_theirs():
     """Every pair of two known causes once, all together `PAIR`; with a shape beside, `BESIDE`."""
     c = S.library.candidates[:3]
     everything = (*c, S.library.candidates[3])
     prior = log_priors(everything)
 
-    def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
+    def gained(members, seconds, keep):
         return np.zeros(len(everything))[list(seconds)]
 
     found = pairs(everything, np.array([100.0, 1.0, 1.0, 1.0]), prior, 1e9, gained)
@@ -118,7 +115,7 @@ def test_pairs_share_what_is_theirs() -> None:
     assert SINGLE + UNKNOWN + PAIR + BESIDE == pytest.approx(1.0)
 
 
-def test_an_effect_on_all_axes_is_no_second_beside_one_of_them() -> None:
+def test_an_effect_on_all_axes_is_no_second_beside_one_of_them():
     o = observed(1, dwell=2)
     c = few(o, "bias_drift:x", "bias_drift:y", "bias_drift:x, y, z", "warm_up:x").candidates
     assert same(c, 0, 2)
@@ -127,7 +124,7 @@ def test_an_effect_on_all_axes_is_no_second_beside_one_of_them() -> None:
     assert not same(c, 0, 3)
 
 
-def test_what_the_recording_cannot_show_is_not_asked() -> None:
+def test_what_the_recording_cannot_show_is_not_asked():
     """Columns a thousandth as large: less than a twentieth of a sigma at the expected size."""
     o = observed(1, dwell=2)
     made = few(o, "scale_factor_asymmetry:y", "bias_drift:x")

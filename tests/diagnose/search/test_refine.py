@@ -8,12 +8,11 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.projection import any_size, extended
 from gimbalcal.diagnose.library.candidates import layout_of
 from gimbalcal.diagnose.search.fitted_causes import constant_value, fit_causes
-from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.simulate import simulate
 from gimbalcal.units import from_si
-from tests.diagnose.plant import UG, Bench, cooled, on, record
+from tests.diagnose.plant import UG, cooled, on, record
 from tests.diagnose.small import columns_at, few, noises, observed, searched
 
 LAGGED = "bias_temperature_lagged:x"
@@ -21,14 +20,14 @@ TAU = 750.0  # s, between the values 537 and 1049 of the grid
 SIZE = 300.0  # ug/K
 
 
-def lagged(seed: int, size: float = SIZE, tau: float = TAU) -> Search:
+def lagged(seed, size=SIZE, tau=TAU):
     return searched(observed(seed, lambda b: on(0, cooled(b, tau)), size, dwell=60), LAGGED)
 
 
 FOUND = lagged(1)
 
 
-def test_a_lag_between_the_values_of_the_grid_is_found() -> None:
+def test_a_lag_between_the_values_of_the_grid_is_found():
     o = FOUND.fit
     tried = np.array([v.constants[0][1] for v in few(o, LAGGED).candidates[0].variants])
     f = fit_causes(FOUND, (0,))
@@ -41,7 +40,7 @@ def test_a_lag_between_the_values_of_the_grid_is_found() -> None:
     assert f.x[0] * from_si(p.sigma, p.unit) == pytest.approx(SIZE, rel=0.1)  # rate and lag trade against each other
 
 
-def test_finer_values_fit_better_and_share_the_prior_of_the_cause() -> None:
+def test_finer_values_fit_better_and_share_the_prior_of_the_cause():
     """The candidate's Bayes factor stays a mean over all that was tried: the search is paid for."""
     coarse, (fine,) = few(FOUND.fit, LAGGED).candidates[0], FOUND.library.candidates
     added = fine.variants[len(coarse.variants) :]
@@ -63,14 +62,14 @@ def test_finer_values_fit_better_and_share_the_prior_of_the_cause() -> None:
 
 
 @pytest.mark.parametrize("tau", [415.0, 690.0])  # halfway between values of the first round
-def test_the_best_of_what_was_tried_is_the_best_there_is(tau: float) -> None:
+def test_the_best_of_what_was_tried_is_the_best_there_is(tau):
     """Three rounds of seven values leave gaps of a 64th of the cell of the grid, on either side of its best value."""
     s = lagged(3, 1000.0, tau)
     (c,) = s.library.candidates
     p = s.projections[int(np.argmax(s.joint[:, 0]))]
     tried = any_size(p, np.array([v.index for v in c.variants]))
 
-    def less(x: float) -> float:
+    def less(x):
         return -float(any_size(extended(p, s.rows, columns_at(s.fit, c, (("tau", x),))), np.arange(1)))
 
     best = minimize_scalar(less, bounds=(0.7 * tau, 1.4 * tau), method="bounded", options={"xatol": 0.1})
@@ -79,16 +78,16 @@ def test_the_best_of_what_was_tried_is_the_best_there_is(tau: float) -> None:
     assert tried.max() < -best.fun + 1e-3
 
 
-def test_where_nothing_is_found_nothing_is_refined() -> None:
+def test_where_nothing_is_found_nothing_is_refined():
     s = lagged(2, 0.0)
     assert len(s.library.candidates[0].variants) == len(few(s.fit, LAGGED).candidates[0].variants)
 
 
-def dead(b: Bench) -> dict[str, np.ndarray]:
+def dead(b):
     return {"dead": np.eye(3)[0]}
 
 
-def test_a_dead_zone_is_taken_at_its_size() -> None:
+def test_a_dead_zone_is_taken_at_its_size():
     """Its output is min(|f|, size) short: a column that is as it is at that size, not a tangent at none."""
     size = 400 * UG
     without, with_it = (record(np.random.default_rng(7), dead, x, dwell=12) for x in (0.0, size))
@@ -98,7 +97,6 @@ def test_a_dead_zone_is_taken_at_its_size() -> None:
     (p,) = c.parameters
     assert f.x[0] * p.sigma == pytest.approx(size, abs=4 * np.sqrt(f.covariance[0, 0]) * p.sigma)
     made = c.variants[f.variants[0]].column
-    assert made is not None
     change = (with_it.triad("specific_force") - without.triad("specific_force")) / s.fit.sigma
     # the calibrated model's force differs from the true one by its misalignments: at null by some of the zone itself
     near = made * size / p.sigma
@@ -106,7 +104,7 @@ def test_a_dead_zone_is_taken_at_its_size() -> None:
     assert np.linalg.norm(near - change) < 0.25 * np.linalg.norm(change)
 
 
-def test_effects_in_proportion_to_their_size_stay_as_they_are() -> None:
+def test_effects_in_proportion_to_their_size_stay_as_they_are():
     o = observed(3, lambda b: on(1, np.abs(b.ideal[:, 1])), 300.0)
     s = searched(o, "scale_factor_asymmetry:y")
     assert s.singles[0] > 5
@@ -115,7 +113,7 @@ def test_effects_in_proportion_to_their_size_stay_as_they_are() -> None:
     assert len(noises(o)) == len(s.projections)
 
 
-def test_a_strong_creep_between_the_values_of_the_grid_is_named_with_its_time_constant() -> None:
+def test_a_strong_creep_between_the_values_of_the_grid_is_named_with_its_time_constant():
     """The middle of the range stayed the best of a first refinement: 4.47 min were stated 14 sigma from the truth."""
     scenario = {
         "format": 1, "kind": "multi-position", "title": "creep", "seed": 33,

@@ -19,7 +19,7 @@ from tests.diagnose.small import telescope
 G = 9.80665
 
 
-def poses(up: np.ndarray, rng: np.random.Generator, noise: float = 1e-4, spoilt: float = 5e-2) -> Recording:
+def poses(up, rng, noise=1e-4, spoilt=5e-2):
     """One mean of each attitude of a unit with constants of several per cent."""
     f = G * up / np.linalg.norm(up, axis=1, keepdims=True)
     y = f @ (np.eye(3) + spoilt * rng.standard_normal((3, 3))).T + spoilt * G * rng.standard_normal(3)
@@ -31,7 +31,7 @@ def poses(up: np.ndarray, rng: np.random.Generator, noise: float = 1e-4, spoilt:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_fit_ends_where_no_direction_that_is_seen_leads_down(seed: int) -> None:
+def test_a_fit_ends_where_no_direction_that_is_seen_leads_down(seed):
     """Eleven rests of constants of five per cent: undamped steps ended at 427 mg on such a recording."""
     rng = np.random.default_rng(seed)
     v = norm(poses(rng.standard_normal((11, 3)), rng), ("bias", "scale_factor", "misalignment"))
@@ -44,7 +44,7 @@ def test_a_fit_ends_where_no_direction_that_is_seen_leads_down(seed: int) -> Non
     assert np.abs(slope).max() < 1e-2 * np.linalg.norm(m.residual)
 
 
-def test_no_fit_is_worse_than_where_it_began() -> None:
+def test_no_fit_is_worse_than_where_it_began():
     rng = np.random.default_rng(7)
     v = norm(poses(rng.standard_normal((30, 3)), rng), ("bias", "scale_factor"))
     wanted = tuple(p for i in ("bias", "scale_factor", "misalignment") for p in v.parameters_of(i))
@@ -53,7 +53,7 @@ def test_no_fit_is_worse_than_where_it_began() -> None:
     assert (refit(v, began, wanted).residual ** 2).sum() <= (before**2).sum()
 
 
-def test_errors_are_as_large_as_the_covariance_says() -> None:
+def test_errors_are_as_large_as_the_covariance_says():
     pulls = []
     for seed in range(30):
         v = pointing(telescope(seed, north=12.0, east=-7.0), ("gimbal_zero", "axis_collimation", "base_tilt"))
@@ -64,7 +64,7 @@ def test_errors_are_as_large_as_the_covariance_says() -> None:
     assert 0.6 < np.mean(pulls) / 2 < 1.6  # chi^2 of two: its mean scatters by 18 %
 
 
-def test_columns_of_no_effect_are_fitted_beside_those_of_the_model() -> None:
+def test_columns_of_no_effect_are_fitted_beside_those_of_the_model():
     v = pointing(telescope(3))
     m = start(v)
     X = np.zeros((*m.residual.shape, 1))
@@ -75,7 +75,7 @@ def test_columns_of_no_effect_are_fitted_beside_those_of_the_model() -> None:
     assert after.parameters == m.parameters
 
 
-def test_columns_are_fitted_in_the_scales_that_remain_with_them() -> None:
+def test_columns_are_fitted_in_the_scales_that_remain_with_them():
     """A wave of 20 arcsec in one channel is no noise of this channel once it is fitted."""
     v = pointing(telescope(3))
     v = replace(v, noise=replace(v.noise, of_each_channel=True), cache={})
@@ -92,7 +92,7 @@ def test_columns_are_fitted_in_the_scales_that_remain_with_them() -> None:
     assert np.sqrt(C[0, 0]) == pytest.approx(made.rms / np.sqrt(2) / np.linalg.norm(left), rel=0.1)
 
 
-def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings() -> None:
+def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings():
     """Faces alone: what a saturation near one g makes of them is a constant, whatever their readings scatter."""
     rng = np.random.default_rng(5)
     faces = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (4, 1))
@@ -102,7 +102,7 @@ def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings() -> 
     quiet, read = v.noise_free(m.effects).jacobian(wanted), v.evaluate(m.effects).jacobian(wanted)
     y = m.residual / np.linalg.norm(m.residual)
 
-    def copied(X: np.ndarray) -> float:
+    def copied(X):
         (p,) = projections_of(m, m.reduced(X), memory=False)
         return float(np.sqrt(p.explained(range(X.shape[-1])) / p.misfit[0]))
 
@@ -111,7 +111,7 @@ def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings() -> 
     assert y.shape == (24, 1)
 
 
-def test_a_constant_that_nothing_determines_is_not_told() -> None:
+def test_a_constant_that_nothing_determines_is_not_told():
     """What order a worm has shows by its amplitude: without one there is nothing to tell, and no sigma of zero."""
     v = pointing(telescope(1, n=200))
     m = start(v)

@@ -8,21 +8,19 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.stated_noise import curved, nominal, scale_to_scatter
 from gimbalcal.diagnose.search.relinearise import about_settings
 from gimbalcal.estimate.grade import graded
-from gimbalcal.number import Array
-from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
-from tests.diagnose.grade_plant import PATTERNS, Rests, of_force, on_gimbals
+from tests.diagnose.grade_plant import PATTERNS, of_force, on_gimbals
 
 DEGREE = 3600.0
 
 
-def observed(setting: float) -> Fit:
+def observed(setting):
     """A clean unit in 18 positions of a table that sets its angles to so many arcsec."""
     r = on_gimbals(3, "tactical", setting=setting)
     return scale_to_scatter(fit_baseline(view_at_known_attitude(graded([r], "").of([r])[0])))
 
 
-def misfit(o: Fit) -> float:
+def misfit(o):
     """What the calibration leaves in the nominal noise, per row."""
     node = nominal(o)
     Z, y = (node.whiten(o.reduced(x)) for x in (o.Z, o.residual[:, :, None]))
@@ -30,7 +28,7 @@ def misfit(o: Fit) -> float:
     return float((left**2).sum()) / (len(y) - Z.shape[1])
 
 
-def test_about_the_angles_of_each_visit_nothing_is_curved() -> None:
+def test_about_the_angles_of_each_visit_nothing_is_curved():
     loose = observed(DEGREE)
     about = about_settings(loose)
     assert about.view.local.remaining < 0.01
@@ -42,14 +40,14 @@ def test_about_the_angles_of_each_visit_nothing_is_curved() -> None:
     assert misfit(same_noise) > 20  # about the angles that were read
 
 
-def test_settings_of_arcseconds_are_left_alone() -> None:
+def test_settings_of_arcseconds_are_left_alone():
     tight = observed(1.0)
     assert not curved(tight)
     assert about_settings(tight) is tight
 
 
-def test_a_step_of_300_ug_shows_although_the_settings_take_as_much() -> None:
-    def law(r: Rests) -> Array:
+def test_a_step_of_300_ug_shows_although_the_settings_take_as_much():
+    def law(r):
         return PATTERNS["bias_step"](r, 1)
 
     d = diagnose([on_gimbals(4, "tactical", of_force(1, law), 300.0, setting=DEGREE)])

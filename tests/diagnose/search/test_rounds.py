@@ -26,7 +26,7 @@ ALIKE: Any = SimpleNamespace(view=SimpleNamespace(kind="pointing", noise=NoiseMo
 VIEW.of_one_scale = lambda: ALIKE.view
 
 
-def cause(name: str, rival: str = "") -> Any:
+def cause(name, rival=""):
     return SimpleNamespace(key=(name, "", "", ""), effect=name, rival=rival, in_words=name, tried=1, source="",
                            parameters=(), variants=(Variant((), (0,)),), absent=lambda *_: None)  # fmt: skip
 
@@ -34,11 +34,11 @@ def cause(name: str, rival: str = "") -> Any:
 A, B, C, D = ((cause(name), Variant((), (0,))) for name in "abcd")
 
 
-def said(_: str) -> None:
+def said(_):
     pass
 
 
-def weighed(monkeypatch: pytest.MonkeyPatch, hypotheses: list[Hypothesis], **more: Any) -> Any:
+def weighed(monkeypatch, hypotheses, **more):
     every = (cause("a"), cause("b"), cause("c"), cause("shape", rival="sine"))
     s = SimpleNamespace(hypotheses=tuple(hypotheses), ln_total=9.0,
                         library=SimpleNamespace(candidates=every, X=np.zeros((2, 1))))  # fmt: skip
@@ -49,7 +49,7 @@ def weighed(monkeypatch: pytest.MonkeyPatch, hypotheses: list[Hypothesis], **mor
     return stepwise.likeliest(FIRST, **more)
 
 
-def test_one_cause_beats_a_shape_by_itself_and_two_at_the_odds_of_a_claim(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_cause_beats_a_shape_by_itself_and_two_at_the_odds_of_a_claim(monkeypatch):
     shape = Hypothesis((3,), 4.0, 4.0)
     assert weighed(monkeypatch, [Hypothesis((0,), 5.0, 5.0), shape]).named
     assert not weighed(monkeypatch, [Hypothesis((0, 1), 5.0, 5.0), shape]).named
@@ -57,7 +57,7 @@ def test_one_cause_beats_a_shape_by_itself_and_two_at_the_odds_of_a_claim(monkey
     assert not weighed(monkeypatch, [Hypothesis((0,), 5.0, 5.0), shape], shape=True).named
 
 
-def test_the_lead_is_over_the_best_that_holds_what_it_is_held_against(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_lead_is_over_the_best_that_holds_what_it_is_held_against(monkeypatch):
     ranking = [Hypothesis((0,), 7.0, 7.0), Hypothesis((1,), 5.0, 5.0), Hypothesis((1, 2), 3.0, 3.0)]
     assert weighed(monkeypatch, ranking, against=B[0]).lead == 2.0
     assert weighed(monkeypatch, ranking, against=A[0]).lead == 0.0
@@ -65,10 +65,8 @@ def test_the_lead_is_over_the_best_that_holds_what_it_is_held_against(monkeypatc
 
 
 @pytest.mark.parametrize(("lead", "kept"), [(0.9, [A, B]), (1.1, [B, C])])
-def test_a_cause_gives_way_to_one_that_is_clearly_likelier(
-    monkeypatch: pytest.MonkeyPatch, lead: float, kept: list[Any]
-) -> None:
-    def likeliest(model: Any, _memory: bool, against: Any) -> Any:
+def test_a_cause_gives_way_to_one_that_is_clearly_likelier(monkeypatch, lead, kept):
+    def likeliest(model, _memory, against):
         assert against not in model
         return SimpleNamespace(lead=lead if against is A[0] else 0.0, causes=(C,))
 
@@ -78,13 +76,13 @@ def test_a_cause_gives_way_to_one_that_is_clearly_likelier(
     assert stepwise.swap(FIRST, [A, B], said) == kept
 
 
-def test_what_every_rig_has_needs_a_tenth_of_the_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_every_rig_has_needs_a_tenth_of_the_evidence(monkeypatch):
     monkeypatch.setattr(stepwise, "is_usual", lambda c, _: c is A[0])
     assert stepwise.needed_evidence(FIRST, A[0]) == pytest.approx(np.log(2.0))
     assert stepwise.needed_evidence(FIRST, B[0]) == pytest.approx(np.log(20.0))
 
 
-def test_the_weakest_is_dropped_first_as_it_may_hold_the_others_down(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_weakest_is_dropped_first_as_it_may_hold_the_others_down(monkeypatch):
     support = {("a", "bc"): 1.0, ("b", "ac"): 2.0, ("c", "ab"): 9.0, ("b", "c"): 5.0, ("c", "b"): 9.0,
                ("a", "c"): 5.0, ("c", "a"): 9.0}  # fmt: skip
     monkeypatch.setattr(stepwise, "refine_constants", lambda _first, selected: list(selected))
@@ -94,7 +92,7 @@ def test_the_weakest_is_dropped_first_as_it_may_hold_the_others_down(monkeypatch
     assert stepwise.backward_eliminate(FIRST, [A, B, C], said) == [B, C]
 
 
-def test_odds_of_several_pay_the_share_of_each(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_odds_of_several_pay_the_share_of_each(monkeypatch):
     monkeypatch.setattr(stepwise, "with_causes", lambda _m, selected: selected)
     monkeypatch.setattr(stepwise, "ln_evidence", lambda m: 40.0 if m is FIRST else 40.0 + 5.0 * len(m))
     monkeypatch.setattr(stepwise, "is_usual", lambda c, _: c is C[0])
@@ -103,10 +101,10 @@ def test_odds_of_several_pay_the_share_of_each(monkeypatch: pytest.MonkeyPatch) 
     assert made == pytest.approx(3 * 5.0 - 2.0 - 9.0 + 2 * np.log(SINGLE))
 
 
-def selecting(monkeypatch: pytest.MonkeyPatch, odds: float, alike: list[Any]) -> None:
+def selecting(monkeypatch, odds, alike):
     """Select A from nothing, B and C from B, which every rig has, at these odds against 2; `alike` in one scale."""
 
-    def selected(m: Any, begun: Any, _t: Any, keep_usual: bool = False) -> list[Any]:
+    def selected(m, begun, _t, keep_usual=False):
         assert keep_usual == (B in begun)
         return alike if m is ALIKE else [*begun, C] if begun else [A]
 
@@ -123,16 +121,14 @@ def selecting(monkeypatch: pytest.MonkeyPatch, odds: float, alike: list[Any]) ->
 
 
 @pytest.mark.parametrize(("odds", "told"), [(0.9, ([A], [])), (1.1, ([B, C], [B])), (3.0, ([B, C], [B]))])
-def test_the_likelier_of_two_courses_is_told(monkeypatch: pytest.MonkeyPatch, odds: float, told: Any) -> None:
+def test_the_likelier_of_two_courses_is_told(monkeypatch, odds, told):
     """At equal odds it is that of what every rig has."""
     selecting(monkeypatch, odds, [D])
     assert stepwise.stepwise(VIEW, said) == told
 
 
 @pytest.mark.parametrize(("alike", "told"), [([D], ([D, C], [])), ([A], ([A], []))])
-def test_what_shows_in_one_scale_is_a_start_where_channels_have_their_own(
-    monkeypatch: pytest.MonkeyPatch, alike: list[Any], told: Any
-) -> None:
+def test_what_shows_in_one_scale_is_a_start_where_channels_have_their_own(monkeypatch, alike, told):
     selecting(monkeypatch, 0.0, alike)
     monkeypatch.setattr(VIEW, "noise", NoiseModel(scales=(1.0, 3.0)))
     assert stepwise.stepwise(VIEW, said) == told
@@ -140,9 +136,7 @@ def test_what_shows_in_one_scale_is_a_start_where_channels_have_their_own(
 
 @pytest.mark.parametrize("scales", [(), (3.0, 1.0)])
 @pytest.mark.parametrize(("left", "anew"), [(1.0, True), (1.6, False)])
-def test_constants_that_were_dragged_far_are_looked_about_again(
-    monkeypatch: pytest.MonkeyPatch, left: float, anew: bool, scales: tuple[float, ...]
-) -> None:
+def test_constants_that_were_dragged_far_are_looked_about_again(monkeypatch, left, anew, scales):
     """A misfit of nine is more than four times one, and less than that of 2.6, whatever scales it made of channels."""
     monkeypatch.setattr(relinearise, "stepwise", lambda v, _: f"the search of {v}")
     alike = SimpleNamespace(noise=NoiseModel())

@@ -12,7 +12,6 @@ from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search.ranking import log_priors, search
 from gimbalcal.diagnose.search.refit import refit, start
 from gimbalcal.diagnose.search.stepwise import (
-    SearchResult,
     backward_eliminate,
     evidence_for,
     likeliest,
@@ -23,10 +22,8 @@ from gimbalcal.diagnose.search.stepwise import (
     with_causes,
 )
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
-from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
 from gimbalcal.units import from_si
-from gimbalcal.views.core import View
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import pointing
@@ -36,23 +33,23 @@ from tests.diagnose.small import causes_of, telescope
 
 
 @cache
-def view(north: float = 0.0, east: float = 0.0, bend: float = 0.0) -> View:
+def view(north=0.0, east=0.0, bend=0.0):
     return pointing(telescope(1, north, east, bend))
 
 
 @cache
-def found() -> SearchResult:
+def found():
     return stepwise(view(12.0, -7.0, 15.0), silent)
 
 
-def test_a_refit_is_least_squares() -> None:
+def test_a_refit_is_least_squares():
     """Parameters, covariance and what is left, against Levenberg and Marquardt on numerical derivatives."""
     v = view(12.0, -7.0)
     ps = tuple(p for i in ("gimbal_zero", "base_tilt") for p in parameters(CATALOGUE[i], v.stimulus.axis_names))
     ps = tuple(p for p in ps if p.axis != "down")  # the azimuth zero says the same
     m = refit(v, with_values((), ps, np.zeros(len(ps)), v.stimulus.axis_names), ps)
 
-    def misfit(x: Array) -> Array:
+    def misfit(x):
         return v.linearised(with_values((), ps, x * ARCSEC, v.stimulus.axis_names), ())[0].ravel() / ARCSEC
 
     best = least_squares(misfit, np.zeros(len(ps)), method="lm")
@@ -66,7 +63,7 @@ def test_a_refit_is_least_squares() -> None:
     )
 
 
-def test_a_direction_that_nothing_shows_keeps_its_prior() -> None:
+def test_a_direction_that_nothing_shows_keeps_its_prior():
     v = view()
     ps = parameters(CATALOGUE["base_tilt"]) + parameters(CATALOGUE["gimbal_zero"], v.stimulus.axis_names)
     m = refit(v, with_values((), ps, np.zeros(len(ps)), v.stimulus.axis_names), ps)
@@ -74,7 +71,7 @@ def test_a_direction_that_nothing_shows_keeps_its_prior() -> None:
     assert np.sqrt(m.covariance[down, down]) > 0.1 * ps[down].sigma
 
 
-def test_a_tilted_base_and_a_bent_tube_are_taken_up() -> None:
+def test_a_tilted_base_and_a_bent_tube_are_taken_up():
     c = found()
     taken = [s.cause[0].effect for s in c.steps]
     assert set(taken) == {"base_tilt", "tube_flexure"}
@@ -91,7 +88,7 @@ def test_a_tilted_base_and_a_bent_tube_are_taken_up() -> None:
         assert abs(from_si(size[key], "arcsec") - truth) < 4 * from_si(sigma[key], "arcsec")
 
 
-def test_the_first_step_takes_away_most() -> None:
+def test_the_first_step_takes_away_most():
     v, c = view(12.0, -7.0, 15.0), found()
     each = [with_causes(c.start, [s.cause]).rms for s in c.steps]
     assert each[0] == min(each) == c.steps[0].model.rms
@@ -100,7 +97,7 @@ def test_the_first_step_takes_away_most() -> None:
     assert again.end.rms == pytest.approx(c.end.rms, rel=1e-9)
 
 
-def test_nothing_is_taken_up_where_nothing_is_missing() -> None:
+def test_nothing_is_taken_up_where_nothing_is_missing():
     said: list[str] = []
     for seed in range(2, 6):
         c = stepwise(pointing(telescope(seed)), said.append)
@@ -109,7 +106,7 @@ def test_nothing_is_taken_up_where_nothing_is_missing() -> None:
         assert likeliest(c.start).ln_total < np.log(20)
 
 
-def test_what_noise_with_a_memory_explains_is_not_kept() -> None:
+def test_what_noise_with_a_memory_explains_is_not_kept():
     """A slow wander of the misfit follows a cause by chance: 20 to one in white noise is no claim in coloured noise."""
     c = found()
     without = with_causes(c.start, c.causes[:1])
@@ -120,7 +117,7 @@ def test_what_noise_with_a_memory_explains_is_not_kept() -> None:
 
 @pytest.mark.parametrize("own_scales", [False, True])
 @pytest.mark.parametrize(("north", "east"), [(0.0, 0.0), (1.0, -0.7)])
-def test_evidence_at_the_minimum_is_that_of_the_search(north: float, east: float, own_scales: bool) -> None:
+def test_evidence_at_the_minimum_is_that_of_the_search(north, east, own_scales):
     """The same model by two ways: ranked at the baseline over scales and sizes, or fitted and asked at its minimum."""
     v = view(north, east)
     first = start(replace(v, noise=replace(v.noise, of_each_channel=own_scales), cache={}))
@@ -133,7 +130,7 @@ def test_evidence_at_the_minimum_is_that_of_the_search(north: float, east: float
     assert (max(made) > 20.0) == bool(north)
 
 
-def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
+def test_prior_shares_make_a_whole_of_causes_and_of_shapes():
     v = view()
     m = start(v)
     known = causes_of(v, m)
@@ -142,7 +139,7 @@ def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
     assert share[shape].sum() == pytest.approx(1.0)
     assert share[~shape].sum() == pytest.approx(1.0)
 
-    def whole(effect: str) -> float:
+    def whole(effect):
         return sum(float(x) for c, x in zip(known, share, strict=True) if c.effect == effect)
 
     assert whole("base_tilt") == pytest.approx(10 * whole("encoder_eccentricity"))  # every mount leans
@@ -151,7 +148,7 @@ def test_prior_shares_make_a_whole_of_causes_and_of_shapes() -> None:
     assert tilt["north, east"] == pytest.approx(tilt["north"] + tilt["east"])  # all axes together weigh half
 
 
-def test_rows_weigh_by_their_sigma() -> None:
+def test_rows_weigh_by_their_sigma():
     v = view()
     sigma = np.ones((80, 2))
     sigma[:, 1] = 4.0
@@ -162,7 +159,7 @@ def test_rows_weigh_by_their_sigma() -> None:
     np.testing.assert_array_equal(v.noise.weighted(r), r)  # every star of this run has the same weight
 
 
-def test_constants_between_the_values_of_a_grid_are_fitted_and_leave_no_rest() -> None:
+def test_constants_between_the_values_of_a_grid_are_fitted_and_leave_no_rest():
     """A warm-up of 1333 s: at the nearest value of the grid a drift beside it would explain the rest."""
     rng = np.random.default_rng(1)
     r, tau = poses(rng.standard_normal((40, 3)), rng, 1e-5, 1e-3), 1333.0

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.special import chdtrc, ndtr
 
-from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement, agreement_on_constants
+from gimbalcal.diagnose.verdict.agreement import agreement_on_constants
 from gimbalcal.effects import CATALOGUE, parameters
-from gimbalcal.inference.information import Information, information
+from gimbalcal.inference.information import information
 from gimbalcal.units import from_si, to_si
 from tests.golden import golden_text
 
@@ -14,7 +14,7 @@ WANTED = tuple(p for i in ("scale_factor", "bias") for p in parameters(CATALOGUE
 PPM = 1e-6
 
 
-def recorded(rng: np.random.Generator, moved: float = 0.0, seen: int = 6) -> Information:
+def recorded(rng, moved=0.0, seen=6):
     """Forty rows of noise one about constants of which scale factor y is `moved` [ppm] of a sigma of 10 ppm."""
     scale = np.array([p.sigma for p in WANTED])
     J = rng.standard_normal((40, 6)) / scale * 40 * (np.arange(6) < seen)
@@ -23,14 +23,14 @@ def recorded(rng: np.random.Generator, moved: float = 0.0, seen: int = 6) -> Inf
     return information(J, J @ x + rng.standard_normal(40), WANTED)
 
 
-def test_recordings_of_one_unit_agree_as_often_as_they_should() -> None:
+def test_recordings_of_one_unit_agree_as_often_as_they_should():
     rng = np.random.default_rng(1)
     chances = [agreement_on_constants([recorded(rng), recorded(rng)]).p_value for _ in range(60)]
     assert min(chances) > 1e-4
     assert np.mean(np.array(chances) < 0.2) < 0.4  # one of two tests, both paid for
 
 
-def test_one_constant_that_moved_is_named_with_its_size() -> None:
+def test_one_constant_that_moved_is_named_with_its_size():
     rng = np.random.default_rng(2)
     found = agreement_on_constants([recorded(rng), recorded(rng, moved=40.0)])
     assert found.p_value < 1e-4
@@ -41,7 +41,7 @@ def test_one_constant_that_moved_is_named_with_its_size() -> None:
 
 
 @pytest.mark.parametrize("k", range(3))
-def test_of_three_the_odd_one_is_named(k: int) -> None:
+def test_of_three_the_odd_one_is_named(k):
     rng = np.random.default_rng(3)
     found = agreement_on_constants([recorded(rng, moved=60.0 * (i == k)) for i in range(3)])
     assert found.odd == k
@@ -49,14 +49,14 @@ def test_of_three_the_odd_one_is_named(k: int) -> None:
     assert found.to_dict()["recording"] == k + 1
 
 
-def exact(apart: list[float]) -> ConstantsAgreement:
+def exact(apart):
     """Two recordings that know each constant to 1e-3 of its prior and differ by so many sigmas of a difference."""
     sigma = 1e-3 * np.array([p.sigma for p in WANTED])
     x = np.sqrt(2) * np.array(apart) * sigma
     return agreement_on_constants([information(np.diag(1 / sigma), v / sigma, WANTED) for v in (0 * x, x)])
 
 
-def test_two_that_say_the_same_agree_for_certain() -> None:
+def test_two_that_say_the_same_agree_for_certain():
     found = exact([0, 0, 0, 0, 0, 0])
     assert (found.p_value, found.in_words, found.parameters) == (1.0, "", ())
     told = found.to_dict()
@@ -64,7 +64,7 @@ def test_two_that_say_the_same_agree_for_certain() -> None:
     assert told["chi2"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_differences_are_counted_in_sigmas_and_told_in_printed_units() -> None:
+def test_differences_are_counted_in_sigmas_and_told_in_printed_units():
     found = exact([0, 8, 0, -4, 0, 0])
     assert (found.chi2, found.dof) == (pytest.approx(80.0), 6)
     assert found.p_value == pytest.approx(2 * chdtrc(6, 80.0), rel=1e-6, abs=0.0)
@@ -78,14 +78,14 @@ def test_differences_are_counted_in_sigmas_and_told_in_printed_units() -> None:
         assert told["value"] == pytest.approx(apart * told["sigma"])
 
 
-def test_constants_may_contradict_together_where_none_does_by_itself() -> None:
+def test_constants_may_contradict_together_where_none_does_by_itself():
     found = exact([2.5, -2.5, 2.5, 2.5, -2.5, 2.5])
     assert found.p_value == pytest.approx(2 * chdtrc(6, 6 * 2.5**2), rel=1e-6, abs=0.0)
     assert found.parameters == ()
     golden_text(found.in_words)
 
 
-def test_what_only_one_of_them_sees_is_no_difference() -> None:
+def test_what_only_one_of_them_sees_is_no_difference():
     rng = np.random.default_rng(4)
     found = agreement_on_constants([recorded(rng), recorded(rng, moved=float(to_si(80.0, "1")), seen=1)])
     assert found.dof == 1

@@ -1,6 +1,5 @@
 """Which causes stand, and courses of one drift as one finding."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +13,7 @@ from gimbalcal.diagnose.verdict import findings
 from gimbalcal.diagnose.verdict.findings import cancelling, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.errors import InputError
-from gimbalcal.number import Array
 from gimbalcal.pipeline import silent
-from gimbalcal.recording import Recording
 from gimbalcal.units import to_si
 from gimbalcal.views.core import absent_effect
 from gimbalcal.views.norm import norm
@@ -28,11 +25,11 @@ from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, run
 LABELS = ("base_tilt:north, east", "tube_flexure", "encoder_two_cycle:azimuth")
 
 
-def entry(effect: str, axis: str, *twins: str) -> Finding:
+def entry(effect, axis, *twins):
     return Finding(effect, axis, 0.9, 9.0, (Estimate(effect, axis, 1.0, 0.1, "ug"),), twins)
 
 
-def test_two_courses_of_one_bias_are_one_drift() -> None:
+def test_two_courses_of_one_bias_are_one_drift():
     found = [entry("warm_up", "x, y"), entry("cubic_nonlinearity", "x"), entry("slow_bias_drift", "y", "bias_step")]
     one, other = drifts_as_one(found)
     assert (one.effect, one.twins) == ("warm_up", ("slow_bias_drift", "bias_step"))
@@ -48,11 +45,11 @@ def test_two_courses_of_one_bias_are_one_drift() -> None:
         (entry("bias_drift", "x"), entry("bias_temperature", "x")),  # a thermometer tells them apart, or twins say so
     ],
 )
-def test_different_drifts_stay_apart(one: Finding, other: Finding) -> None:
+def test_different_drifts_stay_apart(one, other):
     assert drifts_as_one([one, other]) == (one, other)
 
 
-def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch):
     """The least likely cause goes first, and all others are asked again without it."""
     v = pointing(telescope(2, north=25.0, east=-9.0, bend=40.0))
     first = start(v)
@@ -65,7 +62,7 @@ def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch: pytest.
     assert {c.key for c, _ in kept.causes} == {j.cause.key for j in verdicts} == {tilt.key, bend.key}
 
 
-def test_a_cause_that_makes_held_out_rows_worse_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cause_that_makes_held_out_rows_worse_is_not_named(monkeypatch):
     v = pointing(telescope(2, north=25.0, east=-9.0))
     first = start(v)
     known = causes_of(v, first)
@@ -85,13 +82,13 @@ def test_a_cause_that_makes_held_out_rows_worse_is_not_named(monkeypatch: pytest
     assert {c.key for c, _ in kept.causes} == {j.cause.key for j in verdicts} == {tilt.key}
 
 
-def test_a_search_that_ends_without_inverse_gives_way_to_what_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_search_that_ends_without_inverse_gives_way_to_what_was_kept(monkeypatch):
     """Of a unit turned by hand a dead zone took the place of a refused creep, and the diagnosis ended in a refusal."""
     v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
     first = start(v)
     tilt, like = (next(c for c in causes_of(v, first) if c.label == LABELS[k]) for k in (0, 2))
 
-    def judged(_: object, c: Candidate) -> Judgement:
+    def judged(_, c):
         if c.key == tilt.key:
             raise InputError("different forces read the same")
         return Judgement(c, 0.001, (), 9.0)
@@ -104,7 +101,7 @@ def test_a_search_that_ends_without_inverse_gives_way_to_what_was_kept(monkeypat
         findings.confirmed(result_of(first, [(tilt, tilt.variants[0])]), silent)
 
 
-def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch):
     """A misfit far beyond the noise does not vanish with the last name for it: nothing left would be "adequate"."""
     v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
     first = start(v)
@@ -116,7 +113,7 @@ def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch: pytest.Mon
     assert kept.described.rms < 0.5 * first.rms
 
 
-def test_what_is_likelier_than_a_refused_cause_takes_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_likelier_than_a_refused_cause_takes_its_place(monkeypatch):
     v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
     first = start(v)
     like = next(c for c in causes_of(v, first) if c.label == LABELS[2])
@@ -128,7 +125,7 @@ def test_what_is_likelier_than_a_refused_cause_takes_its_place(monkeypatch: pyte
     assert kept.end.rms < 0.2 * first.rms
 
 
-def elevations(law: Callable[[Array], Array]) -> Recording:
+def elevations(law):
     """A mount whose elevation is read with an error by this law, in arcsec."""
     rng = np.random.default_rng(11)
     E, A = np.radians(rng.uniform(10, 85, 60)), rng.uniform(-3, 3, 60)
@@ -144,7 +141,7 @@ def elevations(law: Callable[[Array], Array]) -> Recording:
         (lambda E: 12 / np.tan(E) + 6 * np.cos(E) + 5 * np.sin(2 * E), False),
     ],
 )
-def test_terms_of_a_series_are_no_causes(law: Callable[[Array], Array], series: bool) -> None:
+def test_terms_of_a_series_are_no_causes(law, series):
     """-138 arcsec of two cycle and 660 of eccentricity were named beside a law of refraction of a few arcsec."""
     v = pointing(elevations(law))
     first = start(v)
@@ -154,7 +151,7 @@ def test_terms_of_a_series_are_no_causes(law: Callable[[Array], Array], series: 
     assert {cause.label for cause, _ in cancelling(c)} == ({t.label for t in taken[1:]} if series else set())
 
 
-def test_a_cause_is_told_with_the_sizes_of_the_last_model() -> None:
+def test_a_cause_is_told_with_the_sizes_of_the_last_model():
     v = pointing(telescope(2, north=25.0, east=-9.0))
     first = start(v)
     tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
@@ -167,7 +164,7 @@ def test_a_cause_is_told_with_the_sizes_of_the_last_model() -> None:
     assert abs(east["value"] + 9.0) < 4 * east["sigma"] < 4.0
 
 
-def test_errors_of_a_size_with_a_fitted_time_constant_are_as_large_as_its_sigma() -> None:
+def test_errors_of_a_size_with_a_fitted_time_constant_are_as_large_as_its_sigma():
     """A warm-up as long as the recording: with its time constant held, errors were 3.5 of the stated sigmas (rms)."""
     tau, size, terms, pulls = 500.0, 2e-2, ("bias", "scale_factor", "misalignment"), []
     for seed in range(16):

@@ -8,13 +8,12 @@ import pytest
 from gimbalcal.diagnose.search.stepwise import stepwise, with_causes
 from gimbalcal.diagnose.verdict.judgement import judged_without
 from gimbalcal.pipeline import silent
-from gimbalcal.recording import Recording
 from gimbalcal.views.pointing import pointing
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.small import telescope
 
 
-def test_a_clear_cause_is_likely_and_alone() -> None:
+def test_a_clear_cause_is_likely_and_alone():
     v = pointing(telescope(1, north=12.0, east=-7.0))
     c = stepwise(v, silent)
     (s,) = c.steps
@@ -28,7 +27,7 @@ def test_a_clear_cause_is_likely_and_alone() -> None:
     assert j.significance == pytest.approx(np.sqrt(F), rel=0.1)  # the scale is the likeliest of a grid 15 % wide
 
 
-def test_a_weak_cause_is_less_likely() -> None:
+def test_a_weak_cause_is_less_likely():
     v = pointing(telescope(1, north=12.0, east=-7.0))
     strong = stepwise(v, silent).causes[0]
     weak = pointing(telescope(1, north=0.3))
@@ -38,7 +37,7 @@ def test_a_weak_cause_is_less_likely() -> None:
     assert j.significance < 4
 
 
-def low(r: Recording, n: int) -> Recording:
+def low(r, n):
     """Stars in one small part of the sky, where a tilt and others are one constant and one slope."""
     E = 0.7 + 0.05 * (r.channels["true_angle", "elevation"] - 0.7)
     A = 0.05 * r.channels["true_angle", "azimuth"]
@@ -53,7 +52,7 @@ def low(r: Recording, n: int) -> Recording:
     return replace(r, channels=channels)
 
 
-def test_laws_that_coincide_on_these_rows_are_told_together() -> None:
+def test_laws_that_coincide_on_these_rows_are_told_together():
     """A slope in elevation over ten degrees is a bent tube, an eccentric encoder, refraction: whoever is taken up."""
     v = pointing(low(telescope(2), 80))
     c = stepwise(v, silent)

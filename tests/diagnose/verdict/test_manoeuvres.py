@@ -5,14 +5,10 @@ import pytest
 
 from gimbalcal.design.manoeuvres import menu, repeated
 from gimbalcal.diagnose.evidence.stated_noise import nominal
-from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.verdict import separation as module
 from gimbalcal.diagnose.verdict.separation import SETTLED, Advice, advice_in_words, advise, separation
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
-from gimbalcal.recording import Recording
-from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.words.diagnosis_sentences import separation_advice
 from tests.diagnose.small import at_rest, columns_at, covariance, few, observed, rows_of
@@ -21,7 +17,7 @@ TABLE = observed(1, dwell=3)
 REST = at_rest(1)
 
 
-def planned_rows(r: Recording, o: Fit) -> Fit:
+def planned_rows(r, o):
     """The rows of a planned recording about the model of a fit."""
     ids = tuple(dict.fromkeys(p.effect for p in o.parameters))
     return fit_baseline(view_at_known_attitude(r, ids, o.effects), o.effects, steps=0)
@@ -30,11 +26,11 @@ def planned_rows(r: Recording, o: Fit) -> Fit:
 REVERSED, LATER, OBLIQUE, OTHER, WARMER = (m.words for m in menu(TABLE.view.source))
 
 
-def causes(o: Fit, *labels: str) -> tuple[Candidate, ...]:
+def causes(o, *labels):
     return few(o, *labels).candidates
 
 
-def misfit_of_the_other(o: Fit, found: Candidate, size: Array, other: Candidate) -> float:
+def misfit_of_the_other(o, found, size, other):
     """Half the least chi^2 that calibration and the other cause, at any size and constants, leave of this signal."""
     V = covariance(nominal(o), len(rows_of(o)[0]))
     root = np.linalg.inv(np.linalg.cholesky(V))
@@ -52,7 +48,7 @@ def misfit_of_the_other(o: Fit, found: Candidate, size: Array, other: Candidate)
     [("gimbal_friction:inner", "encoder_eccentricity:inner"), ("bias_temperature:x", "bias_temperature_lagged:x"),
      ("bias_drift:x", "warm_up:x")],
 )  # fmt: skip
-def test_separation_is_what_the_other_cause_cannot_follow(found: str, other: str) -> None:
+def test_separation_is_what_the_other_cause_cannot_follow(found, other):
     i, j = causes(TABLE, found, other)
     size = np.arange(1.0, 1 + len(i.parameters))
     here = separation(TABLE, i, 0, size, j)
@@ -62,7 +58,7 @@ def test_separation_is_what_the_other_cause_cannot_follow(found: str, other: str
     assert separation(planned, i, 0, size, j) == pytest.approx(misfit_of_the_other(planned, i, size, j), rel=1e-5)
 
 
-def test_a_cause_is_not_told_from_itself() -> None:
+def test_a_cause_is_not_told_from_itself():
     (c,) = causes(TABLE, "cross_coupling:y")
     assert separation(TABLE, c, 0, np.ones(len(c.parameters)), c) == pytest.approx(0.0, abs=1e-9)
 
@@ -78,7 +74,7 @@ def test_a_cause_is_not_told_from_itself() -> None:
         ("post_move_creep:x", "bias_temperature:x", REVERSED),
     ],
 )
-def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found: str, other: str, words: str) -> None:
+def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found, other, words):
     i, j = causes(TABLE, found, other)
     size = np.full(len(i.parameters), 80.0)
     a = advise(TABLE, i, 0, size, j)
@@ -89,7 +85,7 @@ def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found: str, other: s
     assert a.ln_bayes / a.hours == pytest.approx(rate[words], rel=1e-5)
 
 
-def test_a_long_static_run_is_planned_with_fewer_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_static_run_is_planned_with_fewer_rows(monkeypatch):
     ramp, day = causes(REST, "bias_drift:x", "bias_temperature:x")
     whole = advise(REST, ramp, 0, np.array([1.0]), day)
     monkeypatch.setattr(module, "ENOUGH", 144)
@@ -97,7 +93,7 @@ def test_a_long_static_run_is_planned_with_fewer_rows(monkeypatch: pytest.Monkey
     assert half.ln_bayes == pytest.approx(whole.ln_bayes, rel=0.02)  # every second row stands for two
 
 
-def test_a_manoeuvre_that_brings_too_little_is_not_advised() -> None:
+def test_a_manoeuvre_that_brings_too_little_is_not_advised():
     """The expected ln Bayes factor goes with the square of the size: just above three nats, and just below."""
     i, j = causes(TABLE, "gimbal_friction:inner", "encoder_eccentricity:inner")
     best = advise(TABLE, i, 0, np.array([20.0]), j)
@@ -106,7 +102,7 @@ def test_a_manoeuvre_that_brings_too_little_is_not_advised() -> None:
     assert advise(TABLE, i, 0, np.array([0.999 * enough]), j) == Advice("", 0.0, 0.0)
 
 
-def test_manoeuvres_are_what_they_are_called() -> None:
+def test_manoeuvres_are_what_they_are_called():
     r = TABLE.view.source
     n = len(r.time)
     for m in menu(r):
@@ -128,7 +124,7 @@ def test_manoeuvres_are_what_they_are_called() -> None:
     np.testing.assert_allclose(oblique[n:], 2 / 3 * oblique[:n])  # 45 and 90 degrees become 30 and 60
 
 
-def test_a_static_run_goes_on_as_the_earth_turns() -> None:
+def test_a_static_run_goes_on_as_the_earth_turns():
     r = REST.view.source
     (m,) = menu(r)
     made, n = m.apply(r), len(r.time)
@@ -139,7 +135,7 @@ def test_a_static_run_goes_on_as_the_earth_turns() -> None:
     np.testing.assert_array_equal(made.channels["gimbal_angle", "middle"][n:], r.channels["gimbal_angle", "middle"])
 
 
-def test_twice_the_run_tells_a_ramp_from_a_day() -> None:
+def test_twice_the_run_tells_a_ramp_from_a_day():
     """Two days hold a ramp and a daily wave apart, four days better."""
     ramp, day = causes(REST, "bias_drift:x", "bias_temperature:x")
     a = advise(REST, ramp, 0, np.array([1.0]), day)
@@ -148,7 +144,7 @@ def test_twice_the_run_tells_a_ramp_from_a_day() -> None:
     assert a.ln_bayes > 4 * here  # the variance of a slope falls with the cube of the time
 
 
-def test_the_advice_is_one_sentence() -> None:
+def test_the_advice_is_one_sentence():
     i, j = causes(TABLE, "gimbal_friction:inner", "encoder_eccentricity:inner")
     names = "gimbal friction", "encoder eccentricity"
     assert advice_in_words(Advice(REVERSED, 12.3, 0.5), i, j) == separation_advice(REVERSED, 0.5, 12.3, *names)

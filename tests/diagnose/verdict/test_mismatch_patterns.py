@@ -11,13 +11,12 @@ from gimbalcal.diagnose.library.assemble import spans
 from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.verdict.mismatch import largest, patterns, view_mismatches
-from gimbalcal.views.core import View
 from gimbalcal.views.pointing import pointing
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.small import telescope
 
 
-def wavy(size: float, seed: int = 3) -> View:
+def wavy(size, seed=3):
     """A telescope whose elevation is off by five waves in azimuth, in arcsec."""
     r = telescope(seed)
     A = r.channels["true_angle", "azimuth"]
@@ -25,7 +24,7 @@ def wavy(size: float, seed: int = 3) -> View:
     return pointing(replace(r, channels={**r.channels, ("gimbal_angle", "elevation"): read}))
 
 
-def test_a_pattern_is_told_with_its_f_statistic() -> None:
+def test_a_pattern_is_told_with_its_f_statistic():
     v = wavy(3.0)
     m = start(v)
     first = patterns(m)[0]
@@ -38,7 +37,7 @@ def test_a_pattern_is_told_with_its_f_statistic() -> None:
     Z, y = m.jacobian.reshape(160, -1), m.residual.ravel()
     Z = Z / (np.linalg.norm(Z, axis=0) + 1e-300)
 
-    def left(A: np.ndarray) -> float:
+    def left(A):
         return float(np.sum((y - A @ np.linalg.lstsq(A, y, rcond=1e-7)[0]) ** 2))
 
     both = np.concatenate([Z, X.reshape(160, -1)], axis=1)
@@ -56,7 +55,7 @@ def test_a_pattern_is_told_with_its_f_statistic() -> None:
     assert f"({size:.3g} arcsec rms)" in first["in_words"]
 
 
-def test_chance_is_no_pattern() -> None:
+def test_chance_is_no_pattern():
     """Clean recordings: all shapes together are odd in one of a thousand."""
     for seed in range(6):
         v = pointing(telescope(seed))
@@ -65,7 +64,7 @@ def test_chance_is_no_pattern() -> None:
         assert view_mismatches(m, np.full((80, 2), ARCSEC)) == largest(m, np.full((80, 2), ARCSEC))
 
 
-def test_without_a_pattern_the_worst_channel_is_told_against_the_scatter_in_the_end() -> None:
+def test_without_a_pattern_the_worst_channel_is_told_against_the_scatter_in_the_end():
     v = pointing(telescope(1))
     m = start(v)
     sigma = np.tile([2.0, 0.9], (80, 1)) * ARCSEC

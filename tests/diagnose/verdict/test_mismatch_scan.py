@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import ReducedRows
 from gimbalcal.diagnose.search.ranking import reduced
 from gimbalcal.diagnose.verdict import mismatch
 from gimbalcal.diagnose.verdict.mismatch import MAX_CELLS, Cell, Scan, scan, scanned_mismatches
-from gimbalcal.number import Array
-from gimbalcal.views.core import Fit
 from tests.diagnose.plant import known, on
 from tests.diagnose.small import at_rest, clean, covariance, few, noises, observed, rows_of
 from tests.golden import golden_text
@@ -22,23 +19,23 @@ REST = at_rest(2)
 LIBRARY = few(TABLE, "scale_factor_asymmetry:y")
 
 
-def prepared(o: Fit) -> tuple[ReducedRows, Node]:
+def prepared(o):
     (node,) = noises(o, 1)
     label = "scale_factor_asymmetry:y" if o.view.kind == "multi-position" else "bias_drift:x"
     return reduced(o, few(o, label).X, [node]), node
 
 
-def scanned(o: Fit, seed: int = 1, explained: Array | None = None) -> Scan:
+def scanned(o, seed=1, explained=None):
     rows, node = prepared(o)
     return scan(o, rows, node, np.random.default_rng(seed), explained)
 
 
-def fall_of_chi2(o: Fit, node: Node, columns: Array, beside: Array) -> float:
+def fall_of_chi2(o, node, columns, beside):
     """Chi^2 that these columns (R, m) take away beside the calibration and others, in one noise."""
     Z, y = rows_of(o)
     root = np.linalg.inv(np.linalg.cholesky(covariance(node, len(y))))
 
-    def left(A: Array) -> float:
+    def left(A):
         A = root @ A
         A = A / (np.linalg.norm(A, axis=0) + 1e-300)
         return float(np.sum((root @ y - A @ np.linalg.lstsq(A, root @ y, rcond=1e-8)[0]) ** 2))
@@ -48,7 +45,7 @@ def fall_of_chi2(o: Fit, node: Node, columns: Array, beside: Array) -> float:
 
 
 @pytest.mark.parametrize("beside", [False, True])
-def test_a_statistic_is_the_chi2_that_a_place_of_its_own_takes_away(beside: bool) -> None:
+def test_a_statistic_is_the_chi2_that_a_place_of_its_own_takes_away(beside):
     o = observed(3, known(1)["asymmetry"][0], 100.0, dwell=6)
     rows, node = prepared(o)
     X = LIBRARY.X if beside else np.zeros((len(LIBRARY.X), 0))
@@ -61,7 +58,7 @@ def test_a_statistic_is_the_chi2_that_a_place_of_its_own_takes_away(beside: bool
 
 
 @pytest.mark.parametrize(("position", "axis"), [(5, 1), (14, 0)])
-def test_a_misfit_at_one_position_is_the_first_cell(position: int, axis: int) -> None:
+def test_a_misfit_at_one_position_is_the_first_cell(position, axis):
     o = observed(4, lambda b: on(axis, (b.visit == position - 1).astype(float)), 80.0, dwell=6)
     s = scanned(o)
     assert s.p_value < 1e-4
@@ -73,13 +70,13 @@ def test_a_misfit_at_one_position_is_the_first_cell(position: int, axis: int) ->
     golden_text(first["in_words"])
 
 
-def test_a_wave_in_a_static_run_is_seen_at_its_period() -> None:
+def test_a_wave_in_a_static_run_is_seen_at_its_period():
     o = at_rest(5, lambda r: np.outer(np.sin(2 * np.pi * r.t / 9600.0), [0.0, 0.0, 1.0]), 3.0)
     first = scanned_mismatches(scanned(o))[0]
     assert (first["axis"], first["where"]) == ("z", {"period_min": 160.0})
 
 
-def test_a_clean_recording_is_as_bad_somewhere_as_its_p_value_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clean_recording_is_as_bad_somewhere_as_its_p_value_says(monkeypatch):
     """p is uniform over clean recordings of this design, whichever of the many overlapping cells is the worst."""
     monkeypatch.setattr(mismatch, "DRAWS", 100)  # for time
     rng = np.random.default_rng(6)
@@ -96,17 +93,17 @@ def test_a_clean_recording_is_as_bad_somewhere_as_its_p_value_says(monkeypatch: 
     assert np.mean(np.array(p) < 0.1) < 0.1 + 3 * np.sqrt(0.09 / 80)
 
 
-def test_beside_its_cause_nothing_is_off() -> None:
+def test_beside_its_cause_nothing_is_off():
     o = observed(7, known(1)["asymmetry"][0], 400.0, dwell=6)
     assert scanned(o).p_value < 1e-3
     assert scanned(o, explained=LIBRARY.X).p_value > 0.05
 
 
-def cell(axis: str, position: int) -> Cell:
+def cell(axis, position):
     return Cell("specific_force", axis, {"positions": [position]}, f"at position {position}")
 
 
-def test_positions_of_one_channel_are_told_together() -> None:
+def test_positions_of_one_channel_are_told_together():
     cells = (cell("x", 9), cell("x", 2), cell("y", 3), cell("z", 4), cell("z", 5))
     s = Scan(cells, np.array([50.0, 40.0, 30.0, 10.0, 35.0]), np.array([1e-9, 1e-7, 1e-4, 1e-3, 0.2]))
     x, y = scanned_mismatches(s)

@@ -7,12 +7,11 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import chi2
 
-from gimbalcal.diagnose.search.combine import CombinedRanking, combine
+from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.search.fitted_causes import constant_value, fit_causes
 from gimbalcal.diagnose.verdict.agreement import inverse_of
 from gimbalcal.diagnose.verdict.pooled_sizes import agreement_on_size, causes_by_recording, common_sizes, pooled
 from gimbalcal.inference.algebra import orthonormal
-from gimbalcal.number import Array
 from tests.diagnose.plant import cooled, known, on
 from tests.diagnose.small import candidate, covariance, gls, observed, rows_of, searched
 
@@ -20,7 +19,7 @@ LABELS = ("scale_factor_asymmetry:y", "cross_coupling:y")
 
 
 @cache
-def two(sizes: tuple[float, float]) -> CombinedRanking:
+def two(sizes):
     made = [observed(seed, known(1)["asymmetry"][0], x, dwell=6) for seed, x in zip((1, 2), sizes, strict=True)]
     return combine([searched(o, *LABELS, count=1) for o in made])
 
@@ -29,7 +28,7 @@ SI = np.array([1e-6, 100.0])  # of a size and a lag
 ALIKE = two((150.0, 150.0))
 
 
-def joint(c: CombinedRanking, labels: tuple[str, ...]) -> tuple[Array, Array]:
+def joint(c, labels):
     """Rows of both recordings stacked: a calibration of its own for each, and sizes common to both."""
     Z, X, y, V = [], [], [], []
     for s in c.searches:
@@ -45,13 +44,13 @@ def joint(c: CombinedRanking, labels: tuple[str, ...]) -> tuple[Array, Array]:
     return x[-p:], C[-p:, -p:]
 
 
-def members(c: CombinedRanking, labels: tuple[str, ...]) -> tuple[int, ...]:
+def members(c, labels):
     found = [x.label for x in c.library.candidates]
     return tuple(found.index(label) for label in labels)
 
 
 @pytest.mark.parametrize("labels", [LABELS[:1], LABELS])
-def test_the_pooled_size_is_that_of_one_fit_to_both(labels: tuple[str, ...]) -> None:
+def test_the_pooled_size_is_that_of_one_fit_to_both(labels):
     m = members(ALIKE, labels)
     made = causes_by_recording(ALIKE, m)
     counts = [len(ALIKE.library.candidates[i].parameters) for i in m]
@@ -64,7 +63,7 @@ def test_the_pooled_size_is_that_of_one_fit_to_both(labels: tuple[str, ...]) -> 
 
 
 @pytest.mark.parametrize(("sizes", "alike"), [((150.0, 150.0), True), ((150.0, -150.0), False)])
-def test_agreement_is_chi2_of_the_difference(sizes: tuple[float, float], alike: bool) -> None:
+def test_agreement_is_chi2_of_the_difference(sizes, alike):
     c = two(sizes)
     made = causes_by_recording(c, members(c, LABELS[:1]))
     (x1, x2), (v1, v2) = [p.fit.x[0] for p in made], [p.fit.covariance[0, 0] for p in made]
@@ -75,7 +74,7 @@ def test_agreement_is_chi2_of_the_difference(sizes: tuple[float, float], alike: 
     assert (a.p_value > 1e-3) is alike
 
 
-def test_one_recording_has_nobody_to_disagree_with() -> None:
+def test_one_recording_has_nobody_to_disagree_with():
     c = two((150.0, 150.0))
     only = causes_by_recording(c, members(c, LABELS[:1]))[:1]
     assert (agreement_on_size(only, 0).combinations, agreement_on_size(only, 0).p_value) == (0, 1.0)
@@ -83,19 +82,19 @@ def test_one_recording_has_nobody_to_disagree_with() -> None:
     assert (x[0], C[0, 0]) == pytest.approx((only[0].fit.x[0], only[0].fit.covariance[0, 0]))
 
 
-def test_without_members_each_part_is_the_fit_of_nothing() -> None:
+def test_without_members_each_part_is_the_fit_of_nothing():
     for part, s in zip(causes_by_recording(ALIKE, ()), ALIKE.searches, strict=True):
         assert part.search is s
         assert (part.ordinals, part.fit.index) == ((), ())
 
 
-def test_a_direction_without_information_stays_without() -> None:
+def test_a_direction_without_information_stays_without():
     C = np.array([[4.0, 0.0], [0.0, 0.0]])
     np.testing.assert_allclose(inverse_of(C), [[0.25, 0.0], [0.0, 0.0]])
     assert inverse_of(np.zeros((0, 0))).shape == (0, 0)
 
 
-def test_a_lag_is_common_and_surer_together() -> None:
+def test_a_lag_is_common_and_surer_together():
     """Each recording tries values of its own; the common one has the least chi^2 of both together."""
     label = "bias_temperature_lagged:x"
     made = [observed(seed, lambda b: on(0, cooled(b, 750.0)), 200.0, dwell=30) for seed in (3, 4)]

@@ -7,15 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration, Provenance, from_dict
+from gimbalcal.calibration import Provenance, from_dict
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.search.fitted_causes import JointCovariance, fit_causes
-from gimbalcal.diagnose.search.ranking import Ranking, Search
 from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, causes_by_recording, common_sizes
 from gimbalcal.diagnose.verdict.refit_calibration import calibrated, sized_causes_of
-from gimbalcal.recording import Recording, Source
+from gimbalcal.recording import Source
 from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose import static_plant
@@ -35,11 +34,11 @@ CAUSES = [  # kind of the cause, its label, a size in ug or arcsec that stands f
 ]
 
 
-def observed_of(r: Recording, label: str) -> Search:
+def observed_of(r, label):
     return searched(scale_to_scatter(fit_baseline(view_at_known_attitude(r))), label, count=3)
 
 
-def calibration_with(c: Ranking, members: list[int]) -> Calibration:
+def calibration_with(c, members):
     """The calibration of all recordings of a ranking with these causes."""
     each = causes_by_recording(c, members)
     found = sized_causes_of(common_sizes(each, [c.library.candidates[i] for i in members]))
@@ -47,14 +46,14 @@ def calibration_with(c: Ranking, members: list[int]) -> Calibration:
 
 
 @cache
-def case(kind: str, label: str, size: float) -> tuple[Recording, Search, Calibration]:
+def case(kind, label, size):
     r = record(np.random.default_rng(4), known(1)[kind][0], size, dwell=12)
     s = observed_of(r, label)
     return r, s, calibration_with(s, [candidate(s, label)])
 
 
 @pytest.mark.parametrize(("kind", "label", "size"), CAUSES)
-def test_corrected_by_it_a_recording_lacks_nothing(kind: str, label: str, size: float) -> None:
+def test_corrected_by_it_a_recording_lacks_nothing(kind, label, size):
     r, s, made = case(kind, label, size)
     assert s.ln_total > 10 * CLAIM
     assert made.residual.chi2 / made.residual.dof == pytest.approx(1.0, abs=0.3)  # 300 numbers: 4 sigma of 0.08
@@ -65,7 +64,7 @@ def test_corrected_by_it_a_recording_lacks_nothing(kind: str, label: str, size: 
         assert values["b_T:y"] == pytest.approx(size, abs=4 * made.sigmas[[*values].index("b_T:y")])
 
 
-def test_the_causes_have_the_sizes_that_were_told_and_the_others_go_with_them() -> None:
+def test_the_causes_have_the_sizes_that_were_told_and_the_others_go_with_them():
     _, s, made = case(*CAUSES[0])
     f = fit_causes(s, [candidate(s, CAUSES[0][1])])
     p = s.library.candidates[f.members[0]].parameters[0]
@@ -84,7 +83,7 @@ def test_the_causes_have_the_sizes_that_were_told_and_the_others_go_with_them() 
     np.testing.assert_allclose((made.sigmas[:-1] / scale)[seen], np.sqrt(np.diag(C))[:-1][seen], rtol=5e-2)
 
 
-def test_a_constant_of_an_effect_stands_in_the_file() -> None:
+def test_a_constant_of_an_effect_stands_in_the_file():
     made = case(*CAUSES[3])[2]
     tau = next(row for row in made.to_dict()["parameters"] if row["name"] == "warm_up.tau")
     assert to_si(tau["value"], tau["unit"]) == pytest.approx(700, rel=0.3)
@@ -94,7 +93,7 @@ def test_a_constant_of_an_effect_stands_in_the_file() -> None:
     assert held["warm_up.tau"] == pytest.approx(to_si(tau["value"], tau["unit"]))
 
 
-def test_what_happened_once_is_taken_off_the_recording_that_it_happened_in() -> None:
+def test_what_happened_once_is_taken_off_the_recording_that_it_happened_in():
     r, _, made = case(*CAUSES[-1])
     here, there = (replace(r, source=(Source("samples.csv", digest),)) for digest in ("a", "b"))
     made = replace(made, provenance=Provenance(recordings=here.source))
@@ -103,13 +102,13 @@ def test_what_happened_once_is_taken_off_the_recording_that_it_happened_in() -> 
     assert np.abs(made.apply(here).angles() - steady.apply(here).angles()).max() > 10 * ARCSEC
 
 
-def test_recordings_of_one_unit_add_up_and_those_of_two_are_told_apart() -> None:
+def test_recordings_of_one_unit_add_up_and_those_of_two_are_told_apart():
     label = "scale_factor_asymmetry:y"
     one = [record(np.random.default_rng(3), known(1)["asymmetry"][0], 150 * UG, dwell=d) for d in (6, 8)]
     other = record(np.random.default_rng(4), known(1)["asymmetry"][0], 150 * UG, dwell=6)
     run = static_plant.record(np.random.default_rng(1))
 
-    def together(*recordings: Recording) -> Calibration:
+    def together(*recordings):
         fits = [scale_to_scatter(fit_baseline(view_at_known_attitude(r))) for r in recordings]
         c = combine([searched(o, *([label] if r is not run else ["bias_drift:x"]), count=1)
                      for o, r in zip(fits, recordings, strict=True)])  # fmt: skip
@@ -121,7 +120,7 @@ def test_recordings_of_one_unit_add_up_and_those_of_two_are_told_apart() -> None
     golden_text(with_run.outcome)
 
 
-def test_an_effect_that_was_found_twice_with_other_constants_is_fitted_with_one() -> None:
+def test_an_effect_that_was_found_twice_with_other_constants_is_fitted_with_one():
     """Warm-up of two accelerometers, each with a time constant of its own."""
     warm = known(1)["warm-up"][0]
     r = record(np.random.default_rng(4), lambda b: {"output": np.outer(warm(b)["output"][:, 1], [0.0, 1.0, 0.8])},

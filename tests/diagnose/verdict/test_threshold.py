@@ -8,10 +8,9 @@ from scipy.stats import kstest
 
 from gimbalcal.diagnose.evidence.projection import gather, project, stack
 from gimbalcal.diagnose.evidence.stated_noise import coloured, nodes
-from gimbalcal.diagnose.search.ranking import Search, search
+from gimbalcal.diagnose.search.ranking import search
 from gimbalcal.diagnose.verdict.threshold import DRAWS, anything, clean_evidence, clean_singles
 from gimbalcal.inference.algebra import logsumexp
-from gimbalcal.number import Array
 from tests.diagnose.small import at_rest, covariance, few, observed, rows_of, searched
 
 LABELS = ("scale_factor_asymmetry:y", "bias_temperature_lagged:x", "encoder_two_cycle:inner", "cross_coupling:z")
@@ -22,7 +21,7 @@ REST = search(
 )
 
 
-def drawn_one_by_one(s: Search, draws: int, rng: np.random.Generator) -> Array:
+def drawn_one_by_one(s, draws, rng):
     """ln Bayes factors (candidates, draws) of data drawn from the dense covariance of the noises that are likely."""
     Z, _ = rows_of(s.fit)
     weight = np.exp(s.null - logsumexp(s.null))
@@ -42,7 +41,7 @@ def drawn_one_by_one(s: Search, draws: int, rng: np.random.Generator) -> Array:
 
 
 @pytest.mark.parametrize("s", [TABLE, REST], ids=["table", "at rest"])
-def test_clean_evidence_is_that_of_recordings_drawn_one_by_one(s: Search) -> None:
+def test_clean_evidence_is_that_of_recordings_drawn_one_by_one(s):
     rng = np.random.default_rng(3)
     quick = np.concatenate([clean_singles(s, rng) for _ in range(5)], axis=1)
     slow = drawn_one_by_one(s, 600, rng)
@@ -53,7 +52,7 @@ def test_clean_evidence_is_that_of_recordings_drawn_one_by_one(s: Search) -> Non
         assert np.mean(mine > np.quantile(theirs, 0.9)) == pytest.approx(0.1, abs=0.05)
 
 
-def test_anything_is_the_mean_over_candidates_by_their_shares() -> None:
+def test_anything_is_the_mean_over_candidates_by_their_shares():
     ln, share = np.log([[4.0, 1.0], [1.0, 16.0]]), np.log([0.25, 0.5])
     np.testing.assert_allclose(np.exp(anything(ln, share)), [0.25 * 4 + 0.5 * 1, 0.25 * 1 + 0.5 * 16])
     whole, (alone,) = clean_evidence(TABLE, np.random.default_rng(6))

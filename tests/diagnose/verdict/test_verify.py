@@ -7,7 +7,6 @@ from gimbalcal.diagnose.search.fitted_causes import columns_of_causes, fit_cause
 from gimbalcal.diagnose.verdict.verify import residual_rows, verify
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.forward import jacobian
-from gimbalcal.number import Array
 from gimbalcal.views.known_attitude import FOLDS
 from tests.diagnose.plant import known
 from tests.diagnose.small import again, at_rest, candidate, clean, noises, observed, rows_of, searched
@@ -16,7 +15,7 @@ LABEL = "scale_factor_asymmetry:y"
 PLANTED = observed(3, known(1)["asymmetry"][0], 300.0)
 
 
-def refitted_without_each(A: Array, y: Array, fold: Array) -> float:
+def refitted_without_each(A, y, fold):
     """Mean square of each part's prediction error over its covariance, every fit made anew."""
     A = A / np.linalg.norm(A, axis=0)
     total = 0.0
@@ -28,7 +27,7 @@ def refitted_without_each(A: Array, y: Array, fold: Array) -> float:
     return float(total / len(y))
 
 
-def test_held_out_positions_are_refits_without_each() -> None:
+def test_held_out_positions_are_refits_without_each():
     s = searched(PLANTED, LABEL)
     f = fit_causes(s, (0,))
     X = columns_of_causes(s, f)
@@ -49,7 +48,7 @@ def test_held_out_positions_are_refits_without_each() -> None:
     assert v.autocorrelation_sigma == pytest.approx(1 / np.sqrt(18 * 5 * 3))
 
 
-def test_prediction_of_clean_noise_is_as_good_as_stated() -> None:
+def test_prediction_of_clean_noise_is_as_good_as_stated():
     """One is what noise alone gives: 24 recordings of 324 numbers each, in the very noise that they are made of."""
     rng = np.random.default_rng(4)
     (node,) = noises(PLANTED, 1)
@@ -63,7 +62,7 @@ def test_prediction_of_clean_noise_is_as_good_as_stated() -> None:
     assert np.mean([v.heldout_before for v in out]) == pytest.approx(1.0, abs=four_sigmas)
 
 
-def test_prediction_is_as_good_as_noise_once_the_missing_cause_is_in() -> None:
+def test_prediction_is_as_good_as_noise_once_the_missing_cause_is_in():
     s = searched(PLANTED, LABEL)
     f = fit_causes(s, (0,))
     v = verify(s, f, columns_of_causes(s, f))
@@ -76,7 +75,7 @@ def test_prediction_is_as_good_as_noise_once_the_missing_cause_is_in() -> None:
 
 
 @pytest.mark.parametrize(("name", "label"), [("blunder", "position_blunder"), ("step", "bias_step:x")])
-def test_what_happens_at_one_place_or_moment_is_held_out_within_dwells(name: str, label: str) -> None:
+def test_what_happens_at_one_place_or_moment_is_held_out_within_dwells(name, label):
     """No other position can predict it: a sixth of every dwell is left out, and the rest of the dwell says what it is.
 
     Left out with its whole position it would seem to explain nothing.
@@ -94,7 +93,7 @@ def test_what_happens_at_one_place_or_moment_is_held_out_within_dwells(name: str
     assert v.heldout_after < 0.7 * v.heldout_before
 
 
-def test_a_static_run_is_held_out_in_stretches_of_time() -> None:
+def test_a_static_run_is_held_out_in_stretches_of_time():
     o = at_rest(6)
     s = searched(o, "bias_drift:x", count=1)
     f = fit_causes(s, (0,))
@@ -109,7 +108,7 @@ def test_a_static_run_is_held_out_in_stretches_of_time() -> None:
 
 
 @pytest.mark.parametrize("label", ["scale_factor_asymmetry:y", "encoder_two_cycle:inner"])
-def test_columns_of_a_finding_are_derivatives_of_the_forward_model(label: str) -> None:
+def test_columns_of_a_finding_are_derivatives_of_the_forward_model(label):
     s = searched(PLANTED, label)
     f = fit_causes(s, (candidate(s, label),))
     c, o = s.library.candidates[0], s.fit
@@ -119,7 +118,7 @@ def test_columns_of_a_finding_are_derivatives_of_the_forward_model(label: str) -
     np.testing.assert_allclose(columns_of_causes(s, f), whole, atol=1e-6 * np.abs(whole).max())
 
 
-def test_residual_rows_are_what_calibration_cannot_follow() -> None:
+def test_residual_rows_are_what_calibration_cannot_follow():
     s = searched(PLANTED, LABEL)
     f = fit_causes(s, (0,))
     X = columns_of_causes(s, f)

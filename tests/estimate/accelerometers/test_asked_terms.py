@@ -12,7 +12,7 @@ from tests.golden import refused
 XSENS = Path(__file__).resolve().parents[3] / "data" / "xsens_positions"
 
 
-def test_each_term_that_a_refusal_offers_is_one_that_the_recording_can_show() -> None:
+def test_each_term_that_a_refusal_offers_is_one_that_the_recording_can_show():
     """What the sentence offers is fitted or declined; what it does not offer is refused with what is missing."""
     recording = read(XSENS)
     with pytest.raises(InputError, match="choose from") as caught:

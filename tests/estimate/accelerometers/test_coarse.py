@@ -8,7 +8,6 @@ import pytest
 from gimbalcal.effects import values
 from gimbalcal.estimate.accelerometers.coarse import NEGLIGIBLE_ZERO_RAD, coarse, relevel
 from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
-from gimbalcal.recording import Recording
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, FACE_POSITIONS
 from tests.estimate.device import ARCSEC, PARAMETERS, SITE, draw, interchanged, measured
 from tests.golden import golden_text
@@ -18,13 +17,13 @@ NO_K = np.array([float(q.effect != "scale_nonlinearity") for q in PARAMETERS])
 ZEROS = [[q.label for q in PARAMETERS].index(f"gimbal_zero:{axis}") for axis in ("inner", "middle")]
 
 
-def quiet(truth: np.ndarray) -> Recording:
+def quiet(truth):
     """Readings without noise that state some."""
     recording = measured(truth, np.random.default_rng(0), setting=0.0, samples=10**12)
     return replace(recording, noise={"accelerometer": 2e-4, "gimbal_angle": ARCSEC}, weight=np.full(18, 120.0))
 
 
-def test_without_noise_and_nonlinearity_it_returns_the_truth() -> None:
+def test_without_noise_and_nonlinearity_it_returns_the_truth():
     truth = draw(np.random.default_rng(1)) * NO_K
     c = coarse(trusted_positions(quiet(truth)))
     known = [PARAMETERS[i].label for i in KEPT]
@@ -37,7 +36,7 @@ def test_without_noise_and_nonlinearity_it_returns_the_truth() -> None:
     np.testing.assert_allclose(off / c.sigmas, 0, atol=1e-4)
 
 
-def test_faces_alone_give_scale_factor_and_bias_by_the_printed_formula() -> None:
+def test_faces_alone_give_scale_factor_and_bias_by_the_printed_formula():
     rng = np.random.default_rng(2)
     recording = measured(draw(rng), rng)
     c = coarse(trusted_positions(recording))
@@ -54,7 +53,7 @@ def test_faces_alone_give_scale_factor_and_bias_by_the_printed_formula() -> None
         assert found[f"bias:{axis}"] == pytest.approx((high + low) / 2, abs=2e-6)
 
 
-def test_stated_sigma_holds_with_a_nonlinearity_of_prior_size() -> None:
+def test_stated_sigma_holds_with_a_nonlinearity_of_prior_size():
     runs, squares = 40, []
     for seed in range(runs):
         rng = np.random.default_rng(seed)
@@ -71,7 +70,7 @@ def test_stated_sigma_holds_with_a_nonlinearity_of_prior_size() -> None:
 
 
 @pytest.mark.parametrize("missing", [[5], [1, 3], [7, 9, 11]])
-def test_a_missing_face_is_said_and_costs_only_accuracy(missing: list[int]) -> None:
+def test_a_missing_face_is_said_and_costs_only_accuracy(missing):
     rng = np.random.default_rng(3)
     truth = draw(rng)
     recording = measured(truth, rng)
@@ -82,7 +81,7 @@ def test_a_missing_face_is_said_and_costs_only_accuracy(missing: list[int]) -> N
     assert np.all(np.abs(c.values - truth[KEPT])[:6] < 5 * c.sigmas[:6])
 
 
-def test_interchanged_positions_do_not_spoil_it() -> None:
+def test_interchanged_positions_do_not_spoil_it():
     rng = np.random.default_rng(4)
     truth = draw(rng)
     c = coarse(trusted_positions(interchanged(measured(truth, rng), 3, 9)))
@@ -90,13 +89,13 @@ def test_interchanged_positions_do_not_spoil_it() -> None:
     assert np.all(np.abs(c.values - truth[KEPT])[:6] < 5 * c.sigmas[:6])
 
 
-def test_levelling_turns_the_platform_until_its_zeros_are_negligible() -> None:
+def test_levelling_turns_the_platform_until_its_zeros_are_negligible():
     rng = np.random.default_rng(5)
     truth = draw(rng)
     truth[ZEROS] = np.deg2rad([0.8, -0.5])  # far from level at first
     asked = []
 
-    def measure(readouts: np.ndarray) -> Recording:
+    def measure(readouts):
         asked.append(readouts)
         return measured(truth, np.random.default_rng(50), setting=0.0, readouts=readouts, samples=10**6)
 
@@ -111,7 +110,7 @@ def test_levelling_turns_the_platform_until_its_zeros_are_negligible() -> None:
                                atol=6 * ARCSEC)  # fmt: skip
 
 
-def test_a_recorded_set_is_levelled_numerically() -> None:
+def test_a_recorded_set_is_levelled_numerically():
     truth = draw(np.random.default_rng(6)) * NO_K
     truth[ZEROS] = np.deg2rad([0.8, -0.5])
     c = coarse(trusted_positions(quiet(truth)))

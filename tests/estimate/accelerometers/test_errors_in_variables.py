@@ -7,10 +7,9 @@ import pytest
 
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.process import SettingError, WhiteNoise, covariance
-from gimbalcal.estimate.accelerometers.position_fit import Positions, fit_in_noise
+from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
 from gimbalcal.estimate.fit import fit
 from gimbalcal.platform import KNOWN, SPACE_STABLE
-from gimbalcal.recording import Recording
 from gimbalcal.views.local import eliminate
 from gimbalcal.views.norm import in_noise_of_readings, norm
 from gimbalcal.views.positions import Noise, by_visit, position_parameters, view_of_positions
@@ -18,12 +17,12 @@ from tests.estimate.device import ARCSEC, NOISE, PARAMETERS, SAMPLE, draw, measu
 
 
 @pytest.fixture
-def recording() -> Recording:
+def recording():
     rng = np.random.default_rng(1)
     return measured(draw(rng), rng)
 
 
-def raw(recording: Recording, rng: np.random.Generator, n: int = 7) -> Recording:
+def raw(recording, rng, n=7):
     """Every dwell mean spread into n samples with that mean and some scatter."""
     wide = recording.select(np.repeat(np.arange(len(recording.time)), n))
     channels = dict(wide.channels)
@@ -35,11 +34,11 @@ def raw(recording: Recording, rng: np.random.Generator, n: int = 7) -> Recording
     return replace(wide, channels=channels, weight=np.ones(len(wide.time)))
 
 
-def gauss_newton(recording: Recording, noise: Noise = NOISE, wanted: tuple = PARAMETERS, **options: bool) -> Positions:
+def gauss_newton(recording, noise=NOISE, wanted=PARAMETERS, **options):
     return fit_in_noise(view_of_positions(recording, noise, **options), noise, wanted)
 
 
-def test_elimination_equals_stacking_the_setting_errors_as_unknowns(recording: Recording) -> None:
+def test_elimination_equals_stacking_the_setting_errors_as_unknowns(recording):
     p = gauss_newton(recording)
     fit = p.fit
     # one dense least squares: readings, then one row for the prior of each setting error
@@ -60,7 +59,7 @@ def test_elimination_equals_stacking_the_setting_errors_as_unknowns(recording: R
     assert fit.solution.dof == 3 * m - np.linalg.matrix_rank(rows[: 3 * m, :P], tol=1e-6) == 54 - 17
 
 
-def test_every_sample_tells_what_the_dwell_means_tell(recording: Recording) -> None:
+def test_every_sample_tells_what_the_dwell_means_tell(recording):
     samples = raw(recording, np.random.default_rng(2))
     means, every = gauss_newton(samples).fit, gauss_newton(samples, averaged=False).fit
     np.testing.assert_allclose(every.solution.x, means.solution.x, atol=1e-6 * means.solution.sigma.min())
@@ -71,13 +70,13 @@ def test_every_sample_tells_what_the_dwell_means_tell(recording: Recording) -> N
     assert (every.solution.chi2 - means.solution.chi2) / inside == pytest.approx(1, abs=0.3)
 
 
-def test_rows_in_motion_take_no_part(recording: Recording) -> None:
+def test_rows_in_motion_take_no_part(recording):
     moving = replace(recording, position=np.where(np.arange(18) == 4, 0, recording.position))
     for averaged in (True, False):
         assert len(view_of_positions(moving, NOISE, averaged=averaged).local.zero) == 17
 
 
-def test_visits_are_whitened_by_the_covariance_of_the_processes(recording: Recording) -> None:
+def test_visits_are_whitened_by_the_covariance_of_the_processes(recording):
     linear = by_visit(view_of_positions(recording, NOISE), (), PARAMETERS, np.zeros(len(PARAMETERS)))
     noise = Noise(SAMPLE, 3 * ARCSEC)
     w = eliminate(linear, 1.0, noise.setting**2)
@@ -91,7 +90,7 @@ def test_visits_are_whitened_by_the_covariance_of_the_processes(recording: Recor
     assert np.count_nonzero(setting - np.diag(np.diag(setting))) == 0
 
 
-def test_unknown_attitude_leaves_one_row_a_visit_along_the_force(recording: Recording) -> None:
+def test_unknown_attitude_leaves_one_row_a_visit_along_the_force(recording):
     view = view_of_positions(recording, NOISE)
     linear = by_visit(view, (), PARAMETERS, np.zeros(len(PARAMETERS)))
     free = eliminate(linear, 1.0, np.inf)
@@ -106,7 +105,7 @@ def test_unknown_attitude_leaves_one_row_a_visit_along_the_force(recording: Reco
     assert np.abs(tight.gain).max() < 1e-200
 
 
-def test_a_unit_without_gimbals_is_the_same_as_gimbals_that_say_nothing(recording: Recording) -> None:
+def test_a_unit_without_gimbals_is_the_same_as_gimbals_that_say_nothing(recording):
     wanted = position_parameters(SPACE_STABLE, [name for name in BASELINE["multi-position"] if name != "gimbal_zero"])
     blind = gauss_newton(recording, Noise(SAMPLE, np.inf), wanted).fit
     bench = fit([in_noise_of_readings(norm(recording))], wanted)
@@ -114,7 +113,7 @@ def test_a_unit_without_gimbals_is_the_same_as_gimbals_that_say_nothing(recordin
     np.testing.assert_allclose(bench.solution.x, blind.solution.x, atol=2e-3 * blind.solution.sigma.min())
 
 
-def test_gimbal_about_the_vertical_is_left_out_and_others_stay() -> None:
+def test_gimbal_about_the_vertical_is_left_out_and_others_stay():
     assert [q.axis for q in position_parameters(SPACE_STABLE) if q.effect == "gimbal_zero"] == [
         "platform",
         "inner",
@@ -126,7 +125,7 @@ def test_gimbal_about_the_vertical_is_left_out_and_others_stay() -> None:
     ]
 
 
-def test_a_fit_that_runs_away_stops_and_says_so(recording: Recording) -> None:
+def test_a_fit_that_runs_away_stops_and_says_so(recording):
     nonsense = replace(
         recording,
         channels={k: (np.roll(v, 5) * 3 if k[0] == "specific_force" else v) for k, v in recording.channels.items()},

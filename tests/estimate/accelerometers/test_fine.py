@@ -19,7 +19,7 @@ WANTED = position_parameters(SPACE_STABLE, FORCE_TERMS)
 LABELS = [q.label for q in PARAMETERS]
 
 
-def twelve(x: np.ndarray) -> np.ndarray:
+def twelve(x):
     """The combinations of Eq. (17) out of all parameters."""
     by = dict(zip(LABELS, x, strict=True))
     return np.array(
@@ -27,7 +27,7 @@ def twelve(x: np.ndarray) -> np.ndarray:
     )
 
 
-def half_squared_norm(measured_force: np.ndarray, x: np.ndarray) -> np.ndarray:
+def half_squared_norm(measured_force, x):
     """1/2 |f^p|^2 (m,) by Eq. (8), written once more by hand."""
     SF, b, K = 1 + x[:3], x[3:6], x[6:9]
     off = measured_force - b
@@ -35,7 +35,7 @@ def half_squared_norm(measured_force: np.ndarray, x: np.ndarray) -> np.ndarray:
     return (f**2).sum(axis=0) / 2
 
 
-def test_equation_16_is_the_derivative_of_half_the_squared_norm() -> None:
+def test_equation_16_is_the_derivative_of_half_the_squared_norm():
     rng = np.random.default_rng(1)
     truth = draw(rng)
     y = measured(truth, rng).triad("specific_force")
@@ -49,7 +49,7 @@ def test_equation_16_is_the_derivative_of_half_the_squared_norm() -> None:
     np.testing.assert_allclose(info.rows[:, :15].T @ info.rows[:, :15], exact.T @ exact, rtol=1e-9, atol=1e-6)
 
 
-def test_there_are_twelve_unknowns_and_three_sums_are_among_none_of_them() -> None:
+def test_there_are_twelve_unknowns_and_three_sums_are_among_none_of_them():
     M = combinations(np.ones(3))
     assert np.linalg.matrix_rank(M) == 12
     for plus, minus in PAIRS:
@@ -58,7 +58,7 @@ def test_there_are_twelve_unknowns_and_three_sums_are_among_none_of_them() -> No
         assert np.all(M @ both == 0)
 
 
-def test_the_fixed_point_is_the_fit_of_the_norm() -> None:
+def test_the_fixed_point_is_the_fit_of_the_norm():
     rng = np.random.default_rng(2)
     recording = measured(draw(rng), rng)
     c = fine(trusted_positions(recording))
@@ -72,7 +72,7 @@ def test_the_fixed_point_is_the_fit_of_the_norm() -> None:
 
 
 @pytest.mark.parametrize("setting", [ARCSEC, np.deg2rad(3.0)])
-def test_covariance_of_the_combinations_holds_whatever_the_gimbals_did(setting: float) -> None:
+def test_covariance_of_the_combinations_holds_whatever_the_gimbals_did(setting):
     runs, squares = 40, []
     for seed in range(runs):
         rng = np.random.default_rng(seed)
@@ -86,7 +86,7 @@ def test_covariance_of_the_combinations_holds_whatever_the_gimbals_did(setting: 
     assert np.mean(squares) == pytest.approx(1, abs=4 * np.sqrt(2 / (12 * runs)))
 
 
-def test_where_it_starts_does_not_matter_for_what_it_sees_and_decides_the_rest() -> None:
+def test_where_it_starts_does_not_matter_for_what_it_sees_and_decides_the_rest():
     rng = np.random.default_rng(3)
     recording = measured(draw(rng), rng)
     positions = trusted_positions(recording)
@@ -103,7 +103,7 @@ def test_where_it_starts_does_not_matter_for_what_it_sees_and_decides_the_rest()
     np.testing.assert_array_equal(values(after.effects, zeros), values(first.effects, zeros))
 
 
-def test_the_three_sums_are_named() -> None:
+def test_the_three_sums_are_named():
     rng = np.random.default_rng(4)
     c = fine(trusted_positions(measured(draw(rng), rng)))
     named = {tuple(sorted(u["direction"])) for u in c.unobservable}
@@ -113,7 +113,7 @@ def test_the_three_sums_are_named() -> None:
     assert c.stages[0].labels == COMBINATIONS
 
 
-def test_the_square_of_the_noise_is_taken_off_the_squared_norm() -> None:
+def test_the_square_of_the_noise_is_taken_off_the_squared_norm():
     # E |f + n|^2 = |f|^2 + 3 sigma^2: readings that lie exactly on the sphere have a true norm a little below it
     y = measured(np.zeros(18), np.random.default_rng(5), 0.0, samples=10**14).triad("specific_force")
     sigma = 5e-3  # m/s^2, the paper's
@@ -125,7 +125,7 @@ def test_the_square_of_the_noise_is_taken_off_the_squared_norm() -> None:
     np.testing.assert_allclose(x[:3], 1.5 * (sigma / SITE.gravity) ** 2, rtol=1e-3)
 
 
-def test_a_misfit_is_told() -> None:
+def test_a_misfit_is_told():
     rng = np.random.default_rng(6)
     recording = measured(draw(rng), rng)
     z = recording.channels["specific_force", "z"]

@@ -15,7 +15,6 @@ from gimbalcal.estimate.fit import information_of
 from gimbalcal.inference.information import solve
 from gimbalcal.methods import calibrate
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording
 from tests.estimate.device import ARCSEC, PARAMETERS, draw, interchanged, measured, misread
 from tests.golden import golden_text, refused
 
@@ -23,14 +22,14 @@ LABELS = [q.label for q in PARAMETERS]
 SCALE = np.array([q.sigma for q in PARAMETERS])
 
 
-def recorded(seed: int, setting: float = ARCSEC) -> tuple[np.ndarray, Recording]:
+def recorded(seed, setting=ARCSEC):
     rng = np.random.default_rng(seed)
     truth = draw(rng)
     return truth, measured(truth, rng, setting)
 
 
 @pytest.mark.parametrize("setting", [ARCSEC, np.deg2rad(3.0)])
-def test_covariance_holds_over_many_truths(setting: float) -> None:
+def test_covariance_holds_over_many_truths(setting):
     runs, total, dimension, squares = 40, 0.0, 0, []
     for seed in range(runs):
         truth, recording = recorded(seed, setting)
@@ -46,7 +45,7 @@ def test_covariance_holds_over_many_truths(setting: float) -> None:
     assert degrees == (17 if setting == ARCSEC else 12)
 
 
-def test_the_turn_about_z_is_named_and_held_at_the_least_prior_norm() -> None:
+def test_the_turn_about_z_is_named_and_held_at_the_least_prior_norm():
     truth, recording = recorded(3)
     c = joint(trusted_positions(recording))
     (unobservable,) = c.unobservable
@@ -65,7 +64,7 @@ def test_the_turn_about_z_is_named_and_held_at_the_least_prior_norm() -> None:
     assert np.linalg.norm(moved - along * (along @ moved)) < 5 * ARCSEC
 
 
-def test_at_three_degrees_it_is_the_norm_fit() -> None:
+def test_at_three_degrees_it_is_the_norm_fit():
     from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, PAIRS, fine
 
     _, recording = recorded(4, np.deg2rad(3.0))
@@ -83,7 +82,7 @@ def test_at_three_degrees_it_is_the_norm_fit() -> None:
     assert len(c.unobservable) == 6
 
 
-def test_where_it_starts_does_not_matter_and_adds_nothing() -> None:
+def test_where_it_starts_does_not_matter_and_adds_nothing():
     _, recording = recorded(5)
     positions = trusted_positions(recording)
     plain, started = joint(positions), joint(positions, coarse(positions))
@@ -91,7 +90,7 @@ def test_where_it_starts_does_not_matter_and_adds_nothing() -> None:
     np.testing.assert_allclose(started.sigmas, plain.sigmas, rtol=1e-5)
 
 
-def test_information_of_a_recording_solves_to_its_joint_fit() -> None:
+def test_information_of_a_recording_solves_to_its_joint_fit():
     _, recording = recorded(8)
     c = joint(trusted_positions(recording))
     positions = trusted_positions(recording)
@@ -101,7 +100,7 @@ def test_information_of_a_recording_solves_to_its_joint_fit() -> None:
     assert again.dof == c.residual.dof
 
 
-def test_further_effects_are_estimated_with_the_rest() -> None:
+def test_further_effects_are_estimated_with_the_rest():
     rng = np.random.default_rng(9)
     truth = draw(rng)
     recording = measured(truth, rng)
@@ -117,7 +116,7 @@ def test_further_effects_are_estimated_with_the_rest() -> None:
     assert len(c.parameters) == 18 + len(parameters(CATALOGUE["cubic_nonlinearity"]))
 
 
-def test_a_misfit_is_told_by_its_factor_and_points_to_the_diagnosis() -> None:
+def test_a_misfit_is_told_by_its_factor_and_points_to_the_diagnosis():
     _, recording = recorded(10)
     tight = replace(recording, noise={k: v / 3 for k, v in recording.noise.items()})
     c = joint(trusted_positions(tight))
@@ -129,7 +128,7 @@ def test_a_misfit_is_told_by_its_factor_and_points_to_the_diagnosis() -> None:
     assert joint(trusted_positions(recording)).outcome == ""
 
 
-def test_faults_are_in_the_outcome_and_out_of_the_fit() -> None:
+def test_faults_are_in_the_outcome_and_out_of_the_fit():
     truth, recording = recorded(11)
     c = joint(trusted_positions(misread(interchanged(recording, 3, 9), 7, "middle", 120 * ARCSEC)))
     golden_text(c.outcome)
@@ -138,7 +137,7 @@ def test_faults_are_in_the_outcome_and_out_of_the_fit() -> None:
     assert np.all(np.abs(c.values - truth)[seen] < 5 * c.sigmas[seen])
 
 
-def test_missing_positions_go_through_and_what_they_cost_is_told() -> None:
+def test_missing_positions_go_through_and_what_they_cost_is_told():
     _, recording = recorded(12)
     few = joint(trusted_positions(recording.select(~np.isin(recording.position, [8, 9, 10, 11, 12]))))
     assert few.outcome == ""
@@ -149,7 +148,7 @@ def test_missing_positions_go_through_and_what_they_cost_is_told() -> None:
     assert joint(trusted_positions(recording)).provenance.lost is None
 
 
-def test_missing_positions_and_an_effect_of_temperature_go_together() -> None:
+def test_missing_positions_and_an_effect_of_temperature_go_together():
     _, recording = recorded(12)
     channels = {**recording.channels, ("temperature", ""): 20 + np.linspace(0, 5, len(recording.time))}
     warm = replace(recording, channels=channels).select(~np.isin(recording.position, [8, 9]))
@@ -157,20 +156,20 @@ def test_missing_positions_and_an_effect_of_temperature_go_together() -> None:
     assert "positions 8, 9 of schedule wu2018-18 missing" in str(few.provenance.lost)
 
 
-def test_without_angles_it_refuses_and_says_what_to_do() -> None:
+def test_without_angles_it_refuses_and_says_what_to_do():
     _, recording = recorded(13)
     with refused():
         joint(trusted_positions(replace(recording, platform=BENCH)))
 
 
-def test_result_survives_its_file() -> None:
+def test_result_survives_its_file():
     _, recording = recorded(14)
     c = joint(trusted_positions(recording))
     again = from_dict(c.to_dict())
     np.testing.assert_allclose(values(again.effects, PARAMETERS), c.values, rtol=1e-12)
 
 
-def test_one_fit_takes_less_than_a_third_of_a_second() -> None:
+def test_one_fit_takes_less_than_a_third_of_a_second():
     _, recording = recorded(15)
     joint(trusted_positions(recording))
     begin = perf_counter()

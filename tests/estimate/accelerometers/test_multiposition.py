@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Effect
 from gimbalcal.effects.accelerometer import Bias, Misalignment, ScaleFactor, ScaleNonlinearity
 from gimbalcal.effects.nonlinearity import CubicNonlinearity
@@ -30,7 +29,7 @@ TRUTH: tuple[Effect, ...] = (
 BENT = ScaleNonlinearity(K_nl=np.array([30, -20, 25]) * 1e-6 / 9.80665)
 
 
-def rested(effects: tuple[Effect, ...], directions: np.ndarray, noise: float = 1.0, seed: int = 0) -> Recording:
+def rested(effects, directions, noise=1.0, seed=0):
     n = len(directions)
     force = G * directions / np.linalg.norm(directions, axis=1, keepdims=True)
     channels = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
@@ -41,17 +40,17 @@ def rested(effects: tuple[Effect, ...], directions: np.ndarray, noise: float = 1
     return replace(made, channels={("specific_force", a): y[:, i] for i, a in enumerate("xyz")})
 
 
-def scattered(n: int, seed: int = 3) -> np.ndarray:
+def scattered(n, seed=3):
     return np.random.default_rng(seed).standard_normal((n, 3))
 
 
-def truth_of(effects: tuple[Effect, ...], calibration: Calibration) -> np.ndarray:
+def truth_of(effects, calibration):
     by_id = {e.id: e for e in effects}
     return np.array([np.atleast_1d(getattr(by_id[p.effect], p.field))[p.index] if p.effect in by_id else 0.0
                      for p in calibration.parameters])  # fmt: skip
 
 
-def test_truth_comes_back_within_its_uncertainty() -> None:
+def test_truth_comes_back_within_its_uncertainty():
     errors = []
     for seed in range(20):
         made = multiposition(rested((*TRUTH, BENT), scattered(40), seed=seed), (*LINEAR, "scale_nonlinearity"))
@@ -61,12 +60,12 @@ def test_truth_comes_back_within_its_uncertainty() -> None:
     assert spread == pytest.approx(1, abs=0.2)  # 240 correlated normal numbers: about 0.06, three sigma
 
 
-def test_without_noise_the_error_is_that_of_rounding() -> None:
+def test_without_noise_the_error_is_that_of_rounding():
     made = multiposition(rested(TRUTH, scattered(20), noise=0), LINEAR)
     assert np.max(np.abs(made.values - truth_of(TRUTH, made)) / made.sigmas) < 1e-3  # Gauss-Newton stops at 1e-3 sigma
 
 
-def test_terms_that_the_data_support_are_kept_and_others_declined_in_words() -> None:
+def test_terms_that_the_data_support_are_kept_and_others_declined_in_words():
     bent = multiposition(rested((*TRUTH, BENT), scattered(40)))
     assert {p.effect for p in bent.parameters} >= {"scale_nonlinearity"}
     assert len(bent.stages) >= 2
@@ -76,21 +75,21 @@ def test_terms_that_the_data_support_are_kept_and_others_declined_in_words() -> 
     assert any("11 positions are fewer than the parameters it would make" in w for w in why)
 
 
-def test_six_faces_cannot_see_misalignment_and_say_so() -> None:
+def test_six_faces_cannot_see_misalignment_and_say_so():
     faces = np.concatenate([np.eye(3), -np.eye(3)]) + 1e-9
     made = multiposition(rested(TRUTH, np.tile(faces, (2, 1))), LINEAR)
     named = {label for u in made.unobservable for label in u["direction"]}
     assert {"misalignment:yz", "misalignment:zy", "misalignment:zx"} <= named
 
 
-def test_rotations_of_the_triad_are_named_as_unobservable() -> None:
+def test_rotations_of_the_triad_are_named_as_unobservable():
     made = multiposition(rested(TRUTH, scattered(20)), LINEAR)
     whys = [u["why"] for u in made.unobservable]
     assert sum("changes no norm" in w for w in whys) == 3
     assert {p.axis for p in made.parameters if p.effect == "misalignment"} == {"yz", "zy", "zx"}
 
 
-def test_counts_are_scaled_and_the_scale_is_kept() -> None:
+def test_counts_are_scaled_and_the_scale_is_kept():
     plain = rested(TRUTH, scattered(25))
     scale, offset = np.array([2e-3, -2.1e-3, 2.2e-3]), np.array([32768.0, 100, -50])
     N = plain.triad("specific_force") / scale + offset
@@ -108,7 +107,7 @@ def test_counts_are_scaled_and_the_scale_is_kept() -> None:
     assert made.residual.rms["specific_force"] < 3 * SAMPLE / np.sqrt(COUNT)
 
 
-def test_positions_that_scatter_more_than_the_stated_noise_are_told() -> None:
+def test_positions_that_scatter_more_than_the_stated_noise_are_told():
     made = multiposition(rested(TRUTH, scattered(30), noise=30), LINEAR)
     golden_text(made.outcome)
     error = (made.values - truth_of(TRUTH, made)) / made.sigmas
@@ -116,7 +115,7 @@ def test_positions_that_scatter_more_than_the_stated_noise_are_told() -> None:
 
 
 @pytest.mark.parametrize(("noise", "told"), [(3, False), (10, True)])
-def test_ten_times_the_scatter_of_the_samples_is_told_and_three_is_ordinary(noise: float, told: bool) -> None:
+def test_ten_times_the_scatter_of_the_samples_is_told_and_three_is_ordinary(noise, told):
     seen = rested(TRUTH, scattered(30), noise=noise)
     silent = replace(seen, noise={}, scatter={(FORCE, a): SAMPLE for a in "xyz"})
     made = multiposition(silent, LINEAR)
@@ -125,11 +124,11 @@ def test_ten_times_the_scatter_of_the_samples_is_told_and_three_is_ordinary(nois
     assert noise / 1.5 < made.provenance["options"]["excess_over_noise"] < noise * 1.5
 
 
-def test_means_without_rows_behind_them_have_no_scatter_to_be_judged_by() -> None:
+def test_means_without_rows_behind_them_have_no_scatter_to_be_judged_by():
     assert multiposition(replace(rested(TRUTH, scattered(30), noise=30), noise={}), LINEAR).outcome == ""
 
 
-def test_samples_that_all_read_one_step_are_no_finer_than_the_step() -> None:
+def test_samples_that_all_read_one_step_are_no_finer_than_the_step():
     means = rested(TRUTH, scattered(30))
     step = 2e-2
     force = np.repeat(np.round(means.triad(FORCE) / step) * step, 5, axis=0)
@@ -140,21 +139,21 @@ def test_samples_that_all_read_one_step_are_no_finer_than_the_step() -> None:
     assert multiposition(coarse, LINEAR).outcome == ""
 
 
-def test_an_effect_that_needs_angles_is_refused() -> None:
+def test_an_effect_that_needs_angles_is_refused():
     with refused():
         multiposition(rested(TRUTH, scattered(20)), ("bias", "gimbal_zero"))
 
 
-def test_too_few_positions_are_refused_with_the_remedy() -> None:
+def test_too_few_positions_are_refused_with_the_remedy():
     with refused():
         multiposition(rested(TRUTH, scattered(7)), LINEAR)
 
 
-def test_the_norm_sees_three_of_six_misalignments() -> None:
+def test_the_norm_sees_three_of_six_misalignments():
     assert len(unknowns(LINEAR)) == 9
 
 
-def test_a_term_that_a_larger_one_hides_is_asked_once_more() -> None:
+def test_a_term_that_a_larger_one_hides_is_asked_once_more():
     """Cubes of 600 ug/g^3, as in Table 4 of Wang et al. (2019), in the scatter of which a square drowns."""
     ug = 9.80665e-6
     square = np.array([60.0, -40.0, 50.0]) * ug / 9.80665**2
@@ -165,7 +164,7 @@ def test_a_term_that_a_larger_one_hides_is_asked_once_more() -> None:
     assert made.outcome == ""
 
 
-def test_noise_at_the_rounding_of_numbers_settles() -> None:
+def test_noise_at_the_rounding_of_numbers_settles():
     made = multiposition(rested(TRUTH, scattered(20), noise=1e-8), LINEAR)
     assert "settle" not in made.outcome
     assert np.abs(made.values - truth_of(TRUTH, made)).max() < 1e-10

@@ -10,14 +10,14 @@ from gimbalcal.views.positions import view_of_positions
 from tests.estimate.device import ARCSEC, NOISE, PARAMETERS, SAMPLE, STATED, draw, measured
 
 
-def test_header_comes_first() -> None:
+def test_header_comes_first():
     rng = np.random.default_rng(0)
     noise = noise_of_positions(measured(draw(rng), rng))
     assert (noise.accelerometer, noise.setting) == (STATED["accelerometer"], STATED["gimbal_angle"])
     assert (noise.accelerometer_from, noise.setting_from) == (HEADER, HEADER)
 
 
-def test_scatter_inside_dwells_comes_second() -> None:
+def test_scatter_inside_dwells_comes_second():
     rng = np.random.default_rng(1)
     means = measured(draw(rng), rng)
     wide = means.select(np.repeat(np.arange(18), 50))
@@ -31,7 +31,7 @@ def test_scatter_inside_dwells_comes_second() -> None:
 
 
 @pytest.mark.parametrize("setting", [0.2, 1.0, 20.0, 3600.0])
-def test_setting_error_comes_from_the_residual(setting: float) -> None:
+def test_setting_error_comes_from_the_residual(setting):
     ratios = []
     for seed in range(4):
         rng = np.random.default_rng(seed)
@@ -45,7 +45,7 @@ def test_setting_error_comes_from_the_residual(setting: float) -> None:
     assert np.median(ratios) == pytest.approx(1, rel=0.6 if setting < 1 else 0.3)
 
 
-def test_both_noises_are_told_apart_by_the_norm() -> None:
+def test_both_noises_are_told_apart_by_the_norm():
     found = []
     for seed in range(4):
         rng = np.random.default_rng(seed)

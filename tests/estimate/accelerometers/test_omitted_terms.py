@@ -10,13 +10,13 @@ from gimbalcal.earth import G0
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording, read
+from gimbalcal.recording import read
 
 DATA = Path(__file__).resolve().parents[3] / "data"
 UG = 1e-6 * G0
 
 
-def unit(rng: np.random.Generator, positions: int, noise: float, square: float) -> tuple[Recording, np.ndarray]:
+def unit(rng, positions, noise, square):
     """A unit of random constants at random attitudes, noise of a mean [ug], square [ug/g^2]; and its scales, biases."""
     r = read(DATA / "space_stable_18")
     down = rng.standard_normal((positions, 3))
@@ -34,7 +34,7 @@ def unit(rng: np.random.Generator, positions: int, noise: float, square: float) 
 
 
 @pytest.mark.parametrize(("positions", "noise"), [(10, 1.0), (18, 5.0)])
-def test_errors_are_within_what_the_sigmas_say(positions: int, noise: float) -> None:
+def test_errors_are_within_what_the_sigmas_say(positions, noise):
     rng = np.random.default_rng(5)
     off = []
     for _ in range(10):
@@ -46,7 +46,7 @@ def test_errors_are_within_what_the_sigmas_say(positions: int, noise: float) -> 
     assert np.abs(off).max() < 4.5
 
 
-def test_what_is_not_asked_for_is_not_reckoned_with_and_what_is_declined_is_told() -> None:
+def test_what_is_not_asked_for_is_not_reckoned_with_and_what_is_declined_is_told():
     r, _ = unit(np.random.default_rng(1), 10, 1.0, 0.0)
     full, linear = multiposition(r), multiposition(r, LINEAR)
     np.testing.assert_allclose(full.values, linear.values)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.estimate.accelerometers.position_fit import Positions, noise_of_positions
+from gimbalcal.estimate.accelerometers.position_fit import noise_of_positions
 from gimbalcal.estimate.accelerometers.position_outliers import acceptable, fit_without_outliers, probability
-from gimbalcal.recording import Recording
 from gimbalcal.views.positions import view_of_positions
 from tests.estimate.device import (
     ARCSEC,
@@ -26,24 +25,24 @@ from tests.golden import golden_text
 
 
 @pytest.fixture(scope="module")
-def clean() -> Recording:
+def clean():
     rng = np.random.default_rng(11)
     return measured(draw(rng), rng)
 
 
-def trusted(recording: Recording) -> Positions:
+def trusted(recording):
     return fit_without_outliers(view_of_positions(recording, NOISE), noise_of_positions(recording), PARAMETERS)
 
 
-def faults_of(recording: Recording) -> list[tuple[int, ...]]:
+def faults_of(recording):
     return [f.positions for f in trusted(recording).faults]
 
 
-def without_noise(recording: Recording) -> Recording:
+def without_noise(recording):
     return replace(recording, noise={"accelerometer": SAMPLE})
 
 
-def test_nothing_is_named_on_clean_recordings() -> None:
+def test_nothing_is_named_on_clean_recordings():
     for seed in range(10):
         rng = np.random.default_rng(seed)
         recording = measured(draw(rng), rng)
@@ -51,20 +50,18 @@ def test_nothing_is_named_on_clean_recordings() -> None:
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 1), (3, 9), (5, 16), (6, 10)])
-def test_interchanged_positions_are_named_with_and_without_a_stated_setting_error(
-    clean: Recording, i: int, j: int
-) -> None:
+def test_interchanged_positions_are_named_with_and_without_a_stated_setting_error(clean, i, j):
     swapped = interchanged(clean, i, j)
     assert faults_of(swapped) == [(i + 1, j + 1)]
     assert faults_of(without_noise(swapped)) == [(i + 1, j + 1)]
 
 
-def test_two_pairs_are_found(clean: Recording) -> None:
+def test_two_pairs_are_found(clean):
     assert sorted(faults_of(interchanged(interchanged(clean, 3, 9), 5, 16))) == [(4, 10), (6, 17)]
 
 
 @pytest.mark.parametrize("angle", [20 * ARCSEC, 1e-3, 0.1, np.pi / 4 + 0.01])
-def test_a_mis_set_position_is_named_with_its_angle(clean: Recording, angle: float) -> None:
+def test_a_mis_set_position_is_named_with_its_angle(clean, angle):
     recording = misread(clean, 6, "inner", angle)
     p = trusted(recording)
     fit, (fault,) = p.fit, p.faults
@@ -77,9 +74,7 @@ def test_a_mis_set_position_is_named_with_its_angle(clean: Recording, angle: flo
 
 
 @pytest.mark.parametrize(("i", "of"), [(1, 5), (8, 14), (3, 9), (0, 12), (16, 2)])
-def test_the_angles_of_another_position_written_down_for_one_are_no_interchange(
-    clean: Recording, i: int, of: int
-) -> None:
+def test_the_angles_of_another_position_written_down_for_one_are_no_interchange(clean, i, of):
     channels = dict(clean.channels)
     for axis in clean.axes("gimbal_angle"):
         angles = channels["gimbal_angle", axis].copy()
@@ -91,19 +86,17 @@ def test_the_angles_of_another_position_written_down_for_one_are_no_interchange(
 
 
 @pytest.mark.parametrize(("pair", "i"), [((9, 11), 5), ((10, 17), 8), ((1, 11), 14), ((2, 16), 7)])
-def test_an_interchange_is_found_beside_a_third_position_that_is_wrong(
-    clean: Recording, pair: tuple[int, int], i: int
-) -> None:
+def test_an_interchange_is_found_beside_a_third_position_that_is_wrong(clean, pair, i):
     wrong = misread(interchanged(clean, *pair), i, "middle", np.pi / 5)
     assert sorted(faults_of(wrong)) == sorted([(pair[0] + 1, pair[1] + 1), (i + 1,)])
 
 
-def test_two_positions_far_off_are_two_faults(clean: Recording) -> None:
+def test_two_positions_far_off_are_two_faults(clean):
     wrong = misread(misread(clean, 6, "inner", np.pi / 4), 14, "middle", -np.pi / 3)
     assert sorted(faults_of(wrong)) == [(7,), (15,)]
 
 
-def test_what_is_left_is_the_calibration_without_that_position(clean: Recording) -> None:
+def test_what_is_left_is_the_calibration_without_that_position(clean):
     spoiled = misread(clean, 6, "inner", 1e-3)
     rest = trusted(spoiled)
     fair = clean.select(np.arange(18) != 6)
@@ -113,7 +106,7 @@ def test_what_is_left_is_the_calibration_without_that_position(clean: Recording)
 
 
 @pytest.mark.parametrize("effect", ["scale_factor_asymmetry", "cubic_nonlinearity", "cross_coupling", "base_tilt"])
-def test_missing_physics_is_no_fault_of_a_position(clean: Recording, effect: str) -> None:
+def test_missing_physics_is_no_fault_of_a_position(clean, effect):
     kind = CATALOGUE[effect]
     field = next(f for f in kind.__dataclass_fields__.values() if "sigma" in f.metadata)
     size = np.zeros(len(field.metadata["axes"]))
@@ -129,7 +122,7 @@ def test_missing_physics_is_no_fault_of_a_position(clean: Recording, effect: str
     assert not acceptable(fit.solution.chi2, fit.solution.dof)
 
 
-def test_a_repeated_position_is_named_with_its_visit(clean: Recording) -> None:
+def test_a_repeated_position_is_named_with_its_visit(clean):
     rng = np.random.default_rng(5)
     truth = draw(rng)
     twice = [measured(truth, rng) for _ in range(2)]
@@ -147,7 +140,7 @@ def test_a_repeated_position_is_named_with_its_visit(clean: Recording) -> None:
     golden_text(fault.in_words)
 
 
-def test_probability_is_the_chi_squared_tail() -> None:
+def test_probability_is_the_chi_squared_tail():
     from scipy.stats import chi2
 
     for dof in (1, 6, 37):

@@ -1,7 +1,6 @@
 """Positions are prepared once, and each stage does its own work alone."""
 
 import numpy as np
-import pytest
 
 from gimbalcal import pipeline
 from gimbalcal.estimate.accelerometers import position_fit
@@ -12,7 +11,7 @@ from gimbalcal.estimate.accelerometers.trusted_positions import trusted_position
 from tests.estimate.device import draw, interchanged, measured
 
 
-def test_every_stage_leaves_out_the_positions_that_were_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_stage_leaves_out_the_positions_that_were_found_once(monkeypatch):
     rng = np.random.default_rng(3)
     recording = interchanged(measured(draw(rng), rng), 3, 9)
     positions = trusted_positions(recording)
@@ -24,7 +23,7 @@ def test_every_stage_leaves_out_the_positions_that_were_found_once(monkeypatch: 
     assert all("positions 4 and 10 are interchanged" in c.outcome.lower() for c in (first, second, third))
 
 
-def test_the_three_stages_search_for_faults_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_three_stages_search_for_faults_once(monkeypatch):
     rng = np.random.default_rng(4)
     recording = measured(draw(rng), rng)
     searched = []

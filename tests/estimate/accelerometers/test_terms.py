@@ -9,9 +9,7 @@ from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
 from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
 from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
-from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
-from gimbalcal.recording import Recording
 from gimbalcal.schedule import FACE_POSITIONS
 from gimbalcal.units import to_si
 from gimbalcal.views.local import eliminate
@@ -24,7 +22,7 @@ LABELS = [q.label for q in PARAMETERS]
 WANTED = position_parameters(SPACE_STABLE, FORCE_TERMS)
 
 
-def made(seed: int, truth_times: Array | float = 1.0) -> Recording:
+def made(seed, truth_times=1.0):
     rng = np.random.default_rng(seed)
     return measured(draw(rng) * truth_times, rng)
 
@@ -32,7 +30,7 @@ def made(seed: int, truth_times: Array | float = 1.0) -> Recording:
 # --- coarse -----------------------------------------------------------------------------------------------------------
 
 
-def across_a_face(recording: Recording, size: float) -> Recording:
+def across_a_face(recording, size):
     """The recording with the two axes across the vertical of every face reading `size` [m/s^2] more."""
     channels = dict(recording.channels)
     faces = np.isin(recording.position, FACE_POSITIONS)
@@ -42,13 +40,13 @@ def across_a_face(recording: Recording, size: float) -> Recording:
     return replace(recording, channels=channels)
 
 
-def test_what_a_face_reads_across_the_vertical_takes_no_part() -> None:
+def test_what_a_face_reads_across_the_vertical_takes_no_part():
     recording = made(11)
     plain, moved = (coarse(trusted_positions(r)) for r in (recording, across_a_face(recording, to_si(20.0, "ug"))))
     np.testing.assert_allclose(moved.values / plain.sigmas, plain.values / plain.sigmas, atol=1e-6)
 
 
-def test_six_faces_alone_are_enough_for_scale_factors_and_biases() -> None:
+def test_six_faces_alone_are_enough_for_scale_factors_and_biases():
     recording = made(12)
     six = coarse(trusted_positions(recording.select(np.isin(recording.position, FACE_POSITIONS))))
     every = coarse(trusted_positions(recording))
@@ -56,7 +54,7 @@ def test_six_faces_alone_are_enough_for_scale_factors_and_biases() -> None:
     np.testing.assert_allclose(six.values[:6] / every.sigmas[:6], every.values[:6] / every.sigmas[:6], atol=0.05)
 
 
-def test_the_coarse_covariance_leaves_at_the_prior_what_is_named_and_nothing_else() -> None:
+def test_the_coarse_covariance_leaves_at_the_prior_what_is_named_and_nothing_else():
     c = coarse(trusted_positions(made(13)))
     scale = np.array([q.sigma for q in c.parameters])
     variance = np.linalg.eigvalsh(c.covariance / np.outer(scale, scale))
@@ -65,7 +63,7 @@ def test_the_coarse_covariance_leaves_at_the_prior_what_is_named_and_nothing_els
     assert variance[-2] < 0.1
 
 
-def test_the_coarse_residual_is_that_of_the_noise_where_no_nonlinearity_is_neglected() -> None:
+def test_the_coarse_residual_is_that_of_the_noise_where_no_nonlinearity_is_neglected():
     chi2 = dof = 0.0
     left = []
     for seed in range(10):
@@ -83,7 +81,7 @@ def test_the_coarse_residual_is_that_of_the_noise_where_no_nonlinearity_is_negle
 # --- fine -------------------------------------------------------------------------------------------------------------
 
 
-def test_equation_16_holds_where_scale_factors_are_far_from_one() -> None:
+def test_equation_16_holds_where_scale_factors_are_far_from_one():
     y = made(14).triad("specific_force")
     x = np.concatenate([[0.1, -0.2, 0.05], [0.01, 0.02, -0.03], np.zeros(9)])
     scale = np.array([q.sigma for q in WANTED])
@@ -93,7 +91,7 @@ def test_equation_16_holds_where_scale_factors_are_far_from_one() -> None:
     np.testing.assert_allclose(info.rows[:, :15].T @ info.rows[:, :15], exact.T @ exact, rtol=1e-9, atol=1e-6)
 
 
-def test_the_stage_tells_the_coefficients_with_their_sigmas_and_the_norm_that_is_left() -> None:
+def test_the_stage_tells_the_coefficients_with_their_sigmas_and_the_norm_that_is_left():
     recording = made(15)
     c = fine(trusted_positions(recording))
     stage, known = c.stages[0], [LABELS.index(label) for label in [q.label for q in WANTED[:9]]]
@@ -106,13 +104,13 @@ def test_the_stage_tells_the_coefficients_with_their_sigmas_and_the_norm_that_is
     assert stage.rms == c.residual.rms[NORM]
 
 
-def test_sums_keep_the_coarse_covariance_and_differences_take_that_of_the_norm() -> None:
+def test_sums_keep_the_coarse_covariance_and_differences_take_that_of_the_norm():
     positions = trusted_positions(made(16))
     first = coarse(positions)
     c = fine(positions, first)
     theirs = [q.label for q in first.parameters]
 
-    def variance(P: Array, labels: list[str], weights: dict[str, float]) -> float:
+    def variance(P, labels, weights):
         d = np.array([weights.get(label, 0.0) for label in labels])
         return float(d @ P @ d)
 
@@ -128,7 +126,7 @@ def test_sums_keep_the_coarse_covariance_and_differences_take_that_of_the_norm()
         assert variance(c.covariance, LABELS, zero) == pytest.approx(variance(first.covariance, theirs, zero), rel=1e-9)
 
 
-def test_without_a_coarse_stage_the_sums_keep_their_prior() -> None:
+def test_without_a_coarse_stage_the_sums_keep_their_prior():
     c = fine(trusted_positions(made(17)))
     for plus, minus in PAIRS:
         pair = [LABELS.index(f"misalignment:{axis}") for axis in (plus, minus)]
@@ -141,7 +139,7 @@ def test_without_a_coarse_stage_the_sums_keep_their_prior() -> None:
 # --- setting ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_setting_error_adds_to_the_readout_as_a_zero_of_that_gimbal_does() -> None:
+def test_a_setting_error_adds_to_the_readout_as_a_zero_of_that_gimbal_does():
     view = view_of_positions(made(18), NOISE)
     linear = by_visit(view, (), PARAMETERS, np.zeros(len(PARAMETERS)))
     for i, axis in enumerate(SPACE_STABLE.axis_names[:3]):
@@ -151,7 +149,7 @@ def test_a_setting_error_adds_to_the_readout_as_a_zero_of_that_gimbal_does() -> 
     np.testing.assert_array_equal(moved.angle, moved.readout)
 
 
-def test_deviations_inside_a_dwell_are_in_sigmas_of_a_sample() -> None:
+def test_deviations_inside_a_dwell_are_in_sigmas_of_a_sample():
     rng = np.random.default_rng(20)
     linear = VisitRows(
         rng.standard_normal((2, 3, 4)), rng.standard_normal((2, 3)), rng.standard_normal((2, 3, 3)), np.full(2, 120.0),
@@ -163,7 +161,7 @@ def test_deviations_inside_a_dwell_are_in_sigmas_of_a_sample() -> None:
     np.testing.assert_allclose(w.J, w.W @ linear.J)
 
 
-def test_the_setting_errors_of_a_fit_take_up_what_the_gimbals_did() -> None:
+def test_the_setting_errors_of_a_fit_take_up_what_the_gimbals_did():
     rng = np.random.default_rng(21)
     truth = draw(rng)
     blank, loose = measured(truth, rng), Noise(SAMPLE, 20 * ARCSEC)
@@ -177,7 +175,7 @@ def test_the_setting_errors_of_a_fit_take_up_what_the_gimbals_did() -> None:
     assert 0.4 < share < 0.8
 
 
-def test_a_start_that_is_far_off_in_one_coefficient_is_not_taken() -> None:
+def test_a_start_that_is_far_off_in_one_coefficient_is_not_taken():
     view = view_of_positions(made(22), NOISE)
     wild = np.zeros(len(PARAMETERS))
     wild[0] = 2e3 * PARAMETERS[0].sigma  # a scale factor of 2
@@ -186,7 +184,7 @@ def test_a_start_that_is_far_off_in_one_coefficient_is_not_taken() -> None:
     np.testing.assert_array_equal(from_there.solution.x, from_nothing.solution.x)
 
 
-def test_a_start_that_is_near_is_taken_and_saves_steps() -> None:
+def test_a_start_that_is_near_is_taken_and_saves_steps():
     view = view_of_positions(made(23), NOISE)
     from_nothing = fit_in_noise(view, NOISE, PARAMETERS).fit
     again = fit_in_noise(view, NOISE, PARAMETERS, (), from_nothing.x).fit
@@ -194,12 +192,12 @@ def test_a_start_that_is_near_is_taken_and_saves_steps() -> None:
     np.testing.assert_allclose(again.solution.x, from_nothing.solution.x, atol=1e-3 * again.solution.sigma.min())
 
 
-def test_poor_angles_are_aimed_at_what_the_force_shows() -> None:
+def test_poor_angles_are_aimed_at_what_the_force_shows():
     rng = np.random.default_rng(24)
     truth, poor = draw(rng), Noise(SAMPLE, np.deg2rad(3.0))
     recording, model = measured(truth, rng, setting=poor.setting), effects(truth)
 
-    def aimed(noise: Noise) -> np.ndarray:
+    def aimed(noise):
         view = view_of_positions(recording, noise)
         return view.local.start(view, model)
 

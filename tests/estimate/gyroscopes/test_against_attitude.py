@@ -1,18 +1,14 @@
 """A moving gyroscope against an attitude: truth comes back with honest sigmas, and so do lag and mounting."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
-from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, read, write
 from gimbalcal.rotation import exponential, frame_rotation
@@ -24,7 +20,7 @@ BIAS, SF = np.radians([0.8, -0.5, 0.3]), np.array([1.004, 0.997, 1.002])
 MOUNTED = frame_rotation("z", np.radians(80.0)) @ frame_rotation("x", np.radians(-25.0))
 
 
-def motion(t: Array, seed: int) -> Array:
+def motion(t, seed):
     """Rates (n, 3) [rad/s] of a wrist."""
     rng = np.random.default_rng(seed)
     f, phase = np.array([0.23, 0.61, 1.3])[:, None, None], rng.uniform(0, 6, (3, 1, 3))
@@ -34,7 +30,7 @@ def motion(t: Array, seed: int) -> Array:
 
 
 @cache
-def turned(seed: int, length: float, axes: str) -> tuple[Array, Array]:
+def turned(seed, length, axes):
     """Rates (n, 3) [rad/s] of such a motion about some axes, and attitudes (n, 3, 3), two a row of the log."""
     fine = np.arange(0, length + 1, 0.5 / RATE)
     w = motion(fine, seed) * np.isin(list("xyz"), list(axes))
@@ -46,9 +42,7 @@ def turned(seed: int, length: float, axes: str) -> tuple[Array, Array]:
 
 
 @cache
-def recording(
-    seed: int = 1, length: float = 40.0, every: int = 4, mirror: bool = False, axes: str = "xyz", walk: float = 0.0
-) -> Recording:
+def recording(seed=1, length=40.0, every=4, mirror=False, axes="xyz", walk=0.0):
     """A unit in the hand, its attitude in every fourth row, `LAG` late and seen from a frame of its own.
 
     walk: random walk [rad/sqrt(s)] of the reference's angle.
@@ -72,12 +66,12 @@ def recording(
 
 
 @cache
-def made(seed: int = 1) -> Calibration:
+def made(seed=1):
     return gyroscopes_against_attitude(recording(seed))
 
 
 @pytest.mark.parametrize("seed", range(1, 4))
-def test_truth_comes_back_within_its_uncertainty(seed: int) -> None:
+def test_truth_comes_back_within_its_uncertainty(seed):
     c = made(seed)
     truth = np.concatenate([BIAS, SF - 1, np.zeros(3)])
     off = (c.values - truth) / c.sigmas
@@ -89,7 +83,7 @@ def test_truth_comes_back_within_its_uncertainty(seed: int) -> None:
 
 
 @pytest.mark.parametrize("walk", [0.0, 3e-4, 3e-3])
-def test_sigmas_hold_where_the_reference_wanders(walk: float) -> None:
+def test_sigmas_hold_where_the_reference_wanders(walk):
     """Ten records of ninety errors together: one sigma of their rms is 7.5 %, and 0.07 rad/h^(1/2) is a poor camera."""
     truth = np.concatenate([BIAS, SF - 1, np.zeros(3)])
     fits = [gyroscopes_against_attitude(recording(seed, walk=walk)) for seed in range(20, 30)]
@@ -98,7 +92,7 @@ def test_sigmas_hold_where_the_reference_wanders(walk: float) -> None:
     assert all(c.provenance["thirds"]["p_value"] > 1e-3 for c in fits)
 
 
-def test_lag_mounting_and_noise_are_told() -> None:
+def test_lag_mounting_and_noise_are_told():
     told = made().provenance["options"]["reference"]
     assert told["lag_ms"] == pytest.approx(1e3 * round(LAG * RATE * 2) / RATE / 2, abs=4 * told["lag_sigma_ms"])
     assert told["lag_sigma_ms"] < 1.0
@@ -107,13 +101,13 @@ def test_lag_mounting_and_noise_are_told() -> None:
     golden_text(made().stages[0].in_words)
 
 
-def test_what_is_corrected_agrees_with_the_attitude() -> None:
+def test_what_is_corrected_agrees_with_the_attitude():
     there = made().apply(recording())
     again = gyroscopes_against_attitude(there)
     assert np.all(np.abs(again.values) < 1e-3 * again.sigmas + 1e-6)
 
 
-def test_it_goes_through_a_folder_with_empty_cells_and_euler_angles(tmp_path: Path) -> None:
+def test_it_goes_through_a_folder_with_empty_cells_and_euler_angles(tmp_path):
     whole = recording()
     write(whole, tmp_path / "rec")
     back = read(tmp_path / "rec")
@@ -130,9 +124,7 @@ def test_it_goes_through_a_folder_with_empty_cells_and_euler_angles(tmp_path: Pa
     np.testing.assert_allclose(reference_of(euler).C, C, atol=1e-9)
 
 
-def test_the_command_calibrates_and_tells_the_lag(
-    tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_calibrates_and_tells_the_lag(tmp_path, command, capsys):
     write(recording(), tmp_path / "rec")
     out = tmp_path / "out"
     assert command("calibrate", tmp_path / "rec", "--method", "attitude", "--out", out) == 0
@@ -143,7 +135,7 @@ def test_the_command_calibrates_and_tells_the_lag(
     assert command("calibrate", tmp_path / "rec", "--method", "attitude", "--terms", "gyro_bias") == 2
 
 
-def test_what_cannot_be_told_is_refused() -> None:
+def test_what_cannot_be_told_is_refused():
     with refused():
         gyroscopes_against_attitude(recording(mirror=True, length=15.0))
     with refused():
@@ -158,7 +150,7 @@ def test_what_cannot_be_told_is_refused() -> None:
 @pytest.mark.parametrize(
     ("old", "new"), [('axis = "qw"', 'axis = "yaw"'), ('axis = "qw", unit = "1"', 'axis = "qw", unit = "deg"')]
 )
-def test_slips(tmp_path: Path, old: str, new: str) -> None:
+def test_slips(tmp_path, old, new):
     write(recording(), tmp_path / "rec")
     path = tmp_path / "rec" / "recording.toml"
     path.write_text(path.read_text().replace(old, new))
@@ -166,7 +158,7 @@ def test_slips(tmp_path: Path, old: str, new: str) -> None:
         read(tmp_path / "rec")
 
 
-def test_an_attitude_that_leaps_away_takes_no_part_and_is_told() -> None:
+def test_an_attitude_that_leaps_away_takes_no_part_and_is_told():
     r = recording()
     rows = np.flatnonzero(np.isfinite(r.channels["attitude", "qx"]))
     bad = r.channels["attitude", "qx"].copy()

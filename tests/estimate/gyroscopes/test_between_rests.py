@@ -22,7 +22,6 @@ from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import fit_turns
 from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import exponential
@@ -39,9 +38,7 @@ TRUTH: tuple[Effect, ...] = (
 BENT = GyroScaleNonlinearity(K=np.array([2e-3, -1e-3, 1.5e-3]))
 
 
-def hand(
-    effects: tuple[Effect, ...], noise: float, count: int = 24, seed: int = 0, temperature: Array | None = None
-) -> Recording:
+def hand(effects, noise, count=24, seed=0, temperature=None):
     """A unit turned from rest to rest about random axes by random angles; its accelerometers are perfect."""
     rng = np.random.default_rng(seed)
     bump = np.sin(np.linspace(0, np.pi, TURN)) ** 2
@@ -67,12 +64,12 @@ def hand(
     return replace(made, channels=channels | {("angular_rate", a): y[:, i] for i, a in enumerate("xyz")})
 
 
-def truth_of(effects: tuple[Effect, ...], made: object) -> Array:
+def truth_of(effects, made):
     by_id = {e.id: e for e in effects}
-    return np.array([getattr(by_id[p.effect], p.field)[p.index] for p in made.parameters])  # type: ignore[attr-defined]
+    return np.array([getattr(by_id[p.effect], p.field)[p.index] for p in made.parameters])
 
 
-def test_truth_comes_back_within_its_uncertainty() -> None:
+def test_truth_comes_back_within_its_uncertainty():
     errors = []
     for seed in range(4):
         recording = hand(TRUTH, 2e-3, seed=seed)
@@ -82,7 +79,7 @@ def test_truth_comes_back_within_its_uncertainty() -> None:
     assert 0.5 < spread < 1.5  # 48 normal numbers, sigma scaled to 39 degrees of freedom: 0.12, with room for both
 
 
-def test_a_recording_may_begin_while_the_unit_moves() -> None:
+def test_a_recording_may_begin_while_the_unit_moves():
     whole = hand(TRUTH, 2e-3)
     late = whole.select(slice(REST + TURN // 2, None))
     trimmed = whole.select(slice(REST + TURN, None))
@@ -90,7 +87,7 @@ def test_a_recording_may_begin_while_the_unit_moves() -> None:
     np.testing.assert_allclose(made.values, expected.values, atol=1e-9)
 
 
-def test_derivative_is_that_of_a_difference() -> None:
+def test_derivative_is_that_of_a_difference():
     recording = hand(TRUTH, 0.0, count=8)
     turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
     view, wanted = gravity_after_turns(turned), fit_turns(turned, LINEAR).parameters
@@ -103,7 +100,7 @@ def test_derivative_is_that_of_a_difference() -> None:
         np.testing.assert_allclose(J[..., k], -(up - down) / (2 * h), atol=1e-8)
 
 
-def test_nonlinearity_is_kept_where_it_is_and_declined_where_not() -> None:
+def test_nonlinearity_is_kept_where_it_is_and_declined_where_not():
     bent, straight = (hand(e, 1e-3, count=30) for e in ((*TRUTH, BENT), TRUTH))
     kept = gyroscopes_between_rests(bent, multiposition(bent, ("bias",)))
     assert "gyro_scale_nonlinearity" in {p.effect for p in kept.parameters}
@@ -117,7 +114,7 @@ def test_nonlinearity_is_kept_where_it_is_and_declined_where_not() -> None:
         assert max(v for k, v in x.items() if "nonlinearity" in k) < 4
 
 
-def test_counts_get_their_scale_from_gravity() -> None:
+def test_counts_get_their_scale_from_gravity():
     recording = hand(TRUTH, 1e-3)
     raw = {key: v / 2e-4 + 30000 if key[0] == "angular_rate" else v for key, v in recording.channels.items()}
     units = {("angular_rate", a): "count" for a in "xyz"}
@@ -129,7 +126,7 @@ def test_counts_get_their_scale_from_gravity() -> None:
     assert sf[1] * scale / 2e-4 == pytest.approx(sf[0], rel=1e-5)  # one problem in two units, to the stopping rule
 
 
-def test_too_few_rests_and_foreign_terms_are_refused() -> None:
+def test_too_few_rests_and_foreign_terms_are_refused():
     recording = hand(TRUTH, 1e-3, count=3)
     accelerometers = multiposition(hand(TRUTH, 1e-3), ("bias",))
     with refused():
@@ -138,7 +135,7 @@ def test_too_few_rests_and_foreign_terms_are_refused() -> None:
         gyroscopes_between_rests(recording, accelerometers, ("bias",))
 
 
-def test_rotation_between_the_triads_comes_out_of_the_misalignments() -> None:
+def test_rotation_between_the_triads_comes_out_of_the_misalignments():
     """M = (C_q^p C_g^q)^-1 for a known C_p^q and triangle, Eqs. (8) and (43)."""
     angles = np.array([0.01, -0.02, 0.015])
     triangle = np.array([[1, 0, 0], [0.004, 1, 0], [-0.003, 0.002, 1]])
@@ -153,7 +150,7 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments() -> None:
     np.testing.assert_allclose(euler(triad_rotation(angles)), angles, atol=1e-15)
 
 
-def test_both_triads_in_one_calibration_correct_a_recording_in_counts() -> None:
+def test_both_triads_in_one_calibration_correct_a_recording_in_counts():
     recording = hand(TRUTH, 1e-3)
     raw = {key: v / 2e-4 + 30000 if key[0] == "angular_rate" else v for key, v in recording.channels.items()}
     counted = replace(recording, channels=raw, units={("angular_rate", a): "count" for a in "xyz"})
@@ -170,7 +167,7 @@ def test_both_triads_in_one_calibration_correct_a_recording_in_counts() -> None:
     assert with_gyroscopes(still, accelerometers) is accelerometers
 
 
-def test_a_unit_is_calibrated_whole_or_says_why_not() -> None:
+def test_a_unit_is_calibrated_whole_or_says_why_not():
     whole = inertial_unit(hand(TRUTH, 1e-3))
     assert {"bias", "gyro_bias", "gyro_scale_factor"} <= {p.effect for p in whole.parameters}
     alone = inertial_unit(hand(TRUTH, 1e-3), ("bias",))
@@ -180,7 +177,7 @@ def test_a_unit_is_calibrated_whole_or_says_why_not() -> None:
         inertial_unit(few, ("bias", "gyro_scale_factor"))
 
 
-def test_asymmetry_is_told_from_nonlinearity_and_temperature_needs_its_channel() -> None:
+def test_asymmetry_is_told_from_nonlinearity_and_temperature_needs_its_channel():
     recording = hand((*TRUTH, GyroScaleAsymmetry(A=np.array([8e-3, -6e-3, 7e-3]))), 1e-3, count=40)
     accelerometers = multiposition(recording, ("bias",))
     effects = {p.effect for p in gyroscopes_between_rests(recording, accelerometers).parameters}
@@ -190,7 +187,7 @@ def test_asymmetry_is_told_from_nonlinearity_and_temperature_needs_its_channel()
         gyroscopes_between_rests(recording, accelerometers, ("gyro_scale_temperature",))
 
 
-def test_the_temperature_of_each_turn_counts() -> None:
+def test_the_temperature_of_each_turn_counts():
     warm = np.linspace(10.0, 40.0, len(hand(TRUTH, 0.0, count=40).time))
     s_T = np.array([4e-4, -3e-4, 5e-4])
     recording = hand((*TRUTH, GyroScaleTemperature(s_T=s_T)), 1e-3, count=40, temperature=warm)

@@ -1,14 +1,12 @@
 """Gyroscopes on a rate table, of a plant written here: mounted three ways, rates up and down, the Earth below."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from gimbalcal.estimate.gyroscopes.rate_table import MOUNTING_SIGMA_RAD, gyroscopes_on_a_table
 from gimbalcal.methods import usual_method
-from gimbalcal.number import Array
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Source
@@ -30,8 +28,8 @@ CROSS = np.array([[0, 2e-3, -1e-3], [1.5e-3, 0, 5e-4], [-8e-4, 1.2e-3, 0]])
 BIAS = np.array([72.0, -108.0, 36.0]) * HOUR
 
 
-def run(along: str, seed: int = 1, *, noise: float = 0.02 * DEG, tilt: Array | None = None, asymmetry: float = 0.0,
-        sense: int = 1, tables: bool = True, force: bool = False) -> Recording:  # fmt: skip
+def run(along, seed = 1, *, noise = 0.02 * DEG, tilt = None, asymmetry = 0.0,
+        sense = 1, tables = True, force = False):  # fmt: skip
     """Ten seconds at each rate and ten at rest between, read at the end of each step; `tilt` (3,) of the mounting."""
     ramp = 50
     rates = np.concatenate([x for w in RATES for x in (np.zeros(250), np.linspace(0, w, ramp), np.full(500, w),
@@ -55,13 +53,13 @@ def run(along: str, seed: int = 1, *, noise: float = 0.02 * DEG, tilt: Array | N
     return Recording("rotation", f"{along} up", platform, Site(LATITUDE, 0.0, 9.81), {}, t, None, channels)
 
 
-def truth() -> dict[str, float]:
+def truth():
     """The constants of the plant as the catalogue has them, from readings without noise."""
     made = gyroscopes_on_a_table([run(a, noise=1e-12) for a in "xyz"])
     return dict(zip((p.label for p in made.parameters), made.values, strict=True))
 
 
-def test_three_mountings_tell_bias_scale_and_misalignments() -> None:
+def test_three_mountings_tell_bias_scale_and_misalignments():
     made = gyroscopes_on_a_table([run(a, seed=k, force=True) for k, a in enumerate("xyz")])
     x = dict(zip((p.label for p in made.parameters), made.values, strict=True))
     sigma = dict(zip((p.label for p in made.parameters), np.sqrt(np.diag(made.covariance)), strict=True))
@@ -74,7 +72,7 @@ def test_three_mountings_tell_bias_scale_and_misalignments() -> None:
     np.testing.assert_allclose(cross, MOUNTING_SIGMA_RAD, rtol=0.2)
 
 
-def test_corrected_readings_are_the_table_s_rates() -> None:
+def test_corrected_readings_are_the_table_s_rates():
     """The mounting apart, what the calibration leaves of another run is its noise; before it was 0.4 deg/s."""
     made = gyroscopes_on_a_table([run(a, seed=k) for k, a in enumerate("xyz")])
     for along in "xyz":
@@ -87,7 +85,7 @@ def test_corrected_readings_are_the_table_s_rates() -> None:
         assert np.abs(off).max() < 0.004 * DEG + EARTH
 
 
-def test_errors_are_as_large_as_stated() -> None:
+def test_errors_are_as_large_as_stated():
     """Over forty draws of noise and of how the unit is bolted on.
 
     What a mounting turns aside reaches a scale factor through misalignments, which are not known better than it: that
@@ -107,7 +105,7 @@ def test_errors_are_as_large_as_stated() -> None:
     assert 0.4 < np.sqrt(np.mean(size["gyro_scale_factor"] ** 2)) < 1.1
 
 
-def test_one_mounting_tells_one_column_and_names_the_others() -> None:
+def test_one_mounting_tells_one_column_and_names_the_others():
     made = gyroscopes_on_a_table([run("y")])
     told = {p.label for p in made.parameters}
     assert told == {*(f"gyro_bias:{a}" for a in "xyz"), "gyro_scale_factor:y", *(n for n in told if "misal" in n)}
@@ -116,7 +114,7 @@ def test_one_mounting_tells_one_column_and_names_the_others() -> None:
     assert "none about x and z" in unseen["gyro_scale_factor:x"]
 
 
-def test_an_asymmetry_is_taken_up_and_none_is_where_none_is() -> None:
+def test_an_asymmetry_is_taken_up_and_none_is_where_none_is():
     with_it = gyroscopes_on_a_table([run(a, seed=k, asymmetry=300e-6) for k, a in enumerate("xyz")])
     found = {p.axis: v for p, v in zip(with_it.parameters, with_it.values, strict=True)
              if p.effect == "gyro_scale_asymmetry"}  # fmt: skip
@@ -126,7 +124,7 @@ def test_an_asymmetry_is_taken_up_and_none_is_where_none_is() -> None:
         assert {p.effect for p in clean.parameters} == {"gyro_bias", "gyro_scale_factor", "gyro_misalignment"}
 
 
-def test_counts_get_their_size_from_the_table() -> None:
+def test_counts_get_their_size_from_the_table():
     size = np.array([2e-5, 2.1e-5, 1.9e-5])
     counted = []
     for k, a in enumerate("xyz"):
@@ -135,7 +133,6 @@ def test_counts_get_their_size_from_the_table() -> None:
         units = {("angular_rate", b): "count" for b in "xyz"}
         counted.append(replace(r, channels={**r.channels, **own}, units=units))
     made = gyroscopes_on_a_table(counted)
-    assert made.readout.gyroscopes is not None
     np.testing.assert_allclose(made.readout.gyroscopes.scale, size / GAIN, rtol=3e-5)
     scale = [v for p, v in zip(made.parameters, made.values, strict=True) if p.effect == "gyro_scale_factor"]
     assert np.abs(scale).max() < 1e-4  # the nominal size holds it
@@ -143,8 +140,8 @@ def test_counts_get_their_size_from_the_table() -> None:
         gyroscopes_on_a_table(counted[:1])
 
 
-def test_a_wandering_bias_widens_the_sigmas_and_is_said() -> None:
-    def drifting(a: str, k: int) -> Recording:
+def test_a_wandering_bias_widens_the_sigmas_and_is_said():
+    def drifting(a, k):
         r = run(a, seed=k, noise=1e-4 * DEG)
         walk = np.cumsum(np.random.default_rng(k).standard_normal(len(r.time))) * 2e-4 * DEG
         return replace(r, channels={**r.channels, ("angular_rate", "x"): r.channels["angular_rate", "x"] + walk})
@@ -155,7 +152,7 @@ def test_a_wandering_bias_widens_the_sigmas_and_is_said() -> None:
     assert sigma["gyro_bias:x"] > 5 * sigma["gyro_bias:z"]
 
 
-def standing() -> Recording:
+def standing():
     r = run("x")
     return replace(r, channels={**r.channels, ("gimbal_angle", "table"): 0 * r.time})
 
@@ -170,18 +167,18 @@ def standing() -> Recording:
         lambda: [r.select(slice(253, 300)) for r in [run("x")]],
     ],
 )
-def test_what_cannot_be_taken_is_one_sentence(made) -> None:  # type: ignore[no-untyped-def]
+def test_what_cannot_be_taken_is_one_sentence(made):
     with refused():
         gyroscopes_on_a_table(made())
 
 
-def simple(r: Recording, **changed: Any) -> Recording:
+def simple(r, **changed):
     """The same as one writes it who knows the table's axis and no more: nothing says how the table stands."""
     chain = (replace(r.platform.axes[0], **changed),)
     return replace(r, platform=Platform("own", chain), channels={k: x for k, x in r.channels.items() if k[1] != "base"})
 
 
-def test_without_accelerometers_nothing_says_which_way_is_up() -> None:
+def test_without_accelerometers_nothing_says_which_way_is_up():
     """The Earth's 11 deg/h along the table's axis went into the biases, with either sign: 12 sigma and more."""
     made = gyroscopes_on_a_table([simple(run(a, seed=k)) for k, a in enumerate("xyz")])
     x = dict(zip((p.label for p in made.parameters), made.values, strict=True))
@@ -194,14 +191,14 @@ def test_without_accelerometers_nothing_says_which_way_is_up() -> None:
     assert sigma["gyro_bias:y"] < 2 * HOUR
 
 
-def test_accelerometers_tell_how_the_table_stands_whatever_its_drawing_says() -> None:
+def test_accelerometers_tell_how_the_table_stands_whatever_its_drawing_says():
     made = gyroscopes_on_a_table([simple(run("x", force=True))])
     x = dict(zip((p.label for p in made.parameters), made.values, strict=True))
     sigma = dict(zip((p.label for p in made.parameters), np.sqrt(np.diag(made.covariance)), strict=True))
     assert abs(x["gyro_bias:x"] - BIAS[0]) < 4 * sigma["gyro_bias:x"] < 8 * HOUR
 
 
-def test_the_same_mounting_twice_tells_no_more_than_once() -> None:
+def test_the_same_mounting_twice_tells_no_more_than_once():
     runs = [simple(run("x", seed=k)) for k in (1, 2)]
     once, twice = gyroscopes_on_a_table(runs[:1]), gyroscopes_on_a_table(runs)
     wide = [dict(zip((p.label for p in c.parameters), np.sqrt(np.diag(c.covariance)), strict=True))
@@ -217,7 +214,7 @@ def test_the_same_mounting_twice_tells_no_more_than_once() -> None:
     assert "none about y and z" in unseen["gyro_scale_factor:y"]
 
 
-def test_a_sloppy_mounting_is_in_the_sigma_of_a_lone_scale_factor() -> None:
+def test_a_sloppy_mounting_is_in_the_sigma_of_a_lone_scale_factor():
     """Its cosine, and what misalignments make of it: 30 ppm here were 20 sigma of noise."""
     sloppy = gyroscopes_on_a_table([simple(run("x", tilt=np.array([0.0, 0.0097, 0.0055])))])
     x = dict(zip((p.label for p in sloppy.parameters), sloppy.values, strict=True))
@@ -226,18 +223,18 @@ def test_a_sloppy_mounting_is_in_the_sigma_of_a_lone_scale_factor() -> None:
     assert 2e-5 < abs(off) < 2 * sigma["gyro_scale_factor:x"] < 2e-4
 
 
-def said(r: Recording, quantity: str, unit: str, factor: float) -> Recording:
+def said(r, quantity, unit, factor):
     """Columns in a unit that is not theirs."""
     own = {k: factor * x if k[0] == quantity else x for k, x in r.channels.items()}
     return replace(r, channels=own, units={k: unit for k in own if k[0] == quantity})
 
 
-def wrapped(r: Recording) -> Recording:
+def wrapped(r):
     key = ("gimbal_angle", "table")
     return replace(r, channels={**r.channels, key: r.channels[key] % (2 * np.pi)})
 
 
-def exchanged(r: Recording) -> Recording:
+def exchanged(r):
     x, y = (r.channels["angular_rate", a] for a in "xy")
     return replace(r, channels={**r.channels, ("angular_rate", "x"): y, ("angular_rate", "y"): -x})
 
@@ -254,16 +251,16 @@ def exchanged(r: Recording) -> Recording:
         lambda: exchanged(run("x")),
     ],
 )
-def test_slips_of_one_mounting_are_named(made) -> None:  # type: ignore[no-untyped-def]
+def test_slips_of_one_mounting_are_named(made):
     with refused():
         gyroscopes_on_a_table([simple(run("z", seed=3)), made()])
 
 
-def test_gyroscopes_alone_on_a_table_need_no_method_named() -> None:
+def test_gyroscopes_alone_on_a_table_need_no_method_named():
     assert usual_method([run("x"), run("y")]) == "rate-table"
 
 
-def test_the_page_draws_what_is_left_over_the_rate() -> None:
+def test_the_page_draws_what_is_left_over_the_rate():
     recordings = [run(a, seed=k) for k, a in enumerate("xyz")]
     made = gyroscopes_on_a_table(recordings)
     page = calibration_report(made, recordings)

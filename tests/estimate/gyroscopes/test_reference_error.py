@@ -13,7 +13,7 @@ from gimbalcal.views.turns import turns_between_rests
 from tests.estimate.gyroscopes.test_between_rests import TRUTH, hand
 
 
-def test_the_estimate_moves_as_the_accelerometers_do() -> None:
+def test_the_estimate_moves_as_the_accelerometers_do():
     """Half a milli-g of bias, known as the covariance of one combination, moves the fit by what is added to its."""
     recording = hand(TRUTH, 1e-3, count=16)
     accelerometers = multiposition(recording, ("bias",))
@@ -28,7 +28,7 @@ def test_the_estimate_moves_as_the_accelerometers_do() -> None:
     assert np.linalg.matrix_rank(added, tol=1e-3 * np.trace(added)) == 1
 
 
-def test_sigma_holds_what_the_accelerometers_do_not_know() -> None:
+def test_sigma_holds_what_the_accelerometers_do_not_know():
     recording = hand(TRUTH, 1e-3, count=16)
     accelerometers = multiposition(recording, ("bias",))
     vague = replace(accelerometers, covariance=(3e-3) ** 2 * np.eye(3))

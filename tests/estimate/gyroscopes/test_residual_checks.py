@@ -6,12 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR
 from gimbalcal.estimate.gyroscopes.residual_checks import turn_sigma
 from gimbalcal.estimate.unit import inertial_unit
-from gimbalcal.number import Array
-from gimbalcal.recording import Recording
 from gimbalcal.views.turns import turns_between_rests
 from tests.estimate.gyroscopes.test_between_rests import TRUTH, hand
 from tests.golden import golden_text
@@ -22,21 +19,21 @@ TERMS = ("bias", *LINEAR)
 
 
 @cache
-def turned(count: int = 24) -> Recording:
+def turned(count=24):
     made = hand(TRUTH, NOISE, count)
     noise = {"gyroscope": NOISE, "accelerometer": 1e-6}
     return replace(made, noise=noise, scatter={(RATE, a): NOISE for a in "xyz"})
 
 
-def with_rates(y: Array) -> Recording:
+def with_rates(y):
     return replace(turned(), channels={**turned().channels, **{(RATE, a): y[:, i] for i, a in enumerate("xyz")}})
 
 
-def calibrated(recording: Recording) -> Calibration:
+def calibrated(recording):
     return inertial_unit(recording, TERMS)
 
 
-def test_gyroscopes_that_their_model_explains_are_not_complained_of() -> None:
+def test_gyroscopes_that_their_model_explains_are_not_complained_of():
     made = calibrated(turned())
     assert made.outcome == ""
     turns, _, scale = turns_between_rests(turned(), made)
@@ -44,20 +41,20 @@ def test_gyroscopes_that_their_model_explains_are_not_complained_of() -> None:
     assert made.residual.rms["gravity_direction"] == pytest.approx(stated, rel=0.4)  # 48 numbers, 9 of them fitted
 
 
-def test_a_level_that_differs_from_rest_to_rest_is_told() -> None:
+def test_a_level_that_differs_from_rest_to_rest_is_told():
     p = np.asarray(turned().position)
     y = turned().triad(RATE) + 5e-3 * np.where(p % 2 > 0, 1.0, 0.0)[:, None] * (p > 0)[:, None] * np.array([0, 1, 0])
     golden_text(calibrated(with_rates(y)).outcome)
 
 
-def test_turns_that_the_gyroscopes_missed_are_told() -> None:
+def test_turns_that_the_gyroscopes_missed_are_told():
     y = turned().triad(RATE)
     clipped = np.clip(y, -0.6, 0.6)  # rad/s: the range of the gyroscopes
     made = calibrated(with_rates(clipped))
     golden_text(made.outcome)
 
 
-def test_turns_in_which_a_gyroscope_clips_are_left_out() -> None:
+def test_turns_in_which_a_gyroscope_clips_are_left_out():
     y = turned().triad(RATE)
     limit = 0.8 * np.abs(y).max()  # few turns are as fast
     made, whole = calibrated(with_rates(np.clip(y, -limit, limit))), calibrated(turned())
@@ -68,33 +65,33 @@ def test_turns_in_which_a_gyroscope_clips_are_left_out() -> None:
     assert np.all(np.abs(made.values[at] - whole.values[same]) < 4 * made.sigmas[at])
 
 
-def test_one_odd_rest_hides_no_turn_that_was_missed() -> None:
+def test_one_odd_rest_hides_no_turn_that_was_missed():
     y = np.clip(turned().triad(RATE), -0.6, 0.6)
     y[np.asarray(turned().position) == 5] += np.radians(5.0)
     golden_text(calibrated(with_rates(y)).outcome)
 
 
-def test_a_gyroscope_that_does_not_follow_its_rate_is_told() -> None:
+def test_a_gyroscope_that_does_not_follow_its_rate_is_told():
     y = turned().triad(RATE) * np.array([1.0, 1.0, 0.0]) + 1e-4 * np.random.default_rng(0).standard_normal((1, 3))
     y[:, 2] += 1e-4 * np.random.default_rng(1).standard_normal(len(y))
     assert "gyroscope" in calibrated(with_rates(y)).outcome
 
 
-def test_half_of_a_rate_is_the_range_and_no_scale_error() -> None:
+def test_half_of_a_rate_is_the_range_and_no_scale_error():
     half = turned().triad(RATE) * np.array([1.0, 1.0, 0.5])
     said = calibrated(with_rates(half)).outcome
     assert float(said.split("gyroscope z reads ")[1].split()[0]) == pytest.approx(0.5, rel=0.02)
     golden_text(said)
 
 
-def test_an_axis_that_leans_by_thirty_degrees_is_told() -> None:
+def test_an_axis_that_leans_by_thirty_degrees_is_told():
     M = np.eye(3) + np.array([[0, 0, 0], [0.6, 0, 0], [0, 0, 0]])
     said = calibrated(with_rates(turned().triad(RATE) @ M.T)).outcome
     assert float(said.split("gyroscope y reads ")[1].split()[0]) == pytest.approx(0.6, abs=0.02)
     golden_text(said)
 
 
-def test_a_fit_that_turns_about_one_axis_leave_singular_is_told() -> None:
+def test_a_fit_that_turns_about_one_axis_leave_singular_is_told():
     made = hand(TRUTH, NOISE, 8)
     still = replace(made, noise={"gyroscope": NOISE})
     one = {**made.channels, **{(RATE, a): 0 * made.channels[RATE, a] for a in "xy"}}

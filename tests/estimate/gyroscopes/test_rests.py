@@ -13,10 +13,9 @@ from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import G_SENSITIVITY, fit_rests, level_of, rests
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
-from gimbalcal.number import Array, apply_matrix
+from gimbalcal.number import apply_matrix
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
-from gimbalcal.views.core import View
 
 G0, LATITUDE = 9.8, 0.6
 UNIT = np.deg2rad(1) / 3600
@@ -24,9 +23,7 @@ G = GyroGSensitivityRate(G=UNIT * np.array([5.0, -3.0, 2.0, 1.0, 0.0, -4.0, 2.0,
 BIAS = GyroBias(epsilon=UNIT * np.array([100.0, -50.0, 20.0]))
 
 
-def attitudes(
-    g: GyroGSensitivityRate, wander: float = 0.0, seed: int = 0, latitude: float | None = LATITUDE
-) -> Recording:
+def attitudes(g, wander=0.0, seed=0, latitude=LATITUDE):
     """Forty attitudes at random on the turning Earth, 200 samples of 10 deg/h each."""
     rng = np.random.default_rng(seed)
     Q, R = np.linalg.qr(rng.standard_normal((40, 3, 3)))
@@ -42,22 +39,22 @@ def attitudes(
     return replace(made, channels=channels | {("angular_rate", a): y[:, i] for i, a in enumerate("xyz")})
 
 
-def seen(recording: Recording) -> View:
+def seen(recording):
     return rests(recording, multiposition(recording, ("bias",)))
 
 
-def errors(g: GyroGSensitivityRate, wander: float, seed: int) -> Array:
+def errors(g, wander, seed):
     fit = fit_rests(seen(attitudes(g, wander, seed)))
     return np.asarray((fit.x - np.concatenate([BIAS.epsilon, g.G])) / np.sqrt(np.diag(fit.covariance)))
 
 
 @pytest.mark.parametrize("wander", [0.0, 5 * UNIT])
-def test_truth_comes_back_within_its_uncertainty(wander: float) -> None:
+def test_truth_comes_back_within_its_uncertainty(wander):
     # 60 numbers of 5 recordings; the Earth's horizontal rate, up to 12 deg/h, is scatter that the fit must find
     assert 0.7 < np.sqrt(np.mean([errors(G, wander, seed) ** 2 for seed in range(5)])) < 1.4
 
 
-def test_the_vertical_rate_of_the_earth_is_no_g_sensitivity() -> None:
+def test_the_vertical_rate_of_the_earth_is_no_g_sensitivity():
     none = GyroGSensitivityRate(G=np.zeros(9))
     known, unknown = (fit_rests(seen(attitudes(none, latitude=lat))) for lat in (LATITUDE, None))
     diagonal = [3, 7, 11]
@@ -68,7 +65,7 @@ def test_the_vertical_rate_of_the_earth_is_no_g_sensitivity() -> None:
     assert np.all(np.abs(known.x[diagonal]) < 4 * sigma[diagonal])
 
 
-def test_what_is_there_is_taken_up_and_what_is_not_is_declined() -> None:
+def test_what_is_there_is_taken_up_and_what_is_not_is_declined():
     taken, why = level_of(seen(attitudes(G)), True)
     assert why == ""
     assert {p.effect for p in taken.parameters} == {"gyro_bias", G_SENSITIVITY}
@@ -78,14 +75,14 @@ def test_what_is_there_is_taken_up_and_what_is_not_is_declined() -> None:
     assert level_of(seen(attitudes(G)), False)[0].parameters == parameters(GyroBias)
 
 
-def test_without_a_latitude_the_common_part_is_uncertain_by_the_earth() -> None:
+def test_without_a_latitude_the_common_part_is_uncertain_by_the_earth():
     taken, _ = level_of(seen(attitudes(G, latitude=None)), True)
     sigma = np.sqrt(np.diag(taken.covariance))
     assert np.all(sigma[[3, 7, 11]] > EARTH_RATE / np.sqrt(3) / G0)
     assert np.all(sigma[[4, 5, 6]] < EARTH_RATE / np.sqrt(3) / G0)
 
 
-def test_an_unknown_vertical_rate_is_eliminated_in_the_scatter_of_the_dwells() -> None:
+def test_an_unknown_vertical_rate_is_eliminated_in_the_scatter_of_the_dwells():
     recording = attitudes(G, wander=20 * UNIT, latitude=None)
     still = seen(recording)
     found = fit_rests(still)
@@ -96,7 +93,6 @@ def test_an_unknown_vertical_rate_is_eliminated_in_the_scatter_of_the_dwells() -
     np.testing.assert_allclose(x, found.x, atol=1e-3 * found.sigmas.min())
     scatter = fit_rests(still, still.baseline).sigma[0]
     diagnosed = view_at_rest(recording)
-    assert diagnosed is not None
     np.testing.assert_allclose(
         diagnosed.evaluate(()).residual, still.without_nuisances(scatter).evaluate(()).residual, atol=1e-9 * UNIT
     )

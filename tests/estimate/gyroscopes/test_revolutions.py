@@ -9,7 +9,6 @@ from gimbalcal.campaign.trials import LATITUDE
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.estimate.gyroscopes.revolutions import as_effects, gyroscopes_from_revolutions, revolutions_of
 from gimbalcal.estimate.pulses.polynomial import Pulses
-from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import normal_to
@@ -23,7 +22,7 @@ TRUE = Pulses(
 )  # fmt: skip
 
 
-def earth(up: Array, phase: Array) -> Array:
+def earth(up, phase):
     """Earth's rate (n, 3) in a unit with axis `up` vertical, turned by `phase` about it."""
     across = normal_to(up)
     third = np.cross(up, across)
@@ -31,7 +30,7 @@ def earth(up: Array, phase: Array) -> Array:
     return np.asarray(EARTH_RATE * (np.cos(LATITUDE) * north + np.sin(LATITUDE) * up))
 
 
-def table_run(noise: float, seed: int = 0) -> Recording:
+def table_run(noise, seed=0):
     """Nine axes in turn: rest, two revolutions one way, rest, back, and a quarter turn to the next axis."""
     rng = np.random.default_rng(seed)
     rates, position, k = [], [], 0
@@ -59,14 +58,14 @@ def table_run(noise: float, seed: int = 0) -> Recording:
                      STEP * np.arange(n), np.concatenate(position), channels)  # fmt: skip
 
 
-def test_revolutions_are_found_and_quarter_turns_left_out() -> None:
+def test_revolutions_are_found_and_quarter_turns_left_out():
     turns, pairs = revolutions_of(table_run(0.0))
     assert pairs == 9
     assert turns.angle == pytest.approx(4 * np.pi)
     assert turns.rest.shape == (1, 27, 3)
 
 
-def test_truth_comes_back_within_its_uncertainty() -> None:
+def test_truth_comes_back_within_its_uncertainty():
     expected = as_effects(np.concatenate([TRUE.K1, TRUE.K2, TRUE.bias, TRUE.E]))
     errors = []
     for seed in range(5):
@@ -76,7 +75,7 @@ def test_truth_comes_back_within_its_uncertainty() -> None:
     assert np.sqrt(np.mean(np.square(errors))) < 1.5  # 60 normal numbers, sigma scaled to 42 degrees of freedom
 
 
-def test_correcting_with_it_gives_the_rate() -> None:
+def test_correcting_with_it_gives_the_rate():
     recording = table_run(0.0)
     made = gyroscopes_from_revolutions(recording)
     w = np.linalg.norm(made.apply(recording).triad("angular_rate")[recording.position != 0], axis=1)
@@ -84,7 +83,7 @@ def test_correcting_with_it_gives_the_rate() -> None:
     np.testing.assert_allclose(w, EARTH_RATE, rtol=1e-3)
 
 
-def test_what_is_not_revolutions_is_refused() -> None:
+def test_what_is_not_revolutions_is_refused():
     made = table_run(0.0)
     with refused():
         revolutions_of(made.select(slice(0, int(np.flatnonzero(made.position == 7)[0]))))

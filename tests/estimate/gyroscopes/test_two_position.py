@@ -1,8 +1,6 @@
 """Two-position tests: the bias comes out of a reversal, north with it, and what cannot be told is said."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,13 +17,7 @@ LATITUDE, NORTH, NOISE = np.radians(48.0), np.radians(70.0), to_si(5.0, "deg/h")
 BIAS = to_si(1.0, "deg/h") * np.array([3.0, -8.0, 5.0])
 
 
-def rests_at(
-    angles: list[tuple[float, ...]],
-    platform: str | Platform = "rate-table",
-    seed: int = 1,
-    rows: int = 400,
-    wrong: float = 0.0,
-) -> Recording:
+def rests_at(angles, platform="rate-table", seed=1, rows=400, wrong=0.0):
     """Rests of `rows` samples at these gimbal angles [deg] on a level base, x axis `NORTH` east of north."""
     rng = np.random.default_rng(seed)
     east, down = np.cos(LATITUDE) * np.sin(NORTH), np.sin(LATITUDE)
@@ -49,7 +41,7 @@ BOTH = [(0.0, 0.0), (180.0, 0.0), (0.0, 180.0), (180.0, 180.0)]
 
 
 @pytest.mark.parametrize(("angles", "platform"), [(VERTICAL, "rate-table"), (BOTH, "two-axis-table")])
-def test_the_bias_and_north_come_out_of_a_reversal(angles: list[tuple[float, ...]], platform: str) -> None:
+def test_the_bias_and_north_come_out_of_a_reversal(angles, platform):
     off = []
     for seed in range(12):
         made = two_position(rests_at(angles, platform, seed))
@@ -60,13 +52,13 @@ def test_the_bias_and_north_come_out_of_a_reversal(angles: list[tuple[float, ...
     assert 0.6 < np.sqrt(np.mean(np.square(off))) < 1.4  # 48 normal numbers, four of them together
 
 
-def test_a_reversal_about_the_vertical_leaves_gravity_in_the_bias() -> None:
+def test_a_reversal_about_the_vertical_leaves_gravity_in_the_bias():
     named = two_position(rests_at(VERTICAL)).unobservable
     assert named[0]["direction"] == {"gyro_bias:x": 1.0, "gyro_g_sensitivity_rate:xz": -1.0}
     assert two_position(rests_at(BOTH, "two-axis-table")).unobservable == ()
 
 
-def test_a_bias_that_moved_is_an_outcome() -> None:
+def test_a_bias_that_moved_is_an_outcome():
     made = two_position(rests_at(BOTH, "two-axis-table", wrong=to_si(3.0, "deg/h")))
     assert "leave" in made.outcome
     golden_text(made.outcome)
@@ -82,12 +74,12 @@ def test_a_bias_that_moved_is_an_outcome() -> None:
         replace(rests_at(VERTICAL), kind="rotation"),
     ],
 )
-def test_what_is_no_reversal_is_refused(recording: Recording) -> None:
+def test_what_is_no_reversal_is_refused(recording):
     with refused():
         two_position(recording)
 
 
-def test_the_command(tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path, command, capsys):
     write(rests_at(VERTICAL), tmp_path / "rec")
     assert command("calibrate", tmp_path / "rec", "--method", "two-position", "--out", tmp_path / "out") == 0
     golden_text(capsys.readouterr().err)
@@ -98,7 +90,7 @@ ABOUT_Y = Platform("turnover", (Axis("pitch", "y"),))
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_mirror_solution_is_reported(seed: int) -> None:
+def test_a_mirror_solution_is_reported(seed):
     """Turned over about its y axis a unit keeps that axis where it is: east or west of north fit alike."""
     made = two_position(rests_at([(0.0,), (180.0,)], ABOUT_Y, seed))
     (other,) = made.provenance["other_solutions"]

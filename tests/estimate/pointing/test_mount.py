@@ -1,17 +1,14 @@
 """The terms of a mount come back from made stars, with honest sigmas, in one night or several."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose import diagnose
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.pattern import why_far
 from gimbalcal.platform import Axis, Platform
-from gimbalcal.recording import Recording
 from gimbalcal.views.pointing import nights
 from gimbalcal.words.calibration_sentences import calibration_in_words
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
@@ -25,14 +22,14 @@ AMATEUR = {"gimbal_zero__declination": -3000.0, "gimbal_zero__hour_angle": 28000
            "tube_flexure": 1400.0}  # fmt: skip
 
 
-def off(made: Calibration, truth: dict[str, float]) -> np.ndarray:
+def off(made, truth):
     """Errors of the estimates in sigmas."""
     true = np.array([ARCSEC * truth[p.label.replace(":", "__")] for p in made.parameters])
     return np.asarray((made.values - true) / made.sigmas)
 
 
 @pytest.mark.parametrize(("mount", "truth", "noise"), [(ALT_AZ, TELESCOPE, 1.0), (EQUATORIAL, AMATEUR, 20.0)])
-def test_terms_come_back_with_honest_sigmas(mount: Platform, truth: dict[str, float], noise: float) -> None:
+def test_terms_come_back_with_honest_sigmas(mount, truth, noise):
     there, squares = effects(mount, **truth), []
     for seed in range(6):
         made = pointing_calibration([run(mount, sky(mount, 80, seed), there, noise, seed)])
@@ -47,12 +44,12 @@ def test_terms_come_back_with_honest_sigmas(mount: Platform, truth: dict[str, fl
     assert made.provenance["noise"]["star_arcsec"] == pytest.approx(noise, rel=0.25)
 
 
-def test_exact_stars_give_exact_terms() -> None:
+def test_exact_stars_give_exact_terms():
     made = pointing_calibration([run(EQUATORIAL, sky(EQUATORIAL), effects(EQUATORIAL, **AMATEUR))])
     np.testing.assert_allclose(made.values / ARCSEC, list(AMATEUR.values()), atol=1e-4)
 
 
-def test_what_the_stars_do_not_tell_is_named() -> None:
+def test_what_the_stars_do_not_tell_is_named():
     low = sky(ALT_AZ, 40)
     low[:, 0] = 0.7  # one elevation: zero and sag are one, and so are collimation, squareness and zero of azimuth
     made = pointing_calibration([run(ALT_AZ, low, effects(ALT_AZ, **TELESCOPE), 1.0)])
@@ -62,11 +59,11 @@ def test_what_the_stars_do_not_tell_is_named() -> None:
     assert made.residual.dof == 80 - 4
 
 
-def stated(recording: Recording, sigma: float) -> Recording:
+def stated(recording, sigma):
     return replace(recording, noise={"gimbal_angle": sigma * ARCSEC})
 
 
-def test_a_stated_noise_is_held_against_what_is_left() -> None:
+def test_a_stated_noise_is_held_against_what_is_left():
     clean = run(ALT_AZ, sky(ALT_AZ), effects(ALT_AZ, **TELESCOPE), 1.0)
     assert pointing_calibration([stated(clean, 1.0)]).outcome == ""
     short = pointing_calibration([stated(clean, 0.5)])
@@ -80,7 +77,7 @@ def test_a_stated_noise_is_held_against_what_is_left() -> None:
     assert found["eccentricity_sin:azimuth"] == pytest.approx(8.0, abs=1.5)
 
 
-def test_a_pattern_of_what_is_left_is_told_where_no_noise_is_stated() -> None:
+def test_a_pattern_of_what_is_left_is_told_where_no_noise_is_stated():
     clean, bent = (
         pointing_calibration([run(ALT_AZ, sky(ALT_AZ, 60), effects(ALT_AZ, **TELESCOPE, **more), 1.0)])
         for more in ({}, {"eccentricity_sin__azimuth": 12.0})
@@ -92,7 +89,7 @@ def test_a_pattern_of_what_is_left_is_told_where_no_noise_is_stated() -> None:
     golden_text(words)
 
 
-def test_a_mistaken_star_is_named() -> None:
+def test_a_mistaken_star_is_named():
     night = run(ALT_AZ, sky(ALT_AZ, 60), effects(ALT_AZ, **TELESCOPE), 1.0)
     elevation = night.channels["true_angle", "elevation"].copy()
     elevation[16] += 90 * ARCSEC
@@ -108,12 +105,12 @@ def test_a_mistaken_star_is_named() -> None:
     assert [s["star"] for s in pointing_calibration([two]).provenance["far_off"]] == [17]
 
 
-def test_noise_alone_makes_no_pattern() -> None:
+def test_noise_alone_makes_no_pattern():
     runs = (run(ALT_AZ, sky(ALT_AZ, 60, seed), effects(ALT_AZ, **TELESCOPE), 1.0, seed) for seed in range(20))
     assert sum(bool(pointing_calibration([r]).provenance.pattern) for r in runs) == 0  # of 20, 0.02 by chance
 
 
-def test_an_effect_is_added_with_the_constant_that_is_stated_or_fits() -> None:
+def test_an_effect_is_added_with_the_constant_that_is_stated_or_fits():
     """Five turns of a wobbling bearing to one of the azimuth."""
     there = effects(ALT_AZ, **TELESCOPE, harmonic_sin__azimuth=15.0, harmonic_cos__azimuth=-10.0)
     there = tuple(replace(e, order=5.0) if e.id == "encoder_harmonic" else e for e in there)
@@ -129,20 +126,20 @@ def test_an_effect_is_added_with_the_constant_that_is_stated_or_fits() -> None:
         assert made.provenance["noise"]["star_arcsec"] == pytest.approx(1.0, rel=0.25)
 
 
-def two(change: float, seed: int = 3) -> Sequence[Recording]:
+def two(change, seed=3):
     first = effects(ALT_AZ, **TELESCOPE)
     then = effects(ALT_AZ, **{**TELESCOPE, "base_tilt__east": -10.0 + change})
     return (run(ALT_AZ, sky(ALT_AZ, 50, 5), first, 1.0, seed), run(ALT_AZ, sky(ALT_AZ, 50, 6), then, 1.0, seed + 9))
 
 
-def test_nights_that_share_their_terms_are_one() -> None:
+def test_nights_that_share_their_terms_are_one():
     alone, both = (pointing_calibration(r) for r in ([two(0.0)[0]], two(0.0)))
     assert both.outcome == ""
     assert both.provenance["same_terms_every_night"] > 1e-3
     assert both.sigmas[0] < 0.85 * alone.sigmas[0]
 
 
-def test_a_term_that_moves_between_nights_is_told_with_sigma() -> None:
+def test_a_term_that_moves_between_nights_is_told_with_sigma():
     made = pointing_calibration(two(12.0))
     golden_text(made.outcome)
     change = made.provenance["nights"][1]["terms"]["base_tilt:east"]
@@ -151,7 +148,7 @@ def test_a_term_that_moves_between_nights_is_told_with_sigma() -> None:
     assert made.provenance["noise"]["star_arcsec"] > 2.0  # one set of terms for both leaves more
 
 
-def test_a_file_is_cut_where_it_pauses_and_is_judged_as_one_mount() -> None:
+def test_a_file_is_cut_where_it_pauses_and_is_judged_as_one_mount():
     first, second = two(0.0)
     joined = {k: np.concatenate([first.channels[k], second.channels[k]]) for k in first.channels}
     time = np.concatenate([first.time, first.time[-1] + 1.8 * 86400 + second.time])
@@ -162,7 +159,7 @@ def test_a_file_is_cut_where_it_pauses_and_is_judged_as_one_mount() -> None:
     assert [n["stars"] for n in made.provenance["nights"]] == [50, 50]
 
 
-def test_runs_that_do_not_belong_together_are_refused() -> None:
+def test_runs_that_do_not_belong_together_are_refused():
     night = run(ALT_AZ, sky(ALT_AZ, 12), ())
     with refused():
         pointing_calibration([night, run(EQUATORIAL, sky(EQUATORIAL, 12), ())])
@@ -181,7 +178,7 @@ def test_runs_that_do_not_belong_together_are_refused() -> None:
         pointing_calibration([replace(night, channels=blind)])
 
 
-def test_any_two_axis_gimbal_can_be_calibrated() -> None:
+def test_any_two_axis_gimbal_can_be_calibrated():
     """An antenna whose outer axis lies horizontally to the north: a turn about north is its zero."""
     antenna = Platform("x-y", (Axis("inner", "y"), Axis("outer", "x", -1)))
     rng = np.random.default_rng(4)
@@ -197,7 +194,7 @@ def test_any_two_axis_gimbal_can_be_calibrated() -> None:
 
 
 @pytest.mark.parametrize("direction", ["y", "z"])
-def test_a_mount_of_a_single_axis_shows_its_zero_and_its_encoder(direction: str) -> None:
+def test_a_mount_of_a_single_axis_shows_its_zero_and_its_encoder(direction):
     """It moves the line of sight in one direction: along the innermost axis' plane (y), or across it (z)."""
     servo = Platform("servo", (Axis("table", direction),))
     readout = np.radians(np.linspace(-80, 80, 161))[:, None]
@@ -210,7 +207,7 @@ def test_a_mount_of_a_single_axis_shows_its_zero_and_its_encoder(direction: str)
     assert set(made.residual.rms) == {f"pointing {'along' if direction == 'y' else 'across'}"}
 
 
-def test_the_encoder_of_a_single_axis_is_found_and_noise_alone_is_not() -> None:
+def test_the_encoder_of_a_single_axis_is_found_and_noise_alone_is_not():
     """The axis is vertical: of a horizontal one the sag of the tube looks like the cosine of an eccentric encoder."""
     servo, zero = Platform("servo", (Axis("table", "z"),)), {"gimbal_zero__table": 900.0}
     readout = np.radians(np.linspace(-80, 80, 161))[:, None]
@@ -219,7 +216,7 @@ def test_the_encoder_of_a_single_axis_is_found_and_noise_alone_is_not() -> None:
     assert diagnose([run(servo, readout, effects(servo, **zero), noise=100.0)]).verdict == "adequate"
 
 
-def test_an_axis_along_the_line_of_sight_is_refused() -> None:
+def test_an_axis_along_the_line_of_sight_is_refused():
     night = run(Platform("servo", (Axis("table", "z"),)), np.radians(np.linspace(0, 50, 20))[:, None], ())
     with refused():
         pointing_calibration([replace(night, platform=Platform("roll", (Axis("table", "x"),)))])
@@ -235,7 +232,7 @@ def test_an_axis_along_the_line_of_sight_is_refused() -> None:
         ([0, 1, 2], [[5, 7], [-8, 4], [0, 9]], "all in one part of the sky, so rather what the model lacks there"),
     ],
 )
-def test_why_stars_are_far_off_the_others(far: list[int], off: list[list[float]], words: str) -> None:
+def test_why_stars_are_far_off_the_others(far, off, words):
     at = np.random.default_rng(3).uniform([0.3, -3.0], [1.3, 3.0], (60, 2))
     at[:3] = [[0.8, 1.0], [0.82, 1.02], [0.79, 0.97]]
     at[3:] = at[3:][np.abs(at[3:, 1] - 1.0).argsort()[::-1]]  # no other star is near these

@@ -28,14 +28,14 @@ TURN = 2 * np.pi
 SLOW = ("base_tilt", "tube_flexure", "refraction")
 
 
-def logged(r: Recording, axis: str, low: float) -> Recording:
+def logged(r, axis, low):
     """The same run with an axis logged within the turn from `low` on."""
     within = {(q, axis): np.mod(r.channels[q, axis] - low, TURN) + low for q in ("gimbal_angle", "true_angle")}
     return Recording(**{**vars(r), "channels": r.channels | within})
 
 
 @pytest.mark.parametrize("low", [0.0, -np.pi, 1.0])
-def test_a_move_is_told_the_way_it_went_wherever_the_log_starts_its_turn(low: float) -> None:
+def test_a_move_is_told_the_way_it_went_wherever_the_log_starts_its_turn(low):
     """Backlash takes the sense of a move, which the difference of two logged angles has wrong across the wrap."""
     rng = np.random.default_rng(5)
     steps = rng.uniform(-1.2, 1.2, 60)
@@ -46,14 +46,14 @@ def test_a_move_is_told_the_way_it_went_wherever_the_log_starts_its_turn(low: fl
     assert np.allclose(told, on_stars(r).move_angle, atol=1e-12)
 
 
-def test_a_readout_of_several_turns_says_which_way_its_mount_went() -> None:
+def test_a_readout_of_several_turns_says_which_way_its_mount_went():
     readout = np.array([[0.0], [4.0], [-1.0], [7.0]])
     assert np.allclose(without_jumps(np.mod(readout, TURN), readout), readout)
     assert np.allclose(np.diff(without_jumps(np.mod(readout[:2], TURN), readout[:2]), axis=0), 4.0 - TURN)
 
 
 @pytest.mark.parametrize("low", [0.0, -np.pi])
-def test_a_mount_that_stops_at_its_wrap_went_the_long_way_round(low: float) -> None:
+def test_a_mount_that_stops_at_its_wrap_went_the_long_way_round(low):
     """From 350 to 10 degrees the shorter way, again and again in one sense, would wind up its cables."""
     azimuth = np.radians(np.tile([20.0, 110.0, 200.0, 290.0, 350.0], 8) + np.arange(40)) % TURN
     azimuth = np.mod(azimuth - low, TURN) + low
@@ -62,7 +62,7 @@ def test_a_mount_that_stops_at_its_wrap_went_the_long_way_round(low: float) -> N
     assert np.array_equal(np.sign(told[1:]), np.sign(np.diff(azimuth)))
 
 
-def test_an_axis_that_creeps_goes_on_as_it_went_whatever_its_noise() -> None:
+def test_an_axis_that_creeps_goes_on_as_it_went_whatever_its_noise():
     rng = np.random.default_rng(1)
     there = np.concatenate([np.linspace(0, 0.1, 400), np.linspace(0.1, 0.05, 200)])
     way = since_turning(there + 5 * ARCSEC * rng.standard_normal(600))
@@ -71,7 +71,7 @@ def test_an_axis_that_creeps_goes_on_as_it_went_whatever_its_noise() -> None:
     assert way[-1] == pytest.approx(-0.05, rel=1e-2)
 
 
-def tracking(drift: float = 0.0, wander: float = 0.0) -> Recording:
+def tracking(drift=0.0, wander=0.0):
     """A mount that follows one star for an hour by its clock, with a worm; the noise is in where the star was seen.
 
     drift: of both axes by the end, a square in time; wander: of the declination, a random walk, by the end [arcsec].
@@ -91,7 +91,7 @@ def tracking(drift: float = 0.0, wander: float = 0.0) -> Recording:
     return Recording(**{**vars(r), "time": t, "channels": r.channels | seen})
 
 
-def test_patterns_of_a_run_that_tracks_are_no_copies_of_its_misfit() -> None:
+def test_patterns_of_a_run_that_tracks_are_no_copies_of_its_misfit():
     """Beside a drift, which follows the clock, a tilt that follows a noisy hour angle would be that noise."""
     v = pointing(tracking(), ("gimbal_zero", "gimbal_zero_drift"))
     m = start(v)
@@ -103,11 +103,11 @@ def test_patterns_of_a_run_that_tracks_are_no_copies_of_its_misfit() -> None:
     assert any(every[i].effect == "periodic_worm_error" for i in s.hypotheses[0].members)
 
 
-def test_from_star_to_star_nothing_says_whose_angles_hold_the_noise() -> None:
+def test_from_star_to_star_nothing_says_whose_angles_hold_the_noise():
     assert not tracking_axes(run(ALT_AZ, sky(ALT_AZ), (), noise=20.0)).any()
 
 
-def test_a_worm_shows_beside_a_curved_drift_and_a_declination_that_walks() -> None:
+def test_a_worm_shows_beside_a_curved_drift_and_a_declination_that_walks():
     """Each axis has a noise of its own; what curves in both, for whatever reason, is no term of the mount."""
     r = means_of_tracking(tracking(drift=40.0, wander=60.0))
     assert len(r.time) < 450
@@ -121,7 +121,7 @@ def test_a_worm_shows_beside_a_curved_drift_and_a_declination_that_walks() -> No
     assert max(terms, default=0.0) < 0.1
 
 
-def test_frames_that_a_gust_threw_off_are_outliers_and_heavy_tails_are_none() -> None:
+def test_frames_that_a_gust_threw_off_are_outliers_and_heavy_tails_are_none():
     r = tracking(drift=40.0, wander=60.0)
     assert not outlying_frames(r).any()
     off = np.zeros(900)
@@ -135,13 +135,13 @@ def test_frames_that_a_gust_threw_off_are_outliers_and_heavy_tails_are_none() ->
     assert not outlying_frames(run(ALT_AZ, sky(ALT_AZ), (), noise=20.0)).any()
 
 
-def test_an_axis_that_was_not_read_is_no_channel() -> None:
+def test_an_axis_that_was_not_read_is_no_channel():
     v = pointing(tracking(), ("gimbal_zero",))
     assert [axis for _, axis in v.channels] == ["across"]
     assert v.read_gimbals == ("hour_angle",)
 
 
-def test_the_picture_of_a_mount_that_tracks_has_the_directions_of_its_view() -> None:
+def test_the_picture_of_a_mount_that_tracks_has_the_directions_of_its_view():
     """Its declination was not read: one channel, on a mount of two axes."""
     r = tracking()
     drawn = pointing_picture([r], pointing_calibration([r], ("gimbal_zero:hour_angle",)))
@@ -149,7 +149,7 @@ def test_the_picture_of_a_mount_that_tracks_has_the_directions_of_its_view() -> 
     assert len(drawn.charts) == 2  # the one direction over both axes, and no chart of the sky
 
 
-def test_stars_show_the_first_term_of_a_worm_and_a_log_of_guiding_all_of_them() -> None:
+def test_stars_show_the_first_term_of_a_worm_and_a_log_of_guiding_all_of_them():
     """Harmonics of a tooth are sought only where rows follow the angle: sixty stars cannot show ten sizes of one."""
     stars = pointing_calibration(
         [run(ALT_AZ, sky(ALT_AZ), (), noise=5.0)], more=["periodic_worm_error:azimuth,teeth=144"]

@@ -5,11 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration
-from gimbalcal.calibration.provenance import TermTest
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.mount import pointing_calibration
-from gimbalcal.recording import Recording
 from gimbalcal.words.calibration_sentences import sky_rms
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
 from tests.golden import golden_text
@@ -20,15 +17,15 @@ TRUTH = {
 OUTSIDE = ("eccentricity_sin:azimuth", "refraction", "two_cycle_cos:elevation", "encoder_scale_factor:elevation")
 
 
-def night(seed: int = 1, noise: float = 1.0) -> Recording:
+def night(seed=1, noise=1.0):
     return run(ALT_AZ, sky(ALT_AZ, 60, seed), effects(ALT_AZ, **TRUTH), noise, seed)
 
 
-def by_term(c: Calibration) -> dict[str, TermTest]:
+def by_term(c):
     return {t.term: t for t in c.provenance.term_tests or ()}
 
 
-def test_a_term_of_the_model_is_tested_as_a_fit_without_it_does() -> None:
+def test_a_term_of_the_model_is_tested_as_a_fit_without_it_does():
     r = night()
     whole = pointing_calibration([r], more=("TX",))
     for p in whole.parameters:
@@ -41,7 +38,7 @@ def test_a_term_of_the_model_is_tested_as_a_fit_without_it_does() -> None:
         assert test.dof == (1, whole.residual.dof)
 
 
-def test_a_term_outside_the_model_is_tested_as_a_fit_with_it_does() -> None:
+def test_a_term_outside_the_model_is_tested_as_a_fit_with_it_does():
     r = night()
     usual = pointing_calibration([r])
     for label in OUTSIDE:
@@ -61,7 +58,7 @@ def test_a_term_outside_the_model_is_tested_as_a_fit_with_it_does() -> None:
     assert [t.rms_with_arcsec for t in outside] == sorted(t.rms_with_arcsec for t in outside)
 
 
-def test_noise_alone_has_uniform_p_values() -> None:
+def test_noise_alone_has_uniform_p_values():
     there = effects(ALT_AZ, **{k: v for k, v in TRUTH.items() if "eccentricity" not in k})
     p: list[float] = []
     for seed in range(12):
@@ -74,7 +71,7 @@ def test_noise_alone_has_uniform_p_values() -> None:
     assert 0.05 < share < 0.16  # 0.1, of terms that are correlated within a run
 
 
-def test_a_constant_belongs_to_its_effect() -> None:
+def test_a_constant_belongs_to_its_effect():
     there = effects(ALT_AZ, **TRUTH, harmonic_sin__azimuth=15.0, harmonic_cos__azimuth=-10.0)
     there = tuple(replace(e, order=5.0) if e.id == "encoder_harmonic" else e for e in there)
     r = run(ALT_AZ, sky(ALT_AZ, 70), there, 1.0)
@@ -86,7 +83,7 @@ def test_a_constant_belongs_to_its_effect() -> None:
     assert test.rms_without_arcsec == pytest.approx(sky_rms(pointing_calibration([r])), rel=0.01)
 
 
-def test_terms_are_named_as_tpoint_does() -> None:
+def test_terms_are_named_as_tpoint_does():
     r = night()
     made = pointing_calibration([r], more=("TX", "ACES"), without=("NPAE", "base_tilt:east"))
     labels = {p.label for p in made.parameters}
@@ -110,7 +107,7 @@ def test_terms_are_named_as_tpoint_does() -> None:
     [((), ("TX",)), (("AN",), ()), ((), ("bias",)), (("eccentricity_sin:azimut",), ()),
      ((), ("gimbal_zero", "axis_collimation", "gimbal_nonorthogonality", "base_tilt", "tube_flexure"))],
 )  # fmt: skip
-def test_what_cannot_be_added_or_omitted_is_refused(more: tuple[str, ...], without: tuple[str, ...]) -> None:
+def test_what_cannot_be_added_or_omitted_is_refused(more, without):
     with pytest.raises(InputError) as problem:
         pointing_calibration([night()], more=more, without=without)
     golden_text(problem.value)

@@ -24,7 +24,7 @@ EDGES = (
 )  # fmt: skip
 
 
-def counts(runs: int, noise: float, visits: int = 1) -> tuple[Pulses, np.ndarray]:
+def counts(runs, noise, visits=1):
     truth = accelerometer_truth(generators(5, range(runs)))
     rng = np.random.default_rng(5)
     positions = np.tile(POSITIONS, (visits, 1))
@@ -32,7 +32,7 @@ def counts(runs: int, noise: float, visits: int = 1) -> tuple[Pulses, np.ndarray
     return truth, truth.counts(force + noise * rng.standard_normal(force.shape))
 
 
-def test_noiseless_counts_give_the_truth_whatever_the_tilt() -> None:
+def test_noiseless_counts_give_the_truth_whatever_the_tilt():
     truth, N = counts(40, 0.0)
     fit = accelerometer_pulses(N, G0, SIGMA)
     scale = np.abs(truth.vector()).max(0)
@@ -41,7 +41,7 @@ def test_noiseless_counts_give_the_truth_whatever_the_tilt() -> None:
     assert fit.converged.all()
 
 
-def test_derivatives_are_those_of_the_complex_step() -> None:
+def test_derivatives_are_those_of_the_complex_step():
     rng = np.random.default_rng(0)
     x = np.r_[np.ones(3), 0.01 * rng.standard_normal(12)][None]
     u = rng.standard_normal((1, 20, 3))
@@ -51,7 +51,7 @@ def test_derivatives_are_those_of_the_complex_step() -> None:
         np.testing.assert_allclose(J[:, k], numeric, rtol=1e-12, atol=1e-6)  # both exact; entries are of order 1e6
 
 
-def test_batch_equals_scipy_least_squares() -> None:
+def test_batch_equals_scipy_least_squares():
     _, N = counts(4, SIGMA, visits=2)  # thirty positions: a real minimum, not a root
     together = accelerometer_pulses(N, G0, SIGMA)
     free = np.arange(15)
@@ -59,10 +59,10 @@ def test_batch_equals_scipy_least_squares() -> None:
     for run in range(4):
         u = (N[run] * K0[run] / G0)[None]
 
-        def residuals(x: np.ndarray, u: np.ndarray = u) -> np.ndarray:
+        def residuals(x, u=u):
             return np.asarray(pulse_fit._residuals(x[None], u, SIGMA / G0, free)[0][0])
 
-        def jacobian(x: np.ndarray, u: np.ndarray = u) -> np.ndarray:
+        def jacobian(x, u=u):
             return np.asarray(pulse_fit._residuals(x[None], u, SIGMA / G0, free)[1][0])
 
         alone = least_squares(residuals, np.r_[np.ones(3), np.zeros(12)], jacobian, method="lm", xtol=1e-15, ftol=1e-15)
@@ -72,7 +72,7 @@ def test_batch_equals_scipy_least_squares() -> None:
         assert np.max(np.abs(difference)) < 1e-5
 
 
-def test_initial_scale_is_the_global_minimum_of_its_cost() -> None:
+def test_initial_scale_is_the_global_minimum_of_its_cost():
     truth, N = counts(30, 0.0)
     K0 = initial_scale(N, G0)
     n, k = N[0], K0[0]
@@ -81,7 +81,7 @@ def test_initial_scale_is_the_global_minimum_of_its_cost() -> None:
     assert np.max(np.abs(K0 / truth.K1 - 1)) < 0.05  # the linear model leaves 5e-3 g of second and third order in
 
 
-def test_ellipsoid_is_exact_for_a_linear_unit() -> None:
+def test_ellipsoid_is_exact_for_a_linear_unit():
     rng = np.random.default_rng(2)
     truth = Pulses(rng.uniform(0.5, 2, (6, 3)), np.zeros((6, 3)), np.zeros((6, 3)), rng.uniform(-0.1, 0.1, (6, 3)),
                    rng.uniform(-0.1, 0.1, (6, 3)))  # fmt: skip
@@ -91,14 +91,14 @@ def test_ellipsoid_is_exact_for_a_linear_unit() -> None:
     np.testing.assert_allclose(ellipsoid(u), expected, atol=1e-11)  # a linear solve of condition 1e3
 
 
-def test_points_on_no_ellipsoid_are_said_to_be_so() -> None:
+def test_points_on_no_ellipsoid_are_said_to_be_so():
     flat = np.zeros((1, 12, 3))
     flat[0, :, 0] = 1.0
     assert np.isnan(ellipsoid(flat)).all()
 
 
 @pytest.mark.parametrize("tilt", [3 / 3600, 3 / 60, 3.0], ids=["3 arcsec", "3 arcmin", "3 deg"])
-def test_error_is_at_the_bound_for_every_turntable(tilt: float) -> None:
+def test_error_is_at_the_bound_for_every_turntable(tilt):
     trials = accelerometers(3, range(200), np.deg2rad(tilt))
     ratio = np.sqrt((trials.error**2).mean(0) / (trials.fit.sigma**2).mean(0))
     # rms of 200 normal errors scatters by 1/sqrt(400) = 5 %, more where the scale factor spreads it: 4 sigma
@@ -107,7 +107,7 @@ def test_error_is_at_the_bound_for_every_turntable(tilt: float) -> None:
     assert trials.fit.converged.all()
 
 
-def test_nine_edges_can_leave_fifteen_parameters_undetermined() -> None:
+def test_nine_edges_can_leave_fifteen_parameters_undetermined():
     """92 of the 220 choices are singular, whatever the noise: the figure matters, not only the count of positions."""
     singular = 0
     for chosen in combinations(range(12), 9):

@@ -9,7 +9,7 @@ from gimbalcal.estimate.pulses.gravity_norm import initial_scale
 from gimbalcal.estimate.pulses.whole_turns import FREE
 
 
-def test_derivatives_are_those_of_the_complex_step() -> None:
+def test_derivatives_are_those_of_the_complex_step():
     rngs = generators(1, range(2))
     turns = gyroscope_revolutions(gyroscope_truth(rngs), rngs, 0.01)
     K0 = initial_scale((turns.clockwise - turns.counterclockwise)[:, :, 0], 2 * turns.angle)
@@ -26,7 +26,7 @@ def test_derivatives_are_those_of_the_complex_step() -> None:
 
 
 @pytest.mark.parametrize("tilt", [3 / 3600, 3.0], ids=["3 arcsec", "3 deg"])
-def test_error_is_at_the_bound_and_every_run_is_global(tilt: float) -> None:
+def test_error_is_at_the_bound_and_every_run_is_global(tilt):
     trials = gyroscopes(2, range(200), np.deg2rad(tilt))
     error, sigma = trials.error[:, FREE], trials.fit.sigma[:, FREE]
     ratio = np.sqrt((error**2).mean(0) / (sigma**2).mean(0))
@@ -36,7 +36,7 @@ def test_error_is_at_the_bound_and_every_run_is_global(tilt: float) -> None:
     assert trials.fit.chi2.mean() == pytest.approx(30, abs=5 * np.sqrt(2 * 30 / 200))
 
 
-def test_difference_of_the_senses_hardly_sees_the_second_order() -> None:
+def test_difference_of_the_senses_hardly_sees_the_second_order():
     """Eq. (30) loses K2 by two orders of magnitude and more against turning both ways and looking across the axis."""
     both, difference = (gyroscopes(4, range(50), 1e-5, both_senses=b) for b in (True, False))
     gain = difference.fit.sigma[:, 3:6] / both.fit.sigma[:, 3:6]

@@ -5,12 +5,11 @@ import pytest
 from scipy.stats import chi2
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects import CATALOGUE, Parameter, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.estimate.fit import information_of
 from gimbalcal.estimate.static_run.combined_coefficients import (
     MEANS,
     NAMES,
-    Combined,
     combined,
     matrix,
     operators,
@@ -19,21 +18,19 @@ from gimbalcal.estimate.static_run.combined_coefficients import (
 from gimbalcal.estimate.static_run.force_filter import PRIOR_SIGMA
 from gimbalcal.estimate.static_run.system import static_parameters, static_readings, static_view
 from gimbalcal.inference.information import solve
-from gimbalcal.number import Array
-from gimbalcal.readings import Readings
 from tests.estimate.static_runs import TABLE_2_3, draw, run
 from tests.stimuli import LATITUDE, G
 
 TWELVE = tuple(p for i in ("scale_factor", "bias", "misalignment") for p in parameters(CATALOGUE[i]))
 
 
-def by_operators(r: Readings, wanted: tuple[Parameter, ...]) -> Array:
+def by_operators(r, wanted):
     """Sensitivities (15, p) of the coefficients by the forward model's Jacobian and the estimators."""
     J = r.jacobian((), wanted)
     return np.concatenate([p.apply(J[:, p.channels]) for p in operators(r, (), drift=0, noise="white")])
 
 
-def test_formulas_equal_the_forward_models_jacobian() -> None:
+def test_formulas_equal_the_forward_models_jacobian():
     # one whole sidereal day, evenly: harmonics are orthogonal, so K's third one does not leak
     day = 2 * np.pi / EARTH_RATE
     r = static_readings(run(hours=day / 3600 * (1 - 1e-9), step=day / 144))
@@ -45,14 +42,14 @@ def test_formulas_equal_the_forward_models_jacobian() -> None:
     assert PRIOR_SIGMA == 1e-2
 
 
-def test_polar_axis_and_azimuth_of_the_platform_leave_the_coefficients_alone() -> None:
+def test_polar_axis_and_azimuth_of_the_platform_leave_the_coefficients_alone():
     r = static_readings(run(hours=24, step=600))
     polar = tuple(p for p in static_parameters(r) if p.effect == "polar_axis_misalignment")
     assert np.abs(by_operators(r, polar)).max() < 1e-9  # against 1 for what they do to a gimbal
 
 
 @pytest.mark.parametrize(("means", "rank"), [(True, 9), (False, 7)])
-def test_rank_and_null_directions_of_the_coefficients(means: bool, rank: int) -> None:
+def test_rank_and_null_directions_of_the_coefficients(means, rank):
     rows = [i for i, name in enumerate(NAMES) if means or name not in MEANS]
     A = matrix(LATITUDE, G, TWELVE)[rows] * np.array([p.sigma for p in TWELVE])
     assert np.linalg.matrix_rank(A, tol=1e-12) == rank
@@ -68,7 +65,7 @@ def test_rank_and_null_directions_of_the_coefficients(means: bool, rank: int) ->
         assert np.abs(matrix(LATITUDE, G, TWELVE)[rows] @ x).max() < 1e-15
 
 
-def both_roads(seed: int, drift: int = 1) -> tuple[Combined, Array]:
+def both_roads(seed, drift=1):
     """Coefficients of a noisy run, and the truth through the same operators."""
     ids = ("scale_factor", "bias", "misalignment", "gimbal_zero", "base_tilt", "polar_axis_misalignment")
     truth = draw(np.random.default_rng(seed), ids)
@@ -83,7 +80,7 @@ def both_roads(seed: int, drift: int = 1) -> tuple[Combined, Array]:
     return table, np.concatenate([p.apply(exact[:, p.channels, None])[:, 0] for p in parts])
 
 
-def test_two_roads_are_consistent_and_as_uncertain_as_claimed() -> None:
+def test_two_roads_are_consistent_and_as_uncertain_as_claimed():
     runs, own, fit, between = 25, 0.0, 0.0, 0.0
     for seed in range(runs):
         table, truth = both_roads(seed)
@@ -102,7 +99,7 @@ def test_two_roads_are_consistent_and_as_uncertain_as_claimed() -> None:
     assert 0.6 < between / runs < 1.5
 
 
-def test_tables_2_and_3_of_the_paper_give_the_derived_reference_values() -> None:
+def test_tables_2_and_3_of_the_paper_give_the_derived_reference_values():
     S, C = np.sin(LATITUDE), np.cos(LATITUDE)
     c = dict(zip(NAMES, matrix(LATITUDE, G, TWELVE) @ values(TABLE_2_3, TWELVE), strict=True))
     arcsec = np.deg2rad(1 / 3600)
@@ -119,7 +116,7 @@ def test_tables_2_and_3_of_the_paper_give_the_derived_reference_values() -> None
     assert c["theta_2c"] == pytest.approx(-2.462e-5, abs=1e-8)
 
 
-def test_closure_relations_hold_for_any_parameters() -> None:
+def test_closure_relations_hold_for_any_parameters():
     x = np.random.default_rng(5).normal(size=12) * [p.sigma for p in TWELVE]
     c = dict(zip(NAMES, matrix(LATITUDE, G, TWELVE) @ x, strict=True))
     S, C = np.sin(LATITUDE), np.cos(LATITUDE)
@@ -131,7 +128,7 @@ def test_closure_relations_hold_for_any_parameters() -> None:
     assert c["theta_1s"] == pytest.approx(S * c["phi_1c"] + C**2 / S * (c["x3"] + c["phi_1c"]), rel=1e-9)
 
 
-def test_separation_finds_what_is_determined_and_names_the_rest() -> None:
+def test_separation_finds_what_is_determined_and_names_the_rest():
     x = values(TABLE_2_3, TWELVE)
     # what white noise of 1e-7 rad a mean leaves on each coefficient of whole days
     C = np.cos(LATITUDE)

@@ -7,7 +7,6 @@ from scipy.stats import chi2
 from gimbalcal.estimate.static_run.force_filter import (
     NAMES,
     ForceInformation,
-    ForceState,
     accumulate,
     convergence,
     estimate,
@@ -17,27 +16,26 @@ from gimbalcal.estimate.static_run.force_filter import (
     projection,
     squared_norm,
 )
-from gimbalcal.number import Array
 from tests.stimuli import G, static
 
 X = np.array([1.1e-4, -8.6e-5, 8.2e-5, -5e-5, 1.2e-5])
 SIGMA = 5e-3 / G
 
 
-def rows(hours: float, step: float, seed: int = 1) -> tuple[Array, Array, Array]:
+def rows(hours, step, seed=1):
     H = observation_matrix(static(hours, step).force / G)
     variance = SIGMA**2 * np.random.default_rng(seed + 100).uniform(0.2, 5.0, len(H))
     z = H @ X + np.random.default_rng(seed).normal(size=len(H)) * np.sqrt(variance)
     return z, H, variance
 
 
-def worst(a: ForceState, x: Array, P: Array) -> float:
+def worst(a, x, P):
     """Largest difference in units of sigma."""
     return float(np.abs((a.x - x) / a.sigma).max() + np.abs((a.P - P) / np.outer(a.sigma, a.sigma)).max())
 
 
 @pytest.mark.parametrize(("hours", "step"), [(24.0, 60.0), (7.3, 20.0), (60.0, 300.0)])
-def test_filter_equals_information_form(hours: float, step: float) -> None:
+def test_filter_equals_information_form(hours, step):
     z, H, variance = rows(hours, step)
     batch = estimate(accumulate(z, H, variance))
     sequential = kalman(z, H, variance)[0]
@@ -46,14 +44,14 @@ def test_filter_equals_information_form(hours: float, step: float) -> None:
 
 
 @pytest.mark.parametrize("sigma", [5e-4, 6.6e-6, 1e-7])
-def test_filter_and_information_form_stay_equal_however_small_the_noise(sigma: float) -> None:
+def test_filter_and_information_form_stay_equal_however_small_the_noise(sigma):
     H = observation_matrix(static(48.0, 900.0).force / G)
     z = H @ X + np.random.default_rng(9).normal(size=len(H)) * sigma
     a, b = estimate(accumulate(z, H, sigma**2)), kalman(z, H, sigma**2)[0]
     assert worst(a, b.x, b.P) < 1e-9
 
 
-def test_pieces_in_any_order_and_missing_rows_are_the_same_estimate() -> None:
+def test_pieces_in_any_order_and_missing_rows_are_the_same_estimate():
     z, H, variance = rows(30.0, 60.0)
     whole = estimate(accumulate(z, H, variance))
     parts = [accumulate(z[i::7], H[i::7], variance[i::7]) for i in (3, 0, 6, 1, 5, 2, 4)]
@@ -66,7 +64,7 @@ def test_pieces_in_any_order_and_missing_rows_are_the_same_estimate() -> None:
     assert gappy.rows == dropped.rows == keep.sum()
 
 
-def test_estimates_are_as_uncertain_as_claimed() -> None:
+def test_estimates_are_as_uncertain_as_claimed():
     runs, nees, misfit, dof = 200, 0.0, 0.0, 0
     for seed in range(runs):
         z, H, variance = rows(31.0, 600.0, seed)
@@ -77,7 +75,7 @@ def test_estimates_are_as_uncertain_as_claimed() -> None:
     assert chi2.ppf(0.0005, dof) < misfit < chi2.ppf(0.9995, dof)
 
 
-def test_squared_norm_makes_a_bias_of_noise_which_projection_does_not() -> None:
+def test_squared_norm_makes_a_bias_of_noise_which_projection_does_not():
     direction = np.repeat(static(24.0, 60.0).force / G, 400, axis=0)
     noise = np.random.default_rng(3).normal(size=direction.shape) * 5e-3
     force = G * direction + noise
@@ -94,19 +92,19 @@ def test_squared_norm_makes_a_bias_of_noise_which_projection_does_not() -> None:
     assert np.var(printed) / SIGMA**2 == pytest.approx(1 + 1.5 * SIGMA**2, rel=4 * np.sqrt(2 / len(force)))
 
 
-def test_squared_norm_and_projection_agree_to_first_order() -> None:
+def test_squared_norm_and_projection_agree_to_first_order():
     direction = static(48.0, 600.0).force / G
     departure = 1e-4 * G * np.random.default_rng(4).normal(size=direction.shape)
     difference = squared_norm(G * direction + departure, G) - projection(departure, direction, G)
     np.testing.assert_allclose(difference, (departure**2).sum(axis=1) / (2 * G**2), rtol=1e-6)
 
 
-def departures(x: Array, u: Array, noise: Array) -> Array:
+def departures(x, u, noise):
     """Forces (n, 3) less ideal ones whose projection is H x: x1 along the force, the others across it, and noise."""
     return (observation_matrix(u) @ x)[:, None] * u * G + noise
 
 
-def test_the_filter_of_a_run_converges_to_the_closed_form() -> None:
+def test_the_filter_of_a_run_converges_to_the_closed_form():
     """As the figures of the paper: bands that shrink, around states that end within them of the truth."""
     u = static(48.0, 15.0).force / G  # four rows a minute
     time, sigma = 15.0 * np.arange(len(u)), np.full((len(u), 3), 2e-4)
@@ -120,7 +118,6 @@ def test_the_filter_of_a_run_converges_to_the_closed_form() -> None:
     assert "2880 means of 1 min" in stage.in_words
     assert stage.in_words.endswith("which the squares in Eq. (20) explain")
     h = stage.history
-    assert h is not None
     np.testing.assert_array_equal(h.values[-1], stage.values)
     assert np.all(np.diff(h.sigmas, axis=0) <= 1e-12)
     a_day = int(np.searchsorted(h.time, 86164.0))
@@ -131,7 +128,7 @@ def test_the_filter_of_a_run_converges_to_the_closed_form() -> None:
     assert stage.rms == pytest.approx(2e-4 / 2, rel=0.1)
 
 
-def test_the_squares_of_eq_20_are_counted_and_a_disagreement_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_squares_of_eq_20_are_counted_and_a_disagreement_is_said(monkeypatch):
     u = static(24.0, 60.0).force / G
     time, sigma = 60.0 * np.arange(len(u)), np.full((len(u), 3), 1e-5)
     large = X * 10  # a scale factor of 1100 ppm: the squares of Eq. (20) are 6e-7, many sigma of so little noise
@@ -144,7 +141,7 @@ def test_the_squares_of_eq_20_are_counted_and_a_disagreement_is_said(monkeypatch
     assert "filter and closed form disagree" in convergence(time, departure, u, sigma, G).in_words
 
 
-def test_minute_means_keep_the_information_of_their_rows() -> None:
+def test_minute_means_keep_the_information_of_their_rows():
     z, H, variance = rows(10.0, 10.0)
     time, mean, mean_H, mean_variance = minute_means(10.0 * np.arange(len(z)), z, H, variance)
     assert len(mean) == 600

@@ -1,7 +1,6 @@
 """The joint fit of a static run: unbiased, as uncertain as claimed, whatever channels and rows there are."""
 
 import dataclasses
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +8,14 @@ import pytest
 from scipy.stats import chi2
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.effects import CATALOGUE, Effect, values
+from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.estimate.static_run.combined_coefficients import MEANS, NAMES, matrix
-from gimbalcal.estimate.static_run.force_filter import ForceState, kalman, observation_matrix, projection
+from gimbalcal.estimate.static_run.force_filter import kalman, observation_matrix, projection
 from gimbalcal.estimate.static_run.system import static, static_parameters, static_readings
 from gimbalcal.inference.information import solve
 from gimbalcal.kinematics import shortening
 from gimbalcal.platform import SPACE_STABLE
-from gimbalcal.recording import Recording, read
+from gimbalcal.recording import read
 from tests.estimate.static_runs import TABLE_2_3, draw, run, static_information
 from tests.golden import golden_text, refused
 from tests.stimuli import LATITUDE, G
@@ -25,7 +24,7 @@ ALL = ("scale_factor", "bias", "misalignment", "gimbal_zero", "base_tilt", "pola
 CLEAN = Path(__file__).parents[4] / "shared" / "challenge" / "open" / "static-029"
 
 
-def test_parameters_without_noise_come_back_in_every_seen_direction() -> None:
+def test_parameters_without_noise_come_back_in_every_seen_direction():
     truth = draw(np.random.default_rng(1), (*ALL, "scale_nonlinearity"))
     recording = run(truth)
     found = static(recording)
@@ -38,7 +37,7 @@ def test_parameters_without_noise_come_back_in_every_seen_direction() -> None:
     assert np.abs(difference).max() < 1e-7  # second-order terms of unobservable parts again
 
 
-def test_rank_is_fourteen_of_twentytwo_and_the_rest_is_named() -> None:
+def test_rank_is_fourteen_of_twentytwo_and_the_rest_is_named():
     recording = run(draw(np.random.default_rng(2), ALL), np.random.default_rng(3))
     wanted = tuple(p for p in static_parameters(static_readings(recording)) if p.effect != "scale_nonlinearity")
     found = solve(static_information(recording, (), wanted))
@@ -51,7 +50,7 @@ def test_rank_is_fourteen_of_twentytwo_and_the_rest_is_named() -> None:
     assert {"gimbal_zero:middle", "base_tilt:east"} in named
 
 
-def test_errors_are_as_large_as_claimed_in_seen_directions() -> None:
+def test_errors_are_as_large_as_claimed_in_seen_directions():
     runs, nees, misfit, dof, size = 25, 0.0, 0.0, 0, 0
     for seed in range(runs):
         truth = draw(np.random.default_rng(seed), ALL, share=0.03)
@@ -82,7 +81,7 @@ def test_errors_are_as_large_as_claimed_in_seen_directions() -> None:
         (("specific_force", "attitude_error"), 16),  # as with gimbals, whose zeros are then not asked for
     ],
 )
-def test_fewer_channels_are_enough_for_what_they_see(quantities: tuple[str, ...], rank: int) -> None:
+def test_fewer_channels_are_enough_for_what_they_see(quantities, rank):
     recording = run(TABLE_2_3, np.random.default_rng(4))
     kept = {k: v for k, v in recording.channels.items() if k[0] in quantities or k == ("gimbal_angle", "platform")}
     if "specific_force" in quantities:
@@ -97,7 +96,7 @@ def test_fewer_channels_are_enough_for_what_they_see(quantities: tuple[str, ...]
     assert ("phi_1s" in names) == ("attitude_error" in quantities)
 
 
-def test_block_means_are_not_taken_for_instantaneous_force() -> None:
+def test_block_means_are_not_taken_for_instantaneous_force():
     n, step = 600, 6.0  # hourly means of samples 6 s apart: kappa differs from 1 by 3e-3
     fine = run(TABLE_2_3, hours=50.0, step=step)
     rows = len(fine.time) // n
@@ -115,11 +114,11 @@ def test_block_means_are_not_taken_for_instantaneous_force() -> None:
     assert np.abs(shortening(fine)).max() == 0
 
 
-def _unwrapped(recording: Recording) -> dict[tuple[str, str], np.ndarray]:
+def _unwrapped(recording):
     return {k: np.unwrap(v) if k[0] == "gimbal_angle" else v for k, v in recording.channels.items()}
 
 
-def test_the_stage_is_the_paper_s_filter_run_sample_by_sample() -> None:
+def test_the_stage_is_the_paper_s_filter_run_sample_by_sample():
     recording = run(TABLE_2_3, np.random.default_rng(7))
     a, left = filtered(recording), filtered(recording, TABLE_2_3)
     stage = static(recording).stages[0]
@@ -131,7 +130,7 @@ def test_the_stage_is_the_paper_s_filter_run_sample_by_sample() -> None:
     assert np.abs(left.x / left.sigma).max() < 4
 
 
-def filtered(recording: Recording, effects: Sequence[Effect] = ()) -> ForceState:
+def filtered(recording, effects=()):
     """State x1 ... x5 of Eqs. (21)-(25) from the specific force of a run, less what the effects explain."""
     made = static_readings(recording)
     columns, g, u = made.columns("specific_force"), made.stimulus.gravity, made.direction
@@ -139,7 +138,7 @@ def filtered(recording: Recording, effects: Sequence[Effect] = ()) -> ForceState
     return kalman(projection(made.residual(effects)[:, columns], u, g), observation_matrix(u), variance)[0]
 
 
-def test_noise_that_the_header_does_not_state_is_estimated() -> None:
+def test_noise_that_the_header_does_not_state_is_estimated():
     recording = run(TABLE_2_3, np.random.default_rng(5), step=120.0)
     silent = dataclasses.replace(recording, noise={})
     stated, found = static_readings(recording).sigma, static_readings(silent).sigma
@@ -150,22 +149,22 @@ def test_noise_that_the_header_does_not_state_is_estimated() -> None:
         static_readings(dataclasses.replace(exact, channels={k: 0 * v for k, v in exact.channels.items()}))
 
 
-def test_effects_that_are_not_wanted_are_held() -> None:
+def test_effects_that_are_not_wanted_are_held():
     recording = run(TABLE_2_3, np.random.default_rng(6))
     wanted = tuple(p for p in static_parameters(static_readings(recording)) if p.effect in ("bias", "scale_factor"))
-    held = (CATALOGUE["misalignment"](beta=TABLE_2_3[2].beta),)  # type: ignore[call-arg, attr-defined]
+    held = (CATALOGUE["misalignment"](beta=TABLE_2_3[2].beta),)
     found = static(recording, held, wanted)
     assert found.parameters == wanted
     assert abs(found.residual.chi2 / found.residual.dof - 1) < 0.1
     np.testing.assert_allclose(
-        next(e for e in found.effects if e.id == "misalignment").beta,  # type: ignore[attr-defined]
-        TABLE_2_3[2].beta,  # type: ignore[attr-defined]
+        next(e for e in found.effects if e.id == "misalignment").beta,
+        TABLE_2_3[2].beta,
     )
     ratio = (found.values - values(TABLE_2_3, wanted)) / found.sigmas
     assert np.abs(ratio[[0, 1, 3, 4]]).max() < 4
 
 
-def test_a_run_that_the_model_does_not_explain_is_told() -> None:
+def test_a_run_that_the_model_does_not_explain_is_told():
     recording = run(TABLE_2_3, np.random.default_rng(8))
     wave = 5e-4 * np.sin(2 * np.pi * recording.time / 7200.0)  # m/s^2, every two hours
     x = ("specific_force", "x")
@@ -174,14 +173,14 @@ def test_a_run_that_the_model_does_not_explain_is_told() -> None:
     assert static(recording).outcome == ""
 
 
-def test_another_kind_of_recording_is_refused() -> None:
+def test_another_kind_of_recording_is_refused():
     multi = dataclasses.replace(run(), kind="multi-position", platform=SPACE_STABLE)
     with refused():
         static_readings(multi)
 
 
 @pytest.mark.skipif(not CLEAN.is_dir(), reason="the clean static run of the open challenge is not on this machine")
-def test_an_independent_plants_clean_run_is_explained_to_the_noise() -> None:
+def test_an_independent_plants_clean_run_is_explained_to_the_noise():
     found = static(read(CLEAN, average_s=60.0))
     assert chi2.ppf(0.0005, found.residual.dof) < found.residual.chi2 < chi2.ppf(0.9995, found.residual.dof)
     assert found.stages[0].labels == NAMES

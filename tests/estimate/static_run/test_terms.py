@@ -18,7 +18,7 @@ from tests.stimuli import LATITUDE, G
 from tests.stimuli import static as held
 
 
-def test_the_columns_of_equation_27_are_what_errors_of_the_sensors_do_to_the_norm() -> None:
+def test_the_columns_of_equation_27_are_what_errors_of_the_sensors_do_to_the_norm():
     s, rng = held(24.0), np.random.default_rng(1)
     wanted = [
         p for p in static_parameters(static_readings(run())) if p.effect in ("scale_factor", "bias", "misalignment")
@@ -31,7 +31,7 @@ def test_the_columns_of_equation_27_are_what_errors_of_the_sensors_do_to_the_nor
     np.testing.assert_allclose(found, projection(departure, s.force / G, G), atol=1e-5 * np.abs(found).max())
 
 
-def test_without_a_platform_readout_the_force_tells_the_phase() -> None:
+def test_without_a_platform_readout_the_force_tells_the_phase():
     recording = run(TABLE_2_3)
     phase = with_phase_of_force(recording).channels["gimbal_angle", "platform"]
     read = recording.channels["gimbal_angle", "platform"]
@@ -39,20 +39,20 @@ def test_without_a_platform_readout_the_force_tells_the_phase() -> None:
     np.testing.assert_allclose(np.angle(np.exp(1j * (phase - read))), 0, atol=3e-4)
 
 
-def test_the_stage_says_by_how_many_sigmas_the_two_roads_differ() -> None:
+def test_the_stage_says_by_how_many_sigmas_the_two_roads_differ():
     words = static(run(TABLE_2_3, np.random.default_rng(6))).stages[0].in_words
     worst = float(words.split("more than ")[1].split(" of its sigma")[0])
     assert 0.2 < worst < 5  # the largest of fifteen differences of about a sigma or less
 
 
-def test_direction_and_phase_are_those_of_an_ideal_platform() -> None:
+def test_direction_and_phase_are_those_of_an_ideal_platform():
     ready = readings(run())
     np.testing.assert_allclose(np.linalg.norm(ready.direction, axis=1), 1, rtol=1e-12)
     np.testing.assert_allclose(ready.direction[:, 2], np.sin(LATITUDE), rtol=1e-12)
     np.testing.assert_allclose(np.tan(ready.phase), ready.direction[:, 1] / ready.direction[:, 0], rtol=1e-9)
 
 
-def test_means_over_many_samples_are_as_quiet_as_their_root_says() -> None:
+def test_means_over_many_samples_are_as_quiet_as_their_root_says():
     recording = run(TABLE_2_3, np.random.default_rng(3), step=300.0)
     few = dataclasses.replace(recording, weight=np.full(len(recording.time), 100.0))
     np.testing.assert_allclose(static_readings(few).sigma[0, 0], NOISE["accelerometer"] / 10, rtol=1e-12)
@@ -61,14 +61,14 @@ def test_means_over_many_samples_are_as_quiet_as_their_root_says() -> None:
     np.testing.assert_allclose(static_readings(silent).sigma[0, 0], NOISE["accelerometer"], rtol=0.15)  # 576 rows: 5 %
 
 
-def test_one_silent_channel_is_enough_to_say_that_samples_told_the_noise() -> None:
+def test_one_silent_channel_is_enough_to_say_that_samples_told_the_noise():
     recording = run(TABLE_2_3, np.random.default_rng(4))
     assert noise_from(static_readings(recording)) == HEADER
     partly = {k: v for k, v in NOISE.items() if k != "attitude"}
     assert noise_from(static_readings(dataclasses.replace(recording, noise=partly))) == SAMPLES
 
 
-def test_the_residual_of_a_run_is_its_noise_channel_by_channel() -> None:
+def test_the_residual_of_a_run_is_its_noise_channel_by_channel():
     recording = run(TABLE_2_3, np.random.default_rng(5))
     found = static(recording)
     for axis in "xyz":

@@ -1,21 +1,17 @@
 """Recordings that are not what they say: one sentence that names the likeliest slip, or a result that asks about it."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.systematic.innovation_tests import outcome
 from gimbalcal.methods import calibrate_each
-from gimbalcal.number import Array
-from gimbalcal.recording import Recording
 from tests.estimate.systematic.table import NOISE, turning_unit
 from tests.golden import golden_text
 
@@ -24,18 +20,18 @@ SOUND = turning_unit(stop=15.0)
 STEP = 0.05  # s
 
 
-def held(q: str, change: Callable[[Array], Array], recording: Recording = SOUND) -> Recording:
+def held(q, change, recording=SOUND):
     """The recording whose columns of a quantity hold something else."""
     y = change(recording.triad(q).copy())
     return replace(recording, channels={**recording.channels, **{(q, a): y[:, i] for i, a in enumerate("xyz")}})
 
 
-def taken(recording: Recording) -> Calibration:
+def taken(recording):
     refuse_implausible(recording)
     return systematic(recording, "30")
 
 
-def said(recording: Recording) -> str:
+def said(recording):
     with pytest.raises(InputError) as caught:
         taken(recording)
     assert "\n" not in str(caught.value)
@@ -43,17 +39,17 @@ def said(recording: Recording) -> str:
     return str(caught.value)
 
 
-def row(k: int, value: float) -> Callable[[Array], Array]:
+def row(k, value):
     """One row that holds something else."""
 
-    def change(y: Array) -> Array:
+    def change(y):
         y[k, 0] = value
         return y
 
     return change
 
 
-def test_a_sound_recording_passes() -> None:
+def test_a_sound_recording_passes():
     assert refuse_implausible(SOUND) == ()
     found = systematic(SOUND, "30")
     assert found.outcome == ""
@@ -81,32 +77,32 @@ def test_a_sound_recording_passes() -> None:
         (RATE, lambda y: np.where(np.abs(y) < 1e-3, 0.0, y), "its rate was taken off, by a navigator or a dead band"),
     ],
 )
-def test_a_slip_is_named(quantity: str, change: Callable[[Array], Array], words: str) -> None:
+def test_a_slip_is_named(quantity, change, words):
     assert re.search(words, said(held(quantity, change)))
 
 
-def test_samples_that_were_lost_in_a_turn_are_missed_though_the_clock_goes_on() -> None:
+def test_samples_that_were_lost_in_a_turn_are_missed_though_the_clock_goes_on():
     kept = np.abs(SOUND.time - 50.0) > 1.0
     shorter = replace(SOUND.select(kept), time=SOUND.time[: kept.sum()])
     golden_text(said(shorter))
 
 
-def test_one_wrong_sample_of_a_turn_is_missed() -> None:
+def test_one_wrong_sample_of_a_turn_is_missed():
     spiked = held(RATE, lambda y: np.where((np.arange(len(y)) == 390)[:, None], y + 1.0, y))
     golden_text(said(spiked))
 
 
 @pytest.mark.parametrize("stop", [0.0, 1.0])
-def test_what_never_comes_to_rest_is_told(stop: float) -> None:
+def test_what_never_comes_to_rest_is_told(stop):
     golden_text(said(turning_unit(stop=stop)))
 
 
-def test_turns_without_a_stop_between_are_not_called_large_errors() -> None:
+def test_turns_without_a_stop_between_are_not_called_large_errors():
     told = outcome({"nis": {}, "legs": {}}, 30, settled=False, unseen=10)
     golden_text(told)
 
 
-def test_a_gain_that_no_such_unit_has_is_calibrated_and_asked_about() -> None:
+def test_a_gain_that_no_such_unit_has_is_calibrated_and_asked_about():
     ((found, _),) = calibrate_each([held(RATE, lambda y: y * [1, 1.1, 1])], "systematic", states="30")
     k = [p.label for p in found.parameters].index("gyro_scale_factor:y")
     assert found.values[k] == pytest.approx(1 / 1.1 - 1, abs=4 * found.sigmas[k])
@@ -114,12 +110,12 @@ def test_a_gain_that_no_such_unit_has_is_calibrated_and_asked_about() -> None:
     assert found.residual.navigation["nis"]["ratio"] < 1.1
 
 
-def test_three_that_are_off_alike_are_one_slip() -> None:
+def test_three_that_are_off_alike_are_one_slip():
     fast = systematic(replace(SOUND, time=1.05 * SOUND.time), "30")
     golden_text(fast.outcome)
 
 
-def test_gains_that_are_off_alike_are_no_clock_where_another_clock_explains_nothing() -> None:
+def test_gains_that_are_off_alike_are_no_clock_where_another_clock_explains_nothing():
     square = parameters(CATALOGUE["quadratic_nonlinearity"])[0]
     bent = turning_unit((), (square,), [10 * square.sigma], stop=15.0)
     found = systematic(held(RATE, lambda y: 1.05 * y, bent), "30")
@@ -128,7 +124,7 @@ def test_gains_that_are_off_alike_are_no_clock_where_another_clock_explains_noth
     golden_text(found.outcome)
 
 
-def test_a_latitude_that_is_a_little_off_is_named() -> None:
+def test_a_latitude_that_is_a_little_off_is_named():
     off = replace(SOUND, site=replace(SOUND.site, latitude=np.radians(36.2)))
     found = systematic(off, "30")
     near = re.search(r"a latitude of some (\d+\.\d) deg instead of 36\.2 deg", found.outcome)
@@ -136,6 +132,6 @@ def test_a_latitude_that_is_a_little_off_is_named() -> None:
     assert float(near[1]) == pytest.approx(34.2, abs=0.4)
 
 
-def test_a_noise_that_is_not_so_is_named() -> None:
+def test_a_noise_that_is_not_so_is_named():
     found = systematic(replace(SOUND, noise={**NOISE, "gyroscope": 1e-3 * NOISE["gyroscope"]}), "30")
     golden_text(found.outcome)

@@ -22,7 +22,7 @@ SCALE = np.array([p.sigma for p in THIRTY])
 WALK = 2e-4  # m/s^2/sqrt(s): in a second what the accelerometers scatter by in one sample
 
 
-def _drifting(process, seed: int):
+def _drifting(process, seed):
     rng = np.random.default_rng([7, seed])
     return lambda time: np.stack([sample(process, rng, time)[0] for _ in range(3)], axis=1)
 
@@ -35,7 +35,7 @@ def _drifting(process, seed: int):
         (Flicker(3e-3, 1.0, 2000.0), {"accelerometer_flicker": 3e-3}),
     ],
 )
-def test_errors_are_what_the_sigmas_say_where_the_noise_is_stated(process, told) -> None:
+def test_errors_are_what_the_sigmas_say_where_the_noise_is_stated(process, told):
     z, unstated = [], []
     for seed in range(2):
         truth = 0.3 * SCALE * np.random.default_rng(seed).standard_normal(len(THIRTY))
@@ -51,7 +51,7 @@ def test_errors_are_what_the_sigmas_say_where_the_noise_is_stated(process, told)
     assert np.sqrt(np.mean(np.square(unstated))) > 2
 
 
-def test_chains_are_those_of_the_processes() -> None:
+def test_chains_are_those_of_the_processes():
     told = {"gyroscope_random_walk": 1e-9, "accelerometer_gauss_markov": 1e-4, "accelerometer_gauss_markov_tau": 60.0}
     made = bias_processes(segment(replace(ANY, noise=NOISE | told)))
     assert made.channel.tolist() == [0, 1, 2, 3, 4, 5]
@@ -63,7 +63,7 @@ def test_chains_are_those_of_the_processes() -> None:
 
 
 @pytest.mark.parametrize(("octaves", "inside", "within"), [(1.0, 16.0, 0.01), (1.0, 1.0, 0.11), (3.0, 1.0, 0.07)])
-def test_a_flicker_of_few_chains_has_the_spectrum_of_many(octaves: float, inside: float, within: float) -> None:
+def test_a_flicker_of_few_chains_has_the_spectrum_of_many(octaves, inside, within):
     """f S(f) = B^2 / (2 pi) between the corners."""
     process = Flicker(1.0, 2.0, 4000.0, octaves)
     f = np.geomspace(inside / (2 * np.pi * 4000), 1 / (2 * np.pi * 2 * inside), 50)
@@ -72,7 +72,7 @@ def test_a_flicker_of_few_chains_has_the_spectrum_of_many(octaves: float, inside
     assert 2 * np.pi * f * S == pytest.approx(np.ones(50), rel=within)
 
 
-def test_a_simulation_states_what_it_simulates_and_a_file_keeps_it(tmp_path) -> None:
+def test_a_simulation_states_what_it_simulates_and_a_file_keeps_it(tmp_path):
     walk = {"value": 0.02, "unit": "deg/h/sqrt(h)"}
     r, _ = simulate(
         {

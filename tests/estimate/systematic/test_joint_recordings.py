@@ -25,7 +25,7 @@ def _z(found):
     return (found.values - TRUTH) / found.sigmas
 
 
-def test_two_recordings_are_one_of_twice_the_length() -> None:
+def test_two_recordings_are_one_of_twice_the_length():
     each = [turning_unit((), THIRTY, TRUTH, **SHORT, seed=seed) for seed in (1, 2)]
     both = calibrate_jointly(each, "30")
     alone = [systematic(r, "30") for r in each]
@@ -39,7 +39,7 @@ def test_two_recordings_are_one_of_twice_the_length() -> None:
     assert both.residual.dof == sum(c.residual.dof for c in alone)
 
 
-def test_what_one_does_not_turn_the_other_shows() -> None:
+def test_what_one_does_not_turn_the_other_shows():
     """Turns about y in one, about x and z in the other: neither sees everything, both together do."""
     start = frame_rotation("z", 0.7) @ START
     each = [turning_unit((), THIRTY, TRUTH, moves=m, **SHORT, seed=5, start=start) for m in HALVES]
@@ -50,7 +50,7 @@ def test_what_one_does_not_turn_the_other_shows() -> None:
     assert np.abs(_z(both)).max() < 4
 
 
-def test_a_unit_that_has_changed_is_told() -> None:
+def test_a_unit_that_has_changed_is_told():
     moved = TRUTH + np.array([2e-5 if p.label == "scale_factor:y" else 0.0 for p in THIRTY])
     each = [turning_unit((), THIRTY, x, **SHORT, seed=k) for k, x in enumerate((TRUTH, moved))]
     each[1] = replace(each[1], title="in spring")
@@ -58,7 +58,7 @@ def test_a_unit_that_has_changed_is_told() -> None:
     golden_text(both.outcome)
 
 
-def test_the_same_twice_and_terms_are_refused() -> None:
+def test_the_same_twice_and_terms_are_refused():
     r = replace(turning_unit(moves=MOVES[:6], stop=8.0), source=(Source("a.csv", "f" * 64),))
     with refused():
         calibrate_jointly([r, r], "30")

@@ -33,14 +33,14 @@ def _errors(found, wanted, truth):
     return (found.values - t) / found.sigmas
 
 
-def test_thirty_and_fifty_one_states_are_two_lists() -> None:
+def test_thirty_and_fifty_one_states_are_two_lists():
     assert len(THIRTY) == 30 - 9
     assert len(states("51", ANY)) == 51 - 9
     assert {p.effect for p in states("51", ANY)} == set(FIFTY_ONE)
     assert [p.label for p in states("gyro_bias,accelerometer_lever_arm:xy", ANY)][-1] == "accelerometer_lever_arm:xy"
 
 
-def test_errors_are_what_the_sigmas_say() -> None:
+def test_errors_are_what_the_sigmas_say():
     z = []
     for seed in range(6):
         truth = 0.3 * SCALE * np.random.default_rng(100 + seed).standard_normal(len(THIRTY))
@@ -52,7 +52,7 @@ def test_errors_are_what_the_sigmas_say() -> None:
     assert rms == pytest.approx(1.0, abs=0.2)  # 126 numbers, correlated
 
 
-def test_estimates_over_time_converge_as_their_sigmas_say() -> None:
+def test_estimates_over_time_converge_as_their_sigmas_say():
     """In the last third of the turns the deviations from the truth have the sigma of their instant."""
     z = []
     for seed in range(4):
@@ -68,7 +68,7 @@ def test_estimates_over_time_converge_as_their_sigmas_say() -> None:
     assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.25)
 
 
-def test_smoothed_attitudes_are_as_good_as_their_sigmas_say() -> None:
+def test_smoothed_attitudes_are_as_good_as_their_sigmas_say():
     """Of the first it is what the filter says of the attitude at the start, a constant; of all, what the errors are."""
     z = []
     for seed in range(8):
@@ -84,7 +84,7 @@ def test_smoothed_attitudes_are_as_good_as_their_sigmas_say() -> None:
     assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.35)  # 24 numbers, twice
 
 
-def test_sensitivities_that_hardly_change_are_kept(monkeypatch) -> None:
+def test_sensitivities_that_hardly_change_are_kept(monkeypatch):
     """Passes that only ask where the reference ends now: the estimate is that of passes which do all anew."""
     made = turning_unit((), THIRTY, SCALE * np.random.default_rng(1).standard_normal(len(THIRTY)), stop=20.0)
     kept = systematic(made, "30")
@@ -94,7 +94,7 @@ def test_sensitivities_that_hardly_change_are_kept(monkeypatch) -> None:
     assert np.abs(kept.sigmas / anew.sigmas - 1).max() < 1e-3
 
 
-def test_any_effect_can_be_a_state() -> None:
+def test_any_effect_can_be_a_state():
     """Late accelerometers, an asymmetry and one lever arm: nothing in the estimator knows their names."""
     asked = ",".join(
         [*dict.fromkeys(p.effect for p in THIRTY), "lever_arm", "time_tag_latency", "gyro_scale_asymmetry"]
@@ -109,7 +109,7 @@ def test_any_effect_can_be_a_state() -> None:
     assert np.all(np.abs(truth[arm]) / found.sigmas[arm] > 100)
 
 
-def test_heading_does_not_take_the_bias_for_the_earth() -> None:
+def test_heading_does_not_take_the_bias_for_the_earth():
     """A bias of 3 deg/h: one stop alone would be 15 deg off in heading."""
     truth = np.array([1.5e-5 if p.label == "gyro_bias:y" else 0.0 for p in THIRTY])
     start = frame_rotation("z", 2.2) @ frame_rotation("x", 0.4) @ START
@@ -119,7 +119,7 @@ def test_heading_does_not_take_the_bias_for_the_earth() -> None:
     assert found.residual.navigation["attitude"]["heading_deg"] == pytest.approx(heading, abs=0.5)
 
 
-def test_what_is_left_out_is_told() -> None:
+def test_what_is_left_out_is_told():
     g = parameters(CATALOGUE["gyro_g_sensitivity_rate"])[2]
     truth = np.append(0.1 * SCALE, 2 * g.sigma)
     found = systematic(turning_unit((), (*THIRTY, g), truth, stop=20.0), "30")
@@ -128,7 +128,7 @@ def test_what_is_left_out_is_told() -> None:
     assert explained.outcome == ""
 
 
-def test_what_a_schedule_does_not_turn_is_unobservable_by_name() -> None:
+def test_what_a_schedule_does_not_turn_is_unobservable_by_name():
     found = systematic(turning_unit(moves=[m for m in MOVES if m[0] == "y"], stop=20.0), "30")
     named = {label for each in found.unobservable for label in each["direction"]}
     assert "gyro_scale_factor:x" in named or "misalignment:xy" in named
@@ -136,7 +136,7 @@ def test_what_a_schedule_does_not_turn_is_unobservable_by_name() -> None:
 
 
 @pytest.mark.parametrize("axis", "xyz")
-def test_turns_about_one_axis_tell_what_they_tell(axis: str) -> None:
+def test_turns_about_one_axis_tell_what_they_tell(axis):
     """What they do not show stays at its prior mean, and carries nothing of what they show along."""
     moves, z = [m for m in MOVES if m[0] == axis], []
     for seed in range(4):
@@ -149,7 +149,7 @@ def test_turns_about_one_axis_tell_what_they_tell(axis: str) -> None:
     assert np.abs(z).max() < 4  # was 25
 
 
-def test_a_pause_of_the_clock_in_a_stop_costs_nothing() -> None:
+def test_a_pause_of_the_clock_in_a_stop_costs_nothing():
     truth = 0.2 * SCALE
     whole = turning_unit((), THIRTY, truth, stop=30.0)
     rows = np.ones(len(whole.time), dtype=bool)
@@ -159,7 +159,7 @@ def test_a_pause_of_the_clock_in_a_stop_costs_nothing() -> None:
     assert np.abs(_errors(found, THIRTY, truth)).max() < 4
 
 
-def test_a_knock_is_left_out_and_counted() -> None:
+def test_a_knock_is_left_out_and_counted():
     truth = 0.2 * SCALE
     knocked = turning_unit(
         (), THIRTY, truth, stop=20.0, drift=lambda t: np.where((t > 60.0) & (t < 60.2), 0.5, 0.0)[:, None]
@@ -169,7 +169,7 @@ def test_a_knock_is_left_out_and_counted() -> None:
     assert np.abs(_errors(found, THIRTY, truth)).max() < 5
 
 
-def test_a_calibration_is_written_and_read_back() -> None:
+def test_a_calibration_is_written_and_read_back():
     found = systematic(turning_unit(stop=15.0), "30")
     content = json.loads(json.dumps(found.to_dict()))
     assert content["format"] == 2
@@ -179,7 +179,7 @@ def test_a_calibration_is_written_and_read_back() -> None:
     assert again.residual.navigation == content["residual"]["navigation"]
 
 
-def test_what_is_no_rotation_recording_is_refused_in_a_sentence() -> None:
+def test_what_is_no_rotation_recording_is_refused_in_a_sentence():
     r = turning_unit(stop=10.0, moves=MOVES[:6])
     cases = [
         replace(r, kind="multi-position"),
@@ -201,7 +201,7 @@ def test_what_is_no_rotation_recording_is_refused_in_a_sentence() -> None:
         ((0.3, 2e-2, 2e-2, 9e-3, 2e-2, 2e-2), {"speed": 90.0, "stop": 10.0, "noise": (2e-2, 1e-3, 1e-2)}),  # consumer
     ],
 )
-def test_low_cost_units_are_calibrated_from_nothing(grade, settings) -> None:
+def test_low_cost_units_are_calibrated_from_nothing(grade, settings):
     """Two per cent of scale, a degree of misalignment, half a degree per second of bias, and no heading at all."""
     sizes = dict(zip(("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment"),
                      grade, strict=True))  # fmt: skip
@@ -212,7 +212,7 @@ def test_low_cost_units_are_calibrated_from_nothing(grade, settings) -> None:
     assert np.abs(_errors(found, THIRTY, truth)).max() < 4
 
 
-def test_two_samples_a_second_are_enough() -> None:
+def test_two_samples_a_second_are_enough():
     """Where a ramp begins within half a second is not known; what that costs is in the sigmas, and none is lost."""
     truth = 0.2 * SCALE
     noise = {"accelerometer": 7e-5, "gyroscope": 8e-7, "velocity": 1e-5}
@@ -223,21 +223,21 @@ def test_two_samples_a_second_are_enough() -> None:
     assert np.sqrt(np.mean(_errors(found, THIRTY, truth) ** 2)) < 1.6
 
 
-def _walked(t, begin: float, duration: float, way: float):
+def _walked(t, begin, duration, way):
     """Acceleration of a walk that begins and ends at rest."""
     s = (t - begin) / duration
     return np.where((s > 0) & (s < 1), way * 2 * np.pi / duration**2 * np.sin(2 * np.pi * s), 0.0)
 
 
 @pytest.mark.parametrize("begin", [20.0, 3.0])
-def test_a_unit_that_is_carried_away_is_refused(begin: float) -> None:
+def test_a_unit_that_is_carried_away_is_refused(begin):
     """Five metres in ten seconds, while it turns or in a stop."""
     carried = turning_unit(stop=20.0, drift=lambda t: _walked(t, begin, 10.0, 5.0)[:, None] * [0, 1, 0])
     with refused():
         systematic(carried, "30")
 
 
-def test_one_large_scale_factor_carries_nothing_away() -> None:
+def test_one_large_scale_factor_carries_nothing_away():
     """0.4 % of one gyroscope, hardly anything of the others: half a turn about it leaves the level by 0.7 deg."""
     truth = np.array([4e-3 if p.label == "gyro_scale_factor:y" else 0.0 for p in THIRTY])
     found = systematic(turning_unit((), THIRTY, truth, stop=20.0), "30")
@@ -245,13 +245,13 @@ def test_one_large_scale_factor_carries_nothing_away() -> None:
     assert np.abs(_errors(found, THIRTY, truth)).max() < 4
 
 
-def test_another_latitude_is_refused() -> None:
+def test_another_latitude_is_refused():
     r = turning_unit(stop=15.0)
     with refused():
         systematic(replace(r, site=replace(r.site, latitude=np.radians(45.0))), "30")
 
 
-def test_a_constant_that_nobody_stated_is_asked_for() -> None:
+def test_a_constant_that_nobody_stated_is_asked_for():
     with refused():
         states(
             "30", ANY, [ExtraEffect(next(i for i, c in CATALOGUE.items() if constants(c) and "rotation" in c.kinds))]
@@ -261,12 +261,12 @@ def test_a_constant_that_nobody_stated_is_asked_for() -> None:
 @pytest.mark.parametrize(
     "asked", ["31", "gyro_bais", "bias_temperature", "gimbal_zero", "gyro_bias:w", "scale_nonlinearity", ""]
 )
-def test_states_that_cannot_be_are_refused(asked: str) -> None:
+def test_states_that_cannot_be_are_refused(asked):
     with refused():
         states(asked, ANY)
 
 
-def _by_hand(t, stop: float = 10.0, turn: float = 4.0):
+def _by_hand(t, stop=10.0, turn=4.0):
     """Half a metre there and back while the unit is turned, in all directions; at rest in the stops."""
     s = (t % (stop + turn)) - stop
     a = np.where(s > 0, 0.5 * (2 * np.pi / turn) ** 2 * np.cos(2 * np.pi * s / turn), 0.0)
@@ -274,7 +274,7 @@ def _by_hand(t, stop: float = 10.0, turn: float = 4.0):
     return a[:, None] * np.stack([np.cos(k), np.sin(k), np.cos(2 * k)], axis=1) / 2
 
 
-def test_a_hand_that_carries_the_unit_along_is_no_velocity_of_its_place() -> None:
+def test_a_hand_that_carries_the_unit_along_is_no_velocity_of_its_place():
     truth = 0.3 * SCALE
     noise = {"accelerometer": 1e-3, "gyroscope": 1e-5}
     moves = [("y", 90)] * 4 + [("z", 90)] + [("x", 90)] * 5 + [("z", 90)] * 2 + [("z", -90)] + [("y", -90)] * 4
@@ -293,7 +293,7 @@ def test_a_hand_that_carries_the_unit_along_is_no_velocity_of_its_place() -> Non
     golden_text(little.outcome)
 
 
-def test_a_table_is_no_hand() -> None:
+def test_a_table_is_no_hand():
     alone = turning_unit(stop=10.0, noise={"accelerometer": 1e-3, "gyroscope": 1e-5})
     found = systematic(alone, "30")
     assert found.provenance["limits"] == []
