@@ -245,7 +245,7 @@ def passes() -> float:
 def inverted() -> float:
     """Force and rate behind readings with biases and g-sensitivity."""
     from gimbalcal.effects import CATALOGUE, Effect
-    from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
+    from gimbalcal.estimate.systematic.error_model import invert_readings
 
     G = np.array([[1.0, -2.0, 3.0], [0.5, 1.5, -1.0], [2.0, 0.3, -0.7]]) * 1e-6
     s = _segments(np.zeros(6))
@@ -280,8 +280,8 @@ def stated_calibration() -> float:
 
 def joint_information() -> float:
     """Information of three recordings less its sum over each, about values between theirs, over the largest."""
+    from gimbalcal.estimate.systematic.calibrate import _joint
     from gimbalcal.estimate.systematic.filter_pass import data_information
-    from gimbalcal.estimate.systematic.joint_recordings import _joint
 
     fit, about = _fitted(), 0.3 * BIASES
     scale = [p.sigma for p in fit.wanted]
@@ -297,7 +297,7 @@ def joint_information() -> float:
 
 def mean_readings() -> float:
     """Integrals of the readings over all intervals of means, over those of the rows: nothing may be lost or doubled."""
-    from gimbalcal.navigate.mean_intervals import thinned
+    from gimbalcal.navigate.strapdown_unit import thinned
 
     r = _recording(np.zeros(6))
     keys = list(r.channels)

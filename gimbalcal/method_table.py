@@ -93,14 +93,14 @@ METHODS: Mapping[str, Method] = MappingProxyType(
             ),
             Method(
                 "multiposition",
-                "gimbalcal.estimate.sessions:calibrate_at_rest",
+                "gimbalcal.estimate.unit:calibrate_at_rest",
                 "no angles needed, gyroscopes too",
                 several=True,
                 options=("terms", "more"),
             ),
             Method(
                 "systematic",
-                "gimbalcal.estimate.systematic.joint_recordings:calibrate_by_navigation",
+                "gimbalcal.estimate.systematic.calibrate:calibrate_by_navigation",
                 "both triads of a unit that is turned in its place, by navigation, no angle trusted",
                 several=True,
                 options=("more", "states"),

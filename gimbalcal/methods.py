@@ -15,9 +15,9 @@ from gimbalcal.calibration.content_checks import refuse_not_finite
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.effects.loading import outside
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
-from gimbalcal.estimate.cross_check import CrossCheck, cross_check
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR
 from gimbalcal.estimate.grade import graded
+from gimbalcal.estimate.sharing import CrossCheck, cross_check
 from gimbalcal.history.fleet import Fleet, grade_and_fleet, rests_on_fleet, with_fleet
 from gimbalcal.method_table import METHODS, Request
 from gimbalcal.pipeline import Source, Tell, load, silent

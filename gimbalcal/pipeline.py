@@ -18,11 +18,17 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.trusted_positions import misfit_of_positions, trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import misfit_of_positions, trusted_positions
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Cost, Extension, ExtraEffect, extension, extra_effects
-from gimbalcal.estimate.fusion import both_levels, fuse
 from gimbalcal.estimate.grade import graded
-from gimbalcal.estimate.static_run.system import misfit_of_run, static, static_parameters, static_readings
+from gimbalcal.estimate.static_run.system import (
+    both_levels,
+    fuse,
+    misfit_of_run,
+    static,
+    static_parameters,
+    static_readings,
+)
 from gimbalcal.method_table import Request
 from gimbalcal.recording import Recording, completed, dwells, read
 from gimbalcal.recording.header import read_header

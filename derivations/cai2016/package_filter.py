@@ -18,7 +18,7 @@ from derivations.comparison import checks, once
 from derivations.readings import FORCE, RATE
 from gimbalcal.recording.kinds import ROTATION
 
-SENSITIVITY = "estimate.systematic.sensor_inversion.sensitivity"
+SENSITIVITY = "estimate.systematic.error_model.sensitivity"
 BLOCKS = ((1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3), (3, 2), (3, 3))
 COLUMNS = {
     "gyro_scale_factor": "F14", "gyro_bias": "F14", "gyro_misalignment": "F14", "gyro_g_sensitivity_rate": "F16",
@@ -54,13 +54,13 @@ def _columns() -> dict[tuple[str, str], Any]:
     """Return (6,) what the filter takes force and rate to be wrong by, true less computed, by effect and axis of the
     51.
     """
-    from gimbalcal.estimate.systematic import sensor_inversion
+    from gimbalcal.estimate.systematic import error_model
     from gimbalcal.estimate.systematic.state_lists import states
 
     rows = _recording()
     wanted = states("51", rows)
     u = np.repeat(np.concatenate([FORCE, RATE], axis=1), 4, axis=0)
-    D = sensor_inversion.sensitivity(rows, (), wanted, u, slice(1, 3))
+    D = error_model.sensitivity(rows, (), wanted, u, slice(1, 3))
     return {(p.effect, p.axis): D[0, :, i] for i, p in enumerate(wanted)}
 
 

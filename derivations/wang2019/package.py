@@ -25,7 +25,7 @@ GENERIC: dict[Any, float] = {
     **dict(zip(N, (0.7, -0.4, 0.6), strict=True)),
 }
 PARAMETERS = (*K1, *K2, *K3, *BIAS, *E)  # order of `Pulses.vector`
-PULSES = "estimate.pulses.polynomial.Pulses.physical"
+PULSES = "estimate.pulses.gravity_norm.Pulses.physical"
 
 
 def numbers(expr: Any, values: dict[Any, float]) -> Any:
@@ -45,7 +45,7 @@ def counts() -> Any:
 
 
 def _physical(*dropped: Any) -> Any:
-    from gimbalcal.estimate.pulses.polynomial import Pulses
+    from gimbalcal.estimate.pulses.gravity_norm import Pulses
 
     return Pulses.from_vector(vector(*dropped)).physical(counts())[0]
 
@@ -56,10 +56,10 @@ def accelerometer_model() -> float:
     return float(np.abs(_physical() - numbers(triangle() * polynomial(3), GENERIC)[:, 0]).max())
 
 
-@checks(SOURCE, "Eq. (2)", "Eq. (6)", where="estimate.pulses.polynomial.Pulses.counts")
+@checks(SOURCE, "Eq. (2)", "Eq. (6)", where="estimate.pulses.gravity_norm.Pulses.counts")
 def inverse_model() -> float:
     """Force to pulses: the inverse of the derived force must be the counts."""
-    from gimbalcal.estimate.pulses.polynomial import Pulses
+    from gimbalcal.estimate.pulses.gravity_norm import Pulses
 
     force = numbers(triangle() * polynomial(3), GENERIC)[:, 0]
     return float(np.abs(Pulses.from_vector(vector()).counts(force[None]) - counts()).max())
@@ -85,10 +85,10 @@ def cube() -> float:
     return float(np.abs(_physical(*K1, *K2, *BIAS, *E) - numbers(alone, GENERIC)[:, 0]).max())
 
 
-@checks(SOURCE, "Eq. (5)", "Eq. (8)", where="estimate.pulses.polynomial.lower")
+@checks(SOURCE, "Eq. (5)", "Eq. (8)", where="estimate.pulses.gravity_norm.lower")
 def lower_triangle() -> float:
     """C through first order, which is what a diagonal in the scale terms leaves."""
-    from gimbalcal.estimate.pulses.polynomial import lower
+    from gimbalcal.estimate.pulses.gravity_norm import lower
 
     first = models.orthogonalised().applyfunc(_through_first)
     return float(np.abs(lower(np.array([GENERIC[s] for s in E])) - numbers(first, GENERIC)).max())
@@ -135,22 +135,22 @@ def rough_scale() -> float:
     return float(np.abs(here).max() / np.abs(there).max())
 
 
-@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.inter_triad.triad_rotation")
+@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.revolutions.triad_rotation")
 def euler_matrix() -> float:
     """The matrix from its angles."""
-    from gimbalcal.estimate.gyroscopes import inter_triad
+    from gimbalcal.estimate.gyroscopes import revolutions
 
     at = np.array([0.3, -0.2, 0.5])
     derived = numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))
-    return float(np.abs(inter_triad.triad_rotation(at) - derived).max())
+    return float(np.abs(revolutions.triad_rotation(at) - derived).max())
 
 
-@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.inter_triad.euler")
+@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.revolutions.euler")
 def euler_angles() -> float:
     """The angles from the derived matrix."""
-    from gimbalcal.estimate.gyroscopes import inter_triad
+    from gimbalcal.estimate.gyroscopes import revolutions
 
     at = np.array([0.3, -0.2, 0.5])
     return float(
-        np.abs(inter_triad.euler(numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))) - at).max()
+        np.abs(revolutions.euler(numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))) - at).max()
     )

@@ -205,10 +205,10 @@ BETWEEN = np.array([0.02, -0.015, 0.03])  # rad
 TURNS = [((1.0, 0.0, 0.0), 1.2), ((0.0, 1.0, 0.0), -1.7), ((0.6, 0.0, 0.8), 0.9), ((0.0, 0.6, -0.8), 2.1)]
 
 
-@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.inter_triad.from_turns", tolerance=1e-9)
+@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.revolutions.from_turns", tolerance=1e-9)
 def between_triads() -> float:
     """The three angles from gravity before and after four turns, in p, and the turns in q."""
-    from gimbalcal.estimate.gyroscopes import inter_triad
+    from gimbalcal.estimate.gyroscopes import revolutions
 
     C, down = _between(), np.array([0.36, -0.48, 0.8])
     before, after, turns = [], [], []
@@ -218,14 +218,14 @@ def between_triads() -> float:
         down = C.T @ R @ C @ down
         after.append(down)
         turns.append(R)
-    found = inter_triad.from_turns(np.array(before), np.array(after), np.array(turns), 1.0)
+    found = revolutions.from_turns(np.array(before), np.array(after), np.array(turns), 1.0)
     return float(np.abs(found.angles - BETWEEN).max())
 
 
-@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.inter_triad._turn", tolerance=1e-6)
+@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.revolutions._turn", tolerance=1e-6)
 def turn_relative_to_earth() -> float:
     """A turn whose rates hold the Earth's: the rotation of the Earth's axes in the unit."""
-    from gimbalcal.estimate.gyroscopes.inter_triad import _turn
+    from gimbalcal.estimate.gyroscopes.revolutions import _turn
 
     u, earth = np.array([0.6, 0.0, 0.8]), EARTH * np.array([0.3, -0.5, 0.8])
     t = np.linspace(0.0, 4.0, 801)
@@ -236,20 +236,20 @@ def turn_relative_to_earth() -> float:
     return float(np.abs(_turn(t, rate, slice(None), earth) - C[-1]).max())
 
 
-@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.inter_triad.in_accelerometer_frame", tolerance=1e-9)
+@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.revolutions.in_accelerometer_frame", tolerance=1e-9)
 def referred() -> float:
     """What gyroscopes referred to the accelerometers' frame read, against M C_p^q of the rate."""
     from gimbalcal.calibration import Calibration, Residual
     from gimbalcal.effects import with_values
-    from gimbalcal.estimate.gyroscopes import inter_triad
+    from gimbalcal.estimate.gyroscopes import revolutions
     from gimbalcal.estimate.gyroscopes.revolutions import triangle as own
     from gimbalcal.forward import gyroscopes as read
 
     wanted = own()
     x = np.array([{"gyro_scale_factor": 2e-3, "gyro_misalignment": 1e-3}.get(p.effect, 0.0) for p in wanted])
     made = Calibration("revolutions", with_values((), wanted, x), wanted, np.eye(len(x)), (), Residual(1.0, 1, {}))
-    lie = inter_triad.InterTriad(BETWEEN, np.eye(3), 0.0)
-    moved = inter_triad.in_accelerometer_frame(made, lie)
+    lie = revolutions.InterTriad(BETWEEN, np.eye(3), 0.0)
+    moved = revolutions.in_accelerometer_frame(made, lie)
     s = stimulus(np.zeros((1, 3)), (9.8, 0.6))
     ours = read(RATE, s, moved.effects)
     direct = read(RATE @ _between().T, s, made.effects)

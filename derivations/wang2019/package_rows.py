@@ -247,7 +247,7 @@ class _Silent:
 
 def _triad() -> Any:
     """Return a triad (1, 3) each of the size of Table 3, SI."""
-    from gimbalcal.estimate.pulses.polynomial import Pulses
+    from gimbalcal.estimate.pulses.gravity_norm import Pulses
 
     x = vector(*K3)
     for i, size in enumerate((1e-8, 1e-18, 0.0, 1e-6, 1.0)):

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, G0
-from gimbalcal.estimate.pulses.gravity_norm import PulseFit, accelerometer_pulses
-from gimbalcal.estimate.pulses.polynomial import Pulses, along, lower
+from gimbalcal.estimate.pulses.gravity_norm import PulseFit, Pulses, accelerometer_pulses, along, lower
 from gimbalcal.estimate.pulses.whole_turns import Revolutions, gyroscope_pulses
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.rotation import exponential, normal_to

@@ -33,8 +33,7 @@ from gimbalcal.estimate.caveats import caveats, input_errors, too_few_attitudes
 from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
 from gimbalcal.estimate.pointing.fit import usual_terms
 from gimbalcal.estimate.pointing.mount import pointing_calibration
-from gimbalcal.estimate.sessions import unit_of_sessions
-from gimbalcal.estimate.unit import inertial_unit
+from gimbalcal.estimate.unit import inertial_unit, unit_of_sessions
 from gimbalcal.history.fleet import Fleet, grade_and_fleet, with_fleet
 from gimbalcal.pipeline import Tell, silent, three_stage
 from gimbalcal.recording import Recording, completed, join, when_recorded

@@ -5,7 +5,7 @@ Eq. (5) of Wu et al. (2018),
 
 .. math:: \omega^g = SF^{-1} C_p^g \, \omega^p + \dots
 
-The other effects are what is added to the reading. `gimbalcal.estimate.pulses.polynomial` states the other direction
+The other effects are what is added to the reading. `gimbalcal.estimate.pulses.gravity_norm` states the other direction
 (pulses to rate), Eq. (6) of Wang et al. (2019). Units: rad/s and m/s^2 inside.
 """
 

@@ -14,10 +14,9 @@ import numpy as np
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.fit_summary import excess_in_words, larger_noise_in_words, outliers_in_words
-from gimbalcal.estimate.accelerometers.multiposition import multiposition, scatter_in_words
-from gimbalcal.estimate.accelerometers.norm_fit import unknowns
+from gimbalcal.estimate.accelerometers.multiposition import multiposition, scatter_in_words, unknowns
 from gimbalcal.estimate.accelerometers.position_fit import Positions
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.estimate.static_run.system import static
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.unit import with_gyroscopes

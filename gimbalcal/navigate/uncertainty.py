@@ -16,12 +16,11 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, with_values
 from gimbalcal.forward import linearise
 from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimulus_from_readings
-from gimbalcal.navigate.mean_intervals import Intervals, thinned
 from gimbalcal.navigate.mechanisations import is_strapdown, navigated
 from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids, InertialSite
 from gimbalcal.navigate.static_run import half_apart, horizontal, with_inner
-from gimbalcal.navigate.strapdown_unit import block_of, navigate_intervals
+from gimbalcal.navigate.strapdown_unit import Intervals, block_of, navigate_intervals, thinned
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, RATE

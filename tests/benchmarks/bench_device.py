@@ -20,7 +20,7 @@ from gimbalcal.effects import values
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, PAIRS, fine
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.views.local import eliminate
 from gimbalcal.views.positions import Noise, by_visit, view_of_positions

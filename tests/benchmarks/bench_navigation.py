@@ -13,8 +13,7 @@ import numpy as np
 
 from gimbalcal.campaign.trials import POSITIONS
 from gimbalcal.earth import G0
-from gimbalcal.estimate.pulses.gravity_norm import accelerometer_pulses
-from gimbalcal.estimate.pulses.polynomial import Pulses, truncated
+from gimbalcal.estimate.pulses.gravity_norm import Pulses, accelerometer_pulses, truncated
 from tests.benchmarks.error_model import Trajectory, misread, propagate
 from tests.benchmarks.motions import at_rest, drive, swing
 

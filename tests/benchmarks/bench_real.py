@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, left_out_rms, norm_fit
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, left_out_rms, norm_fit
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, read

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, SEMI_MAJOR_AXIS
-from gimbalcal.estimate.pulses.polynomial import Pulses
+from gimbalcal.estimate.pulses.gravity_norm import Pulses
 from gimbalcal.number import Array
 from gimbalcal.rotation import cross_matrix
 

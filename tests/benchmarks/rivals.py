@@ -22,7 +22,7 @@ from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search import ranking as search
 from gimbalcal.diagnose.search import refine
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import EARTH_RATE, G0
-from gimbalcal.estimate.pulses.polynomial import Pulses, truncated
+from gimbalcal.estimate.pulses.gravity_norm import Pulses, truncated
 from gimbalcal.rotation import cross_matrix
 from tests.benchmarks.error_model import RADIUS, aligned, misread, propagate
 from tests.benchmarks.motions import at_rest, drive, swing

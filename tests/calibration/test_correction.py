@@ -14,8 +14,7 @@ from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Stage, absent, parameters, with_values
 from gimbalcal.effects.accelerometer import Bias
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
-from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
 from gimbalcal.pipeline import load
 from gimbalcal.platform import BENCH, SPACE_STABLE
 from gimbalcal.recording import Recording, Site

@@ -95,10 +95,10 @@ def test_definitions_are_called_definitions(found):
 
 
 def test_a_wrong_sign_in_the_package_is_seen(monkeypatch):
-    from gimbalcal.estimate.gyroscopes import inter_triad
+    from gimbalcal.estimate.gyroscopes import revolutions
 
-    right = inter_triad.triad_rotation
-    monkeypatch.setattr(inter_triad, "triad_rotation", lambda a: np.swapaxes(right(a), -1, -2))
+    right = revolutions.triad_rotation
+    monkeypatch.setattr(revolutions, "triad_rotation", lambda a: np.swapaxes(right(a), -1, -2))
     assert package.euler_matrix() > 0.1
 
 

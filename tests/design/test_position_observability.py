@@ -10,7 +10,7 @@ from gimbalcal.design.position_observability import observe, observe_static
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, FACE_POSITIONS, Schedule
 from gimbalcal.schedule.file import schedule_toml

@@ -9,7 +9,7 @@ import pytest
 from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.entry import with_caveats
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.estimate.caveats import caveats
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record

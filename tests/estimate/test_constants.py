@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
-from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, norm_fit
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition, norm_fit
 from gimbalcal.estimate.extra_effects import Extension, extra_effects
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Recording, dwell_means

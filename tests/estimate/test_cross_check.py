@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.cross_check import cross_check
+from gimbalcal.estimate.sharing import cross_check
 from gimbalcal.methods import by_sensor, calibrate_each
 from gimbalcal.recording import dwell_means, read, write
 from gimbalcal.rotation import frame_rotation

@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
-from gimbalcal.estimate.fusion import fuse
+from gimbalcal.estimate.static_run.system import fuse
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL

@@ -11,7 +11,7 @@ from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.thermal import BiasDrift, BiasStep
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
-from gimbalcal.estimate.sessions import unit_of_sessions
+from gimbalcal.estimate.unit import unit_of_sessions
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, Source, dwell_means, dwells, join

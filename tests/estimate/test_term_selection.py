@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.estimate.accelerometers.multiposition import TERMS, multiposition
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, TERMS, multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import FURTHER, gyroscopes_between_rests
 from gimbalcal.estimate.term_selection import FALSE_TERM_RATE, TRIADS, needed
 from tests.estimate.accelerometers.test_multiposition import TRUTH as FORCES

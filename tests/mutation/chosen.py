@@ -175,7 +175,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("navigate.summary", "_position", "np.mean(error**2)", "np.mean(error)"),
     ),
     "navigate/test_strapdown_unit.py": (
-        ("navigate.mean_intervals", "_means", "run.time - dt / 2", "run.time + dt / 2"),
+        ("navigate.strapdown_unit", "_means", "run.time - dt / 2", "run.time + dt / 2"),
         ("navigate.strapdown_unit", "aligned", "exponential(-phi) @ C", "exponential(phi) @ C"),
     ),
     "navigate/test_stationary_base.py": (

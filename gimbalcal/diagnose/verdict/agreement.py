@@ -21,8 +21,8 @@ import numpy as np
 from gimbalcal.diagnose.result import Estimate
 from gimbalcal.effects import Parameter
 from gimbalcal.entries import Entry, Json, plain
-from gimbalcal.estimate.fusion import SIGNIFICANCE
 from gimbalcal.estimate.sharing import Agreement, agreement
+from gimbalcal.estimate.static_run.system import SIGNIFICANCE
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array

@@ -25,7 +25,7 @@ from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.estimate.accelerometers.fit_summary import joined, outliers_in_words, provenance, rms, stage
 from gimbalcal.estimate.accelerometers.position_fit import Positions
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Solution, information, solve
 from gimbalcal.number import Array, apply_matrix

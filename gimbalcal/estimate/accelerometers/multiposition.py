@@ -2,12 +2,24 @@ r"""Accelerometers from rest in many positions, no angles needed: the norm of th
 
 Wang et al. (2019), section 4.1, with the effects of the catalogue instead of one polynomial: every dwell has an
 attitude of its own that is not known, and what the three readings of a dwell say beyond that attitude is one number,
-the misfit of the norm. Direction: physics to reading, as everywhere in `effects`;
-`estimate.pulses.polynomial` is the other one.
+the misfit of the norm. Direction: physics to reading, as everywhere in `effects`; `estimate.pulses` is the other one.
 
 Terms beyond bias, scale factor and misalignment are taken up one at a time, the one that predicts left-out positions
 best first, and only while the positions support them: a coefficient must stand clear of its sigma (`term_selection`),
 and positions left out must be predicted no worse.
+
+Rests may scatter beyond the noise of their means; how far is estimated with the terms, and widens their sigmas.
+
+A term that is declined, as its coefficients do not stand clear of chance, need not be zero. With J and C the whitened
+rows of what is estimated and of what is not, r the misfit, and c normal with the usual size of such a unit, what is
+known of c after the fit is
+
+.. math:: \Lambda = C^T M C + D^{-2}, \quad M = 1 - J J^+, \qquad
+          \langle c c^T \rangle = \Lambda^{-1} + \bar c \bar c^T, \quad \bar c = \Lambda^{-1} C^T M r
+
+and the estimates, whose covariance is P, err by S c with S = P J^T C besides: their covariance grows by
+S <c c^T> S^T. Source: Bierman, *Factorization Methods for Discrete Sequential Estimation* (1977), chapter 8 (consider
+parameters).
 """
 
 from __future__ import annotations
@@ -19,31 +31,105 @@ from math import nan
 import numpy as np
 
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect
-from gimbalcal.effects.effect import SENSOR_STAGES, follows
-from gimbalcal.errors import InputError
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
+from gimbalcal.effects.effect import SENSOR_STAGES, follows, tied
+from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.fit_summary import assumed_noise, rotations_of_the_triad
-from gimbalcal.estimate.accelerometers.norm_fit import (
-    LINEAR,
-    covariance_of_omitted_terms,
-    left_out_rms,
-    norm_fit,
-    omitted_terms_in_words,
-    sample_sigma,
-    unknowns,
-)
 from gimbalcal.estimate.accelerometers.position_fit import ATTITUDE, HEADER, SAMPLES
-from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, unfit
-from gimbalcal.estimate.fit import ViewsFit
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, unfit
+from gimbalcal.estimate.fit import ViewsFit, fit
 from gimbalcal.estimate.term_selection import MAX_SCATTER_RATIO, Fits, coefficients, needed, refusal, selected
+from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
 from gimbalcal.inference.information import Unobservable
+from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import View
-from gimbalcal.views.norm import SIX_TERMS, attitudes, norm, undetermined_misalignments
+from gimbalcal.views.norm import SIX_TERMS, attitudes, in_noise_of_readings, norm, undetermined_misalignments
 from gimbalcal.views.positions import Noise
 from gimbalcal.words.naming import listed
+
+LINEAR = ("scale_factor", "bias", "misalignment")
+PRIOR_FACTOR = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
+MAX_LEVERAGE = 1 - 1e-9  # of a position
+UNKNOWN_SCATTER_G = 1e-6  # of gravity, a sample where none is known: far below any rig, the excess takes over
+NOTABLE_SIGMAS = 1.0  # by which an omitted term must move an estimate to be worth a word
+# x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
+
+
+def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
+    """Parameters of the terms; of the six misalignments the three that the norm can see."""
+    wanted = [p for t in terms for p in parameters(CATALOGUE[t])]
+    return tuple(replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in tied(wanted))
+
+
+def norm_fit(view: View, terms: Sequence[str], extra: Extension = NO_EXTENSION) -> ViewsFit:
+    """Fit the terms to the norm of gravity. The scatter beyond the noise of the means is estimated with it."""
+    wanted = (*unknowns(terms), *extra.parameters)
+    y, g, m = view.source.triad(FORCE), view.stimulus.gravity, len(view)
+    different = attitudes(y)
+    if m < len(wanted) or different < min(len(wanted), len(unknowns(SIX_TERMS))):
+        raise InputError(
+            f"{view.title!r} holds {amount(m, 'rest position')} in {amount(different, 'attitude')} for "
+            f"{amount(len(wanted), 'parameter')} ({', '.join(terms)}): hold the unit in more attitudes, each axis up "
+            "and down at least"
+        )
+    least = 0.0 if view.noise.sample is not None else sample_sigma(view)
+    return fit([in_noise_of_readings(view)], wanted, extra.effects, _start(y, wanted, g), min_excess=least)
+
+
+def sample_sigma(view: View) -> float:
+    """Return one sigma [m/s^2] of a sample; where none is known, that of a perfect rig."""
+    return view.source.sigma("accelerometer") or UNKNOWN_SCATTER_G * view.stimulus.gravity
+
+
+def left_out_rms(fitted: ViewsFit) -> float:
+    """Return the rms misfit [m/s^2] of positions that took no part; nan where one alone determines a parameter."""
+    Q = np.linalg.qr(fitted.whitened[0])[0]
+    return fitted.left_out_rms if np.all((Q**2).sum(1) < MAX_LEVERAGE) else np.nan
+
+
+def _start(y: Array, wanted: Sequence[Parameter], g: float) -> Array:
+    """Linear start [SI] from the ellipsoid through the readings y (m, 3), turned to the direction of the effects."""
+    solution = ellipsoid(y[None] / g)[0] if len(y) >= MIN_POINTS else np.full(9, np.nan)
+    if not np.isfinite(solution).all():
+        return np.array([q.mean for q in wanted])
+    K1, bias, (yx, zx, zy) = solution[:3], solution[3:6], solution[6:]
+    start = {("scale_factor", i): K1[i] - 1 for i in range(3)} | {("bias", i): -g * bias[i] / K1[i] for i in range(3)}
+    inverse = {"yz": yx, "zy": -(zx - zy * yx), "zx": zy}  # the inverse of Eq. (5), in the betas of Wu et al.'s Eq. (5)
+    return np.array(
+        [inverse[q.axis] if q.effect == "misalignment" else start.get((q.effect, q.index), q.mean) for q in wanted]
+    )
+
+
+def covariance_of_omitted_terms(fitted: ViewsFit, terms: Sequence[str]) -> Array:
+    """Return the increase of the covariance (p, p) of a fit by terms that are omitted from it; zero for none."""
+    view, solution, n = fitted.views[0], fitted.solution, len(fitted.solution.parameters)
+    omitted = tuple(view.grade.usual(q) for t in terms for q in parameters(CATALOGUE[t]))
+    if not omitted:
+        return np.zeros((n, n))
+    every = (*solution.parameters, *omitted)
+    both, r = fitted.rows_by(every, values(fitted.effects, every))
+    J, C = both[:, :n], both[:, n:]
+    Q = np.linalg.qr(J)[0]
+    C_left, r_left = C - Q @ (Q.T @ C), r - Q @ (Q.T @ r)
+    known = np.linalg.inv(C_left.T @ C_left + np.diag([1 / q.sigma**2 for q in omitted]))
+    mean = known @ C_left.T @ r_left
+    S = solution.covariance @ J.T @ C
+    return np.asarray(S @ (known + np.outer(mean, mean)) @ S.T)
+
+
+def omitted_terms_in_words(added: Array, covariance: Array) -> str:
+    """Describe the largest increase of a sigma as the end of a sentence; empty where it is small."""
+    own, more = np.diag(covariance), np.diag(added)
+    times = float(np.sqrt(np.max(more / own))) if len(own) else 0.0
+    return (
+        ""
+        if times < NOTABLE_SIGMAS
+        else f"; of usual size it moves an estimate by {times:.2g} of its sigma, which is wider for it"
+    )
+
 
 TERMS = (*LINEAR, "scale_nonlinearity", "cubic_nonlinearity")
 

@@ -12,6 +12,9 @@ recognised because each other's angles explain them: all pairs are tried, and a 
 the two fits the other's angles as well as the rest fits its own, and neither its own while the other is free. A suspect
 is believed only if the data fit without it, or nearly all of the misfit was its own; a misfit that many positions share
 is missing physics, and no position is blamed for it.
+
+Only a fit of all coefficients to the force vector at every visit tells such a visit, or the noise that a header leaves
+open: it is made once, in `trusted_positions`, for every stage.
 """
 
 from __future__ import annotations
@@ -22,17 +25,36 @@ from itertools import combinations
 
 import numpy as np
 
-from gimbalcal.effects import Effect, Parameter, values
-from gimbalcal.estimate.accelerometers.position_fit import RESIDUAL, Fault, Positions, fit_with_noise
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values
+from gimbalcal.effects.effect import happens_once
+from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.position_fit import (
+    RESIDUAL,
+    Fault,
+    Positions,
+    fit_with_noise,
+    noise_of_positions,
+)
+from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Solution
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array, apply_matrix
+from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
 from gimbalcal.views.local import eliminate
-from gimbalcal.views.positions import Noise, by_visit, force_of_visits, in_noise, numbers_of_visits, without_visits
+from gimbalcal.views.positions import (
+    Noise,
+    by_visit,
+    force_of_visits,
+    in_noise,
+    numbers_of_visits,
+    position_parameters,
+    view_of_positions,
+    without_visits,
+)
 
 SIGNIFICANCE = 1e-3  # probability, number of trials paid, below which chance is not believed
 MAX_REMAINING_EXCESS = 0.01  # share of the excess chi^2 that may remain where something else is wrong besides
@@ -191,3 +213,39 @@ def _fault(view: View, rest: ViewsFit, visits: tuple[int, ...]) -> Fault:
     repeated = f" (visit {visits[0] + 1})" if np.sum(numbers == names[0]) > 1 else ""
     words = f"position {names[0]}{repeated} is mis-set: its force is {off} and {size:+.3g} ug off the size predicted"
     return Fault(visits, names, words)
+
+
+def misfit_of_positions(
+    recording: Recording, positions: Positions, more: Sequence[ExtraEffect]
+) -> tuple[Cost, Stimulus]:
+    """Chi^2 of every row about the fit with the sizes of extra effects beside it, and what the rows experienced."""
+    fit, sizes = positions.fit, sizes_shown_by(more, recording)
+    ids = [p.effect for p in (*fit.parameters, *sizes)]
+    view, e = view_of_positions(recording, positions.noise, ids, averaged=False), positions.setting
+    if any(happens_once(CATALOGUE[a.effect]) for a in more):  # a fault of one position may be what is asked for
+        e = view.local.zero if view.local else e
+    else:
+        view = without_visits(view, [visit for fault in positions.faults for visit in fault.visits])
+    return replace(fit, views=(view,), local=(e,)).cost_of_sizes(sizes), view.stimulus
+
+
+def trusted_positions(
+    recording: Recording, effects: Sequence[Effect] = (), more: Sequence[Parameter] = ()
+) -> Positions:
+    """Readings per visit, their noise, and which visits to trust.
+
+    `effects` join the baseline of coefficients, their parameters free too; or of these the parameters `more`, for which
+    every row counts, as they may change inside a dwell. Raises InputError for a recording without gimbal angles or
+    without specific force.
+    """
+    if not recording.platform.axes:
+        raise InputError(
+            f"{recording.title!r} has no gimbal angles, so its attitude is not known; calibrate it from the norm of "
+            "the force with --method multiposition"
+        )
+    names = recording.platform.axis_names
+    free = more or tuple(p for e in effects for p in parameters(type(e), names))
+    wanted = (*position_parameters(recording.platform, grade=recording.grade), *free)
+    ids, noise = [*(p.effect for p in wanted), *(e.id for e in effects)], noise_of_positions(recording)
+    view = view_of_positions(recording, noise, ids, averaged=not more)
+    return fit_without_outliers(view, noise, wanted, effects, values(effects, wanted))

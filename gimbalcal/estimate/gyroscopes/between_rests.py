@@ -26,7 +26,6 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.estimate.gyroscopes.inter_triad import euler
 from gimbalcal.estimate.gyroscopes.residual_checks import (
     rests_in_words,
     singular_in_words,
@@ -43,6 +42,7 @@ from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     rests,
     with_reference_error,
 )
+from gimbalcal.estimate.gyroscopes.revolutions import euler
 from gimbalcal.estimate.term_selection import Fits, coefficients, needed, refusal, selected
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.information import Unobservable

@@ -20,8 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.estimate.pulses.gravity_norm import PulseFit, initial_scale
-from gimbalcal.estimate.pulses.polynomial import Pulses, lower
+from gimbalcal.estimate.pulses.gravity_norm import PulseFit, Pulses, initial_scale, lower
 from gimbalcal.inference.ellipsoid import ellipsoid
 from gimbalcal.inference.levenberg import LeastSquaresMinimum, covariance_at_minimum, minimise
 from gimbalcal.number import Array

@@ -8,6 +8,14 @@ known defect d_k of the model,
 Coloured noise that `[noise]` of a recording states is more states. A chain of a process (`effects.process`) adds its
 value x to the readings of one channel: over a stretch its mean, :math:`\tfrac{1}{2} (1 + \Phi) x`, as a constant
 addition to the reading, and at the end it moves on, :math:`x \to \Phi(h_k) x + w_k, \; w_k \sim N(0, Q(h_k))`.
+
+Force and rate u behind the readings y = h(u, theta), both triads in one vector, and their sensitivity D to each
+parameter are those of the inverted sensor model,
+
+.. math:: u = h^{-1}(y, \theta), \qquad D = \frac{\partial u}{\partial \theta}
+          = -\left(\frac{\partial h}{\partial u}\right)^{-1} \frac{\partial h}{\partial \theta}
+
+so that the coupling of any effect into the filter is its own contribution, and a state is added by its name alone.
 """
 
 from __future__ import annotations
@@ -19,15 +27,72 @@ from typing import NamedTuple
 import numpy as np
 
 from gimbalcal.earth import rate_at
-from gimbalcal.effects import Effect, Parameter
-from gimbalcal.estimate.systematic.sensor_inversion import sensitivity
+from gimbalcal.effects import CATALOGUE, Effect, Parameter
+from gimbalcal.effects.effect import Stimulus
+from gimbalcal.forward import linearise, picked, predict
 from gimbalcal.inference.square_root_filter import roots
+from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.navigate.error_growth import NAV, transitions
 from gimbalcal.navigate.strapdown import carried
-from gimbalcal.number import Array
+from gimbalcal.number import Array, complex_step
+from gimbalcal.platform import BENCH
+from gimbalcal.recording import Recording
 from gimbalcal.recording.noise_levels import header_coloured_noise
 from gimbalcal.rotation import cross_matrix, exponential, rotation_vector
 from gimbalcal.views.segments import CHANNELS, Segments
+
+MAX_ITERATIONS, CONVERGED_RESIDUAL = 40, 1e-14  # each multiplies the residual by the sensors' errors, 5 % at most
+DIVERGENCE_RATIO = 10.0  # to the smallest residual
+KIND = "rotation"
+
+
+def invert_readings(segments: Segments, effects: Sequence[Effect], start: Array | None = None) -> Array:
+    """Return force and rate (n, 6) behind the mean readings, by iteration from `start` (default: the readings).
+
+    Where the iteration diverges (a latency of more than a step), the nearest iterate is returned.
+    """
+    y = segments.readings
+    u = y if start is None else start
+    s = stimulus_from_truth(segments.rows, u[:, :3], u[:, 3:])
+    size = np.abs(y).max(axis=0)
+    nearest, best = np.inf, u
+    for _ in range(MAX_ITERATIONS):
+        step = _read(s, effects, u)
+        np.subtract(y, step, out=step)
+        residual = float((np.abs(step).max(axis=0) / np.where(size > 0, size, 1.0)).max())
+        if not residual < DIVERGENCE_RATIO * nearest:
+            return best
+        nearest, best = min((nearest, best), (residual, u), key=lambda each: each[0])
+        u = u + step
+        if residual <= CONVERGED_RESIDUAL:
+            break
+    return u
+
+
+def sensitivity(
+    recording: Recording, effects: Sequence[Effect], wanted: Sequence[Parameter], u: Array, rows: slice
+) -> Array:
+    """Return D (m, 6, p) of some rows of a recording of means, about the effects and the motion u (g, 6)."""
+    few = slice(max(rows.start - 1, 0), rows.stop + 1)  # slopes look at the neighbours
+    s = stimulus_from_truth(recording.select(few), u[few, :3], u[few, 3:])
+    s = s.at(time=recording.time[few] - recording.time[0], rate_slope=s.turning_faster())
+    stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
+    J = linearise(BENCH, s, effects, KIND, CHANNELS, stages=stages).jacobian(wanted)
+    if any(np.any(np.asarray(v) != 0) for e in effects for v in vars(e).values()):
+        J = np.linalg.solve(complex_step(lambda x: _read(s, effects, x), u[few]), J)
+    return -J[rows.start - few.start : rows.stop - few.start]
+
+
+def reading_jacobian(s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """Return the derivative (n, 6, 6) of the readings by force and rate, for a stimulus."""
+    return complex_step(lambda x: _read(s, effects, x), np.concatenate([s.force, s.rate], axis=1))
+
+
+def _read(s: Stimulus, effects: Sequence[Effect], u: Array) -> Array:
+    # all six readings by force and rate, where latencies and lever arms couple rows and triads: no stage of `Rows`
+    s = s.at(force=u[:, :3], rate=u[:, 3:])
+    return picked(BENCH, predict(BENCH, s, effects, KIND), CHANNELS)
+
 
 BATCH_INTERVALS = 20_000  # intervals at a time: what a column of them takes stays below 50 MB
 STATE_SCALE = np.repeat([1e-3, 1e-3, 1e-3], 3)  # rad, m/s, m: scale of the navigation states

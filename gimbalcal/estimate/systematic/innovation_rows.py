@@ -15,7 +15,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.estimate.systematic.error_model import STATE_SCALE, error_model, expected_readings, stretch_model
+from gimbalcal.estimate.systematic.error_model import (
+    KIND,
+    STATE_SCALE,
+    error_model,
+    expected_readings,
+    invert_readings,
+    reading_jacobian,
+    stretch_model,
+)
 from gimbalcal.estimate.systematic.filter_pass import (
     VELOCITY_STATES,
     initial_errors,
@@ -24,7 +32,6 @@ from gimbalcal.estimate.systematic.filter_pass import (
     with_velocity_jumps,
 )
 from gimbalcal.estimate.systematic.iterate import SystematicFit
-from gimbalcal.estimate.systematic.sensor_inversion import KIND, invert_readings, reading_jacobian
 from gimbalcal.forward import linearise
 from gimbalcal.inference import adjoint, square_root_filter
 from gimbalcal.kinematics import stimulus_from_truth

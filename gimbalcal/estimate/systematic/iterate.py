@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects import Effect, Parameter, with_values
-from gimbalcal.estimate.systematic.alignment import Alignment, align, attitudes
-from gimbalcal.estimate.systematic.error_model import rotated
+from gimbalcal.estimate.systematic.alignment import Alignment, align, attitudes, gyro_scale_errors, refuse_carried
+from gimbalcal.estimate.systematic.error_model import invert_readings, rotated
 from gimbalcal.estimate.systematic.filter_pass import Pass, filter_and_smooth
 from gimbalcal.estimate.systematic.innovation_tests import suspect_updates
-from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
-from gimbalcal.estimate.systematic.turn_consistency import gyro_scale_errors, refuse_carried
 from gimbalcal.number import Array
 from gimbalcal.views.segments import Segments
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.effects import with_values
-from gimbalcal.estimate.systematic.error_model import STATE_SCALE, rotated
+from gimbalcal.estimate.systematic.error_model import STATE_SCALE, invert_readings, rotated
 from gimbalcal.estimate.systematic.filter_pass import (
     VELOCITY_STATES,
     data_information,
@@ -23,7 +23,6 @@ from gimbalcal.estimate.systematic.filter_pass import (
     smoother_inputs,
 )
 from gimbalcal.estimate.systematic.iterate import SystematicFit
-from gimbalcal.estimate.systematic.sensor_inversion import invert_readings
 from gimbalcal.inference import adjoint
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.inference.square_root_filter import Filtered

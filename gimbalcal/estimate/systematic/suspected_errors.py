@@ -8,11 +8,10 @@ import numpy as np
 
 from gimbalcal.checks.input_errors import Correction, trials
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.alignment import align
+from gimbalcal.estimate.systematic.alignment import NONLINEAR_SCALE_ERROR, align
 from gimbalcal.estimate.systematic.error_model import bias_processes
 from gimbalcal.estimate.systematic.filter_pass import GATE_NIS
 from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
-from gimbalcal.estimate.systematic.turn_consistency import NONLINEAR_SCALE_ERROR
 from gimbalcal.number import Array
 from gimbalcal.views.segments import Segments, segment
 

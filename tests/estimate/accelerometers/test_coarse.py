@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.effects import values
 from gimbalcal.estimate.accelerometers.coarse import NEGLIGIBLE_ZERO_RAD, coarse, relevel
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, FACE_POSITIONS
 from tests.estimate.device import ARCSEC, PARAMETERS, SITE, draw, interchanged, measured
 from tests.golden import golden_text

@@ -10,7 +10,7 @@ from gimbalcal.effects.accelerometer import leaning
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, FORCE_TERMS, PAIRS, combinations, fine, norm_rows
 from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.views.positions import Noise, position_parameters, view_of_positions
 from tests.estimate.device import ARCSEC, PARAMETERS, SAMPLE, SITE, draw, measured

@@ -10,7 +10,7 @@ from gimbalcal.calibration import from_dict
 from gimbalcal.effects import CATALOGUE, parameters, values
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.estimate.fit import information_of
 from gimbalcal.inference.information import solve
 from gimbalcal.methods import calibrate

@@ -8,8 +8,7 @@ import pytest
 from gimbalcal.effects import Effect
 from gimbalcal.effects.accelerometer import Bias, Misalignment, ScaleFactor, ScaleNonlinearity
 from gimbalcal.effects.nonlinearity import CubicNonlinearity
-from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR, unknowns
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition, unknowns
 from gimbalcal.forward import predict
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.platform import BENCH

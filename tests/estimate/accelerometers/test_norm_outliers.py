@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.checks.table import refuse_implausible
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR
 from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers, without_norm_outliers
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.platform import BENCH

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import G0
-from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.accelerometers.norm_fit import LINEAR
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import read
 

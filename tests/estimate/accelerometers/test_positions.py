@@ -7,7 +7,7 @@ from gimbalcal.estimate.accelerometers import position_fit
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from tests.estimate.device import draw, interchanged, measured
 
 

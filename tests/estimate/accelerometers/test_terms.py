@@ -8,7 +8,7 @@ import pytest
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import FORCE_TERMS, NORM, PAIRS, fine, norm_rows
 from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
-from gimbalcal.estimate.accelerometers.trusted_positions import trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.schedule import FACE_POSITIONS
 from gimbalcal.units import to_si

@@ -12,7 +12,7 @@ from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_at
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, read, write
 from gimbalcal.rotation import exponential, frame_rotation
-from gimbalcal.views.attitude_reference import reference_of
+from gimbalcal.views.attitude import reference_of
 from tests.golden import golden_text, refused
 
 RATE, NOISE, LAG = 100.0, np.radians(0.1), 0.045

@@ -17,8 +17,8 @@ from gimbalcal.effects.gyroscope import (
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes import between_rests as poses
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, gyroscopes_between_rests
-from gimbalcal.estimate.gyroscopes.inter_triad import euler, triad_rotation
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import fit_turns
+from gimbalcal.estimate.gyroscopes.revolutions import euler, triad_rotation
 from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings

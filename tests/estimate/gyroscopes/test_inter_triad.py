@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.estimate.gyroscopes.inter_triad import from_turns, triad_rotation
+from gimbalcal.estimate.gyroscopes.revolutions import from_turns, triad_rotation
 from gimbalcal.number import apply_matrix
 from gimbalcal.rotation import frame_rotation
 from tests.golden import refused

@@ -8,7 +8,7 @@ import pytest
 from gimbalcal.campaign.trials import LATITUDE
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.estimate.gyroscopes.revolutions import as_effects, gyroscopes_from_revolutions, revolutions_of
-from gimbalcal.estimate.pulses.polynomial import Pulses
+from gimbalcal.estimate.pulses.gravity_norm import Pulses
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import normal_to

@@ -9,8 +9,7 @@ from scipy.optimize import least_squares
 from gimbalcal.campaign.trials import POSITIONS, accelerometer_truth, accelerometers, generators, tipped
 from gimbalcal.earth import G0
 from gimbalcal.estimate.pulses import gravity_norm as pulse_fit
-from gimbalcal.estimate.pulses.gravity_norm import accelerometer_pulses, initial_scale
-from gimbalcal.estimate.pulses.polynomial import Pulses
+from gimbalcal.estimate.pulses.gravity_norm import Pulses, accelerometer_pulses, initial_scale
 from gimbalcal.inference.ellipsoid import ellipsoid
 
 SIGMA = 7e-6  # m/s^2

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gimbalcal.campaign.trials import accelerometer_truth, generators
 from gimbalcal.earth import G0
-from gimbalcal.estimate.pulses.polynomial import Pulses, lower
+from gimbalcal.estimate.pulses.gravity_norm import Pulses, lower
 
 
 @settings(deadline=None)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal import methods
-from gimbalcal.estimate.systematic.calibrate import systematic
-from gimbalcal.estimate.systematic.joint_recordings import calibrate_jointly
+from gimbalcal.estimate.systematic.calibrate import calibrate_jointly, systematic
 from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.recording import Source
 from gimbalcal.rotation import frame_rotation
