@@ -36,7 +36,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Method:
-    """A method: the function "module:name" that estimates, what it takes, and the words of the help text.
+    """A method: the function "module:name" of the package that estimates, what it takes, and words of the help text.
 
     The function takes the request; that of a method for one recording without options takes the recording. several:
     whether it takes several recordings at once; options: those of `OPTIONS` that it takes; requires and excludes:
@@ -60,7 +60,9 @@ class Method:
         self._refuse(request)
         module, _, name = self.function.partition(":")
         plain = not self.several and not self.options
-        calibration: Calibration = getattr(import_module(module), name)(request.recordings[0] if plain else request)
+        calibration: Calibration = getattr(import_module(f"gimbalcal.{module}"), name)(
+            request.recordings[0] if plain else request
+        )
         return calibration
 
     def _refuse(self, request: Request) -> None:
@@ -80,62 +82,25 @@ OPTIONS: Mapping[str, str] = MappingProxyType(
 )
 """Options of a request that not every method takes, by field, as a user writes them."""
 
-METHODS: Mapping[str, Method] = MappingProxyType(
-    {
-        m.name: m
-        for m in (
-            Method(
-                "three-stage",
-                "gimbalcal.pipeline:calibrate_in_three_stages",
-                "space-stable platform, angles recorded",
-                several=True,
-                options=("more", "grade"),
-            ),
-            Method(
-                "multiposition",
-                "gimbalcal.estimate.unit:calibrate_at_rest",
-                "no angles needed, gyroscopes too",
-                several=True,
-                options=("terms", "more"),
-            ),
-            Method(
-                "systematic",
-                "gimbalcal.estimate.systematic.calibrate:calibrate_by_navigation",
-                "both triads of a unit that is turned in its place, by navigation, no angle trusted",
-                several=True,
-                options=("more", "states"),
-                requires=("angular_rate",),
-            ),
-            Method(
-                "attitude",
-                "gimbalcal.estimate.gyroscopes.against_attitude:gyroscopes_against_attitude",
-                "moving gyroscopes against an attitude that was logged beside them",
-                requires=("angular_rate", "attitude"),
-            ),
-            Method(
-                "rate-table",
-                "gimbalcal.estimate.gyroscopes.rate_table:calibrate_on_a_table",
-                "gyroscopes against the angles of a table at steady rates, one recording for each mounting",
-                several=True,
-                options=("more",),
-                requires=("angular_rate", "gimbal_angle"),
-                excludes=("specific_force",),
-            ),
-            Method(
-                "two-position",
-                "gimbalcal.estimate.gyroscopes.two_position:two_position",
-                "gyroscopes that stand still and are reversed, bias against the Earth's rate",
-            ),
-            Method("least-squares", "gimbalcal.estimate.one_view:calibrate_view", options=("terms", "more")),
-            Method(
-                "pointing",
-                "gimbalcal.estimate.pointing.mount:calibrate_mount",
-                several=True,
-                options=("terms", "more", "without"),
-            ),
-        )
-    }
-)
-"""Methods by name; to add one, add it here."""
+_METHODS = (
+    Method("three-stage", "pipeline:calibrate_in_three_stages", "space-stable platform, angles recorded",
+           several=True, options=("more", "grade")),
+    Method("multiposition", "estimate.unit:calibrate_at_rest", "no angles needed, gyroscopes too",
+           several=True, options=("terms", "more")),
+    Method("systematic", "estimate.systematic.calibrate:calibrate_by_navigation",
+           "both triads of a unit that is turned in its place, by navigation, no angle trusted",
+           several=True, options=("more", "states"), requires=("angular_rate",)),
+    Method("attitude", "estimate.gyroscopes.against_attitude:gyroscopes_against_attitude",
+           "moving gyroscopes against an attitude that was logged beside them", requires=("angular_rate", "attitude")),
+    Method("rate-table", "estimate.gyroscopes.rate_table:calibrate_on_a_table",
+           "gyroscopes against the angles of a table at steady rates, one recording for each mounting",
+           several=True, options=("more",), requires=("angular_rate", "gimbal_angle"), excludes=("specific_force",)),
+    Method("two-position", "estimate.gyroscopes.two_position:two_position",
+           "gyroscopes that stand still and are reversed, bias against the Earth's rate"),
+    Method("least-squares", "estimate.one_view:calibrate_view", options=("terms", "more")),
+    Method("pointing", "estimate.pointing.mount:calibrate_mount", several=True, options=("terms", "more", "without")),
+)  # fmt: skip
+METHODS: Mapping[str, Method] = MappingProxyType({m.name: m for m in _METHODS})
+"""Methods by name; to add one, add it above."""
 
 NAMED_BY_USERS = tuple(m.name for m in METHODS.values() if m.in_words)

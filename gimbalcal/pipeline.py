@@ -13,18 +13,18 @@ from pathlib import Path
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.checks.table import refuse_implausible
-from gimbalcal.effects import Stimulus
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.position_outliers import misfit_of_positions, trusted_positions
-from gimbalcal.estimate.extra_effects import NO_EXTENSION, Cost, Extension, ExtraEffect, extension, extra_effects
+from gimbalcal.estimate.accelerometers.position_outliers import every_row, trusted_positions
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extra_effects
+from gimbalcal.estimate.fit import fit
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.static_run.system import (
     both_levels,
     fuse,
-    misfit_of_run,
+    run_with,
     static,
     static_parameters,
     static_readings,
@@ -111,9 +111,9 @@ def _three_stages(
     at_rest = static_readings(run) if run is not None else None
     if device is None and run is not None and at_rest is not None:
         tell("system level: static run alone")
-        extra = _extension(more, [misfit_of_run(at_rest, more)] if more else [])
-        wanted = (*static_parameters(at_rest), *extra.parameters)
-        return extra.complete(static(run, extra.effects, wanted))
+        wanted = static_parameters(at_rest)
+        extra = fit([run_with(at_rest, more)], wanted).extension(more) if more else NO_EXTENSION
+        return extra.complete(static(run, extra.effects, (*wanted, *extra.parameters)))
     if device is None:
         raise InputError("`calibrate` needs a multi-position recording, a static run, or one of each")
 
@@ -124,10 +124,13 @@ def _three_stages(
     tell("stage 2: fine, from the norm of the force at every position")
     second = fine(positions, first)
     tell("stage 2: all 18 coefficients jointly, with the setting error of each position")
-    costs = [misfit_of_positions(device, positions, more)] if more else []
-    costs += [misfit_of_run(at_rest, more)] if more and at_rest is not None else []
-    extra = _extension(more, costs)
+    extra = NO_EXTENSION
     if more:
+        views, wanted = [every_row(device, positions, more)], positions.fit.parameters
+        if at_rest is not None:
+            views.append(run_with(at_rest, more))
+            wanted = tuple(dict.fromkeys((*wanted, *static_parameters(at_rest))))
+        extra = fit(views, wanted).extension(more)
         shown = extra.shown_by(device)
         positions = trusted_positions(device, shown.effects, shown.parameters)
     both = joint(positions, second, judged)
@@ -143,15 +146,6 @@ def _three_stages(
     third = fuse(device_level, system_level, both, solution)
     alone = static(run).stages
     return extra.complete(replace(third, method="three-stage", stages=(*stages, *alone, *third.stages)))
-
-
-def _extension(more: Sequence[ExtraEffect], parts: Sequence[tuple[Cost, Stimulus]]) -> Extension:
-    """The extra effects, with constants that start where all recordings together fit best."""
-    if not parts:
-        return NO_EXTENSION
-    stimulus = parts[0][1]
-    sizes = [p for e in more for p in e.parameters(stimulus.axis_names)]
-    return extension(more, sizes, stimulus, lambda effects: sum(cost(effects) for cost, _ in parts))
 
 
 def _refuse_too_little(device: Recording) -> None:

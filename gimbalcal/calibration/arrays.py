@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
@@ -126,10 +126,7 @@ def _corrected(
         raise InputError(
             f"the unit of the calibration outputs counts: state units={{'{counted}': 'count'}} if these arrays do"
         )
-    if FORCE not in stated:
-        _refuse_forces_of_another_unit(recording)
-    if RATE not in stated:
-        _refuse_rates_of_another_unit(recording)
+    _refuse_another_unit(recording, stated)
     return correct(calibration, recording)
 
 
@@ -144,27 +141,22 @@ def _out(x: Array, unit: str) -> Array:
     return x if not unit or is_raw(unit) else from_si(x, unit)
 
 
-def _refuse_forces_of_another_unit(recording: Recording) -> None:
-    """Raise InputError for forces without a stated unit whose median norm is 1 g in another unit than m/s^2."""
-    if not recording.has(FORCE) or not len(recording.time):
-        return
-    norm = float(np.median(np.linalg.norm(recording.triad(FORCE), axis=1)))
-    if 0.5 < norm / G0 < 2:
-        return
-    known = [u for u in QUANTITIES[FORCE].units if not is_raw(u)]
-    off, unit = min((abs(to_si(norm, u) / G0 - 1), u) for u in known)
-    if off < 0.1:
-        raise InputError(
-            f"the median norm of specific_force is {norm:.4g}, which is gravity in {unit} and not in m/s^2: "
-            f"state units={{'{FORCE}': '{unit}'}}, or 'm/s^2' if that is right"
-        )
+def _refuse_another_unit(recording: Recording, stated: Container[str]) -> None:
+    """Raise InputError for readings without a stated unit that are hardly SI.
 
-
-def _refuse_rates_of_another_unit(recording: Recording) -> None:
-    """Raise InputError for rates without a stated unit that exceed the range of common gyroscopes in rad/s."""
-    if not recording.has(RATE) or not len(recording.time):
+    Such are forces whose median norm is 1 g in another unit, and rates beyond the range of common gyroscopes.
+    """
+    if not len(recording.time):
         return
-    most = float(np.abs(recording.triad(RATE)).max())
+    if recording.has(FORCE) and FORCE not in stated:
+        norm = float(np.median(np.linalg.norm(recording.triad(FORCE), axis=1)))
+        off, unit = min((abs(to_si(norm, u) / G0 - 1), u) for u in QUANTITIES[FORCE].units if not is_raw(u))
+        if off < 0.1 and not 0.5 < norm / G0 < 2:
+            raise InputError(
+                f"the median norm of specific_force is {norm:.4g}, which is gravity in {unit} and not in m/s^2: "
+                f"state units={{'{FORCE}': '{unit}'}}, or 'm/s^2' if that is right"
+            )
+    most = float(np.abs(recording.triad(RATE)).max()) if recording.has(RATE) and RATE not in stated else 0.0
     if most > MAX_RATE:
         raise InputError(
             f"angular_rate reaches {most:.4g}, more than gyroscopes measure in rad/s: "

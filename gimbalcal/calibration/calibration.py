@@ -330,8 +330,14 @@ class Calibration(Displayed):
         if isinstance(recording, Recording):
             marked = (*recording.corrected, self.identity)
             corrected = correct(self, recording)
-            remarks = (*recording.remarks, *self._corrected_before(recording), *extrapolations(self, corrected))
-            return replace(corrected, corrected=marked, remarks=remarks)
+            remarks = [*recording.remarks]
+            if recording.corrected:
+                which = "this" if self.identity in recording.corrected else "another"
+                remarks.append(
+                    f"{recording.title!r} has been corrected by {which} calibration already, and is now corrected "
+                    "again: give the recording as it was logged, or undo that with --inverse"
+                )
+            return replace(corrected, corrected=marked, remarks=(*remarks, *extrapolations(self, corrected)))
         if isinstance(recording, Mapping):
             return correct_arrays(self, recording, units)
         if units is not None and hasattr(recording, "columns"):
@@ -346,14 +352,6 @@ class Calibration(Displayed):
             before.remove(self.identity)
             before.reverse()
         return replace(corrupt(self, recording), corrected=tuple(before))
-
-    def _corrected_before(self, recording: Recording) -> tuple[str, ...]:
-        """Return a remark where the recording has been corrected already."""
-        if not recording.corrected:
-            return ()
-        which = "this" if self.identity in recording.corrected else "another"
-        remark = f"{recording.title!r} has been corrected by {which} calibration already, and is now corrected again"
-        return (f"{remark}: give the recording as it was logged, or undo that with --inverse",)
 
     def effect_class(self, effect_id: str) -> type[Effect]:
         """Return the class of an effect, which the catalogue need not hold any more: that of a law that was found."""
@@ -429,7 +427,10 @@ def from_dict(content: object, gimbals: Sequence[str] = ()) -> Calibration:
     effects = with_values((), chosen, x, gimbals)
     return Calibration(
         method=content["method"],
-        effects=tuple(_with_covariate(e, covariates[e.id]) if e.id in covariates else e for e in effects),
+        effects=tuple(
+            replace(e, covariate=covariates[e.id]) if e.id in covariates else e  # type: ignore[call-arg]
+            for e in effects
+        ),
         parameters=chosen,
         covariance=np.array(content["covariance"], dtype=float),
         unobservable=entry_from(tuple[Unobservable, ...], content["unobservable"], "unobservable"),
@@ -456,11 +457,6 @@ def _history(content: Json, labels: tuple[str, ...]) -> StageHistory:
         raise InputError("stages / history: each of its lists must have a number for each of time_s")
     both = np.array(lists, dtype=float).T
     return StageHistory(time, both[:, : len(labels)], both[:, len(labels) :])
-
-
-def _with_covariate(e: Effect, covariate: str) -> Effect:
-    """Return the effect with the name of the channel that it depends on."""
-    return replace(e, covariate=covariate)  # type: ignore[call-arg]
 
 
 def gimbals_of(named: Sequence[tuple[str, str]]) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
 from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.number import Array
 
@@ -29,20 +29,9 @@ ParameterTable = dict[Parameter, tuple[float, float]]
 """Value and sigma [SI] of each parameter that a file holds."""
 
 
-def _by_effect(effects: Sequence[Effect]) -> dict[str, Array]:
-    """Return the parameter arrays of the effects, zeros where absent."""
-    by_id = {e.id: e for e in effects}
-    out = {}
-    for name in (*LINEAR, *QUADRATIC):
-        field = parameters(CATALOGUE[name])[0].field
-        size = len(parameters(CATALOGUE[name]))
-        out[name] = np.asarray(getattr(by_id[name], field) if name in by_id else np.zeros(size), dtype=float)
-    return out
-
-
 def matrices(effects: Sequence[Effect]) -> dict[str, Array]:
     """Return the linear model, physics to reading: y = Ma f + ba (+ K (y - ba)^2), w_m = Mg w + A f + bg. SI."""
-    v = _by_effect(effects)
+    v = {name: values(effects, parameters(CATALOGUE[name])) for name in (*LINEAR, *QUADRATIC)}  # zeros where absent
     return {
         "Ma": rate_matrix(v["scale_factor"], v["misalignment"]),  # one law for both triads
         "ba": v["bias"],
@@ -114,15 +103,10 @@ def corrections(
         scale, offset = counts.get(triad, (np.ones(3), np.zeros(3)))
         A = np.linalg.inv(m[M]) * scale
         own_frame = triad == "accelerometers" and not labels.issuperset(p.label for p in every)
-        if own_frame:
-            turn = _to_upper_triangle(A)
+        if own_frame:  # the rotation for which turn A is upper triangular, with the signs of A on its diagonal
+            Q, U = np.linalg.qr(A)
+            turn = np.asarray((Q * np.sign(np.diag(U)) * np.sign(np.diag(A))).T)
         A = turn @ A
         K = np.diag(A).copy()
         out[triad] = TriadCorrection(np.triu(A / K) if own_frame else A / K, K, offset + m[b] / scale)
     return out
-
-
-def _to_upper_triangle(A: Array) -> Array:
-    """Return the rotation R (3, 3) for which R A is upper triangular, with the signs of A on its diagonal."""
-    Q, U = np.linalg.qr(A)
-    return np.asarray((Q * np.sign(np.diag(U)) * np.sign(np.diag(A))).T)

@@ -26,7 +26,7 @@ from gimbalcal.design.position_observability import STATIC_SENSORS, information_
 from gimbalcal.design.rig_positions import rows_at_rest, stepped_rig
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import HOUR
-from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, parameters
+from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, known_effect, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import tied
 from gimbalcal.entries import Entry, Json, plain
@@ -220,7 +220,8 @@ def plan_of(
         sigma = [float(from_si(np.sqrt(v) * prior[k], wanted[k].unit)) for v in (now[k], now[k] - less[i, k])]
         after = None
         if separate:
-            after = separation(_after(P, candidates.rows[i]), wanted, separate)
+            rows = candidates.rows[i]
+            after = separation(np.linalg.inv(np.linalg.inv(P) + rows.T @ rows), wanted, separate)
         steps.append(NextStep(
             candidates.words[i], float(candidates.seconds[i]), labels[k], sigma[0], sigma[1], wanted[k].unit,
             float(worth[i] / total), candidates.angles[i], candidates.towards[i], after,
@@ -236,11 +237,6 @@ def decreases(rows: Array, P: Array) -> Array:
     M = rows @ P
     S = np.eye(rows.shape[1]) + M @ np.swapaxes(rows, 1, 2)
     return np.asarray(np.einsum("ckp,ckp->cp", M, np.linalg.solve(S, M)))
-
-
-def _after(P: Array, rows: Array) -> Array:
-    """Return the covariance with the rows (k, p) of a candidate."""
-    return np.asarray(np.linalg.inv(np.linalg.inv(P) + rows.T @ rows))
 
 
 def separation(P: Array, wanted: Sequence[Parameter], effects: Sequence[str]) -> float:
@@ -292,7 +288,11 @@ class _Bench:
         known = bool(last.platform.axes) and last.has(ANGLE)
         _refuse_other_platforms(recordings, at_rest)
         means = dwell_means(last) if known else scaled_by_gravity(dwell_means(last))[0]
-        _refuse_effects(more, means)
+        for added in map(known_effect, more):
+            needs = [need for need in added.requires if need != "temperature" or not means.has("temperature")]
+            if added.channel != "specific_force" or needs:
+                need = f" and needs {alternatives(needs)}" if needs else ""
+                raise InputError(f"{added.id} shows in {added.channel}{need}: dwells in positions do not show it")
         if known:
             wanted = position_parameters(last.platform, (*BASELINE["multi-position"], *more), last.grade)
         else:
@@ -389,7 +389,9 @@ class _Bench:
         """Return the positions of the rig, or attitudes by hand, for each duration and temperature."""
         plan, words, angles, towards, turning = self._by_angles(step) if self.known else self._by_hand()
         out: Candidates | None = None
-        for warmer, duration in product(self._temperatures(), DURATIONS):
+        needed = any("temperature" in CATALOGUE[p.effect].requires for p in self.wanted)
+        changes = (0.0, WARMER_K) if needed and self._temperature() else (0.0,)
+        for warmer, duration in product(changes, DURATIONS):
             felt = {key: np.full(len(plan.time), value + warmer) for key, value in self._temperature().items()}
             warm = replace(plan, channels={**plan.channels, **felt}, time=plan.time + recordings[-1].time[-1])
             rows = self.rows(self.stimulus(warm), np.full(len(plan.time), self.weight * duration), self.like)
@@ -405,11 +407,6 @@ class _Bench:
     def _temperature(self) -> dict[tuple[str, str], float]:
         """Return the last temperatures."""
         return {key: float(x[-1]) for key, x in self.like.channels.items() if key[0] == "temperature"}
-
-    def _temperatures(self) -> tuple[float, ...]:
-        """Return changes of temperature to try: none where no effect follows it."""
-        needed = any("temperature" in CATALOGUE[p.effect].requires for p in self.wanted)
-        return (0.0, WARMER_K) if needed and self._temperature() else (0.0,)
 
     def _by_angles(self, step: float) -> _Settings:
         """Return the positions of the rig, one row each, words, angles, and the time of the turn there [s]."""
@@ -462,14 +459,3 @@ def refuse_axes(separate: Sequence[str], wanted: Sequence[Parameter]) -> None:
             effect = name.partition(":")[0]
             axes = alternatives([f"{effect}:{p.axis}" for p in wanted if p.effect == effect and p.axis])
             raise InputError(f"--separate {name}: no such axis is estimated; write {axes or effect}")
-
-
-def _refuse_effects(effects: Sequence[str], means: Recording) -> None:
-    for effect in effects:
-        if effect not in CATALOGUE:
-            raise InputError(f"no effect is called {effect!r}; `gimbalcal catalogue` lists them")
-        cls = CATALOGUE[effect]
-        needs = [need for need in cls.requires if need != "temperature" or not means.has("temperature")]
-        if cls.channel != "specific_force" or needs:
-            need = f" and needs {alternatives(needs)}" if needs else ""
-            raise InputError(f"{effect} shows in {cls.channel}{need}: dwells in positions do not show it")

@@ -79,9 +79,8 @@ def _experiment(m: SystematicFit, wanted: tuple[Parameter, ...]) -> TurningExper
     """Return the experiment at the place and with the noise of a recording."""
     segments = m.segments
     site, step = segments.rows.site, float(np.median(segments.dt / segments.rows.weight))
-    assert site.latitude is not None  # `segment` refuses a recording without
     force, rate = (float(segments.sigma[k : k + 3].max() * np.sqrt(step)) for k in (0, 3))
-    there = unrecorded(site.latitude, site.height)
+    there = unrecorded(segments.latitude, site.height)
     return TurningExperiment(replace(there, site=site), wanted, TurningNoise(force, rate, segments.velocity))
 
 

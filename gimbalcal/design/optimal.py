@@ -288,10 +288,15 @@ def assessed_design(
     interest = np.ones(len(wanted), dtype=bool) if interest is None else interest
     others = {s.name: assess(s, rig, wanted) for s in compare}
     own = value(rows, criterion, interest)
-    against = {
-        name: _against(own, value(r, criterion, interest), len(schedule.holds), len(r), criterion, sigma, s)
-        for name, (s, _, r) in others.items()
-    }
+    against = {}
+    for name, (theirs, _, their_rows) in others.items():
+        other, equal = value(their_rows, criterion, interest), np.sqrt(len(schedule.holds) / len(their_rows))
+        radius = np.exp((other - own) / (2 * len(sigma))) if criterion == "D" else np.sqrt(own / other)
+        each = sigma / theirs * equal  # for equal total time, as sigma falls with its root
+        against[name] = ScheduleComparison(
+            criterion, own, other, len(their_rows), float(radius) * equal, float(np.exp(np.mean(np.log(each)))),
+            float(each.min()), float(each.max()),
+        )  # fmt: skip
     return PositionsDesign(schedule, criterion, candidates, rig.setting, own, tuple(wanted), sigma, unobservable,
                            {name: s for name, (s, _, _) in others.items()}, against)  # fmt: skip
 
@@ -304,17 +309,6 @@ def unsupported(wanted: Sequence[Parameter], sigma: Array) -> list[str]:
         for p, s in zip(wanted, sigma, strict=True)
         if s >= PRIOR_SHARE * p.sigma
     ]
-
-
-def _against(
-    own: float, other: float, n: int, m: int, criterion: str, sigma: Array, theirs: Array
-) -> ScheduleComparison:
-    """Compare a schedule of n positions with one of m for equal total time."""
-    equal = np.sqrt(n / m)  # sigma falls with the root of the time
-    radius = float(np.exp((other - own) / (2 * len(sigma))) if criterion == "D" else np.sqrt(own / other)) * equal
-    each = sigma / theirs * equal
-    ratio = float(np.exp(np.mean(np.log(each))))
-    return ScheduleComparison(criterion, own, other, m, radius, ratio, float(each.min()), float(each.max()))
 
 
 def optimise(

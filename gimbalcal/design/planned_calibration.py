@@ -199,7 +199,10 @@ def _by_turns(plans: Plans, state_list: str, more: Sequence[str], hours: float) 
         )
     if len(at_rest) > 1:
         raise InputError(f"{plans[-1][0]}: a budget navigates one unit at rest, got {len(at_rest)}; keep one of them")
-    wanted = _states(state_list, more, _unrecorded(turning[0][1]))
+    place = _unrecorded(turning[0][1])
+    for name in more:  # refuses what no turns show by the option that names it
+        states(name, place, option="--with")
+    wanted = states(",".join((*LISTS.get(state_list.strip(), (state_list,)), *more)), place)
     sessions = [
         _Session(turning_schedule(s.schedule), TurningExperiment(_unrecorded(s), wanted, _noise(name, s)))
         for name, s in turning
@@ -209,7 +212,8 @@ def _by_turns(plans: Plans, state_list: str, more: Sequence[str], hours: float) 
     manoeuvres: list[PlannedManoeuvre] = []
     for k, own in enumerate(sessions):
         manoeuvres.append(PlannedManoeuvre(f"the turns of {own.turns.name} once more", own.hours, total + each[k]))
-        slow = replace(own, turns=_with_longer_stops(own.turns))
+        moves = tuple(replace(m, stop=None if m.stop is None else 2 * m.stop) for m in own.turns.moves)
+        slow = replace(own, turns=replace(own.turns, moves=moves, stop=2 * own.turns.stop))
         slower = f"stops of {slow.turns.stop:g} s in place of {own.turns.stop:g} s in {own.turns.name}"
         others = _sum(wanted, [t for i, t in enumerate(each) if i != k])
         manoeuvres.append(PlannedManoeuvre(slower, slow.hours - own.hours, others + slow.information))
@@ -220,18 +224,6 @@ def _by_turns(plans: Plans, state_list: str, more: Sequence[str], hours: float) 
     site = _with_gravity(required_latitude(navigating.site.latitude), navigating.site.height, navigating.site.gravity)
     unit = still_unit(hours + ALONE.alignment / 3600, site, standing(turning_schedule(navigating.schedule).start))
     return PlannedCalibration(total, tuple(manoeuvres), unit)
-
-
-def _states(state_list: str, more: Sequence[str], recording: Recording) -> tuple[Parameter, ...]:
-    """Return the parameters of `--states`, and those of effects that are named by `--with`."""
-    for name in more:
-        states(name, recording, option="--with")
-    return states(",".join((*LISTS.get(state_list.strip(), (state_list,)), *more)), recording)
-
-
-def _with_longer_stops(turns: RotationSchedule) -> RotationSchedule:
-    moves = tuple(replace(m, stop=None if m.stop is None else 2 * m.stop) for m in turns.moves)
-    return replace(turns, moves=moves, stop=2 * turns.stop)
 
 
 def _unrecorded(s: Scenario) -> Recording:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gimbalcal.display import Displayed, data_frame, panels
-from gimbalcal.effects import CATALOGUE, Parameter, parameters
+from gimbalcal.effects import Parameter, known_effect, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.entries import Json, plain
 from gimbalcal.errors import InputError, amount
@@ -187,7 +187,7 @@ def observe(
     """
     positions = schedule if isinstance(schedule, Schedule) else read_schedule(schedule)
     recording = planned(positions)
-    calibrated = position_parameters(positions.platform, _known(effects))
+    calibrated = position_parameters(positions.platform, effects)
     others = _parameters_of(candidates, effects, recording, "multi-position")
     noise = Noise(to_si(force_sigma, "ug"), to_si(angle_sigma, "arcsec"))
     info = information_in_positions(recording, (*calibrated, *others), noise)
@@ -210,7 +210,7 @@ def observe_static(
     """
     recording = ideal_static_run(hours, latitude, sample_s)
     names = recording.platform.axis_names
-    calibrated = tuple(q for e in _known(effects) for q in parameters(CATALOGUE[e], names))
+    calibrated = tuple(q for e in effects for q in parameters(known_effect(e), names))
     others = _parameters_of(candidates, effects, recording, "static-run")
     wanted = (*calibrated, *others)
     if set(noise) - set(STATIC_SENSORS) or not noise:
@@ -253,22 +253,15 @@ def observe_any(
     return observe_static(float(run[1]), np.deg2rad(latitude), noise, candidates=candidates, sample_s=DWELL_S)
 
 
-def _known(effects: Sequence[str]) -> Sequence[str]:
-    unknown = [e for e in effects if e not in CATALOGUE]
-    if unknown:
-        raise InputError(f"no effect is called {unknown[0]!r}; the catalogue has {', '.join(sorted(CATALOGUE))}")
-    return effects
-
-
 def _parameters_of(
     candidates: Sequence[str], effects: Sequence[str], recording: Recording, kind: str
 ) -> tuple[Parameter, ...]:
     """Return the linear parameters of candidates that are not calibrated and need no other channel."""
-    new = [e for e in _known(candidates) if e not in effects]
-    lacking = [e for e in new if not CATALOGUE[e].shows_in(kind) or CATALOGUE[e].requires]
+    new = [cls for e in candidates if (cls := known_effect(e)).id not in effects]
+    lacking = [cls.id for cls in new if not cls.shows_in(kind) or cls.requires]
     if lacking:
         raise InputError(f"{lacking[0]} cannot be judged from the angles of a {kind} schedule alone; leave it out")
-    return tuple(q for e in new for q in parameters(CATALOGUE[e], recording.platform.axis_names))
+    return tuple(q for cls in new for q in parameters(cls, recording.platform.axis_names))
 
 
 def assess_information(
@@ -284,24 +277,22 @@ def assess_information(
     for i, q in enumerate(info.parameters[p:], start=p):
         groups.setdefault(q.effect, []).append(i)
     residual = {e: rows[:, i] - basis @ (basis.T @ rows[:, i]) for e, i in groups.items()}
-    candidates = tuple(_candidate(e, residual[e], rows[:, i]) for e, i in groups.items())
+    candidates = []
+    for e, own in groups.items():
+        whole, strength = float(np.linalg.norm(rows[:, own])), float(np.linalg.norm(residual[e]))
+        candidates.append(NotCalibrated(e, strength, 1 - strength / whole if whole > 0 else 0.0))
     visible = {c.effect: residual[c.effect] for c in candidates if c.strength > MIN_SIGNAL_TO_NOISE}
     for one, other in combinations(visible, 2):
         cosine = float(np.linalg.svd(_basis(visible[one]).T @ _basis(visible[other]), compute_uv=False)[-1])
         if cosine > CONFOUNDED_COSINE:
             confounded.append(Confounded(one, other, cosine))
-    return Observability(name, solution, tuple(confounded), candidates, noise)
+    return Observability(name, solution, tuple(confounded), tuple(candidates), noise)
 
 
 def _basis(rows: Array) -> Array:
     """Return an orthonormal basis of the directions that exceed the noise."""
     U, S, _ = np.linalg.svd(rows, full_matrices=False)
     return np.asarray(U[:, S >= MIN_SIGNAL_TO_NOISE])
-
-
-def _candidate(effect: str, residual: Array, signal: Array) -> NotCalibrated:
-    whole, independent = float(np.linalg.norm(signal)), float(np.linalg.norm(residual))
-    return NotCalibrated(effect, independent, 1 - independent / whole if whole > 0 else 0.0)
 
 
 def _confounded_parameters(rows: Array, solution: Solution) -> list[Confounded]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, Parameter, Stage, Stimulus, parameters
+from gimbalcal.effects import CATALOGUE, Parameter, Stage, Stimulus, known_effect, parameters
 from gimbalcal.effects.effect import tied
 from gimbalcal.errors import InputError
 from gimbalcal.forward import linearise
@@ -97,9 +97,7 @@ def design_parameters(rig: PositioningRig, terms: Sequence[str]) -> tuple[Parame
     """Return the parameters of the terms that this rig can observe. Raises InputError for effects that it cannot."""
     terms = tuple(dict.fromkeys(terms))
     for term in terms:
-        if term not in CATALOGUE:
-            raise InputError(f"no effect is called {term!r}; `gimbalcal catalogue` lists {len(CATALOGUE)} of them")
-        cls = CATALOGUE[term]
+        cls = known_effect(term)
         if cls.channel != "specific_force" or cls.requires:
             need = f" and needs the channel {cls.requires[0]}" if cls.requires else ""
             raise InputError(f"{term} shows in {cls.channel}{need}: positions at rest do not design for it")
@@ -113,16 +111,11 @@ def design_parameters(rig: PositioningRig, terms: Sequence[str]) -> tuple[Parame
 
 def stimulus_of_settings(settings: Array, rig: PositioningRig) -> Stimulus:
     """Return the stimulus of the settings (c, k) [rad] of a rig without errors."""
-    return stimulus_from_angles(_noiseless(settings, rig))
-
-
-def _noiseless(settings: Array, rig: PositioningRig) -> Recording:
-    """Return a noiseless recording of the settings (c, k) [rad], one row each."""
     n = len(settings)
-    names = rig.platform.axis_names
-    channels = {("gimbal_angle", a): settings[:, i] for i, a in enumerate(names)}
-    return Recording(MULTI_POSITION, "design", rig.platform, Site(gravity=rig.gravity), {}, 600.0 * np.arange(n),
-                     np.arange(1, n + 1), channels)  # fmt: skip
+    channels = {("gimbal_angle", a): settings[:, i] for i, a in enumerate(rig.platform.axis_names)}
+    time, position = 600.0 * np.arange(n), np.arange(1, n + 1)
+    site = Site(gravity=rig.gravity)
+    return stimulus_from_angles(Recording(MULTI_POSITION, "design", rig.platform, site, {}, time, position, channels))
 
 
 def distinct(settings: Array, rig: PositioningRig, wanted: Sequence[Parameter]) -> tuple[Array, Array]:

@@ -281,7 +281,12 @@ def design_turning(
     and for too little time.
     """
     search = TurningSearch(table, turning_experiment(latitude, state_list, *noise))
-    others = {name: _best_rate(search, read_rotation(name)) for name in against}
+    others = {  # in the whole of the time, at its own rate or the table's, the smaller sigmas
+        name: np.minimum(
+            *(search.experiment.sigma(stretched(read_rotation(name), table.total, t)) for t in (None, table))
+        )
+        for name in against
+    }
     reference = (
         np.min([_largest(search, s) for s in others.values()], axis=0) if others else np.ones(len(search.groups))
     )
@@ -291,13 +296,13 @@ def design_turning(
         raise InputError(f"--total {table.total:g} s is too short for a schedule of turns at this rate; give it more")
     tour, _ = anneal(search, first, reference, criterion, tries, seed, tell)
     schedule = search.schedule(tour)
-    return _design(search, schedule, others, reference)
-
-
-def _best_rate(search: TurningSearch, schedule: RotationSchedule) -> Array:
-    """Return the sigmas of a schedule in the whole of the time, at its own rate or the table's, the smaller ones."""
-    tables = (None, search.table)
-    return np.minimum(*(search.experiment.sigma(stretched(schedule, search.table.total, t)) for t in tables))
+    sigma, groups = _largest(search, search.experiment.sigma(schedule)), []
+    for (name, members), mine, ref in zip(search.groups.items(), sigma, reference, strict=True):
+        p = search.experiment.wanted[members[0]]
+        unit = float(from_si(p.sigma, p.unit))
+        theirs = {other: float(s[members].max() * unit) for other, s in others.items()}
+        groups.append(GroupSigma(name, p.unit, float(mine * unit), theirs, float(mine / ref)))
+    return TurnsDesign(schedule, trajectory(schedule).duration, tuple(groups), tuple(others))
 
 
 def _largest(search: TurningSearch, sigma: Array) -> Array:
@@ -354,16 +359,3 @@ class TurnsDesign:
             "groups": plain(self.groups),
             "in_words": self.in_words,
         }
-
-
-def _design(
-    search: TurningSearch, schedule: RotationSchedule, others: Mapping[str, Array], reference: Array
-) -> TurnsDesign:
-    """Return a schedule with the largest sigma of each group, also of the other schedules."""
-    sigma, groups = _largest(search, search.experiment.sigma(schedule)), []
-    for (name, members), mine, ref in zip(search.groups.items(), sigma, reference, strict=True):
-        p = search.experiment.wanted[members[0]]
-        unit = float(from_si(p.sigma, p.unit))
-        theirs = {other: float(s[members].max() * unit) for other, s in others.items()}
-        groups.append(GroupSigma(name, p.unit, float(mine * unit), theirs, float(mine / ref)))
-    return TurnsDesign(schedule, trajectory(schedule).duration, tuple(groups), tuple(others))

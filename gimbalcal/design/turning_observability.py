@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gimbalcal.design.position_observability import Observability, assess_information
-from gimbalcal.design.turning import StretchModel, TurningExperiment, turning_experiment
+from gimbalcal.design.turning import turning_experiment
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.effects import Parameter
 from gimbalcal.entries import Entry, Json, plain
@@ -199,13 +199,8 @@ def observe_turning(
         "accelerometer_ug_per_sqrt_Hz": force_noise,
         "velocity_m_per_s": velocity,
     }
-    return _observability(turns, experiment, experiment.stretches(trajectory(turns)), noise)
-
-
-def _observability(
-    turns: RotationSchedule, experiment: TurningExperiment, model: StretchModel, noise: dict[str, float]
-) -> TurningObservability:
-    wanted, innovations = experiment.wanted, model.innovations(experiment.noise)
+    wanted, model = experiment.wanted, experiment.stretches(trajectory(turns))
+    innovations = model.innovations(experiment.noise)
     prior = np.array([p.sigma for p in wanted])
     rows = innovations.rows.reshape(-1, len(wanted))
     info = information(rows / prior, np.zeros(len(rows)), wanted)

@@ -24,19 +24,19 @@ from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, diagnose_view
-from gimbalcal.effects import CATALOGUE, Effect
+from gimbalcal.effects import CATALOGUE, Effect, known_effect
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.caveats import misheld_positions
 from gimbalcal.estimate.extra_effects import unfit as not_shown
-from gimbalcal.estimate.gyroscopes.cleared_views import (
+from gimbalcal.estimate.gyroscopes.rate_table import view_on_a_table
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     MIN_RESTS,
     MIN_TURNS,
     view_at_rest,
     view_of_turns,
-    view_on_a_table,
 )
 from gimbalcal.estimate.pointing.pattern import MISTAKEN, outliers, why_far
 from gimbalcal.estimate.systematic.calibrate import navigation_view
@@ -47,7 +47,7 @@ from gimbalcal.recording.dwell import in_blocks
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
-from gimbalcal.views.core import View, by_triad, carried, known_effect
+from gimbalcal.views.core import View, by_triad, carried
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import attitudes, norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS, means_of_tracking, outlying_frames
@@ -410,7 +410,7 @@ def _gyroscopes(
 
 def unfit(effect_id: str, recording: Recording) -> str:
     """Return why the model of a recording cannot hold an effect, to follow "which"; empty where it can."""
-    cls, logs = known_effect(effect_id), recording.axes("covariate")
+    cls, logs = known_effect(effect_id, "baseline"), recording.axes("covariate")
     reason = not_shown(cls, recording)
     if not reason and follows(cls) == "" and len(logs) > 1:
         return f"follows one covariate, and {recording.title!r} has {len(logs)} of them"

@@ -11,6 +11,7 @@ import dataclasses
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from enum import Enum
 from typing import Any, ClassVar, TypeVar, dataclass_transform
 
@@ -19,6 +20,7 @@ import numpy as np
 from gimbalcal.effects.history import Dynamics
 from gimbalcal.effects.stimulus import REFERENCE_TEMPERATURE
 from gimbalcal.effects.stimulus import Stimulus as Stimulus  # noqa: PLC0414 (an effect finds its whole contract here)
+from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, to_si
 
@@ -227,6 +229,18 @@ class Parameter:
     def label(self) -> str:
         """Readable key, "bias:x"; for an effect of several fields "warm_up.tau:x"."""
         return f"{self.name}:{self.axis}" if self.axis else self.name
+
+
+def known_effect(name: str, where: str = "") -> type[Effect]:
+    """Return the effect of the catalogue with this id. Raises InputError, which proposes a similar one.
+
+    where: the option or the place that names it, with which the sentence begins.
+    """
+    if name not in CATALOGUE:
+        similar = get_close_matches(name, CATALOGUE, 1)
+        hint = f"did you mean {similar[0]}?" if similar else "`gimbalcal catalogue` lists them"
+        raise InputError(f"{where}{': ' if where else ''}no effect is called {name!r}; {hint}")
+    return CATALOGUE[name]
 
 
 def constants(cls: type[Effect]) -> tuple[dataclasses.Field[float], ...]:

@@ -11,13 +11,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, absent, parameters
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, absent, known_effect, parameters
 from gimbalcal.effects.effect import Grid, constants, follows, lacking
 from gimbalcal.effects.grids import Constant, grid, kind, limits
 from gimbalcal.errors import InputError
@@ -67,7 +66,10 @@ def extra_effects(
     for word in words:
         name, *settings = (part.strip() for part in word.split(","))
         effect, _, axis = name.partition(":")
-        extra = _one(word, effect, axis, dict(_setting(word, s) for s in settings), recordings, held)
+        if bad := next((s for s in settings if "=" not in s), ""):
+            raise InputError(f"--with {word}: {bad!r} is no CONSTANT=VALUE; write EFFECT[:AXIS][,CONSTANT=VALUE]")
+        stated = {constant.strip(): value for constant, _, value in (s.partition("=") for s in settings)}
+        extra = _one(word, effect, axis, stated, recordings, held)
         before = out.get(effect)
         if before is not None:
             axes = (*before.axes, *extra.axes) if before.axes and extra.axes else ()
@@ -76,24 +78,13 @@ def extra_effects(
     return tuple(out.values())
 
 
-def _setting(said: str, setting: str) -> tuple[str, str]:
-    constant, equals, value = setting.partition("=")
-    if not equals:
-        raise InputError(f"--with {said}: {setting!r} is no CONSTANT=VALUE; write EFFECT[:AXIS][,CONSTANT=VALUE]")
-    return constant.strip(), value
-
-
 def _one(
     said: str, effect: str, axis: str, settings: Mapping[str, str], recordings: Sequence[Recording],
     held: Sequence[str],
 ) -> ExtraEffect:  # fmt: skip
-    if effect not in CATALOGUE:
-        similar = get_close_matches(effect, CATALOGUE, 1)
-        hint = f"did you mean {similar[0]}?" if similar else "`gimbalcal catalogue` lists them"
-        raise InputError(f"--with {said}: no effect is called {effect!r}; {hint}")
+    cls = known_effect(effect, f"--with {said}")
     if effect in held:
         raise InputError(f"--with {said}: {effect} is in the model of this method anyway; leave it out")
-    cls = CATALOGUE[effect]
     reasons = [unfit(cls, r) for r in recordings]
     if all(reasons):
         raise InputError(f"--with {said}: {effect} {reasons[0]}")
@@ -203,7 +194,9 @@ def extension(more: Sequence[ExtraEffect], sizes: Sequence[Parameter], s: Stimul
     sizes: the free linear parameters of the effects. One effect after the other, with the others at what they have:
     constants of two effects are rarely confounded.
     """
-    values: dict[str, dict[str, float]] = {e.effect: {**_middle_of_grid(e, s), **dict(e.stated)} for e in more}
+    values: dict[str, dict[str, float]] = {
+        e.effect: {f.name: float(np.median(grid(f, s))) for f in e.free} | dict(e.stated) for e in more
+    }
 
     def effects(trial: Mapping[str, Mapping[str, float]]) -> tuple[Effect, ...]:
         return tuple(e.absent(s.axis_names, trial[e.effect]) for e in more)
@@ -233,10 +226,6 @@ def _starting_values(f: Constant, s: Stimulus) -> list[float]:
     return grid(f, s).tolist()
 
 
-def _middle_of_grid(e: ExtraEffect, s: Stimulus) -> dict[str, float]:
-    return {f.name: float(np.median(grid(f, s))) for f in e.free}
-
-
 def sizes_shown_by(more: Sequence[ExtraEffect], recording: Recording) -> tuple[Parameter, ...]:
     """The linear parameters of those effects that a recording can show."""
     shown = (e for e in more if not unfit(CATALOGUE[e.effect], recording))
@@ -244,7 +233,9 @@ def sizes_shown_by(more: Sequence[ExtraEffect], recording: Recording) -> tuple[P
 
 
 def columns_of_sizes(rows: Rows, effects: Sequence[Effect], sizes: Sequence[Parameter]) -> Array:
-    """Derivatives (n, C, p) of rows by the sizes of absent effects, in the order of the sizes."""
-    by_id = {e.id: e for e in effects}
-    own = [rows.columns(by_id[i], [p for p in sizes if p.effect == i]) for i in dict.fromkeys(p.effect for p in sizes)]
-    return np.concatenate([np.zeros((*rows.residual.shape, 0)), *own], axis=-1)
+    """Derivatives (n, C, p) of rows by sizes: those of absent effects, zero for any other."""
+    out = np.zeros((*rows.residual.shape, len(sizes)))
+    for e in effects:
+        at = [i for i, p in enumerate(sizes) if p.effect == e.id]
+        out[..., at] = rows.columns(e, [sizes[i] for i in at])
+    return out

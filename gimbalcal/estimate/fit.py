@@ -152,7 +152,8 @@ class ViewsFit:
     @property
     def sigma(self) -> tuple[Array, ...]:
         """One sigma (n, C) of each row, SI."""
-        return tuple(map(_sigma, self.views, self.excesses))
+        parts = [v.noise.parts_of_variance((len(v), len(v.channels))) for v in self.views]
+        return tuple(np.sqrt(known + shape * e**2) for (known, shape), e in zip(parts, self.excesses, strict=True))
 
     @cached_property
     def residual(self) -> tuple[Array, ...]:
@@ -260,7 +261,7 @@ class ViewsFit:
         y = linear.r / sigma + J @ x
 
         def cost(absent: Sequence[Effect]) -> float:
-            parts = [part.whitened(columns_of_sizes(part.rows, absent, sizes))[0] for part in linear.parts]
+            parts = [p.whitened(columns_of_sizes(p.rows, _acting(p.view, absent), sizes))[0] for p in linear.parts]
             X = np.concatenate([J, np.concatenate(parts) / sigma[:, None]], axis=1)
             return solve(information(X, y, (*wanted, *sizes)), self.min_signal).chi2
 
@@ -398,8 +399,7 @@ class _Part:
         local = self.view.local
         if local is None:
             return columns.reshape(-1, columns.shape[-1]), None
-        sigma = np.broadcast_to(np.asarray(self.view.noise.sigma), self.rows.residual.shape)
-        linear = local.by_group(self.rows, columns, sigma, self.e)
+        linear = local.by_group(self.view, self.rows, columns, self.e)
         white = eliminate(linear, 1.0, local.sigma**2)
         return white.rows[0], (linear, white)
 
@@ -496,11 +496,6 @@ def _row_sigma(views: Sequence[View], excesses: Sequence[Array] | None = None) -
     each = [np.zeros(1)] * len(views) if excesses is None else excesses
     return np.sqrt(np.concatenate([known + w * np.resize(e, len(known)) ** 2
                                    for (known, w), e in zip(parts, each, strict=True)]))  # fmt: skip
-
-
-def _sigma(v: View, excess: Array) -> Array:
-    known, shape = v.noise.parts_of_variance((len(v), len(v.channels)))
-    return np.asarray(np.sqrt(known + shape * excess**2))
 
 
 def _prior_rows(every: Sequence[Parameter]) -> tuple[Array, Array]:

@@ -58,13 +58,8 @@ def added_by_memory(J: Array, r: Array, G: Array) -> Array:
     X, p, ratio = J @ G, p[1:] / p.sum(), chi2[1:] / chi2[0]
     out = np.zeros(X.shape)
     for (rho, a), weight, s2 in zip(noises, p, ratio, strict=True):
-        out += weight * ((s2 * (1 - a) - 1) * X + s2 * a * _remembered(rho, X))
+        kernel = rho ** np.arange(n)
+        ring = np.concatenate([kernel, [0.0], kernel[:0:-1]])
+        KX = np.fft.irfft(np.fft.rfft(ring)[:, None] * np.fft.rfft(X, 2 * n, axis=0), 2 * n, axis=0)[:n]
+        out += weight * ((s2 * (1 - a) - 1) * X + s2 * a * KX)
     return np.asarray(X.T @ out)
-
-
-def _remembered(rho: float, X: Array) -> Array:
-    """Return K X (n, p)."""
-    kernel = rho ** np.arange(len(X))
-    ring = np.concatenate([kernel, [0.0], kernel[:0:-1]])
-    product = np.fft.rfft(ring)[:, None] * np.fft.rfft(X, len(ring), axis=0)
-    return np.asarray(np.fft.irfft(product, len(ring), axis=0)[: len(X)])

@@ -51,31 +51,25 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
             raise InputError(f"--with {more[0].effect}: gyroscopes alone, from revolutions, take no further effect")
         return gyroscopes_from_revolutions(recording)
     recording, odd = without_norm_outliers(recording)
-    calibration = _both(recording, terms, more)
-    return replace(
-        calibration,
-        outcome=joined([*norm_outliers_in_words(odd), calibration.outcome]),
-        provenance=calibration.provenance.with_options(left_out=tuple(s.position for s in odd) or None),
-    )
-
-
-def _both(recording: Recording, terms: Sequence[str], more: Sequence[ExtraEffect]) -> Calibration:
-    """Accelerometers, and gyroscopes where the turns suffice."""
     turning = tuple(a for a in more if CATALOGUE[a.effect].stage in GYROSCOPE_STAGES)
     of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage in GYROSCOPE_STAGES)
     calibration = multiposition(
         recording, tuple(t for t in terms if t not in of_rate), tuple(a for a in more if a not in turning)
     )
-    if terms and not of_rate and not turning:
-        return calibration
     try:
-        return with_gyroscopes(recording, calibration, of_rate, turning)
+        if not terms or of_rate or turning:
+            calibration = with_gyroscopes(recording, calibration, of_rate, turning)
     except InputError as problem:
         if of_rate or turning:
             raise
         outcome = joined([calibration.outcome, f"the gyroscopes are not calibrated: {problem}"])
         provenance = calibration.provenance.with_options(gyroscopes=str(problem))
-        return replace(calibration, outcome=outcome, provenance=provenance)
+        calibration = replace(calibration, outcome=outcome, provenance=provenance)
+    return replace(
+        calibration,
+        outcome=joined([*norm_outliers_in_words(odd), calibration.outcome]),
+        provenance=calibration.provenance.with_options(left_out=tuple(s.position for s in odd) or None),
+    )
 
 
 def with_gyroscopes(
@@ -145,12 +139,19 @@ def unit_of_sessions(
     taken = tuple(i for i in effects if i not in added and scope_of(i) is Scope.UNIT)
     scaled = [in_si(r, calibration.readout) for r in sessions]  # counts of all by one nominal scale
     alone, compared = zip(*(_compared(scaled, k, taken, more) for k in range(len(sessions))), strict=True)
+    stages = [
+        StageResult(
+            f"{c.title} alone", tuple(p.label for p in a.parameters), a.values, a.sigmas,
+            next(iter(a.residual.rms.values()), 0.0), c.in_words,
+        )
+        for a, c in zip(alone, compared, strict=True) if a
+    ]  # fmt: skip
     entries = tuple(c.session(rests=len(dwells(r))) for c, r in zip(compared, sessions, strict=True))
     return replace(
         calibration,
         outcome=joined([_outcome(compared), calibration.outcome]),
         provenance=calibration.provenance.with_options(sessions=entries),
-        stages=(*calibration.stages, *(_stage(a, c) for a, c in zip(alone, compared, strict=True) if a)),
+        stages=(*calibration.stages, *stages),
     )
 
 
@@ -176,9 +177,3 @@ def _outcome(compared: Sequence[Comparison]) -> str:
         f"the {len(compared)} sessions do not share their constants: {words}; calibrate each alone, "
         "or take the constants that differ as changing from one switching-on to the next"
     )
-
-
-def _stage(alone: Calibration, compared: Comparison) -> StageResult:
-    rms = next(iter(alone.residual.rms.values()), 0.0)
-    labels = tuple(p.label for p in alone.parameters)
-    return StageResult(f"{compared.title} alone", labels, alone.values, alone.sigmas, rms, compared.in_words)

@@ -28,7 +28,7 @@ product.
 
 from gimbalcal.forward.angles import navigator_attitude_error, nearest_angles
 from gimbalcal.forward.model import accelerometers, attitude, gyroscopes, predict, rate_of_chain, turning
-from gimbalcal.forward.rows import ANGLES, AXES, Rows, difference, experienced, jacobian, linearise, picked
+from gimbalcal.forward.rows import ANGLES, AXES, Rows, difference, jacobian, linearise, picked
 
 __all__ = [
     "ANGLES",
@@ -37,7 +37,6 @@ __all__ = [
     "accelerometers",
     "attitude",
     "difference",
-    "experienced",
     "gyroscopes",
     "jacobian",
     "linearise",

@@ -58,6 +58,7 @@ class Rows:
     sigma: Array | float = 1.0  # what residual and sensitivity have been divided by
     reduction: Callable[[Array], Array] | None = None
     nuisance: Array | None = None  # (n, C, m) by explicit parameters of no effect: a heading, a mounting, a lag
+    given: Callable[[Effect, Sequence[Parameter]], Array] | None = None  # `columns`, of rows affine about one point
 
     def over(self, sigma: Array) -> Rows:
         """Return the rows in units of sigma (C,) or (n, C)."""
@@ -95,6 +96,8 @@ class Rows:
 
     def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
         """Return derivative (n, C, p) of the channels by the wanted parameters of one effect, at its present values."""
+        if self.given is not None:
+            return self.given(effect, wanted)
         s, names = self.seen[effect.stage], self.stimulus.axis_names
         if any(e.spans_rows and e.stage is not effect.stage and _acts(e) for e in self.effects):
             return self._through_all(effect, wanted)
@@ -239,13 +242,3 @@ class _Probe(Effect):
 
 
 _PROBES = {stage: type(f"_Probe{stage.name}", (_Probe,), {"stage": stage}) for stage in Stage}
-
-
-def experienced(
-    platform: Platform, s: Stimulus, effects: Sequence[Effect], stage: Stage, kind: str = "multi-position"
-) -> Stimulus:
-    """Return the stimulus of a stage on a platform with these effects."""
-    met: dict[Stage, Stimulus] = {}
-    probe = _PROBES[stage](value=np.zeros(_added(stage, platform)), met=met)
-    predict(platform, s, (*effects, probe), kind)
-    return met[stage]

@@ -40,9 +40,11 @@ def platform_navigated(recording: Recording, calibration: Calibration | None, ai
     refuse(recording)
     run = with_inner(recording)
     run = run if calibration is None else calibration.apply(run)
-    site, output = course_of(run, aids)
-    error = _errors(run, site, output)
-    return Navigated(label, run.time - run.time[0], error, horizontal(error, site))
+    g = _navigator_input(run, aids)
+    c = navigate(g.time, g.force, g.site, aids)
+    own = [x[g.own] for x in (c.time, c.latitude, c.phase, c.height, c.velocity)]
+    error = _errors(run, g.site, NavigatorOutput(*own))
+    return Navigated(label, run.time - run.time[0], error, horizontal(error, g.site))
 
 
 def half_apart(pairs: Sequence[tuple[Recording, Recording]], aids: Aids) -> Array:
@@ -95,13 +97,6 @@ def refuse(recording: Recording) -> None:
     recording.triad(FORCE)
     if len(recording.time) < 3:
         raise InputError(f"{recording.title!r} has {len(recording.time)} rows, too few to navigate")
-
-
-def course_of(run: Recording, aids: Aids) -> tuple[InertialSite, NavigatorOutput]:
-    """Navigate a run; return the true site, and the output at its rows."""
-    g = _navigator_input(run, aids)
-    c = navigate(g.time, g.force, g.site, aids)
-    return g.site, NavigatorOutput(c.time[g.own], c.latitude[g.own], c.phase[g.own], c.height[g.own], c.velocity[g.own])
 
 
 class _NavigatorInput(NamedTuple):

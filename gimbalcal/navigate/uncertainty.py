@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -47,16 +46,15 @@ def before_and_after(
         tell(f"navigating with {label}")
         result = navigated(recording, calibration, aids, label)
         if samples:
-            drawn = partial(_report_draw, tell, label, samples)
+
+            def drawn(k: int, label: str = label) -> None:
+                if k % PROGRESS_DRAWS == 0:
+                    tell(f"navigating with {label}: draw {k} of {samples}")
+
             linear, sampled = bands(recording, calibration, aids, samples, seed, drawn)
             result = replace(result, linear=_at(result.time, *linear), sampled=_at(result.time, *sampled))
         out.append(result)
     return tuple(out)
-
-
-def _report_draw(tell: Callable[[str], None], label: str, samples: int, k: int) -> None:
-    if k % PROGRESS_DRAWS == 0:
-        tell(f"navigating with {label}: draw {k} of {samples}")
 
 
 def bands(

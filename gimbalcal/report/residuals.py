@@ -12,7 +12,7 @@ from gimbalcal.calibration.readout import in_si
 from gimbalcal.earth import G0
 from gimbalcal.effects import Effect, Stage
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
-from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest, view_of_turns
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest, view_of_turns
 from gimbalcal.estimate.static_run.system import static_readings
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inversion import invert

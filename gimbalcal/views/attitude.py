@@ -100,11 +100,6 @@ class Reference:
         turned = Rotation.from_matrix(self.C[:-1] @ np.swapaxes(self.C[1:], -1, -2)).as_rotvec()
         return (self.time[1:] + self.time[:-1]) / 2, turned / np.diff(self.time)[:, None]
 
-    def rate_size(self) -> tuple[Array, Array]:
-        """The same times, and the size of the rate (k - 1,) [rad/s]."""
-        at, w = self.rates()
-        return at, np.linalg.norm(w, axis=1)
-
     def covers(self, begin: float, end: float) -> bool:
         """Return whether attitudes were logged from begin to end without a pause."""
         if begin < self.time[0] or end > self.time[-1]:

@@ -10,7 +10,17 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, parameters, with_values
+from gimbalcal.effects import (
+    CATALOGUE,
+    Effect,
+    Parameter,
+    Stage,
+    Stimulus,
+    absent,
+    known_effect,
+    parameters,
+    with_values,
+)
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants, follows, lacking
 from gimbalcal.effects.grids import limits
 from gimbalcal.effects.sensor_grades import Grade, drift_rate_factor
@@ -123,6 +133,12 @@ class View:
         return self.noise.weight((len(self), len(self.channels)))
 
     @property
+    def visits(self) -> Local:
+        """The setting errors of the visits, of a view of positions."""
+        assert self.local is not None
+        return self.local
+
+    @property
     def local_sigma(self) -> float:
         """Return one sigma of the local parameters, SI; zero where there are none."""
         return 0.0 if self.local is None else self.local.sigma
@@ -152,7 +168,8 @@ class View:
         Left out are those of gimbals that were not read and those that these rows cannot show. At known attitude a
         gimbal without a readout may be off as well, and a drift is as slow as the hour says.
         """
-        names, cls, known = self.stimulus.axis_names, known_effect(effect_id), self.measurement.known_attitude
+        names, known = self.stimulus.axis_names, self.measurement.known_attitude
+        cls = known_effect(effect_id, "baseline")
         candidates = (p for p in parameters(cls, names) if (known or p.axis not in names or p.axis in self.read_gimbals)
                 and (p.effect, p.axis) not in self.gauge)  # fmt: skip
         drift_factor = 1.0 if known else drift_rate_factor(cls, float(np.ptp(self.stimulus.time)))
@@ -268,18 +285,9 @@ def nuisance(name: str, axis: str, unit: str, sigma: float) -> Parameter:
     return Parameter("", "", name, axis, 0, unit, sigma)
 
 
-def known_effect(effect_id: str) -> type[Effect]:
-    """Return the effect of the catalogue with this id. Raises InputError where there is none."""
-    if effect_id not in CATALOGUE:
-        raise InputError(
-            f"the baseline names {effect_id!r}, which is no effect of the catalogue; `gimbalcal catalogue` lists them"
-        )
-    return CATALOGUE[effect_id]
-
-
 def by_triad(ids: Sequence[str]) -> tuple[list[str], list[str]]:
     """Effects of the forces, and those of the gyroscopes."""
-    gyro = [i for i in ids if known_effect(i).stage in GYROSCOPE_STAGES]
+    gyro = [i for i in ids if known_effect(i, "baseline").stage in GYROSCOPE_STAGES]
     return [i for i in ids if i not in gyro], gyro
 
 

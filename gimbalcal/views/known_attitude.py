@@ -48,26 +48,23 @@ def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), k
     Raises InputError for a kind without a forward model or with missing channels.
     """
     recording = at_rest(recording)
-    refuse_unknown_attitude(recording)
+    if recording.kind.in_positions and not recording.has("gimbal_angle"):
+        raise InputError(
+            f"{recording.title!r} has no gimbal_angle column, so its attitude is not known; add the readouts to "
+            "[columns], or name the platform 'bench'"
+        )
     read = readings(recording)
     if not read.columns("specific_force"):
         raise InputError(f"{recording.title!r} has no specific_force channel: there is nothing to explain")
-    noise = NoiseModel(
-        sigma=row_sigma(read, known),
-        scale_known=True,
-        block=_blocks(recording),
-    )
+    noise = NoiseModel(row_sigma(read, known), scale_known=True, block=_blocks(recording))
     setting = one_sigma(header_noise(recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),)))
     return view_of_readings(read, noise, baseline, setting=None if recording.kind.stabilised else setting)
 
 
 def view_of_readings(
-    read: Readings,
-    noise: NoiseModel,
-    baseline: Sequence[str] = (),
-    stages: Iterable[Stage] = Stage,
+    read: Readings, noise: NoiseModel, baseline: Sequence[str] = (), stages: Iterable[Stage] = Stage,
     setting: float | None = None,
-) -> View:
+) -> View:  # fmt: skip
     """Return the view of readings at known attitude with this noise; stages: those of effects that are asked for.
 
     setting: one sigma [rad] by which gimbals are set at each visit of a position; None where no row is set anew.
@@ -192,15 +189,6 @@ def refuse_too_little(title: str, Z: Array) -> None:
         raise InputError(
             f"{title!r} gives {len(Z)} numbers, and the constants of the model take up {len(Z)} of them: "
             "nothing is left to compare; record more positions, or for longer"
-        )
-
-
-def refuse_unknown_attitude(recording: Recording) -> None:
-    """Raise InputError for positions without a readout of any gimbal."""
-    if recording.kind.in_positions and not recording.has("gimbal_angle"):
-        raise InputError(
-            f"{recording.title!r} has no gimbal_angle column, so its attitude is not known; add the readouts to "
-            "[columns], or name the platform 'bench'"
         )
 
 

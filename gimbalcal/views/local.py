@@ -55,12 +55,9 @@ class Local:
         """Return values (m, k) of zero."""
         return np.zeros((int(self.group[-1]) + 1, self.size))
 
-    def by_group(self, rows: Rows, J: Array, sigma: Array, e: Array) -> VisitRows:
-        """Return rows about values e (m, k) with their derivatives J (n, C, p), by group.
-
-        sigma (n, C) is one sigma of each row, the same for all channels.
-        """
-        G = self.columns(rows)
+    def by_group(self, view: View, rows: Rows, J: Array, e: Array) -> VisitRows:
+        """Return rows about values e (m, k) with their derivatives J (n, C, p), by group, all channels of one sigma."""
+        G, sigma = self.columns(rows), np.broadcast_to(np.asarray(view.noise.sigma), rows.residual.shape)
         return visit_rows(J, rows.residual + apply_matrix(G, e[self.group]), G, self.group, sigma[:, 0] ** -2)
 
     def start(self, view: View, effects: Sequence[Effect]) -> Array:
@@ -68,8 +65,7 @@ class Local:
         e = self.zero
         for _ in range(START_ITERATIONS if self.sigma > SMALL_SETTING_RAD else 0):
             rows = self.evaluate(effects, e)
-            sigma = np.broadcast_to(np.asarray(view.noise.sigma), rows.residual.shape)
-            linear = self.by_group(rows, np.zeros((*rows.residual.shape, 0)), sigma, e)
+            linear = self.by_group(view, rows, np.zeros((*rows.residual.shape, 0)), e)
             e = apply_matrix(eliminate(linear, 1.0, self.sigma**2).gain, linear.r)
         return e
 

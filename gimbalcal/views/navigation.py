@@ -7,7 +7,7 @@ that the header states or the stops show. The rows are linear about the constant
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,10 +40,6 @@ class InnovationRows:
     reading_jacobian: Array  # derivative of the readings by force and rate (g, 6, 6), about the fitted effects
     response: Callable[[Array], Array]  # rows (n, 3, p) by additions (g, 6, p) to force and rate, per unit of each
 
-    def addition(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
-        """Return the apparent addition of an effect to force and rate (g, 6, p), in SI per unit of its parameters."""
-        return -np.linalg.solve(self.reading_jacobian, np.nan_to_num(self.rows.columns(effect, wanted)))
-
 
 NAVIGATION = Measurement(
     "navigation", "mm/s", "stops and turns", channels="the velocity of a unit at rest",
@@ -56,7 +52,7 @@ def navigation(
     gauge: frozenset[tuple[str, str]], stated: bool,
 ) -> View:  # fmt: skip
     """Return the view of innovations about fitted values [SI]; stated: whether the header tells their noise."""
-    columns = _Columns(innovations)
+    columns = _Responses(innovations)
     base, residual = innovations.rows, innovations.residual
     known = {p.label: x for p, x in fitted.items()}
 
@@ -71,7 +67,7 @@ def navigation(
             if at:
                 effect = by_id.get(effect_id) or absent(CATALOGUE[effect_id])
                 out -= columns.of(effect, [every[i] for i in at]) @ sizes[at]
-        return _LinearRows(**{**vars(base), "effects": tuple(effects), "residual": out}, known=columns)
+        return replace(base, effects=tuple(effects), residual=out, given=columns.of)  # about the fitted constants
 
     w = innovations
     return View(
@@ -83,7 +79,7 @@ def navigation(
 
 
 @dataclass(frozen=True, eq=False)
-class _Columns:
+class _Responses:
     """Columns of causes (n, 3) per unit, each computed once."""
 
     innovations: InnovationRows
@@ -106,22 +102,12 @@ class _Columns:
         return np.stack(out, axis=-1) if out else np.zeros((*self.innovations.residual.shape, 0))
 
     def _through(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
-        return -self.innovations.response(self.innovations.addition(effect, wanted))
+        """Return the response (n, 3, p) to what an effect apparently adds to force and rate, per unit."""
+        w = self.innovations
+        return w.response(np.linalg.solve(w.reading_jacobian, np.nan_to_num(w.rows.columns(effect, wanted))))
 
     def added(self, quantity: str, axis: str, basis: Array) -> Array:
         """Return columns (n, 3, m) of what is added (g, m) to force or rate along an axis."""
         D = np.zeros((len(basis), 6, basis.shape[1]))
         D[:, 3 * (quantity == RATE) + "xyz".index(axis)] = basis
         return self.innovations.response(D)
-
-
-@dataclass(frozen=True, eq=False)
-class _LinearRows(Rows):
-    """Rows whose columns are those about the fitted constants, whatever else is in the model."""
-
-    known: _Columns | None = None
-
-    def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
-        """Return the derivative (n, 3, p)."""
-        assert self.known is not None
-        return self.known.of(effect, wanted)

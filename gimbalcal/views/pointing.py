@@ -61,15 +61,20 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     def clear(X: Array) -> Array:
         return np.asarray(X - np.tensordot(drift, np.tensordot(drift.T, X, 1), 1))
 
+    n = len(recording.time)
+    on_target = np.zeros((n, len(channels)))  # nothing is read but that the star is on target
+
+    def against_stars(effects: Sequence[Effect], s: Stimulus = s) -> Rows:
+        return linearise(recording.platform, s, effects, "pointing", channels, on_target, STAGES)
+
     def rows(effects: Sequence[Effect]) -> Rows:
-        return against_stars(recording, s, effects, channels).reduced(clear)
+        return against_stars(effects).reduced(clear)
 
     def reference(effects: Sequence[Effect]) -> Rows:
-        rows = against_stars(recording, s, effects, channels)
+        rows = against_stars(effects)
         there = s.at(readout=s.readout + ~tracking * _readout_misses(rows, own))
-        return replace(against_stars(recording, there, effects, channels), residual=rows.residual).reduced(clear)
+        return replace(against_stars(effects, there), residual=rows.residual).reduced(clear)
 
-    n = len(recording.time)
     fields = recording_fields(recording)
     if len(channels) < len(moved):
         fields["read_gimbals"] = tuple(read_axes(recording)[k] for k in own)
@@ -235,12 +240,6 @@ def since_turning(angle: Array) -> Array:
     return moved
 
 
-def against_stars(recording: Recording, s: Stimulus, effects: Sequence[Effect], channels: Sequence[Key]) -> Rows:
-    """Return the rows of a pointing run (n, C) about the effects; nothing is read but that the star is on target."""
-    on_target = np.zeros((len(s.time), len(channels)))
-    return linearise(recording.platform, s, effects, "pointing", channels, on_target, STAGES)
-
-
 def read_axes(recording: Recording) -> tuple[str, ...]:
     """Return the axes of the mount that have a readout and a true angle, innermost first.
 
@@ -278,10 +277,3 @@ def nights(recording: Recording) -> tuple[Recording, ...]:
     """The recording cut where it pauses for more than `MIN_NIGHT_GAP_S`; one that does not is its only night."""
     cuts = [0, *(np.flatnonzero(np.diff(recording.time) > MIN_NIGHT_GAP_S) + 1).tolist(), len(recording.time)]
     return tuple(recording.select(slice(a, b)) for a, b in pairwise(cuts))
-
-
-def starting_zeros(recording: Recording, axes: Sequence[str]) -> Array:
-    """Return the median of true angle minus readout (k,) [rad] of the read axes, within half a turn: a first guess."""
-    off = [recording.channels["true_angle", a] - recording.channels["gimbal_angle", a] for a in axes]
-    middle = [np.angle(np.median(np.cos(d)) + 1j * np.median(np.sin(d))) for d in off]
-    return np.array(middle)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, known_effect, parameters, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.number import Array
@@ -50,7 +50,7 @@ def position_parameters(
 
     A gimbal next to a level base that turns about the vertical is left out.
     """
-    wanted = [grade.usual(p) for name in effects for p in parameters(CATALOGUE[name], platform.axis_names)]
+    wanted = [grade.usual(p) for name in effects for p in parameters(known_effect(name), platform.axis_names)]
     vertical = [a.name for a in platform.axes[-1:] if a.direction == "z"]
     return tuple(p for p in wanted if not (p.effect == "gimbal_zero" and p.axis in vertical))
 
@@ -74,8 +74,7 @@ def view_of_positions(
 
 def in_noise(view: View, noise: Noise) -> View:
     """Return a view of positions in another noise."""
-    assert view.local is not None
-    return replace(view, noise=_model(noise, view.source), local=replace(view.local, sigma=noise.setting))
+    return replace(view, noise=_model(noise, view.source), local=replace(view.visits, sigma=noise.setting))
 
 
 def _model(noise: Noise, rows: Recording) -> NoiseModel:
@@ -84,37 +83,31 @@ def _model(noise: Noise, rows: Recording) -> NoiseModel:
 
 def without_visits(view: View, visits: Sequence[int]) -> View:
     """Return a view of positions without some visits; what effects follow from visit to visit stays as it was."""
-    assert view.local is not None
-    assert view.noise.sigma is not None
-    keep = ~np.isin(view.local.group, visits)
+    keep = ~np.isin(view.visits.group, visits)
     read = replace(readings(view.source.select(keep)), stimulus=view.stimulus.select(keep))
-    noise = replace(view.noise, sigma=view.noise.sigma[keep])
-    few = view_of_readings(read, noise, stages=view.stages, setting=view.local.sigma)
+    noise = replace(view.noise, sigma=np.asarray(view.noise.sigma)[keep])
+    few = view_of_readings(read, noise, stages=view.stages, setting=view.visits.sigma)
     return replace(few, acting=view.acting)
 
 
 def numbers_of_visits(view: View) -> Array:
     """Return the number (m,) of the position of each visit."""
-    assert view.local is not None
-    return np.asarray(view.label)[view.local.first]
+    return np.asarray(view.label)[view.visits.first]
 
 
 def by_visit(
     view: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, e: Array | None = None
 ) -> VisitRows:
     """Return the rows y - h + G e + J x about parameters x (p,) and setting errors e (m, k; none: zero), by visit."""
-    assert view.local is not None
-    e = view.local.zero if e is None else e
-    rows = view.local.evaluate(with_values(effects, wanted, x, view.stimulus.axis_names), e)
-    sigma = np.broadcast_to(np.asarray(view.noise.sigma), rows.residual.shape)
-    linear = view.local.by_group(rows, rows.jacobian(wanted), sigma, e)
+    e = view.visits.zero if e is None else e
+    rows = view.visits.evaluate(with_values(effects, wanted, x, view.stimulus.axis_names), e)
+    linear = view.visits.by_group(view, rows, rows.jacobian(wanted), e)
     return replace(linear, r=linear.r + linear.J @ x, r_inside=linear.r_inside + linear.J_inside @ x)
 
 
 def force_of_visits(view: View) -> Array:
     """Return the mean specific force (m, 3) [m/s^2] read at each visit."""
-    assert view.local is not None
-    return group_means(view.source.triad(FORCE), view.local.group, view.source.weight)
+    return group_means(view.source.triad(FORCE), view.visits.group, view.source.weight)
 
 
 def planned(schedule: Schedule, samples: float = 1.0, site: Site | None = None) -> Recording:

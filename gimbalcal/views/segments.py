@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gimbalcal.effects.sensor_grades import Grade, grade_of_noise
 from gimbalcal.errors import InputError, amount
 from gimbalcal.inference.white_noise import white_sigma
+from gimbalcal.kinematics import required_latitude
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import SENSORS, Dwell, Recording, dwells
@@ -32,10 +33,8 @@ PAUSE_EDGE_ROWS = 100  # on either side of a pause
 MAX_PAUSE_SHIFT_G = 2e-3  # of the force over a pause in which the unit was not moved
 MAX_DWELL_TURN_G = 0.1  # change of the force over a stop; the Earth turns it by less in 20 min
 MIN_STOPS = 2  # of a unit that is turned in its place
-HAND_FORCE_RMS_G, HAND_FORCE_RATIO = (
-    0.02,
-    2.0,
-)  # of gravity, rms, which no lever arm on a table makes; times what sensors make of rests
+HAND_FORCE_RMS_G = 0.02  # of gravity, rms, which no lever arm on a table makes
+HAND_FORCE_RATIO = 2.0  # times what sensors make of rests
 DEFAULT_VELOCITY_SIGMA_M_S = 1e-3  # of the place, where it is not stated
 
 
@@ -71,6 +70,11 @@ class Segments:
     def readings(self) -> Array:
         """Mean forces and rates (n, 6)."""
         return np.stack([self.rows.channels[key] for key in CHANNELS], axis=1)
+
+    @property
+    def latitude(self) -> float:
+        """Latitude of the place [rad], which `segment` requires."""
+        return required_latitude(self.rows.site.latitude)
 
     @property
     def pauses(self) -> NDArray[np.bool_]:
@@ -113,54 +117,6 @@ def segment(recording: Recording) -> Segments:
         )
     _refuse_lost_turns(recording, stop_dwells, paused)
     sigma, shown, stated = _noise(recording, stop_dwells)
-    return _assembled(recording, stop_dwells, dt, step, paused, sigma, shown, stated, source)
-
-
-def turned_in_place(recording: Recording) -> bool:
-    """Return whether a unit was turned from stop to stop at a known latitude; a tilting table goes on tilting."""
-    if not recording.kind.rotating or recording.platform.axes or recording.site.latitude is None:
-        return False
-    if any(not recording.has(q) or recording.counted(q) for q in (FORCE, RATE)):
-        return False
-    return len(stops(recording)) >= MIN_STOPS
-
-
-def stops(recording: Recording) -> list[Dwell]:
-    """Return the stops, from `position` or else from force and rate; a pause of the clock does not end a stop."""
-    step = float(np.median(np.diff(recording.time)))
-    paused = np.diff(recording.time, prepend=recording.time[0] - step) > MISSED * step
-    return _through_pauses(recording, dwells(with_rests(recording)), paused)
-
-
-def _through_pauses(recording: Recording, stop_dwells: Sequence[Dwell], paused: NDArray[np.bool_]) -> list[Dwell]:
-    """Join two stops separated by a pause of the clock only, if the unit was not moved in between."""
-    force = recording.triad(FORCE)
-    out: list[Dwell] = []
-    for d in stop_dwells:
-        ends = (
-            force[d.start : d.start + PAUSE_EDGE_ROWS].mean(axis=0),
-            force[max(d.stop - PAUSE_EDGE_ROWS, d.start) : d.stop].mean(axis=0),
-        )
-        if float(np.linalg.norm(ends[1] - ends[0])) > MAX_DWELL_TURN_G * recording.site.gravity:
-            continue  # a steady turn
-        if out and out[-1].stop == d.start and paused[d.start]:
-            before, after = (
-                force[max(out[-1].start, d.start - PAUSE_EDGE_ROWS) : d.start],
-                force[d.start : d.start + PAUSE_EDGE_ROWS],
-            )
-            moved = float(np.linalg.norm(after.mean(axis=0) - before.mean(axis=0)))
-            scatter = float(np.linalg.norm(after.std(axis=0) + before.std(axis=0)))
-            if moved < MAX_PAUSE_SHIFT_G * recording.site.gravity + scatter:
-                out[-1] = replace(out[-1], stop=d.stop)
-                continue
-        out.append(d)
-    return out
-
-
-def _assembled(
-    recording: Recording, stop_dwells: Sequence[Dwell], dt: Array, step: float, paused: NDArray[np.bool_], sigma: Array,
-    shown: Array, stated: bool, source: Recording,
-) -> Segments:  # fmt: skip
     begins, first, stop = [0], [0], []  # rows at which intervals begin; intervals at which stretches begin
     group: list[int] = []
     several = max(1, round(GROUP_LENGTH_S / step))
@@ -191,6 +147,45 @@ def _assembled(
         rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated,
         source, handled,
     )  # fmt: skip
+
+
+def turned_in_place(recording: Recording) -> bool:
+    """Return whether a unit was turned from stop to stop at a known latitude; a tilting table goes on tilting."""
+    if not recording.kind.rotating or recording.platform.axes or recording.site.latitude is None:
+        return False
+    if any(not recording.has(q) or recording.counted(q) for q in (FORCE, RATE)):
+        return False
+    return len(stops(recording)) >= MIN_STOPS
+
+
+def stops(recording: Recording) -> list[Dwell]:
+    """Return the stops, from `position` or else from force and rate.
+
+    A pause of the clock does not end a stop in which the unit was not moved.
+    """
+    step = float(np.median(np.diff(recording.time)))
+    paused = np.diff(recording.time, prepend=recording.time[0] - step) > MISSED * step
+    force = recording.triad(FORCE)
+    out: list[Dwell] = []
+    for d in dwells(with_rests(recording)):
+        ends = (
+            force[d.start : d.start + PAUSE_EDGE_ROWS].mean(axis=0),
+            force[max(d.stop - PAUSE_EDGE_ROWS, d.start) : d.stop].mean(axis=0),
+        )
+        if float(np.linalg.norm(ends[1] - ends[0])) > MAX_DWELL_TURN_G * recording.site.gravity:
+            continue  # a steady turn
+        if out and out[-1].stop == d.start and paused[d.start]:
+            before, after = (
+                force[max(out[-1].start, d.start - PAUSE_EDGE_ROWS) : d.start],
+                force[d.start : d.start + PAUSE_EDGE_ROWS],
+            )
+            moved = float(np.linalg.norm(after.mean(axis=0) - before.mean(axis=0)))
+            scatter = float(np.linalg.norm(after.std(axis=0) + before.std(axis=0)))
+            if moved < MAX_PAUSE_SHIFT_G * recording.site.gravity + scatter:
+                out[-1] = replace(out[-1], stop=d.stop)
+                continue
+        out.append(d)
+    return out
 
 
 def _handled(recording: Recording, stop_dwells: Sequence[Dwell]) -> bool:

@@ -29,7 +29,7 @@ Slew = tuple[NDArray[np.int64], int]
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class SlewMotion:
     """N rows of all slews: number of the row and of its slew, turn C (N, 3, 3) from a frame at rest, rate, stimulus."""
 
     row: NDArray[np.int64]
@@ -65,7 +65,7 @@ def slews(recording: Recording) -> list[Slew] | str:
     return out if len(out) >= FEWEST else f"fewer than {FEWEST} slews have {ROWS} rows or more"
 
 
-def on_gimbals(recording: Recording, moves: Sequence[Slew]) -> Motion:
+def on_gimbals(recording: Recording, moves: Sequence[Slew]) -> SlewMotion:
     """The motion as the readouts tell it, smoothed."""
     row = np.concatenate([r for r, _ in moves])
     slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(moves)])
@@ -79,7 +79,7 @@ def on_gimbals(recording: Recording, moves: Sequence[Slew]) -> Motion:
     axes = np.stack([rate_of_chain(part.platform, s, (), e) for e in np.eye(angle.shape[1])], axis=-1)
     rate = np.einsum("nik,nk->ni", axes, speed)
     s = s.at(rate=rate)
-    return Motion(row, slew, C, rate, s, np.swapaxes(C, -1, -2) @ axes)
+    return SlewMotion(row, slew, C, rate, s, np.swapaxes(C, -1, -2) @ axes)
 
 
 def _smoothed(angle: Array) -> Array:
@@ -90,7 +90,7 @@ def _smoothed(angle: Array) -> Array:
     return angle if size < 5 else np.asarray(savgol_filter(angle, size, 2, axis=0, mode="nearest"))
 
 
-def by_hand(recording: Recording, moves: Sequence[Slew]) -> Motion:
+def by_hand(recording: Recording, moves: Sequence[Slew]) -> SlewMotion:
     """The motion as calibrated gyroscopes tell it, less what they read at rest, from the rest before each turn."""
     visits, y, f = dwells(recording), recording.triad(RATE), recording.triad(FORCE)
     row = np.concatenate([r for r, _ in moves])
@@ -107,4 +107,4 @@ def by_hand(recording: Recording, moves: Sequence[Slew]) -> Motion:
         down = f[visits[k - 1].rows].mean(0)
         force.append(turned[-1] @ (down / np.linalg.norm(down) * recording.site.gravity))
     s = stimulus_from_truth(recording.select(row), np.concatenate(force), rate).at(visit=slew)
-    return Motion(row, slew, np.concatenate(turned), rate, s, np.zeros((len(row), 3, 0)))
+    return SlewMotion(row, slew, np.concatenate(turned), rate, s, np.zeros((len(row), 3, 0)))

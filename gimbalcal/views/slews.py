@@ -33,13 +33,13 @@ from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows, linearise
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
-from gimbalcal.platform import BENCH, Platform
+from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import Measurement, View, recording_fields
 from gimbalcal.views.noise import NoiseModel
-from gimbalcal.views.slew_motion import FEWEST, Motion, by_hand, on_gimbals, slews
+from gimbalcal.views.slew_motion import FEWEST, SlewMotion, by_hand, on_gimbals, slews
 
 LATENCIES = ("time_tag_latency", "gyro_latency", "readout_latency")
 KEPT = 1e-3  # of the power of T that Q must leave
@@ -100,21 +100,27 @@ def view_of_slews(
     J = np.einsum("ckl,lcp->kcp", M, np.round(base.jacobian(known)))
     base = replace(base, residual=np.einsum("ckl,lc->kc", M, base.residual))
 
+    labels = [p.label for p in known]
+
+    def given(_: Effect, wanted: Sequence[Parameter]) -> Array:  # whatever delays are in the model, small beside a slew
+        return J[..., [labels.index(p.label) for p in wanted]]
+
     def rows(effects: Sequence[Effect]) -> Rows:
-        misfit = base.residual - J @ values(effects, known)
-        return _Linear(**{**vars(base), "effects": tuple(effects), "residual": misfit}, about=base, known=known, J=J)
+        return replace(base, effects=tuple(effects), residual=base.residual - J @ values(effects, known), given=given)
 
     ends = dwell_means(recording).select(np.array([moves[k][1] for k in onto.kept]))
     channels = tuple((q, "force" if q == FORCE else "rate") for q in late)
+    others = ((i, p.axis) for i, cls in CATALOGUE.items() if i not in LATENCIES
+              for p in parameters(cls, recording.platform.axis_names))  # fmt: skip
     s = stimulus_from_readings(ends)
     return View(
         SLEWS, channels=channels, **recording_fields(replace(ends, kind=ROTATION)), stimulus=s,
         label=s.position, evaluate=rows, stages=frozenset(base.sensitivity), baseline=(),
-        gauge=_others(recording.platform), groups=np.arange(len(sigma)), noise=NoiseModel(sigma),
+        gauge=frozenset(others), groups=np.arange(len(sigma)), noise=NoiseModel(sigma),
     )  # fmt: skip
 
 
-def _moved(motion: Motion) -> int:
+def _moved(motion: SlewMotion) -> int:
     """Slews in which the force moves, so that it can come late."""
     force = motion.stimulus.force
     return sum(bool(np.ptp(force[s], axis=0).max() > MOVED * np.linalg.norm(force[s][0])) for s in motion.spans)
@@ -130,27 +136,6 @@ def lateness(v: View) -> dict[str, tuple[float, float]]:
         size = float(x @ y / (x @ x))
         out[axis] = -size, float(np.sqrt(((y - size * x) ** 2).sum() / (len(y) - 1) / (x @ x)))
     return out
-
-
-@dataclass(frozen=True, eq=False)
-class _Linear(Rows):
-    """Rows whose columns are the same whatever delays are in the model: these are small beside a slew."""
-
-    about: Rows | None = None
-    known: tuple[Parameter, ...] = ()
-    J: Array | float = 0.0
-
-    def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:  # noqa: ARG002 (a parameter says whose)
-        """Derivative (m, C, p) of the delays."""
-        at = [next(i for i, p in enumerate(self.known) if p.label == w.label) for w in wanted]
-        return np.asarray(self.J)[..., at]
-
-
-def _others(platform: Platform) -> frozenset[tuple[str, str]]:
-    """Every parameter that is no delay."""
-    return frozenset(
-        (i, p.axis) for i, cls in CATALOGUE.items() if i not in LATENCIES for p in parameters(cls, platform.axis_names)
-    )
 
 
 def _shifted_home(onto: _Onto, recording: Recording) -> tuple[Rows, Array]:
@@ -185,7 +170,7 @@ def _shifted(recording: Recording, by: dict[str, float]) -> Recording:
 class _Onto:
     """What turns columns of N samples into delays of slews."""
 
-    motion: Motion
+    motion: SlewMotion
     read: tuple[str, ...]  # quantities that are predicted
     late: tuple[str, ...]  # of these, whose delay is asked for
     gimballed: bool

@@ -51,28 +51,34 @@ TURNS = Measurement(
 
 @dataclass(frozen=True, eq=False)
 class Turns(Sweeps):
-    """Turns between dwells: readings at rest level zero, and the unit force before and after (m, 3).
+    """Turns between dwells: readings less their level at rest, and the unit force before and after (m, 3).
 
     `ends` (m,) is the index of the dwell after each turn, as turns in which the clock paused or a gyroscope read the
-    end of its range, `clipped` of `logged` ones, are left out unless there is no other; `means` are of all dwells.
+    end of its range, `clipped` of `logged` ones, are left out unless there is no other; `means` are of all dwells, and
+    so are `level` (k, 3) [rad/s] and C_np by gimbals, `attitude` (k, 3, 3). scale: rad/s per unit of the readings.
     """
 
     before: Array
     after: Array
     ends: NDArray[np.int64]
     means: Recording
-    clipped: int = 0
-    logged: int = 0
+    level: Array
+    scale: float
+    attitude: Array | None
+    clipped: int
+    logged: int
+
+    def levelled(self, at_rest: Sequence[Effect]) -> Turns:
+        """Return the turns with another level: what effects make a unit read that feels the force and does not turn."""
+        felt = gyroscopes(0 * self.stimulus.rate, self.stimulus, at_rest).reshape(self.reading.shape)
+        before = (self.level[self.ends - 1] + self.level[self.ends])[:, None] / 2
+        return replace(self, reading=self.reading + np.where(self.step[..., None] > 0, before - felt, 0.0))
 
 
-def turns_between_rests(
-    recording: Recording, accelerometers: Calibration, at_rest: Sequence[Effect] = ()
-) -> tuple[Turns, Array, float]:
-    """Turns with readings less the rests' level, the level of all rests (k, 3) [rad/s], and rad/s per unit.
+def turns_between_rests(recording: Recording, accelerometers: Calibration) -> Turns:
+    """Return the turns; the level of each is the mean of the rests before and after it.
 
-    The level of a turn is the mean of the rests before and after it; or, with `at_rest`, what these effects make a
-    unit read that does not turn and feels the measured force. From sample to sample the readings make the rotation
-    vectors of `mean_rates`.
+    From sample to sample the readings make the rotation vectors of `mean_rates`.
     """
     visits = dwells(recording)
     if len(visits) < 6:
@@ -104,13 +110,12 @@ def turns_between_rests(
         force[i, : len(dt)] = f[span][1:]
     flat = reading.reshape(-1, 3)
     s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
-    turns = Turns(reading, step, s, down[ends - 1], down[ends], ends, dwell_means(recording), len(logged) - len(whole),
+    angles = np.array([there.angles()[d.rows].mean(0) for d in visits])
+    turns = Turns(reading, step, s, down[ends - 1], down[ends], ends, dwell_means(recording), level, 1.0,
+                  there.platform.attitude(angles) if there.platform.axes else None, len(logged) - len(whole),
                   len(logged))  # fmt: skip
-    raw = recording.counted(RATE)
-    scale = _rough_scale(turns) if raw else 1.0
-    if at_rest:
-        turns = replace(turns, reading=turns.reading + _relevelled(turns, level, scale, at_rest))
-    return replace(turns, reading=scale * (turns.reading + bend) + scale**2 * swing), scale * level, scale
+    scale = _rough_scale(turns) if recording.counted(RATE) else 1.0
+    return replace(turns, reading=scale * (reading + bend) + scale**2 * swing, level=scale * level, scale=scale)
 
 
 def turns_on_record(recording: Recording) -> bool:
@@ -125,13 +130,6 @@ def logged_turns(recording: Recording) -> bool:
     if not turns_on_record(recording):
         return False
     return any(not m.paused for m in moves_between_dwells(recording))
-
-
-def _relevelled(turns: Turns, level: Array, scale: float, at_rest: Sequence[Effect]) -> Array:
-    """Return the correction of the readings (m, n, 3) for a level by effects instead of the neighbouring rests."""
-    felt = gyroscopes(0 * turns.stimulus.rate, turns.stimulus, at_rest).reshape(turns.reading.shape)
-    neighbours = (level[turns.ends - 1] + level[turns.ends]) / 2
-    return np.where(turns.step[..., None] > 0, neighbours[:, None] - felt / scale, 0.0)
 
 
 def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, force: Array) -> Stimulus:
@@ -219,15 +217,14 @@ def _left_open(turns: Turns, calibration: Calibration, known: Sequence[Effect]) 
     return np.asarray(swept(turns, known) @ tilt[turns.ends - 1] - tilt[turns.ends])
 
 
-def with_headings(turns: Turns, recording: Recording) -> Turns:
+def with_headings(turns: Turns) -> Turns:
     """Return turns whose whole revolutions are as gimbals tell them: gravity says nothing of a turn about it.
 
     North stands for it there; the gimbals came back, so a constant error of theirs cancels.
     """
-    if not recording.platform.axes:
+    if turns.attitude is None:
         return turns
-    C_np = recording.platform.attitude(np.array([recording.angles()[d.rows].mean(0) for d in dwells(recording)]))
-    start, end = C_np[turns.ends - 1], C_np[turns.ends]
+    start, end = turns.attitude[turns.ends - 1], turns.attitude[turns.ends]
     back = np.linalg.norm(end - start, axis=(1, 2)) < MAX_ATTITUDE_CHANGE
     turn = np.linalg.norm((turns.reading * turns.step[..., None]).sum(1), axis=1)
     whole = (back & (turn > np.pi))[:, None]

@@ -12,7 +12,7 @@ from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
-from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest, view_of_turns
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest, view_of_turns
 from gimbalcal.platform import BENCH
 from gimbalcal.simulate import simulate
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude

@@ -12,7 +12,7 @@ from gimbalcal.diagnose.library.candidates import sources
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site, dwell_means, write
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude

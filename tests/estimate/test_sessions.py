@@ -10,7 +10,7 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.thermal import BiasDrift, BiasStep
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest
 from gimbalcal.estimate.unit import unit_of_sessions
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.platform import BENCH
@@ -157,8 +157,8 @@ def test_a_session_that_differs_is_named_with_the_constant():
 def test_nothing_turns_between_sessions():
     a, b = session(9, moving=True, rests=12), session(10, moving=True, rests=12)
     both = join([a.select(slice(None, -20)), b])  # the first ends at rest
-    turns, level, _ = turns_between_rests(both, multiposition(both))
-    assert len(level) == 24
+    turns = turns_between_rests(both, multiposition(both))
+    assert len(turns.level) == 24
     np.testing.assert_array_equal(turns.ends, [*range(1, 12), *range(13, 24)])
     options = unit_of_sessions([a, b]).provenance.options
     assert options.gyroscopes is None  # they were calibrated too

@@ -241,7 +241,9 @@ def _terms(path: Path) -> tuple[dict[str, TpointTerm], str]:
             break
         match = _TERM.match(line.strip())
         caption = number == 1 and (not match or match[1] not in NAMES)
-        if line.startswith("!") or caption or not line.strip() or _is_method(line):
+        first, *numbers = line.split() or [""]
+        method = first in ("S", "T") and bool(numbers) and all(map(_NUMBER.match, numbers))  # stars and rms on the sky
+        if line.startswith("!") or caption or not line.strip() or method:
             continue
         try:
             value, sigma = (float(to_si(float(x or 0), UNIT)) for x in match.groups()[1:]) if match else (0.0, -1.0)
@@ -259,12 +261,6 @@ def _terms(path: Path) -> tuple[dict[str, TpointTerm], str]:
     if "END" not in (line.strip() for line in lines):
         raise InputError(f"{path} has no END, so it may be cut short; write END below its last term")
     return out, lines[0]
-
-
-def _is_method(line: str) -> bool:
-    """Return whether a line has the method (S or T), the number of stars and the rms on the sky."""
-    first, *numbers = line.split() or [""]
-    return first in ("S", "T") and bool(numbers) and all(_NUMBER.match(word) for word in numbers)
 
 
 def printed(terms: Sequence[TpointTerm], before: Sequence[TpointTerm] = ()) -> tuple[PrintedTerm, ...]:

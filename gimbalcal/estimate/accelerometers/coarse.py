@@ -78,12 +78,15 @@ def closed_form(view: View, absent: Sequence[Effect], wanted: tuple[Parameter, .
         linear = by_visit(view, absent, wanted, x)
         before, x = x, x.copy()
         axes, faces, faceless = _faces(view, wanted, linear, before)
-        for i, axis in enumerate(axes):
-            x[_at(wanted, "scale_factor", i)], x[_at(wanted, "bias", i)] = axis.values
-        columns = _tilt_columns(wanted) if axes else np.arange(len(x))
+        for i, (estimates, _) in enumerate(axes):
+            x[_at(wanted, "scale_factor", i)], x[_at(wanted, "bias", i)] = estimates
+        tilts = np.array([i for i, q in enumerate(wanted) if q.effect in ("misalignment", "gimbal_zero")])
+        columns = tilts if axes else np.arange(len(x))
         rows = ~faces if axes and not faces.all() else np.ones_like(faces)
         w = eliminate(linear, 1.0, view.local_sigma**2)
-        solution = _least_squares(wanted, w, x, columns, rows)
+        others = np.setdiff1d(np.arange(len(x)), columns)
+        r = w.r[rows] - w.J[rows][..., others] @ x[others]
+        solution = solve(information(w.J[rows][..., columns], r, [wanted[i] for i in columns]))
         x[columns] = solution.x
         if np.all(np.abs(x - before) < 1e-7 * scale):  # 1e-5 arcsec, 5e-5 ug
             break
@@ -97,12 +100,8 @@ def closed_form(view: View, absent: Sequence[Effect], wanted: tuple[Parameter, .
     return every, apply_matrix(w.gain, linear.r - linear.J @ x), faceless
 
 
-@dataclass(frozen=True, eq=False)
-class AxisFit:
-    """Scale factor - 1 and bias of one axis, and their derivatives (2, m) by its readings."""
-
-    values: Array
-    derivative: Array
+AxisFit = tuple[Array, Array]
+"""Scale factor - 1 and bias (2,) of one axis, and their derivatives (2, m) by its readings."""
 
 
 def _faces(view: View, wanted: Sequence[Parameter], linear: VisitRows, x: Array) -> tuple[list[AxisFit], Array, str]:
@@ -122,15 +121,8 @@ def _faces(view: View, wanted: Sequence[Parameter], linear: VisitRows, x: Array)
         slope, level = np.linalg.pinv(np.stack([u[:, i], np.ones(len(u))], axis=-1) * vertical[:, [i]])
         a = slope @ measured[:, i]
         # 1/SF = a: d(SF - 1) = -da / a^2
-        out.append(AxisFit(np.array([1 / a - 1, level @ measured[:, i]]), np.stack([-slope / a**2, level])))
+        out.append((np.array([1 / a - 1, level @ measured[:, i]]), np.stack([-slope / a**2, level])))
     return out, vertical.any(axis=1), "".join(np.array(["x", "y", "z"])[~both])
-
-
-def _least_squares(wanted: Sequence[Parameter], w: Whitened, x: Array, columns: Array, rows: Array) -> Solution:
-    """Step 2: some parameters from some visits, the others held at x."""
-    others = np.setdiff1d(np.arange(len(x)), columns)
-    r = w.r[rows] - w.J[rows][..., others] @ x[others]
-    return solve(information(w.J[rows][..., columns], r, [wanted[i] for i in columns]))
 
 
 def _covariance(
@@ -143,8 +135,8 @@ def _covariance(
     """
     m, P = len(w.W), len(wanted)
     A = np.zeros((P, m, 3))
-    for i, axis in enumerate(axes):
-        A[[_at(wanted, "scale_factor", i), _at(wanted, "bias", i)], :, i] = axis.derivative
+    for i, (_, derivative) in enumerate(axes):
+        A[[_at(wanted, "scale_factor", i), _at(wanted, "bias", i)], :, i] = derivative
     scale = np.array([wanted[i].sigma for i in columns])
     U, S, Vt = np.linalg.svd((w.J[rows][..., columns] * scale).reshape(-1, scale.size), full_matrices=False)
     keep = S >= MIN_SIGNAL_TO_NOISE
@@ -161,10 +153,6 @@ def _covariance(
 
 def _at(wanted: Sequence[Parameter], effect: str, index: int) -> int:
     return next(i for i, q in enumerate(wanted) if q.effect == effect and q.index == index)
-
-
-def _tilt_columns(wanted: Sequence[Parameter]) -> Array:
-    return np.array([i for i, q in enumerate(wanted) if q.effect in ("misalignment", "gimbal_zero")])
 
 
 @dataclass(frozen=True)

@@ -75,8 +75,7 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
 
 def _iterate(view: View, wanted: tuple[Parameter, ...], x: Array, sigma: float) -> tuple[Array, Information]:
     """Gauss-Newton on Eq. (16); directions that the norm does not see stay where they are."""
-    assert view.local is not None
-    measured, weight = force_of_visits(view), np.bincount(view.local.group, view.source.weight)
+    measured, weight = force_of_visits(view), np.bincount(view.visits.group, view.source.weight)
     for _ in range(MAX_ITERATIONS):
         info = norm_rows(measured, weight, x, wanted, view.stimulus.gravity, sigma)
         solution = solve(info)

@@ -175,8 +175,7 @@ def lost(p: Positions) -> str:
 
 def _follows(p: Positions, schedule: Schedule) -> bool:
     """Return whether positions of the recording are those of the schedule under the same numbers."""
-    platform, numbers, local = p.view.source.platform, p.numbers, p.view.local
-    assert local is not None
+    platform, numbers, local = p.view.source.platform, p.numbers, p.view.visits
     if schedule.platform != platform or numbers.min() < 1 or numbers.max() > len(schedule.holds):
         return False
     mine = -apply_matrix(platform.attitude(p.view.stimulus.readout[local.first]), np.array([0.0, 0.0, 1.0]))

@@ -236,22 +236,19 @@ def _calibration(fits: Fits, declined: Sequence[tuple[str, str]], own: float) ->
         declined=dict(declined),
         nominal=None if counts is None else {"scale": counts.scale, "offset": counts.offset},
     )
+    outcome = "the fit did not settle: the positions do not determine these terms together"
+    if best.steps:
+        outcome = scatter_in_words(source.noise, best.excess, own)
+        scaled = "; all sigma are scaled to that scatter, and `gimbalcal diagnose` looks for what the model misses"
+        outcome += scaled if outcome else ""
     return best.calibration(
         "multiposition",
         Residual(solution.chi2, solution.dof, {FORCE: best.rms}),
         unobservable=(*best.unobservable, *unobservable),
-        outcome=_outcome(best, own),
+        outcome=outcome,
         provenance=Provenance(recordings=source.source, noise=assumed_noise(noise), options=options),
         stages=tuple(_stage(terms, fitted) for terms, fitted in fits),
     )  # fmt: skip
-
-
-def _outcome(best: ViewsFit, own: float) -> str:
-    if best.steps == 0:
-        return "the fit did not settle: the positions do not determine these terms together"
-    words = scatter_in_words(best.views[0].source.noise, best.excess, own)
-    scaled = "; all sigma are scaled to that scatter, and `gimbalcal diagnose` looks for what the model misses"
-    return words and words + scaled
 
 
 def _stage(terms: Sequence[str], fitted: ViewsFit) -> StageResult:

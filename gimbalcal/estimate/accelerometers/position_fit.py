@@ -81,7 +81,11 @@ def noise_of_positions(recording: Recording) -> Noise:
     if FORCE in stated:
         force, source = one_sigma(stated[FORCE]), HEADER
     else:
-        force, source = recording.sigma("accelerometer") or inside_dwells(recording), SAMPLES
+        axes = [(FORCE, axis) for axis in recording.axes(FORCE)]
+        force, source = recording.sigma("accelerometer") or 0.0, SAMPLES
+        if not force:  # what neighbouring rows show, three axes pooled; 0 for one row a dwell
+            shown = sample_sigma(replace(recording, noise={}), axes, recording.triad(FORCE))
+            force = float(np.sqrt(np.mean(shown**2)))
     if not recording.platform.axes:
         setting, setting_from = np.inf, ATTITUDE
     elif "gimbal_angle" in stated:
@@ -89,13 +93,6 @@ def noise_of_positions(recording: Recording) -> Noise:
     else:
         setting, setting_from = FIRST_SETTING_RAD, RESIDUAL
     return Noise(force or FIRST_SAMPLE_SIGMA, setting, source if force else RESIDUAL, setting_from)
-
-
-def inside_dwells(recording: Recording) -> float:
-    """One sigma of a raw sample from what neighbouring rows show, three axes pooled; 0 for one row a dwell."""
-    axes = [(FORCE, axis) for axis in recording.axes(FORCE)]
-    shown = sample_sigma(replace(recording, noise={}), axes, recording.triad(FORCE))
-    return float(np.sqrt(np.mean(shown**2)))
 
 
 def fit_in_noise(

@@ -25,7 +25,7 @@ from itertools import combinations
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
 from gimbalcal.effects.effect import happens_once
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.position_fit import (
@@ -35,9 +35,9 @@ from gimbalcal.estimate.accelerometers.position_fit import (
     fit_with_noise,
     noise_of_positions,
 )
-from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
+from gimbalcal.estimate.extra_effects import ExtraEffect, sizes_shown_by
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Solution
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
@@ -80,22 +80,18 @@ def fit_without_outliers(
     if not groups:
         return whole
     rest = fit_with_noise(without_visits(view, [i for group in groups for i in group]), noise, wanted, absent)
-    if not (scaled or _believed(whole.fit.solution, rest.fit.solution)):
+    before, after = (p.fit.solution.chi2 - p.fit.solution.dof for p in (whole, rest))
+    fits = acceptable(rest.fit.solution.chi2, rest.fit.solution.dof) or after < MAX_REMAINING_EXCESS * before
+    if not (scaled or fits):
         return whole
     return replace(rest, faults=tuple(_fault(view, rest.fit, group) for group in groups))
 
 
-def _believed(whole: Solution, rest: Solution) -> bool:
-    before, after = (s.chi2 - s.dof for s in (whole, rest))
-    return acceptable(rest.chi2, rest.dof) or after < MAX_REMAINING_EXCESS * before
-
-
 def _suspects(view: View, wanted: Sequence[Parameter], absent: Sequence[Effect], scaled: bool) -> list[tuple[int, ...]]:
     """Greedy search on the problem linearised at nominal parameters, which no fault has pulled away."""
-    x, local = values(absent, wanted), view.local
-    assert local is not None
+    x = values(absent, wanted)
     linear = by_visit(view, absent, wanted, x)
-    w = eliminate(linear, 1.0, local.sigma**2)
+    w = eliminate(linear, 1.0, view.visits.sigma**2)
     J = w.J * np.array([q.sigma for q in wanted])
     measured = force_of_visits(view)
     off = np.linalg.norm(linear.r - linear.J @ x, axis=1) > GROSS_FORCE_ERROR * np.linalg.norm(measured, axis=1)
@@ -135,28 +131,26 @@ def _interchanged(J: Array, r: Array, swapped: Array, pair: tuple[int, int], fal
     r, swapped (m, 3): the rows, and those with the readings of the two exchanged. A third visit may be wrong as well:
     they are asked with the worst other one too, and with it left out.
     """
-    others = [v for v in np.argsort(-falls) if v not in pair]
-    return any(_fit_each_other(J, r, swapped, pair, out, scaled) for out in ((), tuple(others[:1])))
 
-
-def _fit_each_other(
-    J: Array, r: Array, swapped: Array, pair: tuple[int, int], out: tuple[int, ...], scaled: bool
-) -> bool:
-    def left(rows: Array, *visits: int) -> tuple[float, int]:
-        keep = ~np.isin(np.arange(len(rows)), (*visits, *out))
+    def remaining(rows: Array, *visits: int) -> tuple[float, int]:
+        keep = ~np.isin(np.arange(len(rows)), visits)
         basis = _seen_basis(J[keep])
         rest = rows[keep] - basis @ np.einsum("mij,mi->j", basis, rows[keep])
         return float((rest**2).sum()), rest.size - basis.shape[-1]
 
-    chi2, freedom = left(r, *pair)
-    if freedom <= 0:
-        return False
-    scale = max(chi2 / freedom, 1e-300) if scaled else 1.0
-    most = MAX_REMAINING_EXCESS * (left(r)[0] - chi2)
-    crossed = left(swapped)[0] - chi2
-    own = [left(r, other)[0] - chi2 for other in pair]
-    fits = acceptable(crossed / scale, 2 * r.shape[1]) or crossed < most
-    return fits and not any(acceptable(x / scale, r.shape[1]) or x < most for x in own)
+    worst = next((int(v) for v in np.argsort(-falls) if v not in pair), -1)
+    for out in ((), (worst,)):
+        chi2, freedom = remaining(r, *pair, *out)
+        if freedom <= 0:
+            continue
+        scale = max(chi2 / freedom, 1e-300) if scaled else 1.0
+        most = MAX_REMAINING_EXCESS * (remaining(r, *out)[0] - chi2)
+        crossed = remaining(swapped, *out)[0] - chi2
+        own = [remaining(r, other, *out)[0] - chi2 for other in pair]
+        fits = acceptable(crossed / scale, 2 * r.shape[1]) or crossed < most
+        if fits and not any(acceptable(x / scale, r.shape[1]) or x < most for x in own):
+            return True
+    return False
 
 
 def _seen_basis(J: Array) -> Array:
@@ -201,8 +195,7 @@ def _fault(view: View, rest: ViewsFit, visits: tuple[int, ...]) -> Fault:
     if len(visits) == 2:
         words = f"positions {names[0]} and {names[1]} are interchanged: each reads what the angles of the other predict"
         return Fault(visits, names, words)
-    assert view.local is not None
-    rows = view.local.group == visits[0]
+    rows = view.visits.group == visits[0]
     force = view.source.triad(FORCE)[rows]
     ideal = (force - view.evaluate(rest.effects).residual[rows]).mean(axis=0)
     measured = force.mean(axis=0)
@@ -215,18 +208,13 @@ def _fault(view: View, rest: ViewsFit, visits: tuple[int, ...]) -> Fault:
     return Fault(visits, names, words)
 
 
-def misfit_of_positions(
-    recording: Recording, positions: Positions, more: Sequence[ExtraEffect]
-) -> tuple[Cost, Stimulus]:
-    """Chi^2 of every row about the fit with the sizes of extra effects beside it, and what the rows experienced."""
-    fit, sizes = positions.fit, sizes_shown_by(more, recording)
-    ids = [p.effect for p in (*fit.parameters, *sizes)]
-    view, e = view_of_positions(recording, positions.noise, ids, averaged=False), positions.setting
+def every_row(recording: Recording, positions: Positions, more: Sequence[ExtraEffect]) -> View:
+    """Return the view of every row of the trusted positions in which extra effects act as far as they show there."""
+    ids = [p.effect for p in (*positions.fit.parameters, *sizes_shown_by(more, recording))]
+    view = view_of_positions(recording, positions.noise, ids, averaged=False)
     if any(happens_once(CATALOGUE[a.effect]) for a in more):  # a fault of one position may be what is asked for
-        e = view.local.zero if view.local else e
-    else:
-        view = without_visits(view, [visit for fault in positions.faults for visit in fault.visits])
-    return replace(fit, views=(view,), local=(e,)).cost_of_sizes(sizes), view.stimulus
+        return view
+    return without_visits(view, [visit for fault in positions.faults for visit in fault.visits])
 
 
 def trusted_positions(

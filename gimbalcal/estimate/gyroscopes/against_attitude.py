@@ -178,24 +178,6 @@ def _walk_share(fitted: ViewsFit, D: Array) -> float:
     return float(best.x) if best.fun < values[k] else float(WALK_SHARES[k])
 
 
-def _changes(split: Thirds | None) -> list[str]:
-    """Name the lag or the mounting that changes from third to third, in a list; empty where neither does."""
-    return [words] if split is not None and (words := split.outcome(nuisances=True)) else []
-
-
-def _left_out(known: Reference) -> list[str]:
-    """Name the attitudes that took no part, in a list; empty where all did."""
-    if not known.gone:
-        return []
-    at = ", ".join(f"{t:.10g}" for t in known.gone[:MAX_TIMES_NAMED])
-    which = (
-        f"at {at} s"
-        if len(known.gone) <= MAX_TIMES_NAMED
-        else f"at {at} s and {len(known.gone) - MAX_TIMES_NAMED} more times"
-    )
-    return [f"the attitude {which} leaps away for a row or two and back: left out"]
-
-
 def triangle_of_first_order() -> tuple[Parameter, ...]:
     """Bias, scale factors, and the three misalignments that a rotation of the triad leaves."""
     return tuple(p for p in triangle() if p.effect != "gyro_scale_nonlinearity")
@@ -211,7 +193,8 @@ def _first_lag(time: Array, y: Array, known: Reference) -> float:
         )
     grid = np.arange(begin, end, step)
     mine = np.interp(grid, time, np.linalg.norm(y, axis=1))
-    theirs = np.interp(grid, *known.rate_size())
+    at, w = known.rates()
+    theirs = np.interp(grid, at, np.linalg.norm(w, axis=1))
     most = min(round(2.0 / step), len(grid) // 4)
     a, b = mine - mine.mean(), theirs - theirs.mean()
     inner = a[most : len(a) - most]
@@ -269,14 +252,21 @@ def _calibration(fitted: ViewsFit, M: Array, lag: float, known: Reference, walk_
     )
     if walk > 0:
         words += f", and the angle between rates and attitude walks by {from_si(walk, 'deg/sqrt(h)'):.2g} deg/sqrt(h)"
-    split = thirds(fitted)
+    split, limits = thirds(fitted), []
+    if known.gone:
+        at = ", ".join(f"{t:.10g}" for t in known.gone[:MAX_TIMES_NAMED])
+        more = len(known.gone) - MAX_TIMES_NAMED
+        others = f" and {more} more times" if more > 0 else ""
+        limits.append(f"the attitude at {at} s{others} leaps away for a row or two and back: left out")
+    if split is not None and (changes := split.outcome(nuisances=True)):  # of the lag, or the mounting
+        limits.append(changes)
     dof = max(3 * m - len(fitted.solution.x), 1)
     return fitted.calibration(
         "attitude", Residual(float(dof), dof, {"attitude": row}),
         outcome=split.outcome() if split else "",
         provenance=Provenance(
             recordings=source.source, noise=AssumedNoise(from_="residual"),
-            limits=(*_left_out(known), *_changes(split)), thirds=split.entry if split else None,
+            limits=tuple(limits), thirds=split.entry if split else None,
             options=Options(direction=DIRECTION, reference=reference, in_words=words,
                             frame="x along the first input axis, y in the plane of the first two"),
         ),

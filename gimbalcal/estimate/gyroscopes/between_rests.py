@@ -71,16 +71,16 @@ def gyroscopes_between_rests(
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or (*LINEAR, *further)) if t not in requested)
     for t in wanted:
         _refuse(t, lacking(CATALOGUE[t], recording.has) if t in CATALOGUE else "", recording.title)
-    turns, _, scale = turns_between_rests(recording, accelerometers)
+    turns = turns_between_rests(recording, accelerometers)
     terms_moving = tuple(t for t in wanted if t != G_SENSITIVITY)
     base = tuple(t for t in terms_moving if t in LINEAR) or terms_moving[:1]
     tried = coefficients([t for t in wanted if t not in base])
-    still = rests(recording, accelerometers, scale, turns)
+    still = rests(recording, accelerometers, turns)
     extra = _extension(more, still, turns, base)
     at_rest, moving = by_motion(extra, still)
     level, why = level_of(still, G_SENSITIVITY in wanted, tried, at_rest)
     if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
-        turns = turns_between_rests(recording, accelerometers, level.effects)[0]
+        turns = turns.levelled(level.effects)
     further = [t for t in terms_moving if t not in base]
     fits, declined = Fits(), dict[str, str]()
     if base or moving.parameters:
@@ -93,9 +93,9 @@ def gyroscopes_between_rests(
         fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, accelerometers)
         fit = fits[-1][1]
         said += singular_in_words(fit.condition) or (
-            turns_in_words(turns, accelerometers, level.residual[0], scale, fit.rms) + sizes_in_words(turns, fit)
+            turns_in_words(turns, accelerometers, level.residual[0], fit.rms) + sizes_in_words(turns, fit)
         )
-    calibration = replace(_calibration(level, fits, declined, scale), outcome=joined(said))
+    calibration = replace(_calibration(level, fits, declined, turns.scale), outcome=joined(said))
     return extra.complete(calibration)
 
 

@@ -30,7 +30,7 @@ from gimbalcal.estimate.accelerometers.position_fit import SAMPLES
 from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.estimate.grade import graded
-from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
+from gimbalcal.estimate.gyroscopes.residual_checks import rates_in_words
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal, selected
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.method_table import Request
@@ -52,6 +52,7 @@ from gimbalcal.views.rest_rates import MIN_RATE_SIGMA
 
 BASE, FURTHER = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment"), (
     "gyro_scale_asymmetry", "gyro_scale_nonlinearity")  # fmt: skip
+MIN_NUMBERS_LEFT = 6  # numbers that must be left to tell the scatter of stretches about a linear model
 MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some cannot be distinguished
 
 
@@ -79,10 +80,8 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraE
         linear = _fit(table.view, (*linear.parameters, *extra.parameters), extra.effects)
     best, declined = _chosen(table.view, linear, {e.effect for e in more})
     calibration = extra.complete(_calibration(best, table.unseen, declined, table.stretches))
-    counts = Counts(tuple(map(float, table.scale))) if recordings[0].counted(RATE) else None
     files = tuple(file for r in recordings for file in r.source)
-    return replace(calibration, provenance=replace(calibration.provenance, recordings=files),
-                   readout=Readout(gyroscopes=counts, gimbals=recordings[0].platform.axis_names))  # fmt: skip
+    return replace(calibration, provenance=replace(calibration.provenance, recordings=files), readout=table.readout)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +96,12 @@ class OnTable:
     unseen: tuple[Parameter, ...]
     scale: Array
     stretches: tuple[int, ...]
+
+    @property
+    def readout(self) -> Readout:
+        """Return how the unit is read, with the nominal scale of gyroscopes that count."""
+        counts = Counts(tuple(map(float, self.scale))) if self.view.source.counted(RATE) else None
+        return replace(self.view.readout, gyroscopes=counts)
 
 
 def on_a_table(recordings: Sequence[Recording]) -> OnTable:
@@ -113,6 +118,21 @@ def on_a_table(recordings: Sequence[Recording]) -> OnTable:
     M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in BASE[1:]))
     view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
     return OnTable(view, _fit(view, wanted), unseen, scale, tuple(len(s.time) for s in each))
+
+
+def view_on_a_table(recordings: Sequence[Recording]) -> View:
+    """Return the mean rates of steady turning on a table, with mountings and the Earth's rate eliminated.
+
+    These are eliminated in the scatter of the stretches about a linear model. Raises InputError as `on_a_table`, and
+    where the stretches are too few to tell their scatter.
+    """
+    table = on_a_table(recordings)
+    if table.linear.dof_of_scatter < MIN_NUMBERS_LEFT:
+        raise InputError(
+            f"{recordings[0].title!r} holds {amount(sum(table.stretches), 'stretch', 'stretches')} of steady turning, "
+            "too few to tell how they scatter: turn at more rates, both ways round"
+        )
+    return replace(table.view.without_nuisances(table.linear.sigma[0]), readout=table.readout)
 
 
 def _nominal(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:
@@ -199,22 +219,12 @@ def _calibration(
     dark = [Unobservable.of([p], seldom) for p in unseen]
     dark += [Unobservable.of(parameters(CATALOGUE[t]), why) for t, why in declined.items()]
     chi2 = float(((best.residual[0] / sample) ** 2).sum()) if np.all(sample > MIN_RATE_SIGMA) else float(dof)
+    wanders = "its samples explain: its bias wanders, or the table turns otherwise"
+    unsteady = rates_in_words("in steady turning", best.residual[0], np.sqrt((sample**2).mean(0)), wanders)
     usual = tuple(best.views[0].grade.at_power_on(p) for p in best.parameters)  # no fit here has a prior
     return best.calibration(
         "rate-table", Residual(chi2, dof, {RATE: best.rms}), parameters=usual,
-        unobservable=(*best.unobservable, *dark), outcome=_unsteady(sample, best.residual[0]),
+        unobservable=(*best.unobservable, *dark), outcome="".join(unsteady),
         provenance=Provenance(noise=AssumedNoise(from_=SAMPLES), options=options, limits=(mounted,)),
         stages=(best.stage("against the table", words),),
     )  # fmt: skip
-
-
-def _unsteady(sigma: Array, misfit: Array) -> str:
-    """A sentence where stretches scatter far beyond the noise of their samples, sigma (m, 3); else nothing."""
-    own, scatter = np.sqrt((sigma**2).mean(0)), np.sqrt((misfit**2).mean(0))
-    i = int(np.argmax(scatter / np.maximum(own, 1e-300)))
-    if scatter[i] <= MAX_RATE_SCATTER_RATIO * own[i]:
-        return ""
-    return (
-        f"in steady turning the gyroscope {'xyz'[i]} is off by {from_si(float(scatter[i]), 'deg/h'):.3g} deg/h rms, "
-        f"{scatter[i] / own[i]:.2g} times what its samples explain: its bias wanders, or the table turns otherwise"
-    )

@@ -37,49 +37,41 @@ def rests_in_words(level: ViewsFit) -> list[str]:
     if sample is None or np.any(sample <= MIN_RATE_SIGMA):
         return []  # one row a rest says nothing of its scatter
     explained = np.sqrt((sample**2).mean(0) + horizontal_sigma(level.views[0].source.site.latitude) ** 2)
-    residual_rms = np.sqrt((level.residual[0] ** 2).mean(0))
-    i = int(np.argmax(residual_rms / explained))
-    if residual_rms[i] <= MAX_RATE_SCATTER_RATIO * explained[i]:
+    return rates_in_words("at rest", level.residual[0], explained, "its noise explains")
+
+
+def rates_in_words(where: str, residual: Array, explained: Array, cause: str) -> list[str]:
+    """A sentence where residual rates (m, 3) [rad/s] are far above what is explained of each axis (3,)."""
+    rms = np.sqrt((residual**2).mean(0))
+    i = int(np.argmax(rms / np.maximum(explained, 1e-300)))
+    if rms[i] <= MAX_RATE_SCATTER_RATIO * explained[i]:
         return []
-    return [
-        (
-            f"at rest the gyroscope {'xyz'[i]} is off by {from_si(float(residual_rms[i]), 'deg/h'):.3g} deg/h rms, "
-            f"{residual_rms[i] / explained[i]:.2g} times what its noise explains"
-        )
-    ]
+    off = f"{where} the gyroscope {'xyz'[i]} is off by {from_si(float(rms[i]), 'deg/h'):.3g} deg/h rms"
+    return [f"{off}, {rms[i] / explained[i]:.2g} times what {cause}"]
 
 
-def turns_in_words(turns: Turns, accelerometers: Calibration, wander: Array, scale: float, rms: float) -> list[str]:
+def turns_in_words(turns: Turns, accelerometers: Calibration, wander: Array, rms: float) -> list[str]:
     """A sentence where gravity after the turns is missed by far more than noise explains; rms [rad] per component.
 
-    wander (m, 3) [rad/s]: misfit of the rests; scale: rad/s per unit of the rates.
+    wander (m, 3) [rad/s]: misfit of the rests.
     """
-    explained = turn_sigma(turns, accelerometers, wander, scale)
-    clipped = [clipped_in_words(turns)] * bool(turns.clipped)
-    if not explained or rms <= MAX_RATE_SCATTER_RATIO * explained:
-        return clipped
-    return [
-        *clipped,
-        (
+    explained = turn_sigma(turns, accelerometers, wander)
+    out = []
+    if turns.clipped:
+        some = turns.clipped < turns.logged
+        where = f"{turns.clipped} of {turns.logged} turns, which are left out" if some else "every turn"
+        out.append(f"a gyroscope reads the end of its range in {where}: turn more slowly, or raise the range")
+    if explained and rms > MAX_RATE_SCATTER_RATIO * explained:
+        out.append(
             f"carried through the turns by the gyroscopes, gravity is missed by {np.degrees(rms):.2g} deg rms, "
             f"{rms / explained:.2g} times what their noise explains"
-        ),
-    ]
+        )
+    return out
 
 
-def clipped_in_words(turns: Turns) -> str:
-    """Return in how many turns a gyroscope reads the end of its range."""
-    some = turns.clipped < turns.logged
-    where = f"{turns.clipped} of {turns.logged} turns, which are left out" if some else "every turn"
-    return f"a gyroscope reads the end of its range in {where}: turn more slowly, or raise the range"
-
-
-def turn_sigma(turns: Turns, accelerometers: Calibration, wander: Array, scale: float) -> float:
-    """Return the error of gravity after turns due to noise [rad rms, per component], see above; 0 where it is unknown.
-
-    In the units that the rates were logged in, `scale` rad/s each.
-    """
-    white, n = turns.means.sigma("gyroscope"), turns.means.weight
+def turn_sigma(turns: Turns, accelerometers: Calibration, wander: Array) -> float:
+    """Return the error of gravity after turns by noise [rad rms, per component], see above; 0 where it is unknown."""
+    white, n, scale = turns.means.sigma("gyroscope"), turns.means.weight, turns.scale
     if white is None:
         return 0.0
     first, last = turns.ends - 1, turns.ends

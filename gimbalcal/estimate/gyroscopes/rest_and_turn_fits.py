@@ -1,46 +1,62 @@
-r"""Fits of gyroscopes to dwells (bias, and what gravity does to them) and to the turns between dwells.
+r"""Fits of gyroscopes to dwells (bias, and what gravity does to them) and to turns, and views that need these fits.
 
 Dwells may scatter beyond the noise of their means, as a wandering bias does; how far is estimated with the effects, for
 each axis. Nothing states the noise of turns: sigmas are scaled to their scatter. Turns start and end where the
 calibrated accelerometers say down is. An error of theirs stands in every turn alike, so that no scatter of turns shows
 it, and is added to the covariance. See `views.rest_rates` and `views.turns` for the rows.
+
+In the views with their nuisances eliminated, what the accelerometers leave open of gravity is noise of the turns. With
+A the derivative of the rows by the parameters of the accelerometers, of covariance P, and sigma the scatter of the
+turns, the rows are weighed by
+
+.. math:: W = \left(1 + A P A^T / \sigma^2\right)^{-1/2} ,
+
+one for a turn that the accelerometers tell well.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration
+from gimbalcal.calibration import Calibration, Counts, Readout
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.errors import InputError, amount
+from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit, independent
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
+from gimbalcal.recording.record import RATE
 from gimbalcal.views.core import View
-from gimbalcal.views.rest_rates import rest_rates
+from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, VERTICAL, rest_rates
 from gimbalcal.views.swept_rotations import swept
-from gimbalcal.views.turns import Turns, gravity_after_turns, logged_turns
+from gimbalcal.views.turns import Turns, gravity_after_turns, logged_turns, turns_between_rests, with_headings
 
 BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
 MIN_DWELLS = 6  # four unknowns an axis, and something to test them on
+MIN_RESTS = 6  # fewer do not tell a pattern of the attitude from chance
+MIN_TURNS = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
+MIN_NUMBERS_LEFT = 6  # of the turns, to tell their scatter beside what the accelerometers leave open
 
 
-def rests(recording: Recording, accelerometers: Calibration, scale: float = 1.0, turns: Turns | None = None) -> View:
+def rests(recording: Recording, accelerometers: Calibration, turns: Turns | None = None) -> View:
     """Return the dwells of a recording, joined by turns that were logged as their linear model carries the heading."""
     carried: dict[int, Array] = {}
     if turns is not None and not recording.platform.axes and logged_turns(recording):
-        carried = dict(zip(turns.ends.tolist(), swept(turns, linear_effects(turns)), strict=True))
-    return rest_rates(recording, accelerometers, scale, carried)
+        linear: tuple[Effect, ...] = ()
+        with suppress(InputError):  # the turns may not determine all of it
+            linear = fit_turns(turns, GYROSCOPE_INPUT_TERMS).effects
+        carried = dict(zip(turns.ends.tolist(), swept(turns, linear), strict=True))
+    return rest_rates(recording, accelerometers, turns.scale if turns else 1.0, carried)
 
 
-def fit_rests(
-    still: View, terms: Sequence[str] = (BIAS, G_SENSITIVITY), extra: Extension = NO_EXTENSION
-) -> ViewsFit:  # fmt: skip
+def fit_rests(still: View, terms: Sequence[str] = (BIAS, G_SENSITIVITY), extra: Extension = NO_EXTENSION) -> ViewsFit:
     """Fit gyroscope effects to dwells, with a scatter of each axis beyond the samples'."""
     wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *extra.parameters)
     return fit([still], wanted, extra.effects, min_signal=LEAST_SIGNAL, significance=0.0)
@@ -87,10 +103,8 @@ def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSIO
 
     Raises InputError where there are fewer turns than parameters ask for, or none that tells some of them apart.
     """
-    view, wanted = (
-        gravity_after_turns(turns),
-        (*(p for t in terms for p in parameters(CATALOGUE[t])), *extra.parameters),
-    )
+    view = gravity_after_turns(turns)
+    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *extra.parameters)
     if 2 * len(view) < len(wanted):
         raise InputError(
             f"{amount(len(view), 'turn')} for {amount(len(wanted), 'parameter')} that are asked for: turn more often"
@@ -101,14 +115,80 @@ def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSIO
     return fit([view], wanted, extra.effects, min_signal=LEAST_SIGNAL)
 
 
-def linear_effects(turns: Turns) -> tuple[Effect, ...]:
-    """Return the linear model of the gyroscopes on the way; empty where the turns do not determine all of it."""
-    try:
-        return fit_turns(turns, GYROSCOPE_INPUT_TERMS).effects
-    except InputError:
-        return ()
-
-
 def with_reference_error(fitted: ViewsFit, turns: Turns, accelerometers: Calibration) -> ViewsFit:
     """Return the fit with what the accelerometers' covariance adds to that of the estimate."""
     return fitted.with_fixed_nuisances([gravity_after_turns(turns, accelerometers, fitted.effects)])
+
+
+def view_at_rest(
+    recording: Recording, baseline: Sequence[str] = (), accelerometers: Calibration | None = None
+) -> View | None:
+    """Return the mean rates of dwells, with their nuisances eliminated.
+
+    `accelerometers` calibrates the force (left out, the positions do). None where the outputs are counts and no turns
+    between the rests say how much a count is.
+    """
+    calibration = accelerometers or usual_accelerometers(recording)
+    moving, turns = logged_turns(recording), None
+    if recording.counted(RATE) and not moving:
+        return None
+    try:
+        turns = turns_between_rests(recording, calibration) if moving else None
+    except InputError:  # too few turns: nothing carries the heading from dwell to dwell
+        if recording.counted(RATE):
+            raise
+    still = rests(recording, calibration, turns)
+    unknown = any(p.name == VERTICAL for p in still.nuisances) and len(still) >= MIN_RESTS
+    # in the scatter of the dwells: in that of the samples a vertical rate takes up all of a common g-sensitivity
+    still = still.without_nuisances(fit_rests(still, still.baseline).sigma[0] if unknown else None)
+
+    def missed(at_rest: Sequence[Effect]) -> float:
+        base = turns or turns_between_rests(recording, calibration)
+        return np.sqrt(2) * fit_turns(base.levelled(at_rest) if at_rest else base, GYROSCOPE_INPUT_TERMS).rms
+
+    noise = still.noise
+    if noise.sigma is None or np.any(noise.sigma <= MIN_RATE_SIGMA):  # one row per dwell says nothing of its scatter
+        noise = replace(noise, sigma=None, sample=None)
+    return replace(
+        still, baseline=tuple(baseline) or still.baseline, noise=noise, readout=_readout(still, turns),
+        missed_by_turns=missed if moving else None,
+    )  # fmt: skip
+
+
+def view_of_turns(
+    recording: Recording, accelerometers: Calibration | None = None, at_rest: Sequence[Effect] = ()
+) -> View | None:
+    """Return the turns of a recording; None where there are too few or nothing was logged on the way.
+
+    accelerometers: their model, with its covariance (left out, bias, scale and misalignment by the norm of gravity);
+    at_rest: effects by which the rests tell what gyroscopes read that do not turn (left out, bias and g-sensitivity).
+    """
+    if recording.position is None or not np.any(recording.position == 0):
+        return None
+    calibration = accelerometers or usual_accelerometers(recording)
+    try:
+        turns = turns_between_rests(recording, calibration)
+        turns = turns.levelled(at_rest) if at_rest else turns
+        level = level_of(rests(recording, calibration, turns), True)[0]
+        if not at_rest and len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
+            turns = turns.levelled(level.effects)
+    except InputError:
+        return None
+    if len(turns.ends) < MIN_TURNS:
+        return None
+    view = gravity_after_turns(with_headings(turns), calibration)
+    return replace(view.without_nuisances(_scatter(view)), readout=_readout(view, turns))
+
+
+def _readout(view: View, turns: Turns | None) -> Readout:
+    """Return how the unit of a view is read, with the scale of the turns for gyroscopes that count."""
+    counts = Counts((turns.scale,) * 3) if turns and view.source.counted(RATE) else None
+    return replace(view.readout, gyroscopes=counts)
+
+
+def _scatter(view: View) -> float:
+    """Scatter of turns about a linear model [rad], with all that the accelerometers leave open where enough is left."""
+    wanted = [p for i in GYROSCOPE_INPUT_TERMS for p in parameters(CATALOGUE[i])]
+    enough = len(wanted) + len(view.nuisances) + MIN_NUMBERS_LEFT <= 2 * len(view)
+    free = tuple(replace(p, sigma=np.inf) for p in view.nuisances) if enough else ()
+    return max(fit([replace(view, nuisances=free)], wanted, min_signal=LEAST_SIGNAL).excess, 1e-150)

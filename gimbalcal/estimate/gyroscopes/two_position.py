@@ -28,7 +28,7 @@ from gimbalcal.calibration.provenance import AlternativeSolution, North
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
-from gimbalcal.inference.information import Unobservable
+from gimbalcal.inference.information import Unobservable, prior
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means, dwells
@@ -52,20 +52,11 @@ def minima(views: Sequence[View], wanted: Sequence[Parameter], starts: Sequence[
     scale = max(1.0, cost(fits[0]) / max(dof, 1))
     distinct: list[ViewsFit] = []
     for f in fits:
-        if f.steps and cost(f) - cost(fits[0]) < MAX_RISE * scale and not any(_same(f, g) for g in distinct):
+        another = all(np.any(np.abs(f.x - g.x) > np.minimum(f.sigmas, g.sigmas)) for g in distinct)
+        if f.steps and another and cost(f) - cost(fits[0]) < MAX_RISE * scale:
             distinct.append(f)
-    return tuple(sorted(distinct, key=lambda f: cost(f) / scale + _from_prior(f))) or (fits[0],)
-
-
-def _same(a: ViewsFit, b: ViewsFit) -> bool:
-    """Return whether two minima are one but for the noise."""
-    return bool(np.all(np.abs(a.x - b.x) <= np.minimum(a.sigmas, b.sigmas)))
-
-
-def _from_prior(fitted: ViewsFit) -> float:
-    """Return the sum of squares of the parameters in units of their prior sigmas."""
-    sigma, mean = (np.array([getattr(p, name) for p in fitted.parameters]) for name in ("sigma", "mean"))
-    return float((((fitted.x - mean) / sigma) ** 2).sum())
+    mean, sigma = prior(wanted)
+    return tuple(sorted(distinct, key=lambda f: cost(f) / scale + (((f.x - mean) / sigma) ** 2).sum())) or (fits[0],)
 
 
 def entries(solutions: Sequence[ViewsFit]) -> tuple[AlternativeSolution, ...] | None:
@@ -110,7 +101,17 @@ def two_position(recording: Recording) -> Calibration:
 
     Raises InputError without latitude, gimbal angles or rates with a scale, and where no rest is reversed.
     """
-    _refuse(recording)
+    if recording.site.latitude is None:
+        raise InputError(
+            f"a two-position test weighs the Earth's rate: write the latitude of {recording.title!r} in [site]"
+        )
+    if recording.counted(RATE):
+        raise InputError(f"{recording.title!r} reads rates in counts; give a nominal scale, in rad/s or deg/h")
+    if not recording.kind.in_positions or not recording.has("gimbal_angle"):
+        raise InputError(
+            f"{recording.title!r} does not say how the unit was turned: a two-position test is a multi-position "
+            "recording with gimbal_angle columns, of a rate-table for a reversal about the vertical"
+        )
     sample = recording.noise.get("gyroscope") or _sample_sigma(recording)
     if not sample > 0:
         raise InputError(
@@ -137,20 +138,6 @@ def _sample_sigma(recording: Recording) -> float:
     for x, w in ((rows[d.rows], weight[d.rows]) for d in dwells(recording) if d.stop - d.start > 1):
         spread.append((w * (x - (w * x).sum(axis=0) / w.sum()) ** 2).sum(axis=0) / (len(x) - 1))
     return float(np.sqrt(np.nanmean(spread)))
-
-
-def _refuse(recording: Recording) -> None:
-    if recording.site.latitude is None:
-        raise InputError(
-            f"a two-position test weighs the Earth's rate: write the latitude of {recording.title!r} in [site]"
-        )
-    if recording.counted(RATE):
-        raise InputError(f"{recording.title!r} reads rates in counts; give a nominal scale, in rad/s or deg/h")
-    if not recording.kind.in_positions or not recording.has("gimbal_angle"):
-        raise InputError(
-            f"{recording.title!r} does not say how the unit was turned: a two-position test is a multi-position "
-            "recording with gimbal_angle columns, of a rate-table for a reversal about the vertical"
-        )
 
 
 def _north(fitted: ViewsFit) -> float:

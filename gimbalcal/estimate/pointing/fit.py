@@ -19,7 +19,7 @@ from gimbalcal.estimate.fit import ViewsFit, fit
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.views.core import View
-from gimbalcal.views.pointing import STAGES, read_axes, starting_zeros
+from gimbalcal.views.pointing import STAGES, read_axes
 
 MIN_SIGNAL = 0.01  # prior sigmas over noise: a mount's errors are up to a hundred times the catalogue's scales
 MIN_SIGMA_RAD = 1e-9  # rad; stars better than 0.2 mas are made up: their scatter tells no sigma
@@ -111,10 +111,18 @@ def fit_terms(
         raise InputError(
             f"{amount(stars, 'star')} cannot tell {amount(len(wanted), 'term')}: observe more, or name fewer --terms"
         )
-    axes = read_axes(runs[0].source)
-    zeros = dict(zip(axes, starting_zeros(runs[0].source, axes), strict=True))
+    angles, zeros = runs[0].source.channels, {}
+    for a in read_axes(runs[0].source):  # the median miss, within half a turn
+        d = angles["true_angle", a] - angles["gimbal_angle", a]
+        zeros[a] = float(np.angle(np.median(np.cos(d)) + 1j * np.median(np.sin(d))))
     start = np.array([zeros.get(p.axis, 0.0) if p.effect == "gimbal_zero" else p.mean for p in wanted])
-    views = runs if sigma is None else [_of_noise(v, sigma) for v in runs]
+    views = (
+        runs
+        if sigma is None
+        else [
+            replace(v, noise=replace(v.noise, sigma=sigma * np.asarray(v.noise.sigma), scale_known=True)) for v in runs
+        ]
+    )
     fitted = fit(views, wanted, absent, start, min_signal=MIN_SIGNAL, min_excess=MIN_SIGMA_RAD)
     if not fitted.steps:
         raise InputError(
@@ -122,11 +130,6 @@ def fit_terms(
             "check units, signs and the sense of the axes in [platform]"
         )
     return replace(fitted, excesses=tuple(np.array([sigma]) for _ in views)) if sigma else fitted
-
-
-def _of_noise(v: View, sigma: float) -> View:
-    """Return the view with a stated sigma [rad] of a star of weight one."""
-    return replace(v, noise=replace(v.noise, sigma=sigma * np.asarray(v.noise.sigma), scale_known=True))
 
 
 def weighted(fitted: ViewsFit) -> tuple[Array, ...]:

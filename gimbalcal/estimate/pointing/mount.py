@@ -15,7 +15,7 @@ from gimbalcal.calibration.provenance import Night, NightTerm
 from gimbalcal.effects import Parameter
 from gimbalcal.effects.effect import order_of
 from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extension, extra_effects
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, extension, extra_effects
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.pointing.fit import (
     MIN_SIGMA_RAD,
@@ -76,7 +76,8 @@ def pointing_calibration(
         return tuple(filter(shown, wanted_parameters(platform, axes, names)))
 
     wanted = _less(_more(of_terms(chosen), of_terms(single)), of_terms(without))
-    sizes = tuple(p for e in also for p in of_terms(_named(e)))
+    axes_of = [tuple(f"{e.effect}:{axis}" for axis in e.axes) or (e.effect,) for e in also]
+    sizes = tuple(p for names in axes_of for p in of_terms(names))
     fitted = fit_terms(runs, wanted, stated)
     extra = NO_EXTENSION
     if also:
@@ -85,7 +86,7 @@ def pointing_calibration(
     several = by_night(fitted, stated)
     latitude = next((r.site.latitude for r in recordings if r.site.latitude is not None), None)
     residual, stars = _residual(fitted), sum(len(v) for v in runs)
-    free = stars - len(fitted.parameters)
+    free, on_sky = stars - len(fitted.parameters), sqrt(sum(v**2 for v in residual.rms.values()))
     calibration = fitted.calibration(
         "pointing",
         residual,
@@ -98,17 +99,20 @@ def pointing_calibration(
             pattern=pattern(fitted, axes),
             far_off=far_off(fitted, before),
             stars=stars,
-            population_sd_arcsec=_on_sky(residual) * sqrt(stars / free) if free > 0 else None,
+            population_sd_arcsec=float(from_si(on_sky, "arcsec")) * sqrt(stars / free) if free > 0 else None,
             term_tests=term_tests(fitted, [*filter(shown, estimable_parameters(platform, axes))], stated is not None),
             mount=mount_axes(recordings[0].platform, latitude),
         ),
     )
-    reference: Calibration | None = None
+    names = [tpoint_terms(calibration)]
     if terms or more or without:
         with suppress(InputError):  # the stars may be too few for the usual terms
             usual = fit_terms(runs, of_terms(usual_terms(axes)), stated)
-            reference = usual.calibration("pointing", residual, provenance=calibration.provenance)
-    return extra.complete(_with_names(calibration, reference, several))
+            names.append(tpoint_terms(usual.calibration("pointing", residual, provenance=calibration.provenance)))
+    origin = replace(calibration.provenance, tpoint=printed(*names))
+    if several is not None:
+        origin = replace(origin, nights=printed_nights(several), same_terms_every_night=several.probability)
+    return extra.complete(replace(calibration, provenance=origin))
 
 
 def _more(wanted: Sequence[Parameter], added: Sequence[Parameter]) -> tuple[Parameter, ...]:
@@ -126,24 +130,6 @@ def _less(wanted: Sequence[Parameter], omitted: Sequence[Parameter]) -> tuple[Pa
     if len(omitted) == len(wanted):
         raise InputError("--without omits every term of the model: keep one of them")
     return tuple(p for p in wanted if p not in omitted)
-
-
-def _on_sky(residual: Residual) -> float:
-    """Return the root mean square of the residual of a star on the sky [arcsec]."""
-    return float(from_si(sqrt(sum(v**2 for v in residual.rms.values())), "arcsec"))
-
-
-def _named(one: ExtraEffect) -> tuple[str, ...]:
-    """Return the terms of an extra effect: the effect, or its axes one by one."""
-    return tuple(f"{one.effect}:{axis}" for axis in one.axes) or (one.effect,)
-
-
-def _with_names(calibration: Calibration, reference: Calibration | None, several: Nights | None) -> Calibration:
-    terms = [tpoint_terms(c) if c else () for c in (calibration, reference)]
-    origin = replace(calibration.provenance, tpoint=printed(*terms))
-    if several is not None:
-        origin = replace(origin, nights=printed_nights(several), same_terms_every_night=several.probability)
-    return replace(calibration, provenance=origin)
 
 
 def _stated(values: Sequence[float | None]) -> float | None:

@@ -23,7 +23,7 @@ plane of the first two. Every array may carry leading dimensions (runs): paramet
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -97,15 +97,6 @@ class Pulses:
             if np.all(np.abs(step) <= 1e-15 * np.abs(N) + 1e-300):  # one unit in the last place
                 break
         return np.asarray(N)
-
-
-def truncated(pulses: Pulses, order: int) -> Pulses:
-    """Return the triad with scale terms above `order` (1, 2 or 3) set to zero."""
-    return replace(
-        pulses,
-        K2=pulses.K2 if order >= 2 else 0 * pulses.K2,
-        K3=pulses.K3 if order >= 3 else 0 * pulses.K3,
-    )
 
 
 @dataclass(frozen=True)

@@ -62,11 +62,6 @@ class Combined:
         """One standard deviation (q,) of the channel's own estimate."""
         return np.sqrt(np.diag(self.covariance))
 
-    @property
-    def fit_sigma(self) -> Array:
-        """One standard deviation (q,) of the joint fit."""
-        return np.sqrt(np.diag(self.fit_covariance))
-
 
 @dataclass(frozen=True)
 class Operator:

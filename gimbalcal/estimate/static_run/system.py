@@ -25,12 +25,12 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words
 from gimbalcal.estimate.accelerometers.position_fit import HEADER, SAMPLES, Positions
-from gimbalcal.estimate.extra_effects import Cost, ExtraEffect, sizes_shown_by
+from gimbalcal.estimate.extra_effects import ExtraEffect, sizes_shown_by
 from gimbalcal.estimate.fit import fit, information_of
 from gimbalcal.estimate.sharing import agreement
 from gimbalcal.estimate.static_run.combined_coefficients import Combined, combined
@@ -99,10 +99,10 @@ def _free(p: Parameter) -> Parameter:
     return replace(p, sigma=PHASE_SIGMA_RAD) if p.label == PHASE else p
 
 
-def misfit_of_run(run: Readings, more: Sequence[ExtraEffect]) -> tuple[Cost, Stimulus]:
-    """Return chi^2 of every row with the sizes of extra effects beside the baseline, and what the rows experienced."""
-    wanted, sizes = static_parameters(run), sizes_shown_by(more, run.recording)
-    return fit([static_view(run, (*wanted, *sizes))], wanted).cost_of_sizes(sizes), run.stimulus
+def run_with(run: Readings, more: Sequence[ExtraEffect]) -> View:
+    """Return the view of a static run in which its baseline acts, and of extra effects those that it can show."""
+    wanted = (*static_parameters(run), *sizes_shown_by(more, run.recording))
+    return replace(static_view(run, wanted), acting=frozenset(p.effect for p in wanted))
 
 
 def static(
@@ -118,22 +118,17 @@ def static(
     fitted = fit([static_view(run, wanted)], wanted, start)
     solution, effects = fitted.solution, fitted.effects
     J = run.jacobian(effects, solution.parameters)
+    stages = [stage(run, effects, combined(run, start, effects, solution, J))]
+    if len(columns := run.columns("specific_force")) == 3:  # the paper's filter takes all axes
+        departure, sigma = run.residual(start)[:, columns], run.sigma[:, columns]
+        stages.append(convergence(run.stimulus.time, departure, run.direction, sigma, run.stimulus.gravity))
     return fitted.calibration(
         "static-run",
         Residual(solution.chi2, solution.dof, fitted.rms_by_channel),
         outcome=outcome(solution),
         provenance=Provenance(recordings=recording.source, noise=AssumedNoise(from_=noise_from(run))),
-        stages=(stage(run, effects, combined(run, start, effects, solution, J)), *filter_stage(run, start)),
+        stages=tuple(stages),
     )
-
-
-def filter_stage(run: Readings, effects: Sequence[Effect]) -> tuple[StageResult, ...]:
-    """Return the paper's filter on what the effects leave of the specific force; nothing where an axis is missing."""
-    columns = run.columns("specific_force")
-    if len(columns) < 3:
-        return ()
-    departure, sigma = run.residual(effects)[:, columns], run.sigma[:, columns]
-    return (convergence(run.stimulus.time, departure, run.direction, sigma, run.stimulus.gravity),)
 
 
 def outcome(solution: Solution) -> str:

@@ -66,8 +66,6 @@ def align(segments: Segments, u: Array) -> Alignment:
     slow = np.linalg.norm(mean[:, 3:], axis=1).max() < NEGLIGIBLE_BIAS_EARTH_RATES * EARTH_RATE
     b = np.zeros(3) if slow else np.average(mean[:, 3:], axis=0, weights=weight)
     likely = BIAS_SIGMA_RAD_S[0] if slow else BIAS_SIGMA_RAD_S[1]
-    latitude = segments.rows.site.latitude
-    assert latitude is not None
     dt = _with_pauses(segments)
     w = np.sqrt(weight)[:, None] / segments.sigma[3:]
     for _ in range(MAX_ITERATIONS):
@@ -90,8 +88,7 @@ def align(segments: Segments, u: Array) -> Alignment:
 
 def _from_vectors(segments: Segments, down: Array, after: float, b: Array, earth: Array, sigma: float) -> Alignment:
     """Return the alignment from the vertical `after` [s] and the Earth's rate with its sigma, in initial body axes."""
-    latitude = segments.rows.site.latitude
-    assert latitude is not None
+    latitude = segments.latitude
     if np.linalg.norm(earth) < 2 * EARTH_RATE:  # the vertical at the start: the Earth has turned it since
         down = exponential(earth * after) @ down
     level = earth - down * (down @ earth)
@@ -139,9 +136,7 @@ def attitudes(segments: Segments, u: Array, start: Alignment) -> Array:
 
     The error of a turn is distributed in proportion to the angle turned, as of a scale factor.
     """
-    latitude = segments.rows.site.latitude
-    assert latitude is not None
-    earth = rate_at(latitude)
+    earth = rate_at(segments.latitude)
     dt = _with_pauses(segments)
     C = carried(dt, u[:, 3:] - start.bias)
     t = np.concatenate([[0.0], np.cumsum(dt)])

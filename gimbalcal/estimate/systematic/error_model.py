@@ -144,9 +144,17 @@ def defects(segments: Segments, u: Array, C: Array, frozen: ErrorModel) -> Array
 
 
 def expected_readings(segments: Segments, u: Array, C: Array) -> Array:
-    """Return noiseless force and rate (g, 6) of each group of intervals: see `_expected`."""
+    """Return noiseless force and rate (g, 6) of each group of intervals, in its place with attitudes C at the updates.
+
+    With sensitivities at noisy readings a scale factor would explain the noise, as on an axis that has not been loaded
+    yet nothing else determines it. While turning, the measured rates are used.
+    """
     begin = np.flatnonzero(np.diff(segments.group, prepend=-1))
-    return np.add.reduceat(_expected(segments, u, C), begin) / np.diff(begin, append=len(u))[:, None]
+    still = np.array([[0.0, 0.0, -segments.rows.site.gravity], rate_at(segments.latitude)])
+    force, rate = _in_body(segments, u, C, still)
+    at_rest = (segments.stop >= 0)[np.repeat(np.arange(len(segments.stop)), np.diff(segments.first))]
+    expected = np.concatenate([force, np.where(at_rest[:, None], rate, u[:, 3:])], axis=1)
+    return np.add.reduceat(expected, begin) / np.diff(begin, append=len(u))[:, None]
 
 
 def stretch_model(
@@ -160,7 +168,6 @@ def stretch_model(
     Phi, Psi, Q = np.empty((K, NAV, NAV)), np.empty((K, NAV, p)), np.empty((K, NAV, NAV))
     d = np.empty((K, NAV))
     site = segments.rows.site
-    assert site.latitude is not None
     q = segments.sigma**2 / segments.rows.weight[:, None]
     q[:, :3] += _sculling_error(segments, u)[:, None] ** 2
     at = 0
@@ -173,7 +180,7 @@ def stretch_model(
         groups = slice(int(segments.group[before]), int(segments.group[rows.stop - 1]) + 1)
         motion = transitions(
             segments.first[at : end + 1] - before, segments.joined[few], segments.dt[few], u[few, 3:], u[few, :3],
-            response(groups), q[few], C[at:end], site.latitude,
+            response(groups), q[few], C[at:end], segments.latitude,
             site.height, site.gravity, segments.group[few] - groups.start,
         )  # fmt: skip
         # attitude to velocity and place by what gravity did: noise would seem to show the heading
@@ -203,20 +210,6 @@ def _sculling_error(segments: Segments, u: Array) -> Array:
     bend = np.maximum(bend, np.maximum(np.roll(bend, 1), 0.0))  # the interval after it goes by the same slope
     turning = (segments.stop < 0)[np.repeat(np.arange(len(segments.stop)), np.diff(segments.first))]
     return np.where(turning, segments.rows.site.gravity * bend * segments.dt / 12, 0.0)
-
-
-def _expected(segments: Segments, u: Array, C: Array) -> Array:
-    """Return noiseless force and rate (n, 6) of a unit in its place with attitudes C at the updates.
-
-    With sensitivities at noisy readings a scale factor would explain the noise, as on an axis that has not been loaded
-    yet nothing else determines it. While turning, the measured rates are used.
-    """
-    site = segments.rows.site
-    assert site.latitude is not None
-    earth = rate_at(site.latitude)
-    force, rate = _in_body(segments, u, C, np.array([[0.0, 0.0, -site.gravity], earth]))
-    at_rest = (segments.stop >= 0)[np.repeat(np.arange(len(segments.stop)), np.diff(segments.first))]
-    return np.concatenate([force, np.where(at_rest[:, None], rate, u[:, 3:])], axis=1)
 
 
 def _in_body(segments: Segments, u: Array, C: Array, v: Array) -> Array:

@@ -40,11 +40,13 @@ def innovation_statistics(
     by_leg = np.array([np.nansum(z[leg], axis=0) / np.sqrt(np.maximum((~np.isnan(z[leg])).sum(axis=0), 1))
                        for _, leg in legs])  # fmt: skip
     sum_of_legs, legs_used = float((by_leg**2).sum()), by_leg.size  # degrees of freedom of the fit are not subtracted
-    lag = _lag_one(z)
+    lag = float(np.nansum(z[1:] * z[:-1]) / max(np.nansum(z**2), 1e-300))
     # the unit stays in its place, so the computed displacement is an error
     grown = np.maximum(navigator.sigma[1:, 6:9] ** 2 - navigator.sigma[0, 6:9] ** 2, 1e-300)
     position = (navigator.x[1:, 6:9] - navigator.x[0, 6:9]) ** 2 / grown
     rms = np.sqrt(np.nanmean(navigator.innovation**2, axis=0)) * STATE_SCALE[3]
+    heading, roll = np.arctan2(C[0, 1, 0], C[0, 0, 0]), np.arctan2(C[0, 2, 1], C[0, 2, 2])
+    angles = [heading, -np.arcsin(np.clip(C[0, 2, 0], -1, 1)), roll]
     pick, estimates = curve_points(len(z)), prior_mean + last.estimates
     sigma = from_si(1.0, "arcsec") * np.sqrt(np.diag(last.attitude))
     worst = int(np.argmax(np.abs(by_leg).max(axis=1)))
@@ -65,7 +67,7 @@ def innovation_statistics(
         "nees": {"velocity": float(np.nanmean(z**2)), "position": float(np.mean(position))},
         "velocity_rms": dict(zip(DIRECTIONS, rms.tolist(), strict=True)),
         "attitude": {
-            **_attitude(C[0]),
+            **dict(zip(("heading_deg", "pitch_deg", "roll_deg"), np.degrees(angles).tolist(), strict=True)),
             "sigma_arcsec": dict(zip(DIRECTIONS, sigma.tolist(), strict=True)),
             **_smoothed(np.diagonal(smoothed[pick], axis1=1, axis2=2)),
         },
@@ -149,17 +151,3 @@ def _legs(segments: Segments) -> list[tuple[str, Array]]:
         turns += k < 0
         names.append(f"stop {k + 1}" if k >= 0 else f"turn {turns}")
     return list(zip(names, parts, strict=True))
-
-
-def _lag_one(z: Array) -> float:
-    """Return the correlation of each innovation with the one before."""
-    pairs = z[1:] * z[:-1]
-    return float(np.nansum(pairs) / max(np.nansum(z**2), 1e-300))
-
-
-def _attitude(C: Array) -> dict[str, float]:
-    """Return heading, pitch, roll [deg] of C_bn (3, 3)."""
-    heading, roll = np.arctan2(C[1, 0], C[0, 0]), np.arctan2(C[2, 1], C[2, 2])
-    pitch = -np.arcsin(np.clip(C[2, 0], -1, 1))
-    names = ("heading_deg", "pitch_deg", "roll_deg")
-    return dict(zip(names, np.degrees([heading, pitch, roll]).tolist(), strict=True))

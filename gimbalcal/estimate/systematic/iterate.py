@@ -67,7 +67,10 @@ def iterate(
         u = invert_readings(segments, with_values(base_effects, wanted, initial), u)
     start = align(segments, u)
     C = attitudes(segments, u, start)
-    wanted = _with_usual_sizes(wanted, segments, start)
+    # the prior sigmas of the unit's grade; of a rate bias, at least a tenth of what the alignment shows
+    grade, size = segments.grade, float(np.abs(start.bias).max()) / 10
+    least = [size * (p.effect == "gyro_bias") for p in wanted]
+    wanted = tuple(replace(p, sigma=max(p.sigma, grade.usual(p).sigma, s)) for p, s in zip(wanted, least, strict=True))
     scale = np.array([p.sigma for p in wanted])
     bias = np.array([start.bias["xyz".index(p.axis)] if p.effect == "gyro_bias" else 0.0 for p in wanted])
     # unobservable components of a bias stay at zero, not at the alignment's value, unless the bias is as large as this
@@ -101,10 +104,3 @@ def iterate(
         segments, wanted, base_effects, start, prior_mean, theta, unregularised, u, C, excluded, last, passes,
         converged,
     )  # fmt: skip
-
-
-def _with_usual_sizes(wanted: Sequence[Parameter], segments: Segments, start: Alignment) -> tuple[Parameter, ...]:
-    """Return the parameters with the prior sigmas of the unit's grade; of a rate bias, at least a tenth of it."""
-    grade, size = segments.grade, float(np.abs(start.bias).max())
-    sizes = [max(p.sigma, grade.usual(p).sigma, size / 10 * (p.effect == "gyro_bias")) for p in wanted]
-    return tuple(replace(p, sigma=s) for p, s in zip(wanted, sizes, strict=True))

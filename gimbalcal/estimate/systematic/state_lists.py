@@ -4,23 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 
-from gimbalcal.effects import CATALOGUE, Parameter, parameters
+from gimbalcal.effects import CATALOGUE, Parameter, known_effect, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError, alternatives
-from gimbalcal.estimate.extra_effects import ExtraEffect, unfit
+from gimbalcal.estimate.extra_effects import PRIOR_FACTOR, ExtraEffect, unfit
 from gimbalcal.recording import Recording
 
 THIRTY = BASELINE["rotation"]
-FIFTY_ONE = (
-    *THIRTY,
-    "gyro_g_sensitivity_rate",
-    "quadratic_nonlinearity",
-    "cross_coupling",
-    "accelerometer_lever_arm",
-)
+FIFTY_ONE = (*THIRTY, "gyro_g_sensitivity_rate", "quadratic_nonlinearity", "cross_coupling", "accelerometer_lever_arm")
 LISTS: Mapping[str, tuple[str, ...]] = {"30": THIRTY, "51": FIFTY_ONE}
 # the axes of the unit are defined by its gyroscopes, x along theirs, y in the plane of theirs
 KEPT: Mapping[str, tuple[str, ...]] = {
@@ -57,27 +50,18 @@ def states(
             )
         for p in a.parameters(()):
             if p.axis in KEPT.get(p.effect, (p.axis,)) or a.axes:
-                out[p.effect, p.field, p.axis] = replace(p, sigma=_sigma(p))
+                out[p.effect, p.field, p.axis] = replace(p, sigma=p.sigma / PRIOR_FACTOR)  # the catalogue's
     if not out:
         raise InputError(f"{option} {asked}: no effect is named; write 30, 51 or effects of `gimbalcal catalogue`")
     return tuple(out.values())
 
 
-def _sigma(p: Parameter) -> float:
-    """Return the catalogue's prior sigma."""
-    return next(q.sigma for q in parameters(CATALOGUE[p.effect]) if (q.field, q.axis) == (p.field, p.axis))
-
-
 def _parameters_of(option: str, effect: str, axis: str, recording: Recording) -> list[Parameter]:
-    if effect not in CATALOGUE:
-        similar = get_close_matches(effect, CATALOGUE, 1)
-        if effect.isdigit():
-            raise InputError(f"{option}: no list has {effect} states; write 30 or 51, or name the effects")
-        hint = f"did you mean {similar[0]}?" if similar else "`gimbalcal catalogue` lists them"
-        raise InputError(f"{option}: no effect is called {effect!r}; {hint}")
+    if effect.isdigit():
+        raise InputError(f"{option}: no list has {effect} states; write 30 or 51, or name the effects")
+    cls = known_effect(effect, option)
     if effect in SAME:
         raise InputError(f"{option}: {effect} says what {SAME[effect]} says; write {SAME[effect]}")
-    cls = CATALOGUE[effect]
     reason = unfit(cls, recording)
     if reason:
         raise InputError(f"{option}: {effect} {reason}")

@@ -99,8 +99,7 @@ def _corrections(m: SystematicFit) -> Iterator[Correction]:
             f"whose second is {second:.4g} s explains it: correct the unit of the time, or the rate of the samples",
             clock=second,
         )
-    stated = m.segments.rows.site.latitude
-    assert stated is not None
+    stated = m.segments.latitude
     try:
         observed = align(m.segments, m.u)
     except InputError:  # calibrated readings do not show the Earth's rate

@@ -7,9 +7,9 @@ import pytest
 
 from gimbalcal.diagnose.entry import check_baseline, check_finite
 from gimbalcal.diagnose.of_recording import unfit
-from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects import CATALOGUE, known_effect
 from gimbalcal.platform import BENCH
-from gimbalcal.views.core import by_triad, known_effect
+from gimbalcal.views.core import by_triad
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record
 from tests.diagnose.small import telescope
@@ -48,7 +48,7 @@ def test_a_baseline_is_refused_only_where_no_recording_can_hold_it():
     with refused():
         check_baseline(["bias", "bias_temperature"], [BARE])
     with refused():
-        known_effect("bais")
+        known_effect("bais", "baseline")
     assert known_effect("bias") is CATALOGUE["bias"]
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import gimbalcal.simulate
 from gimbalcal.diagnose import diagnose
-from gimbalcal.estimate.gyroscopes.cleared_views import view_of_turns
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_of_turns
 from gimbalcal.platform import BENCH
 from gimbalcal.simulate import simulate
 

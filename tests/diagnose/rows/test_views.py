@@ -9,7 +9,7 @@ import pytest
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.view_diagnosis import diagnosis_of
 from gimbalcal.effects import CATALOGUE, parameters, with_values
-from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest
 from gimbalcal.pipeline import silent
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site

@@ -89,7 +89,7 @@ def test_a_recording_may_begin_while_the_unit_moves():
 
 def test_derivative_is_that_of_a_difference():
     recording = hand(TRUTH, 0.0, count=8)
-    turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
+    turned = turns_between_rests(recording, multiposition(recording, ("bias",)))
     view, wanted = gravity_after_turns(turned), fit_turns(turned, LINEAR).parameters
     x = np.full(len(wanted), 0.01)
     J = view.linearised(with_values((), wanted, x), wanted)[1]
@@ -144,7 +144,7 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments():
     C = SF[:, None] * M  # Eq. (5) of Wu et al. (2018)
     x = np.array([*(SF - 1), -C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]])
     recording = hand(TRUTH, 0.0, count=8)
-    turned, _, _ = turns_between_rests(recording, multiposition(recording, ("bias",)))
+    turned = turns_between_rests(recording, multiposition(recording, ("bias",)))
     estimate = dict(zip(fit_turns(turned, LINEAR).parameters, x, strict=True))
     np.testing.assert_allclose(poses._inter_triad(estimate), angles, atol=1e-14)  # an exact factorisation
     np.testing.assert_allclose(euler(triad_rotation(angles)), angles, atol=1e-15)

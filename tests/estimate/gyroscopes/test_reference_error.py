@@ -20,9 +20,9 @@ def test_the_estimate_moves_as_the_accelerometers_do():
     shift = np.array([5e-3, -3e-3, 4e-3])
     moved = replace(accelerometers, effects=with_values(accelerometers.effects, accelerometers.parameters,
                                                         accelerometers.values + shift))  # fmt: skip
-    before, after = (fit_turns(turns_between_rests(recording, a)[0], LINEAR) for a in (accelerometers, moved))
+    before, after = (fit_turns(turns_between_rests(recording, a), LINEAR) for a in (accelerometers, moved))
     known = replace(accelerometers, covariance=np.outer(shift, shift) + 1e-16 * np.eye(3))
-    turns = turns_between_rests(recording, accelerometers)[0]
+    turns = turns_between_rests(recording, accelerometers)
     added = with_reference_error(before, turns, known).covariance - before.covariance
     np.testing.assert_allclose(np.sqrt(np.diag(added)), np.abs(after.x - before.x), rtol=0.02, atol=1e-6)
     assert np.linalg.matrix_rank(added, tol=1e-3 * np.trace(added)) == 1

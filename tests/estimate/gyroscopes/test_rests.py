@@ -9,8 +9,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import parameters
 from gimbalcal.effects.gyroscope import GyroBias, GyroGSensitivityRate
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.gyroscopes.cleared_views import view_at_rest
-from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import G_SENSITIVITY, fit_rests, level_of, rests
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import G_SENSITIVITY, fit_rests, level_of, rests, view_at_rest
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import apply_matrix
