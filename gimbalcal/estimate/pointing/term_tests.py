@@ -32,6 +32,7 @@ from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
 MIN_INDEPENDENT_SHARE = 1e-3  # of a column that the model does not span, below which stars do not distinguish the term
+MIN_SINGULAR_RATIO = 3e-8  # of columns of length one, below which stars determine no combination of them
 MAX_CORRELATIONS = 2  # of each term that are reported, the largest
 
 
@@ -64,7 +65,8 @@ class _Tests:
         parameters, P, out = self.fitted.parameters, self.fitted.covariance, []
         G, R = self.fitted.solution.covariance, correlations(P)
         for group in _terms(parameters):
-            sizes = [i for i in group if not _is_constant(parameters[i])]
+            fixed = {f.name for f in constants(CATALOGUE[parameters[group[0]].effect])}
+            sizes = [i for i in group if parameters[i].field not in fixed]
             y, Q = self.r + self.J[:, sizes] @ self.fitted.x[sizes], basis(np.delete(self.J, group, axis=1))
             others = {q.label: float(R[i, j]) for i in group for j, q in enumerate(parameters) if j not in group}
             p, x, block = parameters[group[0]], self.fitted.x[sizes], np.ix_(sizes, sizes)
@@ -83,8 +85,10 @@ class _Tests:
         after = self.r - own * x
         scale = 1.0 if self.stated else float(after @ after) / max(self.fitted.solution.dof - 1, 1)
         A = np.column_stack([self.J, column])
-        size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-        G = scale * np.linalg.pinv(A.T @ A / np.outer(size, size)) / np.outer(size, size)
+        size = np.linalg.norm(A, axis=0)
+        size = np.where(size > 0, size, 1.0)  # a term of the model that no star shows
+        inverse = np.linalg.pinv(np.linalg.qr(A / size, mode="r"), rcond=MIN_SINGULAR_RATIO) / size[:, None]
+        G = scale * inverse @ inverse.T
         P = G + self.fitted.added_by_memory(A, after, G)
         others = {q.label: float(c) for q, c in zip(self.fitted.parameters, correlations(P)[-1, :-1], strict=True)}
         memory = float(G[-1, -1] / P[-1, -1])
@@ -144,11 +148,6 @@ def _terms(parameters: Sequence[Parameter]) -> list[list[int]]:
     for i, p in enumerate(parameters):
         terms.setdefault(p.effect if constants(CATALOGUE[p.effect]) else p, []).append(i)
     return list(terms.values())
-
-
-def _is_constant(p: Parameter) -> bool:
-    """Return whether a parameter is a non-linear constant of its effect."""
-    return p.field in {f.name for f in constants(CATALOGUE[p.effect])}
 
 
 def correlations(covariance: Array) -> Array:

@@ -14,6 +14,7 @@ from tests.golden import golden_text
 TRUTH = {
     "gimbal_zero__azimuth": 300.0, "base_tilt__north": 25.0, "tube_flexure": 15.0, "eccentricity_sin__azimuth": 4.0,
 }  # fmt: skip
+TRUTH_EQUATORIAL = {"gimbal_zero__hour_angle": 300.0, "base_tilt__north": 25.0, "tube_flexure": 15.0}
 OUTSIDE = ("eccentricity_sin:azimuth", "refraction", "two_cycle_cos:elevation", "encoder_scale_factor:elevation")
 
 
@@ -56,6 +57,13 @@ def test_a_term_outside_the_model_is_tested_as_a_fit_with_it_does():
     assert outside[0].term == "eccentricity_sin:azimuth"
     assert outside[0].p_value < 1e-6
     assert [t.rms_with_arcsec for t in outside] == sorted(t.rms_with_arcsec for t in outside)
+
+
+def test_a_term_that_no_star_shows_is_no_obstacle():
+    r = run(EQUATORIAL, sky(EQUATORIAL, 60, 1), effects(EQUATORIAL, **TRUTH_EQUATORIAL), 1.0, 1)
+    made = pointing_calibration([r], more=("gimbal_flexure",))
+    assert {t.rms_without_arcsec > 0 for t in by_term(made).values()} == {True}
+    assert made.null_directions  # what carries the bend of a gimbal does not turn here
 
 
 def test_noise_alone_has_uniform_p_values():
