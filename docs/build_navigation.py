@@ -11,9 +11,8 @@ import numpy as np
 from chart_sheet import sheet
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
-from gimbalcal.navigate.mechanisations import navigated
 from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, schuler_rate
-from gimbalcal.navigate.uncertainty import before_and_after
+from gimbalcal.navigate.uncertainty import before_and_after, navigated
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.report.chart import BLUE, DASHES, VERMILION, Chart, Line, Rule
 from gimbalcal.report.navigation_page import curves

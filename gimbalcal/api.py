@@ -33,15 +33,13 @@ from gimbalcal.diagnose.entry import diagnose as run_diagnosis
 from gimbalcal.effects import Effect
 from gimbalcal.errors import InputError
 from gimbalcal.history.fleet import Fleet, grade_and_fleet
-from gimbalcal.navigate.mechanisations import usual
 from gimbalcal.navigate.navigation_errors import labels
 from gimbalcal.navigate.summary import NamedCalibration, NavigationInputs, NavigationSummary, summary
-from gimbalcal.navigate.uncertainty import before_and_after
+from gimbalcal.navigate.uncertainty import before_and_after, usual
 from gimbalcal.pipeline import Source, Tell, load, silent
 from gimbalcal.recording import Recording, read
 from gimbalcal.recording.frames import Entry
 from gimbalcal.recording.frames import from_frame as from_described_frame
-from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.schedule import RotationSchedule, Schedule
 from gimbalcal.schedule.file import is_rotation, read_rotation, read_schedule
 from gimbalcal.simulate.simulation import simulate as simulate_scenario
@@ -159,7 +157,7 @@ def next_step(
     name, fleet = grade_and_fleet(grade)
     known = None if fleet is None else fleet.without(loaded).distributions
     prior = None if known is None else {label: d.sigma for label, d in known.items()}
-    if all(r.kind == ROTATION for r in loaded):
+    if all(r.kind.rotating for r in loaded):
         if name:
             raise InputError(f"--grade {name}: that of a unit that is turned is taken from its noise; leave it out")
         turns = reach if isinstance(reach, RotationSchedule) else read_rotation(cast(File, reach)) if reach else None

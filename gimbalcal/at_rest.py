@@ -110,8 +110,6 @@ class RestNoise(Displayed, Entry):
 
         return "\n".join([noise_answer(self), *(["[noise]", *self.lines] if self.lines else [])])
 
-    __repr__ = __str__
-
     def to_frame(self, kind: str = "polars") -> Any:
         """Return a row for each coefficient of each sensor, nan where only `below` is known; "polars" or "pandas"."""
         rows = [

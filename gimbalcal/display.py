@@ -25,6 +25,9 @@ class Displayed:
         """Return a matplotlib figure of the result. Raises InputError where nothing can be drawn."""
         raise NotImplementedError
 
+    def __repr__(self) -> str:
+        return str(self)
+
     def _repr_html_(self) -> str:
         try:
             picture = svg(self.plot())

@@ -17,17 +17,17 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import joint
-from gimbalcal.estimate.accelerometers.position_outliers import every_row, trusted_positions
+from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions, view_of_every_row
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extra_effects
 from gimbalcal.estimate.fit import fit
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.static_run.system import (
     both_levels,
     fuse,
-    run_with,
     static,
     static_parameters,
     static_readings,
+    static_view_with,
 )
 from gimbalcal.method_table import Request
 from gimbalcal.recording import Recording, completed, dwells, read
@@ -112,7 +112,7 @@ def _three_stages(
     if device is None and run is not None and at_rest is not None:
         tell("system level: static run alone")
         wanted = static_parameters(at_rest)
-        extra = fit([run_with(at_rest, more)], wanted).extension(more) if more else NO_EXTENSION
+        extra = fit([static_view_with(at_rest, more)], wanted).extension(more) if more else NO_EXTENSION
         return extra.complete(static(run, extra.effects, (*wanted, *extra.parameters)))
     if device is None:
         raise InputError("`calibrate` needs a multi-position recording, a static run, or one of each")
@@ -126,9 +126,9 @@ def _three_stages(
     tell("stage 2: all 18 coefficients jointly, with the setting error of each position")
     extra = NO_EXTENSION
     if more:
-        views, wanted = [every_row(device, positions, more)], positions.fit.parameters
+        views, wanted = [view_of_every_row(device, positions, more)], positions.fit.parameters
         if at_rest is not None:
-            views.append(run_with(at_rest, more))
+            views.append(static_view_with(at_rest, more))
             wanted = tuple(dict.fromkeys((*wanted, *static_parameters(at_rest))))
         extra = fit(views, wanted).extension(more)
         shown = extra.shown_by(device)

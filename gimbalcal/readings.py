@@ -37,11 +37,6 @@ class Readings:
     sigma: Array
 
     @property
-    def kind(self) -> str:
-        """Kind of the recording."""
-        return self.recording.kind
-
-    @property
     def phase(self) -> Array:
         """Sidereal angle S_t (n,) [rad] of a static run."""
         return np.arctan2(self.stimulus.force[:, 1], self.stimulus.force[:, 0])
@@ -54,12 +49,12 @@ class Readings:
     def rows(self, effects: Sequence[Effect] = (), stages: Iterable[Stage] = Stage) -> Rows:
         """The rows about a model: residuals and sensitivities in SI."""
         platform = self.recording.platform
-        return linearise(platform, self.stimulus, effects, self.kind, self.channels, self.value, stages)
+        return linearise(platform, self.stimulus, effects, self.recording.kind, self.channels, self.value, stages)
 
     def predicted(self, effects: Sequence[Effect] = ()) -> Array:
         """Return the readings (n, C) that the model predicts."""
         platform = self.recording.platform
-        return picked(platform, predict(platform, self.stimulus, effects, self.kind), self.channels)
+        return picked(platform, predict(platform, self.stimulus, effects, self.recording.kind), self.channels)
 
     def residual(self, effects: Sequence[Effect] = ()) -> Array:
         """Read minus predicted (n, C); angles within half a turn."""
@@ -68,15 +63,6 @@ class Readings:
     def jacobian(self, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Array:
         """Derivative of the predictions (n, C, p)."""
         return self.rows(effects, dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)).jacobian(wanted)
-
-    def select(self, rows: Array) -> Readings:
-        """Some of the rows only."""
-        few = self.stimulus.select(rows)
-        return Readings(self.recording.select(rows), few, self.channels, self.value[rows], self.sigma[rows])
-
-    def thinned(self, rows: int) -> Readings:
-        """About so many rows, evenly spread."""
-        return self.select(np.arange(0, len(self.value), max(1, len(self.value) // rows)))
 
     def columns(self, quantity: str) -> list[int]:
         """Indices of the channels of one quantity."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from gimbalcal.calibration.correction import correct, corrupt, extrapolations
 from gimbalcal.calibration.matrices import TriadCorrection, corrections
 from gimbalcal.calibration.provenance import Provenance
 from gimbalcal.calibration.readout import Readout, from_content
-from gimbalcal.display import Displayed, data_frame
+from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import stated_law
 from gimbalcal.entries import Entry, Json, entry_from, plain, read_json
@@ -288,8 +289,6 @@ class Calibration(Displayed):
         remarks += [f"not estimated: {'; '.join(named)}"] if fixed else []
         return "\n".join([f"{self.method} calibration", *table, *remarks, *filter(None, [self.outcome])])
 
-    __repr__ = __str__
-
     def to_frame(self, kind: str = "polars") -> Any:
         """Return a row for each parameter: effect, name, axis, value, sigma and prior_sigma in `unit`.
 
@@ -300,10 +299,21 @@ class Calibration(Displayed):
         return data_frame({c: [r[c] for r in rows] for c in columns}, kind, ("effect", "name", "axis", "unit"))
 
     def plot(self) -> Figure:
-        """Return a matplotlib figure of each parameter with two sigmas, in its unit."""
-        from gimbalcal.calibration.plot import plot_parameters
-
-        return plot_parameters(self.estimates)
+        """Return a matplotlib figure with a panel for each name: its parameters with two sigmas, in their unit."""
+        groups: dict[tuple[str, str], list[ParameterEstimate]] = {}
+        for e in self.estimates:
+            groups.setdefault((e.parameter.name, e.parameter.unit), []).append(e)
+        named = Counter(own[0].parameter.effect for own in groups.values())
+        first = [own[0].parameter for own in groups.values()]
+        titles = [p.effect if named[p.effect] == 1 or p.name == p.effect else f"{p.effect}, {p.name}" for p in first]
+        figure, axes = panels([f"{t.replace('_', ' ')} [{p.unit}]" for t, p in zip(titles, first, strict=True)])
+        for ax, own in zip(axes, groups.values(), strict=True):
+            at = np.arange(len(own))
+            ax.errorbar(at, [e.value for e in own], [2 * e.sigma for e in own], fmt="o", ms=4, capsize=2)
+            ax.axhline(0, color="0.7", lw=0.8, zorder=0)
+            ax.set_xticks(at, [e.parameter.axis or e.parameter.name for e in own])
+            ax.margins(x=0.15)
+        return figure
 
     @overload
     def apply(self, recording: Recording) -> Recording: ...

@@ -24,10 +24,9 @@ from gimbalcal.earth import radii
 from gimbalcal.effects import Parameter
 from gimbalcal.entries import Entry, Json
 from gimbalcal.inference.information import Information, solve
-from gimbalcal.navigate.mechanisations import is_strapdown, usual
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids
 from gimbalcal.navigate.stationary_base import ROW
-from gimbalcal.navigate.uncertainty import sensitivity
+from gimbalcal.navigate.uncertainty import is_strapdown, sensitivity, usual
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import load

@@ -112,8 +112,6 @@ class NextPlan(Displayed):
 
         return f"{steps_table(self)}\n\n{next_answer(self)}" if self.steps else next_answer(self)
 
-    __repr__ = __str__
-
     def to_dict(self) -> Json:
         """Return the content of next.json."""
         from gimbalcal.words.answers import next_answer

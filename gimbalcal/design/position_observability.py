@@ -115,8 +115,6 @@ class Observability(Displayed):
 
         return f"{bounds_table(self)}\n\n{plan_answer(self)}"
 
-    __repr__ = __str__
-
     def to_frame(self, kind: str = "polars") -> Any:
         """Return a row for each parameter: name, axis, sigma and prior_sigma in `unit`; "polars" or "pandas"."""
         rows = [row.to_dict() for row in self.rows]

@@ -122,8 +122,6 @@ class TurningObservability(Displayed):
 
         return f"{bounds_table(self.bounds)}\n\n{turning_answer(self)}"
 
-    __repr__ = __str__
-
     def to_frame(self, kind: str = "polars") -> Any:
         """Return sigma over time: time_s, and a column for each state in its unit of print; "polars" or "pandas"."""
         return data_frame({"time_s": self.time, **{c.parameter: c.printed for c in self.curves}}, kind)

@@ -22,9 +22,8 @@ from gimbalcal.earth import NAUTICAL_MILE, SOLAR_DAY
 from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError
-from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.stationary_base import ROW, still_base, still_unit
-from gimbalcal.navigate.uncertainty import uncertain
+from gimbalcal.navigate.uncertainty import navigated, uncertain, usual
 from gimbalcal.pipeline import Tell, silent
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording

@@ -27,7 +27,7 @@ product.
 """
 
 from gimbalcal.forward.angles import navigator_attitude_error, nearest_angles
-from gimbalcal.forward.model import accelerometers, attitude, gyroscopes, predict, rate_of_chain, turning
+from gimbalcal.forward.model import accelerometers, attitude, gyroscopes, on_target, predict, rate_of_chain, turning
 from gimbalcal.forward.rows import ANGLES, AXES, Rows, difference, jacobian, linearise, picked
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "linearise",
     "navigator_attitude_error",
     "nearest_angles",
+    "on_target",
     "picked",
     "predict",
     "rate_of_chain",

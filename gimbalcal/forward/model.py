@@ -29,7 +29,7 @@ def predict(
     seen direction minus target across the innermost axis' plane and along it. Float, complex or symbolic, as the
     parameters are.
     """
-    other = {"static-run": _inertially_fixed, "pointing": _line_of_sight}.get(kind)
+    other = OTHER_KINDS.get(kind)
     return other(platform, s, effects) if other else sensors(block_force(platform, s, effects), s, effects)
 
 
@@ -43,10 +43,6 @@ def sensors(
     if "angular_rate" in quantities:
         out["angular_rate"] = gyroscopes(s.rate, s.at(force=force), effects)
     return out
-
-
-def _line_of_sight(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
-    return {"pointing": _pointing(platform, s, effects)}
 
 
 def _total(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array | float:
@@ -84,13 +80,13 @@ def attitude(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Arra
     return np.asarray(_rotation(effects, Stage.PLATFORM, s) @ _mount(platform, s, effects)[0])
 
 
-def _pointing(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
+def _line_of_sight(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
     """Return the observed direction minus target (n, 2) [rad], across and along, in the axes of a perfect mount."""
     aimed = on_target(platform, s).aimed
     C_np, s = _mount(platform, s, effects)
     s = s.at(force=-s.gravity * C_np[..., 2])
     along = _rotation(effects, Stage.LINE_OF_SIGHT, s)[..., :1, :]
-    return ((along @ C_np) @ aimed)[..., 0, :]
+    return {"pointing": ((along @ C_np) @ aimed)[..., 0, :]}
 
 
 def on_target(platform: Platform, s: Stimulus) -> Stimulus:
@@ -154,14 +150,14 @@ def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]
     force = accelerometers(-apply_matrix(C_np, np.broadcast_to(gravity, s.force.shape)), s, effects)
     C_nb = _rotation(effects, Stage.BASE, s)
     s = s.at(angle=ideal_angles(platform, phase, L))
-    angle = gimbal_angles(platform, C_np @ np.swapaxes(C_nb, -1, -2), s.angle, *_axis_errors(s, effects))
+    tilts = _total(effects, Stage.AXIS_TILT, s)
+    angle = gimbal_angles(platform, C_np @ np.swapaxes(C_nb, -1, -2), s.angle, _total(effects, Stage.ENCODER, s),
+                          None if isinstance(tilts, float) else tilts)  # fmt: skip
     s = s.at(angle=angle)
     readout = angle - _total(effects, Stage.ENCODER, s)
     attitude = navigator_attitude_error(platform, force, readout) + _total(effects, Stage.ATTITUDE, s)
     return {"specific_force": force, "gimbal_angle": readout, "attitude_error": attitude}
 
 
-def _axis_errors(s: Stimulus, effects: Sequence[Effect]) -> tuple[Array | float, Array | None]:
-    """Return the angle minus readout (n, k), 0.0 for none, and tilts (n, k, 3) of the gimbal axes, None for none."""
-    tilts = _total(effects, Stage.AXIS_TILT, s)
-    return _total(effects, Stage.ENCODER, s), None if isinstance(tilts, float) else tilts
+OTHER_KINDS = {"static-run": _inertially_fixed, "pointing": _line_of_sight}
+"""What is predicted of kinds of recording whose sensor block is not held where encoders say."""

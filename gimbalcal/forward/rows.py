@@ -19,7 +19,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, values, with_values
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
-from gimbalcal.forward.model import SENSED, block_force, on_target, predict, sensors
+from gimbalcal.forward.model import OTHER_KINDS, SENSED, block_force, predict, sensors
 from gimbalcal.number import STEP, Array, complex_step
 from gimbalcal.platform import Platform
 from gimbalcal.recording.record import Key
@@ -58,7 +58,7 @@ class Rows:
     sigma: Array | float = 1.0  # what residual and sensitivity have been divided by
     reduction: Callable[[Array], Array] | None = None
     nuisance: Array | None = None  # (n, C, m) by explicit parameters of no effect: a heading, a mounting, a lag
-    given: Callable[[Effect, Sequence[Parameter]], Array] | None = None  # `columns`, of rows affine about one point
+    fixed_columns: Callable[[Effect, Sequence[Parameter]], Array] | None = None  # `columns`, of affine rows
 
     def over(self, sigma: Array) -> Rows:
         """Return the rows in units of sigma (C,) or (n, C)."""
@@ -96,8 +96,8 @@ class Rows:
 
     def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
         """Return derivative (n, C, p) of the channels by the wanted parameters of one effect, at its present values."""
-        if self.given is not None:
-            return self.given(effect, wanted)
+        if self.fixed_columns is not None:
+            return self.fixed_columns(effect, wanted)
         s, names = self.seen[effect.stage], self.stimulus.axis_names
         if any(e.spans_rows and e.stage is not effect.stage and _acts(e) for e in self.effects):
             return self._through_all(effect, wanted)
@@ -149,9 +149,7 @@ def linearise(
     channels: the quantities and axes that are looked at (default: all that the model predicts); read (n, C): what was
     read of them in SI (default: as predicted, for a recording that is only planned).
     """
-    if kind == "pointing":
-        s = on_target(platform, s)
-    force = None if kind in ("static-run", "pointing") else block_force(platform, s, effects)
+    force = None if kind in OTHER_KINDS else block_force(platform, s, effects)
     quantities = {q for q, _ in channels} if channels is not None else set(SENSED)
 
     def outputs(effects: Sequence[Effect], stage: Stage | None = None) -> dict[str, Array]:

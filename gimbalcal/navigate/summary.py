@@ -92,8 +92,6 @@ class NavigationSummary(Displayed):
 
         return navigation_answer(self)
 
-    __repr__ = __str__
-
     def plot(self) -> Figure:
         """Return a matplotlib figure of the errors over time: position and every channel, without and with."""
         figure, axes = panels([f"{name} [{unit}]" for name, unit in _DRAWN])

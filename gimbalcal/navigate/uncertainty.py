@@ -1,7 +1,8 @@
-"""Sigma of navigation errors by the uncertainty of a calibration, by two methods that must agree.
+"""Navigate a recording by the mechanisation of its kind, with sigmas by the uncertainty of a calibration.
 
-Linearly: the exact derivative of the forward model gives the response of the readings to a parameter, and the navigator
-that of the errors. By samples: parameters drawn from the covariance correct the readings, which are navigated.
+Two methods must agree. Linearly: the exact derivative of the forward model gives the response of the readings to a
+parameter, and the navigator that of the errors. By samples: parameters drawn from the covariance correct the readings,
+which are navigated.
 """
 
 from __future__ import annotations
@@ -13,16 +14,46 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, with_values
+from gimbalcal.errors import InputError
 from gimbalcal.forward import linearise
 from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimulus_from_readings
-from gimbalcal.navigate.mechanisations import is_strapdown, navigated
 from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
-from gimbalcal.navigate.space_stable_navigator import USUAL, Aids, InertialSite
-from gimbalcal.navigate.static_run import half_apart, horizontal, with_inner
-from gimbalcal.navigate.strapdown_unit import Intervals, block_of, navigate_intervals, thinned
+from gimbalcal.navigate.space_stable_navigator import ALONE, USUAL, Aids, InertialSite
+from gimbalcal.navigate.static_run import half_apart, horizontal, platform_navigated, with_inner
+from gimbalcal.navigate.strapdown_unit import Intervals, block_of, navigate_intervals, thinned, unit_navigated
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
+
+
+def navigated(
+    recording: Recording, calibration: Calibration | None = None, aids: Aids = USUAL, label: str = NONE
+) -> Navigated:
+    """Return the errors of a navigation, of readings that a calibration corrects if there is one.
+
+    Raises InputError for what cannot be navigated: positions, a static run of another platform, no latitude, no force
+    or, of a strapdown unit, no rates.
+    """
+    if recording.kind.stabilised:
+        return platform_navigated(recording, calibration, aids, label)
+    if not recording.kind.rotating:
+        raise InputError(
+            f"{recording.title!r} is a {recording.kind} recording; a static run of a space-stable platform is "
+            'navigated, or a strapdown unit that stays in its place (kind = "rotation", both triads, every sample)'
+        )
+    return unit_navigated(recording, calibration, aids, label)
+
+
+def usual(recording: Recording, damping: float | None = None, alignment: float = USUAL.alignment) -> Aids:
+    """Return the references of a navigation; by default a platform is damped and a strapdown unit is not."""
+    damped = (ALONE if is_strapdown(recording) else USUAL).damping if damping is None else damping
+    return Aids(damping=damped, alignment=alignment)
+
+
+def is_strapdown(recording: Recording) -> bool:
+    """Return whether the unit's own gyroscopes carry its attitude."""
+    return recording.kind.rotating
+
 
 PROGRESS_DRAWS = 100  # between two messages
 BAND_ROWS = 240  # of the run, for bands: the response to a parameter has periods of a day and half a day

@@ -86,7 +86,7 @@ class Source:
             return cls(called or path.name, hashlib.file_digest(file, "sha256").hexdigest())
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording(Displayed):
     """The log of a rig, in SI and radians (temperature in degC), one entry per row.
 
@@ -150,8 +150,6 @@ class Recording(Displayed):
         rows = f"{len(self.time)} rows in {span:.6g} s" + (f", {visits} rests" if visits else "")
         head = f"{self.kind} recording {self.title!r} on {self.platform.name}: {rows}"
         return "\n".join([head, *channels, *(f"  note: {remark}" for remark in self.remarks)])
-
-    __repr__ = __str__
 
     @property
     def elapsed(self) -> Array:

@@ -76,17 +76,16 @@ def view_of_readings(
         angle = s.readout + e[visit]
         return replace(read, stimulus=s.at(readout=angle, angle=angle)).rows(effects, stages)
 
+    local = None
+    if setting is not None:
+        local = Local(visit, s.readout.shape[1], setting, lambda rows: rows.sensitivity[Stage.ENCODER], off)
     return View(
         STATIC_RUN if recording.kind.stabilised else POSITIONS, channels=read.channels, **recording_fields(recording),
         stimulus=s, evaluate=partial(read.rows, stages=stages), stages=frozenset(stages), noise=noise, label=s.position,
         baseline=tuple(baseline) or BASELINE[recording.kind],
         groups=np.arange(n) * FOLDS // n if recording.kind.stabilised else s.visit,
-        local=None if setting is None else Local(visit, s.readout.shape[1], setting, _by_readouts, off),
+        local=local,
     )  # fmt: skip
-
-
-def _by_readouts(rows: Rows) -> Array:
-    return rows.sensitivity[Stage.ENCODER]
 
 
 def fit_baseline(view: View, known: Sequence[Effect] = (), steps: int = 2) -> Fit:

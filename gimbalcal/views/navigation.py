@@ -67,7 +67,9 @@ def navigation(
             if at:
                 effect = by_id.get(effect_id) or absent(CATALOGUE[effect_id])
                 out -= columns.of(effect, [every[i] for i in at]) @ sizes[at]
-        return replace(base, effects=tuple(effects), residual=out, given=columns.of)  # about the fitted constants
+        return replace(
+            base, effects=tuple(effects), residual=out, fixed_columns=columns.of
+        )  # about the fitted constants
 
     w = innovations
     return View(

@@ -20,7 +20,7 @@ from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.gimbal_mechanics import MIN_TURN_RAD
 from gimbalcal.errors import InputError
-from gimbalcal.forward import AXES, Rows, linearise
+from gimbalcal.forward import AXES, Rows, linearise, on_target
 from gimbalcal.inference.algebra import basis
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
@@ -62,17 +62,17 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
         return np.asarray(X - np.tensordot(drift, np.tensordot(drift.T, X, 1), 1))
 
     n = len(recording.time)
-    on_target = np.zeros((n, len(channels)))  # nothing is read but that the star is on target
+    aimed, centred = on_target(recording.platform, s), np.zeros((n, len(channels)))  # every star is seen on its target
 
-    def against_stars(effects: Sequence[Effect], s: Stimulus = s) -> Rows:
-        return linearise(recording.platform, s, effects, "pointing", channels, on_target, STAGES)
+    def against_stars(effects: Sequence[Effect], s: Stimulus = aimed) -> Rows:
+        return linearise(recording.platform, s, effects, "pointing", channels, centred, STAGES)
 
     def rows(effects: Sequence[Effect]) -> Rows:
         return against_stars(effects).reduced(clear)
 
     def reference(effects: Sequence[Effect]) -> Rows:
         rows = against_stars(effects)
-        there = s.at(readout=s.readout + ~tracking * _readout_misses(rows, own))
+        there = aimed.at(readout=s.readout + ~tracking * _readout_misses(rows, own))
         return replace(against_stars(effects, there), residual=rows.residual).reduced(clear)
 
     fields = recording_fields(recording)

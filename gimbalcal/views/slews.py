@@ -102,11 +102,12 @@ def view_of_slews(
 
     labels = [p.label for p in known]
 
-    def given(_: Effect, wanted: Sequence[Parameter]) -> Array:  # whatever delays are in the model, small beside a slew
+    def columns(_: Effect, wanted: Sequence[Parameter]) -> Array:  # a delay is small beside a slew
         return J[..., [labels.index(p.label) for p in wanted]]
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        return replace(base, effects=tuple(effects), residual=base.residual - J @ values(effects, known), given=given)
+        residual = base.residual - J @ values(effects, known)
+        return replace(base, effects=tuple(effects), residual=residual, fixed_columns=columns)
 
     ends = dwell_means(recording).select(np.array([moves[k][1] for k in onto.kept]))
     channels = tuple((q, "force" if q == FORCE else "rate") for q in late)

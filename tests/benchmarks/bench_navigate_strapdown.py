@@ -21,8 +21,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.methods import calibrate
-from gimbalcal.navigate.mechanisations import navigated, usual
-from gimbalcal.navigate.uncertainty import bands
+from gimbalcal.navigate.uncertainty import bands, navigated, usual
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import find

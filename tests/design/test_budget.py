@@ -11,8 +11,8 @@ from gimbalcal.design.planned_calibration import planned_calibration
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import with_values
 from gimbalcal.inference.information import solve
-from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.stationary_base import still_base
+from gimbalcal.navigate.uncertainty import navigated, usual
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Site
 from gimbalcal.simulate import load, simulate

@@ -55,10 +55,10 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "estimate/pointing/test_term_tests.py": (
         ("estimate.pointing.term_tests", "_Tests._test", "max(gain, 0.0) / k", "max(gain, 0.0)"),
-        ("estimate.pointing.term_tests", "_Tests.of_candidate", "scale * np.linalg.pinv", "np.linalg.pinv"),
+        ("estimate.pointing.term_tests", "_Tests.of_candidate", "scale * inverse", "inverse"),
     ),
     "estimate/test_noise_memory.py": (
-        ("estimate.noise_memory", "added_by_memory", "s2 * a * _remembered", "a * _remembered"),
+        ("estimate.noise_memory", "added_by_memory", "s2 * a * KX", "a * KX"),
         ("estimate.noise_memory", "added_by_memory", "s2 * (1 - a) - 1", "s2 * (1 - a)"),
     ),
     "calibration/test_matrices.py": (

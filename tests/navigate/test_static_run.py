@@ -10,13 +10,12 @@ import pytest
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.effects import CATALOGUE, parameters, with_values
-from gimbalcal.navigate.mechanisations import navigated
 from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated, labels
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids, InertialSite
 from gimbalcal.navigate.static_run import half_apart, horizontal
 from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.navigate.summary import NavigationInputs, summary
-from gimbalcal.navigate.uncertainty import bands, before_and_after, uncertain
+from gimbalcal.navigate.uncertainty import bands, before_and_after, navigated, uncertain
 from gimbalcal.recording import Site, block_means
 from gimbalcal.simulate import simulate
 from tests.golden import golden_text, refused

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import normal_gravity
-from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.navigate.stationary_base import still_unit
+from gimbalcal.navigate.uncertainty import navigated, usual
 from gimbalcal.recording import Site
 from gimbalcal.rotation import exponential
 

@@ -12,12 +12,11 @@ import pytest
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.earth import EARTH_RATE, NAUTICAL_MILE, normal_gravity
 from gimbalcal.effects import CATALOGUE, parameters
-from gimbalcal.navigate.mechanisations import navigated, usual
 from gimbalcal.navigate.navigation_errors import Navigated
 from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, schuler_rate
 from gimbalcal.navigate.strapdown import aided, radii
 from gimbalcal.navigate.strapdown_unit import aligned, thinned
-from gimbalcal.navigate.uncertainty import bands, before_and_after
+from gimbalcal.navigate.uncertainty import bands, before_and_after, navigated, usual
 from gimbalcal.recording import read, write
 from gimbalcal.rotation import exponential
 from gimbalcal.simulate import simulate

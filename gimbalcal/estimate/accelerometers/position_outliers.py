@@ -208,7 +208,7 @@ def _fault(view: View, rest: ViewsFit, visits: tuple[int, ...]) -> Fault:
     return Fault(visits, names, words)
 
 
-def every_row(recording: Recording, positions: Positions, more: Sequence[ExtraEffect]) -> View:
+def view_of_every_row(recording: Recording, positions: Positions, more: Sequence[ExtraEffect]) -> View:
     """Return the view of every row of the trusted positions in which extra effects act as far as they show there."""
     ids = [p.effect for p in (*positions.fit.parameters, *sizes_shown_by(more, recording))]
     view = view_of_positions(recording, positions.noise, ids, averaged=False)

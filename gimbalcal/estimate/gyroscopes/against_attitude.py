@@ -142,10 +142,11 @@ def gyroscopes_against_attitude(recording: Recording) -> Calibration:
             f"{recording.title!r} holds {amount(len(view), 'interval')} of {INTERVAL_S:g} s in which rates and "
             f"attitude were logged; at least {MIN_INTERVALS} are needed"
         )
-    white = fit([view], triangle_of_first_order(), min_signal=LEAST_SIGNAL)
+    wanted = tuple(p for p in triangle() if p.effect != "gyro_scale_nonlinearity")
+    white = fit([view], wanted, min_signal=LEAST_SIGNAL)
     share = _walk_share(white, covariance(*intervals(time, known, lag)))
     view = against_reference(recording, known, M, lag, share)
-    return _calibration(fit([view], triangle_of_first_order(), min_signal=LEAST_SIGNAL), M, lag, known, share)
+    return _calibration(fit([view], wanted, min_signal=LEAST_SIGNAL), M, lag, known, share)
 
 
 def _walk_share(fitted: ViewsFit, D: Array) -> float:
@@ -176,11 +177,6 @@ def _walk_share(fitted: ViewsFit, D: Array) -> float:
     around = WALK_SHARES[max(k - 1, 0)], WALK_SHARES[min(k + 1, len(WALK_SHARES) - 1)]
     best = minimize_scalar(criterion, bounds=around, method="bounded", options={"xatol": 1e-3 * around[1]})
     return float(best.x) if best.fun < values[k] else float(WALK_SHARES[k])
-
-
-def triangle_of_first_order() -> tuple[Parameter, ...]:
-    """Bias, scale factors, and the three misalignments that a rotation of the triad leaves."""
-    return tuple(p for p in triangle() if p.effect != "gyro_scale_nonlinearity")
 
 
 def _first_lag(time: Array, y: Array, known: Reference) -> float:

@@ -99,7 +99,7 @@ def _free(p: Parameter) -> Parameter:
     return replace(p, sigma=PHASE_SIGMA_RAD) if p.label == PHASE else p
 
 
-def run_with(run: Readings, more: Sequence[ExtraEffect]) -> View:
+def static_view_with(run: Readings, more: Sequence[ExtraEffect]) -> View:
     """Return the view of a static run in which its baseline acts, and of extra effects those that it can show."""
     wanted = (*static_parameters(run), *sizes_shown_by(more, run.recording))
     return replace(static_view(run, wanted), acting=frozenset(p.effect for p in wanted))

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import add
 
 import numpy as np
 
@@ -211,17 +213,10 @@ def _common(each: Sequence[tuple[Parameter, ...]]) -> tuple[Parameter, ...]:
     return tuple(replace(p, sigma=sigma[p.label]) for p in each[0])
 
 
-def _information(wanted: Sequence[Parameter], m: SystematicFit, about: Array) -> Information:
-    """Return the information of one recording about the constants, less some values (p,) of them."""
-    return data_information(wanted, m.last.factor, m.unregularised - about, [p.sigma for p in m.wanted])
-
-
 def _joint(wanted: Sequence[Parameter], each: Sequence[SystematicFit], about: Array) -> Information:
     """Return the information of all recordings about the constants, less some values (p,) of them."""
-    whole = _information(wanted, each[0], about)
-    for m in each[1:]:
-        whole = whole + _information(wanted, m, about)
-    return whole
+    own = ((m, [p.sigma for p in m.wanted]) for m in each)
+    return reduce(add, (data_information(wanted, m.last.factor, m.unregularised - about, scale) for m, scale in own))
 
 
 def _relinearised(wanted: tuple[Parameter, ...], each: Sequence[SystematicFit], k: int, theta: Array) -> SystematicFit:
