@@ -51,7 +51,7 @@ from gimbalcal.number import Array
 from gimbalcal.quantities import check
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
-from gimbalcal.recording.dwell import Dwell
+from gimbalcal.recording.dwell import Dwell, visited_positions
 from gimbalcal.recording.frames import Rig
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
 
@@ -448,14 +448,12 @@ def _in_units(log: Log, context: _Context) -> Proposal:
             if turning > MAX_BIAS_DEG_S and not recording.counted(RATE)
             else "; they are taken as at rest"
         )
-    elif rests < 2:
-        notes["kind"] = (
-            "1 rest is found: enough for `gimbalcal noise`; a calibration takes six or more in different attitudes"
-        )
-    positions = 0 if recording.position is None else len(np.unique(recording.position[recording.position > 0]))
-    dwells_in_words = f"{rests} rests{f' at {positions} positions' if 0 < positions < rests else ''}"
-    kind = f"multi-position, for {dwells_in_words} are found; rotation is for turns that are navigated sample by sample"
-    notes.setdefault("kind", kind)
+    positions = visited_positions(recording)
+    found = amount(rests, "rest") + (f" at {amount(positions, 'position')}" if 0 < positions < rests else "")
+    found += " is found" if rests == 1 else " are found"
+    single = f"{found}: enough for `gimbalcal noise`; a calibration takes six or more in different attitudes"
+    several = f"multi-position, for {found}; rotation is for turns that are navigated sample by sample"
+    notes.setdefault("kind", single if positions < 2 else several)
     notes["noise"] = _noise_note(rests == len(recording.time) and not log.has("sigma"), log.has("gimbal_angle"))
     recording = replace(recording, remarks=(*recording.remarks, *refuse_implausible(recording)))
     left_out = (*(n for n in context.left_out if n not in gimbals), *outside)
@@ -519,6 +517,8 @@ def _rig(log: Log, context: _Context) -> tuple[Correction | None, dict[str, Gues
         return None, {}, ()
     covariates = {n: Guess("covariate", f"u{i}", "1", "") for i, n in enumerate(unknown)}
     free = context.recording(log.without("gimbal_angle").including(covariates))
+    if not dwells(free):  # which is refused, and by what the whole log shows
+        return chain, {}, tuple(named)
     columns = {n: free.channels["covariate", g.axis] for n, g in covariates.items()}
     among = chain_among(columns, [d.rows for d in dwells(free)], dwell_means(free).triad(FORCE))
     if among is None:

@@ -13,11 +13,13 @@ more than three times that of most of them is none: there the unit still moved.
 **Whether anything rests.** The floor of noise does not depend on the window; that of motion grows with it, as
 :math:`m^2` for a steady turn and as m for a random walk. The window is the longest of at most one second with
 
-.. math:: \sum_c F_c(4m) < 1.25 \sum_c F_c(m)
+.. math:: Q_q\left(\sum_c v_c(4m)\right) < 1.25 \, Q_q\left(\sum_c v_c(m)\right)
 
-for the accelerometers and, where they were logged, for the gyroscopes; or with a scatter that no motion has, as flicker
-and random walks of a unit on a table grow as motion does.
-Where dwells are shorter than four seconds the growth is that of the dwells, and the window becomes shorter.
+of low quantiles over all windows, by chi^2 of the channels that take part, so that a window is quiet in all
+channels at once. Gyroscopes, where they were logged, have to show no growth from the short windows to the long one that
+holds them, in the quietest of the long ones; or a triad has a scatter that no motion has, as flicker and random walks
+of a unit on a table grow as motion does. Where dwells are shorter than four seconds the growth is that of the dwells,
+and the window becomes shorter. A floor of more than `LOUD` of gravity is the vibration of a drive.
 
 Gyroscopes, where they were logged, also take away from that: what the accelerometers call a rest is none where a
 gyroscope scatters by more than 20 times what it usually does at rest, or turns on and on (about the vertical, which no
@@ -45,6 +47,7 @@ OVERLAP = 16  # windows of that length that hold a row: their floor is needed to
 GROWTH = 1.25  # of the floor from one window to `LONGER` of them, at rest
 QUIET_FORCE = 1e-3  # of the force; no hand and no vehicle holds still to a milli-g, whatever the colour of its noise
 QUIET_RATE = 1e-3  # rad/s
+LOUD = 0.03  # of the force, in a row: no accelerometer is as noisy, while the vibration of a drive or a drone is white
 THRESHOLD = 10.0  # in units of the floor; anything from 10 to 20 finds the same 38 rests in the Xsens set of ICRA 2014
 PAUSE = 60.0  # s; rows on both sides of a longer gap are not one rest (a unit turned in a shorter one shows it)
 FLOORS = ((0.10, -1.2816), (0.03, -1.8808))  # quantile and normal deviate: rests that fill a tenth of the time, or less
@@ -61,13 +64,18 @@ _LAST: list[tuple[list[weakref.ref[Array]], NDArray[np.int64]]] = []
 
 
 def detect(
-    time: Array, channels: Mapping[str, Array], rates: Mapping[str, Array] | None = None, raw: bool = False
+    time: Array,
+    channels: Mapping[str, Array],
+    rates: Mapping[str, Array] | None = None,
+    raw: bool = False,
+    gravity: bool = True,
 ) -> NDArray[np.int64]:
     """Return the position of each row, (n,): 1, 2, ... in order of time within rests, 0 elsewhere.
 
     time (n,) s; channels (n,) each, in any unit: only ratios of variances count. Accelerometers find the rests: in the
-    hand, a gyroscope finds none at all; `rates` (n,) each, in rad/s or `raw`, say which of them are none. All rows are
-    one rest where the recording is shorter than a few windows, none where its quietest windows are those of a motion.
+    hand, a gyroscope finds none at all; `rates` (n,) each, in rad/s or `raw`, say which of them are none. gravity: the
+    three channels are accelerometers. All rows are one rest where the recording is shorter than a few windows, none
+    where its quietest windows are those of a motion.
     """
     n = len(time)
     step = float(np.median(np.diff(time))) if n > 1 else WINDOW
@@ -78,7 +86,8 @@ def detect(
     position = np.zeros(n, dtype=np.int64)
     level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
     m, floor, variances = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
-    if m == 0:
+    loudest = max(LOUD * level, *map(_quantum, triads[0])) if gravity and len(channels) == 3 else np.inf
+    if m == 0 or np.sqrt(floor.sum()) > loudest:
         return position
     restless = np.zeros(n)
     for v, f in zip(variances, floor, strict=True):
@@ -121,7 +130,7 @@ def with_rests(recording: Recording) -> Recording:
     arrays = (recording.time, *forces.values(), *rates.values())
     before = [each() for each in _LAST[0][0]] if _LAST else []
     if len(before) != len(arrays) or any(a is not b for a, b in zip(arrays, before, strict=True)):
-        position = detect(recording.time, forces or rates, rates, recording.counted(RATE))
+        position = detect(recording.time, forces or rates, rates, recording.counted(RATE), bool(forces))
         _LAST[:] = [([weakref.ref(each) for each in arrays], position)]
     return replace(recording, position=_LAST[0][1].copy())
 
@@ -134,36 +143,61 @@ def _window(
     small: scatter of each triad that no motion has, whether it grows with the window or not.
     """
     least = [max(_quantum(x) for x in triad) ** 2 / 4 for triad in triads]  # a channel may show one value of it only
-
-    def floor(m: int, variances: Sequence[Array], quantised: float) -> Array:
-        """Return the floors (quantiles, C) of a triad from the variances of its windows of m rows."""
-        v = np.array([np.quantile(v, [q for q, _ in FLOORS]) for v in variances]).T
-        return np.maximum(v / np.array([_chi_square(m, z) for _, z in FLOORS])[:, None], quantised)
-
     m = max(MIN_ROWS, round(WINDOW / step)) | 1  # odd: the window has a middle
     while m >= MIN_ROWS and (m * step >= SHORTEST_WINDOW or m == MIN_ROWS):
         if n > (LONGER + 1) * m:
-            quiet, first = np.ones(len(FLOORS), dtype=bool), (np.zeros(0), [np.zeros(0)])
-            for k, (triad, quantised, limit) in enumerate(zip(triads, least, small, strict=False)):
-                short, long = zip(*(_short_and_long(x, m) for x in triad), strict=True)
-                a, b = floor(m, short, quantised), floor(LONGER * m, long, quantised)
-                quiet &= (b.sum(axis=1) <= GROWTH * a.sum(axis=1)) | (b.sum(axis=1) < limit**2)
-                first = first if k else (a, [*short])
+            quiet, first = np.ones(len(FLOORS), dtype=bool), list[Array]()
+            for triad, quantised, limit in zip(triads, least, small, strict=False):
+                short, within, long = zip(*(_short_and_long(x, m) for x in triad), strict=True)
+                quiet &= _quiet(within if first else short, long, m, len(triad) * quantised, limit, bool(first))
+                first = first or [*short]
                 if not quiet.any():
                     break
             else:
-                return m, first[0][int(np.argmax(quiet))], first[1]
+                q, z = FLOORS[int(np.argmax(quiet))]
+                floor = np.array([np.quantile(v, q) for v in first]) / _chi_square(m - 1, z)
+                return m, np.maximum(floor, least[0]), first
         m = min(int(m / 1.2) | 1, m - 2)
     return 0, np.zeros(0), []
 
 
-def _short_and_long(x: Array, m: int) -> tuple[Array, Array]:
-    """Return the variance of x (n,) in every window of m samples, and in some of the windows of `LONGER` times m."""
+def _quiet(
+    short: Sequence[Array], long: Sequence[Array], m: int, quantised: float, limit: float, alike: bool
+) -> NDArray[np.bool_]:
+    """Return by each of `FLOORS` whether the floor of a triad does not grow from short windows to long ones.
+
+    A window counts by the sum of all channels: turned about x, the x axis is quiet and the others are not. alike: the
+    short windows are those of the long ones, so that a knock, which is in both, is no motion.
+    """
+    a, b = (np.sum(v, axis=0) for v in (short, long))
+    shares = [float(np.mean(v)) for v in short]
+    channels = sum(shares) ** 2 / max(float(np.dot(shares, shares)), 1e-300)  # that take part, by Satterthwaite
+    order = np.argsort(b) if alike else None
+    out = np.zeros(len(FLOORS), dtype=bool)
+    for i, (q, z) in enumerate(FLOORS):
+        if order is None:
+            floor, grown = (
+                np.quantile(v, q) / _chi_square(channels * (r * m - 1), z) for v, r in ((a, 1), (b, LONGER))
+            )
+        else:
+            floor, grown = (v[order[: max(1, round(q * len(b)))]].mean() for v in (a, b))
+        grown = max(grown, quantised)
+        out[i] = grown <= GROWTH * max(floor, quantised) or grown < limit**2
+    return out
+
+
+def _short_and_long(x: Array, m: int) -> tuple[Array, Array, Array]:
+    """Return the variance of x (n,) in every window of m samples, and in some windows of `LONGER` times m.
+
+    Of these, the mean variance of their short windows and that of the whole, both without bias in white noise.
+    """
     mean, variance = _windows(x, m)
     count, step = len(x) - LONGER * m + 1, max(1, LONGER * m // OVERLAP)
     parts = [slice(k, k + count, step) for k in range(0, LONGER * m, m)]
     level = np.asarray(sum(mean[part] for part in parts) / LONGER)
-    return variance, np.asarray(sum(variance[part] + (mean[part] - level) ** 2 for part in parts) / LONGER)
+    within = np.asarray(sum(variance[part] for part in parts) / LONGER)
+    between = np.asarray(sum((mean[part] - level) ** 2 for part in parts) / LONGER)
+    return variance, within * m / (m - 1), (within + between) * LONGER * m / (LONGER * m - 1)
 
 
 def _quantum(x: Array) -> float:
@@ -176,14 +210,14 @@ def _quantum(x: Array) -> float:
     return step if 2 * np.count_nonzero(changes < 1.5 * step) > len(changes) else 0.0
 
 
-def _chi_square(m: int, z: float) -> float:
-    """Return a quantile of chi^2 / (m - 1) of m - 1 degrees of freedom, by Wilson and Hilferty (1931)."""
-    return float((1 - 2 / (9 * (m - 1)) + z * np.sqrt(2 / (9 * (m - 1)))) ** 3)
+def _chi_square(dof: float, z: float) -> float:
+    """Return a quantile of chi^2 / dof, by Wilson and Hilferty (1931)."""
+    return float((1 - 2 / (9 * dof) + z * np.sqrt(2 / (9 * dof))) ** 3)
 
 
 def _threshold(m: int) -> float:
     """Return `THRESHOLD`, or what white noise alone reaches in windows of few samples, once in ten million."""
-    return max(THRESHOLD, _chi_square(m, 5.2))
+    return max(THRESHOLD, _chi_square(m - 1, 5.2))
 
 
 def _unmoved(
@@ -196,8 +230,9 @@ def _unmoved(
 ) -> NDArray[np.bool_]:
     """Return which stretches (k,), of m rows at least, go on with the one before: knocked in between, but not turned.
 
-    The level of the force is the same to the noise of a row and never leaves it by more than a rest allows; a turn
-    about the vertical shows in the integral of the rates. Rates of unknown size cannot deny one.
+    The level of the force is the same to the noise of a row, or of the means of few rows, and never leaves it by more
+    than a rest allows; a turn about the vertical shows in the integral of the rates, beyond that of their noise. Rates
+    of unknown size cannot deny one.
     """
     force, rate = triads[0], triads[1] if len(triads) > 1 else ()
     out = np.zeros(len(starts), dtype=bool)
@@ -207,7 +242,7 @@ def _unmoved(
         before, after = slice(stops[k - 1] - m, stops[k - 1]), slice(starts[k], starts[k] + m)
         y = _rows(force, before)
         level, noise = y.mean(axis=0), float(np.linalg.norm(y.std(axis=0)))
-        if np.linalg.norm(_rows(force, after).mean(axis=0) - level) > noise:
+        if np.linalg.norm(_rows(force, after).mean(axis=0) - level) > noise * max(1.0, np.sqrt(2 * THRESHOLD / m)):
             continue
         way = slice(before.stop - m // 2, after.start + m // 2 + 1)
         means = np.stack([_windows(x[way], m)[0] for x in force], axis=1)
@@ -215,8 +250,10 @@ def _unmoved(
         if np.linalg.norm(means - level, axis=1).max() > shaken:
             continue
         if rate:
-            turn = np.cumsum(_rows(rate, way) - _rows(rate, before).mean(axis=0), axis=0) * step
-            if np.linalg.norm(turn, axis=1).max() * np.linalg.norm(level) > shaken:
+            w, rows = _rows(rate, before), way.stop - way.start
+            turn = np.cumsum(_rows(rate, way) - w.mean(axis=0), axis=0) * step
+            random = THRESHOLD * float(w.var(axis=0).sum()) * step**2 * (rows + rows**2 / m)  # of the sum, and the mean
+            if np.linalg.norm(turn, axis=1).max() > np.hypot(shaken / np.linalg.norm(level), np.sqrt(random)):
                 continue
         out[k] = True
     return out

@@ -45,6 +45,11 @@ def dwells(recording: Recording) -> tuple[Dwell, ...]:
     return tuple(Dwell(int(p[start]), int(start), int(stop)) for start, stop in pairwise(edges) if p[start] > 0)
 
 
+def visited_positions(recording: Recording) -> int:
+    """Return how many positions were visited; none where the recording has no positions."""
+    return 0 if recording.position is None else len(np.unique(recording.position[recording.position > 0]))
+
+
 @dataclass(frozen=True)
 class MoveRows:
     """Rows from the last of a dwell to the first of the next; `paused`: nobody knows how the unit turned meanwhile."""

@@ -170,10 +170,10 @@ def _rows(
     gyros = [c for c in checks.sensors if c.quantity == "angular_rate" and forces]
     rates = {c.name: to_si(table[c.name], c.unit) for c in gyros}
     raw = any(is_raw(c.unit) for c in gyros)
-    position = detect(to_si(table[checks.clock.name], checks.clock.unit), sensors, rates, raw)
+    position = detect(to_si(table[checks.clock.name], checks.clock.unit), sensors, rates, raw, bool(forces))
     table[_DETECTED.name] = position.astype(float)
     count, dwells = int(position.max(initial=0)), int(np.count_nonzero(np.diff(position, prepend=0) * position))
-    at = f" at {count} positions" if count < dwells else ""
+    at = f" at {amount(count, 'position')}" if count < dwells else ""
     remark = (
         f"{header.samples}: there is no position column; {amount(dwells, 'dwell')}{at} found where the "
         "sensors are quiet, numbered in order of time"

@@ -13,6 +13,7 @@ from gimbalcal.effects.effect import stated_law
 from gimbalcal.errors import amount
 from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
+from gimbalcal.recording.dwell import visited_positions
 from gimbalcal.references import cite
 from gimbalcal.report import sections
 from gimbalcal.report.figures import correlation
@@ -158,7 +159,7 @@ def _measured(r: Recording) -> Context:
     where = [f"gravity {site.gravity:.6f} m/s²", f"height {site.height:.0f} m"]
     if site.latitude is not None:
         where.insert(0, f"latitude {np.rad2deg(site.latitude):.4f}°")
-    positions = 0 if r.position is None else len(np.unique(r.position[r.position > 0]))
+    positions = visited_positions(r)
     visits = f", {naming.counted(positions, 'position')}" if positions else ""
     duration = float(r.time[-1] - r.time[0])
     facts = [

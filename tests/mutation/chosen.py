@@ -41,7 +41,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "recording/test_dwells.py": (
         ("recording.detection", "detect", "kept = stops - starts >= m", "kept = stops - starts >= 2"),
-        ("recording.detection", "_short_and_long", "variance[part] + (mean[part] - level) ** 2", "variance[part]"),
+        ("recording.detection", "_short_and_long", "within + between", "within"),
         ("recording.detection", "_unmoved", "> noise", "> 100 * noise"),
         ("recording.detection", "_threshold", "max(THRESHOLD,", "min(THRESHOLD,"),
         ("recording.detection", "_turned", "np.sqrt(variance)", "variance"),

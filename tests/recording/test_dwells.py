@@ -239,6 +239,27 @@ def test_nothing_rests_in_a_unit_that_moves_all_the_time(seed, kind):
     assert detect(time, dict(zip("xyz", force.T, strict=True))).max() == 0
 
 
+@pytest.mark.parametrize(("noise", "count"), [(0.01, 1), (0.04, 0)])
+def test_noise_beyond_that_of_any_accelerometer_is_vibration(noise, count):
+    rng = np.random.default_rng(0)
+    force = np.array([0.1, 0.2, 0.95]) + noise * rng.standard_normal((20_000, 3))
+    assert detect(np.arange(20_000) / 200.0, dict(zip("xyz", force.T, strict=True))).max() == count
+
+
+def test_knocks_at_a_low_rate_end_no_stay():
+    """Rows that stand out by ten sigma, of gyroscopes and accelerometers, in a unit that stays for an hour at 18 Hz."""
+    rng = np.random.default_rng(1)
+    for rate, n in ((18.0, 4000), (1.2, 1500)):
+        time = np.arange(n) / rate
+        force = np.array([9.4, -2.6, -4.9]) + 0.05 * rng.standard_normal((n, 3))
+        turn = 2e-3 * rng.standard_normal((n, 3))
+        force[rng.choice(n, n // 300, replace=False)] += 0.5 * rng.standard_normal(3)
+        turn[rng.choice(n, n // 40, replace=False), 1] += 0.02
+        position = detect(time, *(dict(zip("xyz", x.T, strict=True)) for x in (force, turn)))
+        assert position.max() == 1
+        assert (position > 0).mean() > 0.9
+
+
 def test_a_knock_does_not_end_a_stay_and_a_turn_does():
     rng = np.random.default_rng(3)
     time = np.arange(6000) / 100.0
