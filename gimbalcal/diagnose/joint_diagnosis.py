@@ -10,7 +10,7 @@ from typing import Any
 import gimbalcal
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
-from gimbalcal.diagnose.verdict.refit_calibration import origin
+from gimbalcal.diagnose.verdict.joint_fit import origin
 from gimbalcal.diagnose.verdict.view_calibration import calibrated_views
 from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
 from gimbalcal.effects import Effect, Parameter

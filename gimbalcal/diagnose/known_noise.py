@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -37,17 +36,16 @@ from gimbalcal.diagnose.result import (
     StatedNoiseFit,
 )
 from gimbalcal.diagnose.search.combine import combine
-from gimbalcal.diagnose.search.fitted_causes import columns_of_causes, fit_causes
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.relinearise import about_causes, about_settings
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.findings import findings_of_recordings
+from gimbalcal.diagnose.verdict.joint_fit import JointFit, RecordingPart, joint_fit, parts_of
 from gimbalcal.diagnose.verdict.mismatch import LEFT, MAX_CELLS, Scan, scan, scanned_mismatches
-from gimbalcal.diagnose.verdict.pooled_sizes import RecordingCauses, causes_by_recording, common_sizes
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
-from gimbalcal.diagnose.verdict.refit_calibration import calibrated, calibrated_without, sized_causes_of
 from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limits
 from gimbalcal.diagnose.verdict.verify import known_noise_shifts, residual_rows, verify
 from gimbalcal.diagnose.view_diagnosis import Contradiction, ViewDiagnosis
@@ -74,7 +72,7 @@ class SeparateDecision:
 class RecordingAnswer:
     """One recording in the common answer: its part of the fit, where it is off before, its numbers and residuals."""
 
-    part: RecordingCauses
+    part: RecordingPart
     before: Scan
     fit: StatedNoiseFit
     curves: Curves
@@ -176,11 +174,11 @@ def _report(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> 
     members = d.hypothesis.members if d.hypothesis else ()
     causes = [c.library.candidates[m] for m in members]
     case.tell("locating the mismatch and checking held-out data")
-    answers = tuple(_answer_of(c, d, k, part, case.rng) for k, part in enumerate(causes_by_recording(c, members)))
+    joint = joint_fit(parts_of(c, members), causes)
+    answers = tuple(_answer_of(c, d, k, joint, case.rng) for k in range(len(joint.parts)))
     lead = min(range(len(answers)), key=lambda k: (answers[k].before.p_value, -answers[k].before.statistic.max()))
     mismatch = () if d.verdict == "adequate" else _mismatch(answers, lead)
-    sizes = common_sizes([s.part for s in answers], causes)
-    named = findings_of_recordings(c, d, [s.part for s in answers], sizes)
+    named = findings_of_recordings(c, d, joint)
     shapes = tuple(_shape(c, i) for i in d.shapes[:3])
     law = law or lawful(c, d, case.seed, case.tell)
     answers = _with_law(answers, law)
@@ -188,18 +186,15 @@ def _report(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> 
     if d.verdict == "adequate":
         fitted = replace(fitted, unseen=detection_limits([(s.library.candidates, s.projections) for s in c.searches]))
     case.tell("the model with what was found, as a calibration")
-    shown = [(s.part.search.fit, s.part.fit.projection.node, s.part.ordinals) for s in answers]
-    sized = sized_causes_of(sizes)
-    calibration, between = calibrated(shown, sized, "", case.known)
     curves, o = answers[lead].curves, c.searches[lead].fit
     diagnosis = ViewDiagnosis(
         o.view, d.verdict, mismatch, named, shapes, fitted, curves,
-        np.broadcast_to(o.sigma, curves.after.shape), calibration=calibration, laws=law.laws,
+        np.broadcast_to(o.sigma, curves.after.shape), calibration=joint.calibration(case.known), laws=law.laws,
         recommend=law.recommend, outcome=misheld(c, d.verdict), evidence=_evidence(c, d, case.clean),
         together=tuple(s.fit.view for s in c.searches),
-        without=partial(calibrated_without, fits=shown, sized=sized, known=case.known),
+        without=lambda effect_id: joint.without(effect_id).calibration(case.known),
     )  # fmt: skip
-    return diagnosis if between is None else _of_several(diagnosis, case, c, answers, between)
+    return diagnosis if joint.between is None else _of_several(diagnosis, case, c, answers, joint.between)
 
 
 def _of_several(
@@ -234,19 +229,20 @@ def _evidence(c: Ranking, d: Decision, clean: Array) -> Evidence:
     )
 
 
-def _answer_of(c: Ranking, d: Decision, k: int, part: RecordingCauses, rng: np.random.Generator) -> RecordingAnswer:
+def _answer_of(c: Ranking, d: Decision, k: int, joint: JointFit, rng: np.random.Generator) -> RecordingAnswer:
     """Return where a recording is off before anything is added, the numbers of its fit, and its residuals."""
+    part = joint.parts[k]
     s, f = part.search, part.fit
     seen = f
     if not d.hypothesis and (shapes := c.within(d.shapes, k)):
         seen = fit_causes(s, shapes[:1])  # the noise as it is once the shape is allowed for
-    physical, node = columns_of_causes(s, f), seen.projection.node
+    physical, node = part.columns, seen.projection.node
     before = scan(s.fit, s.rows, node, rng)
-    after = scan(s.fit, s.rows, node, rng, s.library.X[:, list(f.index)]) if f.index else before
+    after = scan(s.fit, s.rows, node, rng, s.fit.reduced(physical)) if f.index else before
     fitted = verify(s, f if f.index else seen, physical, before.p_value, after.p_value)
     fitted = replace(fitted, calibration_moved=known_noise_shifts(s, f) if f.index else ())
     v = s.fit.view
-    remainder, rest = residual_rows(s.fit, physical @ f.x)
+    remainder, rest = residual_rows(s.fit, physical @ joint.sizes(part))
     sigma, units = in_print(v.channels, np.broadcast_to(s.fit.sigma, remainder.shape))
     against = plotted_against(v.stimulus)
     curves = Curves(v.stimulus.time, v.stimulus.position, v.channels, remainder, rest, sigma, units, against)

@@ -62,15 +62,15 @@ class Information:
         rows = np.concatenate([self.rows[:, others], (self.rows[:, -1] - known)[:, None]], axis=1)
         return Information(tuple(self.parameters[i] for i in others), rows, self.count)
 
-    def without(self, nuisance: Sequence[Parameter]) -> Information:
+    def without(self, nuisance: Sequence[Parameter], flat: bool = False) -> Information:
         """Return the information about the other parameters, with the nuisance parameters eliminated.
 
         With their columns first, the triangle's rows below theirs do not depend on them. Their prior is added, so that
-        no direction among them is free.
+        no direction among them is free; a `flat` one is as wide as that takes.
         """
         out = [i for i, p in enumerate(self.parameters) if p in nuisance]
         others = [i for i in range(len(self.parameters)) if i not in out]
-        prior = np.eye(len(out), self.rows.shape[1])
+        prior = np.eye(len(out), self.rows.shape[1]) * (ABSENT_SIGNAL_TO_NOISE if flat else 1.0)
         triangle = np.asarray(np.linalg.qr(np.concatenate([prior, self.rows[:, [*out, *others, -1]]]), mode="r"))
         remaining = tuple(self.parameters[i] for i in others)
         return Information(remaining, triangle[len(out) :, len(out) :], self.count - len(out))
@@ -102,6 +102,36 @@ def information(J: Array, r: Array, parameters: Sequence[Parameter]) -> Informat
     J = np.asarray(J).reshape(-1, len(parameters))
     rows = np.concatenate([J * scale, (np.ravel(r) - J @ mean)[:, None]], axis=1)
     return Information(tuple(parameters), _triangle(rows), len(rows))
+
+
+def mean_information(each: Sequence[Information], weights: Array) -> Information:
+    r"""Return the information whose estimate is the mean of those in several noises of these probabilities (k,).
+
+    .. math:: \hat x = \sum_k p_k x_k, \qquad P = \sum_k p_k \left[ P_k + (x_k - \hat x)(x_k - \hat x)^T \right]
+
+    chi^2 is the mean of theirs. Directions of no signal but rounding are left out.
+    """
+    if len(each) == 1:
+        return each[0]
+    pooled = np.concatenate([np.sqrt(w) * info.rows[:, :-1] for w, info in zip(weights, each, strict=True)])
+    _, S, Vt = np.linalg.svd(pooled, full_matrices=False)
+    U = Vt[S > ABSENT_SIGNAL_TO_NOISE].T  # in which the covariances are nearly diagonal
+    estimates, covariances = [], []
+    for info in each:
+        Q, R = np.linalg.qr(info.rows[:, :-1] @ U)
+        root = np.linalg.inv(R)
+        estimates.append(root @ (Q.T @ info.rows[:, -1]))
+        covariances.append(root @ root.T)
+    x = weights @ np.array(estimates)
+    spread = np.array(estimates) - x
+    P = np.einsum("k,kij->ij", weights, np.array(covariances)) + (spread.T * weights) @ spread
+    chi2 = sum(w * ((info.rows[:, -1] - info.rows[:, :-1] @ (U @ x)) ** 2).sum()
+               for w, info in zip(weights, each, strict=True))  # fmt: skip
+    scale = np.sqrt(np.diag(P))
+    root = np.linalg.cholesky(np.linalg.inv(P / np.outer(scale, scale))).T / scale
+    rows = np.column_stack([root @ U.T, root @ x])
+    rows = np.concatenate([rows, np.append(np.zeros(len(Vt[0])), np.sqrt(chi2))[None]])
+    return Information(each[0].parameters, rows, each[0].count)
 
 
 def prior(parameters: Sequence[Parameter]) -> tuple[Array, Array]:
@@ -158,6 +188,8 @@ def name_directions(null: Array, parameters: Sequence[Parameter], R: Array) -> t
     as it can. Its pivots come from the projector on the space, and ties go to the first parameter: the basis, its order
     and its signs depend neither on the vectors that span the space nor on rounding.
     """
+    if not null.size:
+        return ()
     scale = np.array([from_si(p.sigma, p.unit) for p in parameters], dtype=float)
     projector = null @ null.T
     pivots: list[int] = []

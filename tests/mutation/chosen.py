@@ -196,7 +196,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.cost", "_costs", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
     ),
     "diagnose/test_cost.py::test_a_static_run_from_end_to_end": (
-        ("diagnose.verdict.refit_calibration", "SizedCauses.without", "if c.effect != effect_id]", "]"),
+        ("diagnose.verdict.joint_fit", "JointFit.without", " if c.effect != effect_id]", "]"),
     ),
     "diagnose/verdict/test_agreement.py": (
         ("estimate.sharing", "agreement", "shared.dof - sum(s.dof for s in alone)", "shared.dof"),

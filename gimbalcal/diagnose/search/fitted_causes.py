@@ -11,12 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.projection import Projection, log_bayes, project, rows_like
-from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.evidence.projection import Projection, log_bayes
+from gimbalcal.diagnose.library.candidates import Candidate, Constants
 from gimbalcal.diagnose.search.ranking import Search, likeliest_variants
-from gimbalcal.effects import Effect, Parameter, parameters, with_values
-from gimbalcal.effects.effect import constants
-from gimbalcal.effects.grids import kind, limits
+from gimbalcal.effects import Effect, with_values
 from gimbalcal.number import Array
 
 
@@ -31,6 +29,11 @@ class FittedCauses:
     covariance: Array
     significance: tuple[float, ...]  # per member, sigmas beyond what everything else explains
     projection: Projection
+    weights: Array  # (nodes,) probability of each noise given these causes
+
+    def columns_of(self, s: Search, member: int) -> tuple[int, ...]:
+        """Return the columns of one of the members in the library of its search."""
+        return s.library.candidates[self.members[member]].variants[self.variants[member]].index
 
 
 def fit_causes(s: Search, members: Sequence[int]) -> FittedCauses:
@@ -50,7 +53,7 @@ def fit_causes(s: Search, members: Sequence[int]) -> FittedCauses:
     covariance = np.einsum("k,kpq->pq", weights, np.array(Cs)) + np.einsum("k,kp,kq->pq", weights, spread, spread)
     p = s.projections[int(np.argmax(weights))]
     significance = _significance(p, candidates, members, variants)
-    return FittedCauses(tuple(members), variants, index, x, covariance, significance, p)
+    return FittedCauses(tuple(members), variants, index, x, covariance, significance, p, weights)
 
 
 def _weights(s: Search, at: Array) -> Array:
@@ -73,56 +76,6 @@ def _significance(
         others = [i for n, span in enumerate(spans) if n != j for i in span]
         out.append(float(np.sqrt(max(p.explained(own, others), 0.0))))
     return tuple(out)
-
-
-@dataclass(frozen=True)
-class JointCovariance:
-    """Covariance of the sizes of fitted causes and of their continuous constants (p + k, p + k), all in SI.
-
-    constants: of each the ordinal of its member and the parameter that it is.
-    """
-
-    constants: tuple[tuple[int, Parameter], ...]
-    covariance: Array
-
-    def sigma_of(self, member: int) -> dict[str, float]:
-        """Return one sigma of each continuous constant of a member, by name, SI."""
-        own = np.sqrt(np.diag(self.covariance)[len(self.covariance) - len(self.constants) :])
-        return {p.field: float(s) for (j, p), s in zip(self.constants, own, strict=True) if j == member}
-
-
-def joint_covariance(s: Search, f: FittedCauses) -> JointCovariance:
-    """Return the covariance of sizes and continuous constants, from the derivatives by both at the fitted values.
-
-    The prior of a constant is its range. What its uncertainty adds to the sizes is taken in the likeliest noise.
-    """
-    of, columns, half_ranges = [], [s.library.X[:, list(f.index)]], []
-    for j, (effect, c) in enumerate(fitted_effects(s, f)):
-        fields = [g for g in constants(type(effect)) if kind(g).smooth]
-        wanted = [p for p in parameters(type(effect), constants=True) if p.field in {g.name for g in fields}]
-        ranges = [float(np.ptp(limits(g, s.fit.view.stimulus))) / 2 for g in fields]
-        if not wanted or c.variants[f.variants[j]].column is not None:
-            continue
-        columns.append(s.fit.reduced(s.fit.rows.columns(effect, wanted) * ranges))
-        of += [(j, p) for p in wanted]
-        half_ranges += ranges
-    p, k = len(f.index), len(of)
-    scale = np.array([q.sigma for m in f.members for q in s.library.candidates[m].parameters] + half_ranges)
-    C = np.zeros((p + k, p + k))
-    C[:p, :p] = f.covariance
-    if k:
-        G = project(f.projection.node, rows_like(s.rows, np.concatenate(columns, axis=1))).G.whole
-        G[range(p, p + k), range(p, p + k)] += 1.0
-        joint, without_constants = (scaled_inverse(A) for A in (G, G[:p, :p]))
-        C += joint
-        C[:p, :p] -= without_constants
-    return JointCovariance(tuple(of), C * np.outer(scale, scale))
-
-
-def scaled_inverse(G: Array) -> Array:
-    """Return the inverse of an information or covariance, scaled so that a weak combination keeps its own; 0 of 0."""
-    scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
-    return np.asarray(np.linalg.pinv(G / np.outer(scale, scale), rcond=1e-13, hermitian=True) / np.outer(scale, scale))
 
 
 def fitted_effects(s: Search, f: FittedCauses) -> list[tuple[Effect, Candidate]]:
@@ -167,16 +120,19 @@ def calibration_fit(s: Search, f: FittedCauses) -> tuple[Array, Array, Array]:
     return before, after, np.sqrt(np.diag(C)[:q])
 
 
-def columns_of_causes(s: Search, f: FittedCauses) -> Array:
-    """Return the columns (n, C, p) of the fitted causes before reduction, per prior sigma."""
+def columns_of_causes(s: Search, f: FittedCauses, at: Sequence[Constants] = ()) -> Array:
+    """Return the columns (n, C, p) of the fitted causes before reduction, per prior sigma.
+
+    at: constants of each, if not those of the fit.
+    """
     o = s.fit
     out = [np.zeros((*o.residual.shape, 0))]
-    for m, v in zip(f.members, f.variants, strict=True):
+    for n, (m, v) in enumerate(zip(f.members, f.variants, strict=True)):
         c = s.library.candidates[m]
         column = c.variants[v].column
         if column is not None:
             out.append(column[:, :, None])
         elif not c.rival:
-            effect = c.absent(o.view.stimulus, c.variants[v].constants)
+            effect = c.absent(o.view.stimulus, at[n] if at else c.variants[v].constants)
             out.append(o.rows.columns(effect, c.parameters) * np.array([p.sigma for p in c.parameters]))
     return np.concatenate(out, axis=-1)

@@ -15,8 +15,8 @@ from gimbalcal.diagnose.search.refit import constants_with_sigma
 from gimbalcal.diagnose.search.stepwise import Key, SearchResult, SelectedCause, likeliest, result_of, with_causes
 from gimbalcal.diagnose.verdict.agreement import against
 from gimbalcal.diagnose.verdict.decide import Decision, capped
+from gimbalcal.diagnose.verdict.joint_fit import JointFit
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
-from gimbalcal.diagnose.verdict.pooled_sizes import CommonSizes, RecordingCauses, agreement_on_size
 from gimbalcal.diagnose.verdict.separation import advice_in_words, advise
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, row_sigma
 from gimbalcal.effects import CATALOGUE, Parameter, values
@@ -26,7 +26,6 @@ from gimbalcal.inference.algebra import basis
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
 from gimbalcal.words.diagnosis_sentences import cause_in_words
 from gimbalcal.words.naming import spaced
@@ -160,59 +159,46 @@ def finding_of_view(m: Fit, j: Judgement) -> Finding:
     return _entry(j, axis, j.significance or 0.0, rows, _cards(j))
 
 
-def findings_of_recordings(
-    c: Ranking, d: Decision, by_recording: Sequence[RecordingCauses], sizes: CommonSizes
-) -> tuple[Finding, ...]:
+def findings_of_recordings(c: Ranking, d: Decision, joint: JointFit) -> tuple[Finding, ...]:
     """Return what is named: effect, axis, probability, significance, sizes, what fits alike and how to separate it.
 
     Of several recordings the size by each stands beside the common one.
     """
-    x, sigma, out, at = sizes.x, np.sqrt(np.diag(sizes.joint.covariance)), [], 0
+    out = []
     for ordinal, j in enumerate(d.judgements):
-        own = slice(at, at + len(j.cause.parameters))
-        at = own.stop
-        rows = _estimates(j.cause.parameters, x[own] * [p.sigma for p in j.cause.parameters], sigma[own])
-        units = {f.name: f.metadata["unit"] for f in constants(CATALOGUE[j.cause.effect])}
-        rows += [
-            Estimate(name, "", float(from_si(value, units[name])), float(from_si(spread, units[name])), units[name])
-            for name, value, spread in sizes.constants[ordinal]
-        ]
-        significance = float(np.sqrt(sum(p.significance(ordinal) ** 2 for p in by_recording)))
-        named = _entry(j, _axes_of(j), significance, rows, _experiment(c, d, by_recording, ordinal, x[own]))
-        if len(by_recording) > 1:
-            named = replace(
-                named, recordings=_sizes(by_recording, ordinal), agreement=_agreement(by_recording, ordinal, named)
-            )
+        wanted = j.cause.parameters
+        rows = _estimates(wanted, *joint.estimate(wanted))
+        rows += [replace(Estimate.of(p, x, s), name=p.field, axis="") for p, x, s in joint.chosen_constants(ordinal)]
+        significance = float(np.sqrt(sum(p.significance(ordinal) ** 2 for p in joint.parts)))
+        named = _entry(j, _axes_of(j), significance, rows, _experiment(c, d, joint, ordinal))
+        if len(joint.parts) > 1:
+            a, words = joint.agreement_on(ordinal), cause_in_words(named.effect, named.axis)
+            agree = SizeAgreement(round(a.rise, 3), a.combinations, a.p_value, against(a, words))
+            named = replace(named, recordings=_sizes(joint, ordinal), agreement=agree)
         out.append(named)
     return tuple(out)
 
 
-def _sizes(by_recording: Sequence[RecordingCauses], ordinal: int) -> tuple[RecordingSize, ...]:
-    """Return the size that each recording gives a member."""
+def _sizes(joint: JointFit, ordinal: int) -> tuple[RecordingSize, ...]:
+    """Return the size that each recording gives a cause."""
     out = []
-    for k, p in enumerate(by_recording):
-        if ordinal in p.ordinals:
-            at = p.span(ordinal)
-            scale = np.array([q.sigma for q in p.cause(ordinal).parameters])
-            sigma = np.sqrt(np.diag(p.fit.covariance))[at]
-            rows = _estimates(p.cause(ordinal).parameters, p.fit.x[at] * scale, sigma * scale)
-            out.append(RecordingSize(k + 1, round(p.significance(ordinal), 2), tuple(rows)))
+    wanted = joint.causes[ordinal].parameters
+    for k, part in enumerate(joint.parts):
+        if ordinal in part.ordinals:
+            rows = _estimates(wanted, *joint.estimate_by(k, wanted))
+            out.append(RecordingSize(k + 1, round(part.significance(ordinal), 2), tuple(rows)))
     return tuple(out)
 
 
-def _agreement(by_recording: Sequence[RecordingCauses], ordinal: int, finding: Finding) -> SizeAgreement:
-    a, name = agreement_on_size(by_recording, ordinal), cause_in_words(finding.effect, finding.axis)
-    return SizeAgreement(round(a.rise, 3), a.combinations, a.p_value, against(a, name))
-
-
-def _experiment(c: Ranking, d: Decision, by_recording: Sequence[RecordingCauses], ordinal: int, size: Array) -> str:
-    """Return what would separate a member from the cause most like it, in the recording that shows it best."""
+def _experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int) -> str:
+    """Return what would separate a cause from the one most like it, in the recording that shows it best."""
     for fits in d.judgements[ordinal].alike[:1]:
         alike = next(i for i, one in enumerate(c.library.candidates) if one is fits)
-        both = [k for k in c.sees(alike) if ordinal in by_recording[k].ordinals]
-        for k in sorted(both, key=lambda k: -by_recording[k].significance(ordinal))[:1]:
-            s, cause = c.searches[k], by_recording[k].cause(ordinal)
-            variant = by_recording[k].fit.variants[by_recording[k].ordinals.index(ordinal)]
+        both = [k for k in c.sees(alike) if ordinal in joint.parts[k].ordinals]
+        for k in sorted(both, key=lambda k: -joint.parts[k].significance(ordinal))[:1]:
+            part, s = joint.parts[k], c.searches[k]
+            cause, variant = part.cause(ordinal), part.fit.variants[part.ordinals.index(ordinal)]
+            size = joint.estimate(cause.parameters)[0] / np.array([p.sigma for p in cause.parameters])
             (at,) = c.within((alike,), k)
             other = s.library.candidates[at]
             return advice_in_words(advise(s.fit, cause, variant, size, other), cause, other)
@@ -252,9 +238,12 @@ def _cards(j: Judgement) -> str:
     return f"{spaced(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
 
 
-def _estimates(parameters: Sequence[Parameter], size: Array, sigma: Array) -> list[Estimate]:
+def _estimates(parameters: Sequence[Parameter], x: Array, sigma: Array) -> list[Estimate]:
     """Return parameters as printed, from values and sigmas (p,) in SI; without those that nothing shows."""
-    return [Estimate.of(p, x, s) for p, x, s in zip(parameters, size, sigma, strict=True) if s != 0]
+    silent = keeps_prior(parameters, x, sigma)
+    return [
+        Estimate.of(p, *both) for p, *both, at_prior in zip(parameters, x, sigma, silent, strict=True) if not at_prior
+    ]
 
 
 def drifts_as_one(findings: Sequence[Finding]) -> tuple[Finding, ...]:

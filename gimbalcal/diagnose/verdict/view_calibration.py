@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout, Residual
-from gimbalcal.diagnose.verdict.refit_calibration import origin
+from gimbalcal.diagnose.verdict.joint_fit import origin
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
 from gimbalcal.estimate.accelerometers.fit_summary import rotations_of_the_triad
 from gimbalcal.estimate.fit import fit

@@ -13,7 +13,6 @@ from gimbalcal.diagnose.evidence.odds import SINGLE, UNKNOWN
 from gimbalcal.diagnose.known_noise import searched
 from gimbalcal.diagnose.of_recording import baseline_of
 from gimbalcal.diagnose.search.combine import CombinedRanking, combine, matched
-from gimbalcal.diagnose.verdict.pooled_sizes import pooled
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Source
 from gimbalcal.views.known_attitude import view_at_known_attitude
@@ -187,21 +186,6 @@ def test_order_does_not_matter_and_singles_add_up():
     rival = np.array([bool(c.rival) for c in one.library.candidates])
     assert np.exp(one.share[~rival]).sum() == pytest.approx(SINGLE)
     assert np.exp(one.share[rival]).sum() == pytest.approx(UNKNOWN)
-
-
-def test_pooled_sizes_are_those_of_least_squares_on_everything():
-    """Two causes that one recording tells apart and the other only as a sum, against the stacked normal equations."""
-    rng = np.random.default_rng(0)
-    A, B = rng.standard_normal((9, 2)), np.outer(rng.standard_normal(9), [1.0, 1.0])
-    y, z = rng.standard_normal(9), rng.standard_normal(9)
-    made = []
-    for X, data in ((A, y), (B, z)):
-        C = np.linalg.pinv(X.T @ X, rcond=1e-10, hermitian=True)
-        made.append(SimpleNamespace(fit=SimpleNamespace(x=C @ X.T @ data, covariance=C), ordinals=(0, 1)))
-    x, C = pooled(made, [1, 1])
-    both = np.concatenate([A, B])
-    np.testing.assert_allclose(x, np.linalg.lstsq(both, np.concatenate([y, z]), rcond=None)[0], rtol=1e-9)
-    np.testing.assert_allclose(C, np.linalg.inv(both.T @ both), rtol=1e-9)
 
 
 def test_a_constant_that_one_recording_calibrates_is_in_the_model_of_all():

@@ -5,17 +5,11 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
-from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.search.fitted_causes import (
     calibration_fit,
     constant_value,
     fit_causes,
-    joint_covariance,
-    scaled_inverse,
 )
-from gimbalcal.effects import CATALOGUE
-from gimbalcal.effects.effect import constants
-from gimbalcal.effects.grids import limits
 from gimbalcal.inference.algebra import orthonormal
 from tests.diagnose.plant import known
 from tests.diagnose.small import again, candidate, clean, covariance, gls, observed, rows_of, searched, with_data
@@ -135,37 +129,3 @@ def test_a_lag_has_the_mean_and_spread_of_its_variants():
     assert name == "tau"
     assert value == tau[int(np.argmin(chi2))]  # the variant that was fitted: the likeliest
     assert sigma == pytest.approx(np.sqrt(w @ (tau - mean) ** 2 / w.sum()), rel=1e-4)
-
-
-def test_sizes_and_lag_have_one_covariance():
-    """A least-squares fit of calibration, size and lag, its column by differences, in the likeliest noise."""
-    f = fit_causes(LAGGED, (0,))
-    c, o, node = LAGGED.library.candidates[0], LAGGED.fit, f.projection.node
-    joint = joint_covariance(LAGGED, f)
-    ((_, p),) = joint.constants
-    tau = dict(c.variants[f.variants[0]].constants)["tau"]
-    h = 1e-4 * tau
-    ahead, behind = (columns_at(o, c, (("tau", tau + d),)) for d in (h, -h))
-    half_range = float(np.ptp(limits(next(g for g in constants(CATALOGUE[c.effect])), o.view.stimulus))) / 2
-    slope = (ahead - behind) @ f.x[:, None] / (2 * h) * half_range
-    A = node.whiten(np.concatenate([o.reduced(o.Z), LAGGED.library.X[:, list(f.index)], slope], axis=1))
-    N = A.T @ A
-    N[-1, -1] += 1.0  # the range of the lag, as a prior
-    both, alone = (np.linalg.pinv(M, rcond=1e-12, hermitian=True)[-w:, -w:] for M, w in ((N, 2), (N[:-1, :-1], 1)))
-    scale = np.array([c.parameters[0].sigma, half_range])
-    reference = both * np.outer(scale, scale)
-    assert joint.covariance[0, 0] == pytest.approx(
-        reference[0, 0] + (f.covariance[0, 0] - alone[0, 0]) * scale[0] ** 2, rel=1e-3
-    )
-    np.testing.assert_allclose(joint.covariance[:, 1], reference[:, 1], rtol=1e-3)
-    assert joint.sigma_of(0) == {"tau": pytest.approx(np.sqrt(reference[1, 1]), rel=1e-3)}
-    assert joint.covariance[0, 0] > 1.02 * f.covariance[0, 0] * scale[0] ** 2
-    assert p.label.endswith("tau")
-
-
-def test_a_combination_that_nothing_determines_keeps_its_variance():
-    """Of a decay that is shorter than the means only size times time constant shows: a cut-off made it sure."""
-    G = np.array([[0.776, 1038.8], [1038.8, 1.0388**2 * 1e6 / 0.776 * (1 + 1e-6)]])
-    joint, held = scaled_inverse(G), scaled_inverse(G[:1, :1])
-    np.testing.assert_allclose(joint @ G, np.eye(2), atol=1e-3)
-    assert joint[0, 0] > 1e5 * held[0, 0]
