@@ -47,7 +47,7 @@ def positions(seed: int) -> CleanRecording:
     """Return eighteen positions on a space-stable platform with stated noise."""
     rng, how = np.random.default_rng(10_000 + seed), seed % 4
     r = plant.record(
-        rng, tails=4.0 * (how == TAILS), walk=5.0 * (how == WALK), loose=3.0 if how == LOOSE else 1.0, dwell=60
+        rng, tails=4.0 * (how == TAILS), walk=5.0 * (how == WALK), loose=3.0 if how == LOOSE else 1.0, dwell=60, rows=60
     )
     return (_disturbed(r, "specific_force", rng, 1e-3, 8.0) if how == OUTLIERS else r), ()
 

@@ -27,9 +27,9 @@ from threadpoolctl import threadpool_info
 import gimbalcal
 from gimbalcal.inference import square_root_filter
 from gimbalcal.recording import read
-from tests.benchmarks.bench_reading import make as static_run
 from tests.benchmarks.bench_speed import WORSE, ratios
 from tests.benchmarks.collecting import say
+from tests.benchmarks.day_of_samples import make as static_run
 
 ROUNDS, TRIES = 4, 4
 OTHER_MACHINE = 3  # the status

@@ -26,8 +26,8 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, write
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import find
-from tests.benchmarks.bench_reading import make as static_run
 from tests.benchmarks.collecting import say
+from tests.benchmarks.day_of_samples import make as static_run
 
 REPEATS, WORSE = 3, 1.2
 READ = "from gimbalcal.recording import read; read('{of}', average_s=60.0)"

@@ -195,7 +195,7 @@ def plain_errors(hours: float, *, bins: bool) -> Array:
 
 def a_day_at_100_hz() -> dict[str, float]:
     """A day of 100 Hz from Parquet to the fit, in a process of its own."""
-    from tests.benchmarks.bench_reading import make
+    from tests.benchmarks.day_of_samples import make
 
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "run"

@@ -32,6 +32,7 @@ ALIEN: Mapping[str, Mapping[str, Any]] = {
     "random walk of 8 ug": {"walk": 8.0},
     "setting errors 1.8 times": {"loose": 1.8},
 }
+EVERY_SECOND: dict[str, Any] = {"rows": 1000}
 TIMETABLES: Mapping[str, Mapping[str, Any]] = {
     "36 visits of 1 min": {"sweeps": 2, "dwell": 60},
     "18 visits of 5 min": {"dwell": 300},
@@ -123,14 +124,14 @@ def concealed(run: Run) -> tuple[Law, ...]:
 
 def recording(run: Run) -> tuple[Recording, tuple[Law, ...], tuple[float, ...]]:
     """The recording, what is concealed in it, and its sizes."""
-    options = dict(run.options)
+    options = {**EVERY_SECOND, **dict(run.options)}
     found = concealed(run)
     if not found:
         return record(np.random.default_rng(run.seed), **options), (), ()
     if len(found) == 1:
         made, size = at_size(run.seed, found[0], run.sigmas, **options)
         return made, found, (size,)
-    sizes = tuple(at_size(run.seed, law, run.sigmas)[1] for law in found)
+    sizes = tuple(at_size(run.seed, law, run.sigmas, **EVERY_SECOND)[1] for law in found)
 
     def both(b: Any) -> dict[str, Any]:
         out: dict[str, Any] = {}
@@ -139,12 +140,12 @@ def recording(run: Run) -> tuple[Recording, tuple[Law, ...], tuple[float, ...]]:
                 out[name] = value if name == "fan" else out.get(name, 0.0) + size * value
         return out
 
-    return record(np.random.default_rng(run.seed), both, 1.0), found, sizes
+    return record(np.random.default_rng(run.seed), both, 1.0, **EVERY_SECOND), found, sizes
 
 
 def nearest(run: Run, size: float) -> tuple[float, str]:
     """Sigmas that the nearest cause of the catalogue, at its best size and constants, leaves of an oddity; its name."""
-    error, options = concealed(run)[0].error, dict(run.options)
+    error, options = concealed(run)[0].error, {**EVERY_SECOND, **dict(run.options)}
     with_it, without = (record(np.random.default_rng(run.seed), error, s, **options) for s in (size, 0.0))
     o = fit_baseline(view_at_known_attitude(without))
     node, known = nominal(o), library(o)

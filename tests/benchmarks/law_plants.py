@@ -60,7 +60,7 @@ def positions(seed: int, law: Hidden, size: float) -> Recording:
         return {"output": np.outer(value, [float(a in law.where) for a in "xyz"])}
 
     unit = ARCSEC if law.where in gimbals else UG
-    return plant.record(np.random.default_rng(seed), error, size * unit, **dict(law.options))
+    return plant.record(np.random.default_rng(seed), error, size * unit, **{"rows": 120, **dict(law.options)})
 
 
 def static(seed: int, law: Hidden, size: float) -> Recording:

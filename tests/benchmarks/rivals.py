@@ -256,7 +256,7 @@ def _rival_line(name: str, clean: Any, full: Any, strengths: Sequence[float], ou
 
 def speed(rows: Sequence[dict[str, Any]], say: Callable[[str], None]) -> None:
     """Evidence evaluations per second (one hypothesis in one noise, all sizes), and a diagnosis against a fit."""
-    recording = record(np.random.default_rng(1))
+    recording = record(np.random.default_rng(1), rows=120)
     counted = [0]
 
     def counting(p: Projection, index: Array) -> Array:

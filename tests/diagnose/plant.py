@@ -1,6 +1,6 @@
 """A plant of its own for the diagnosis: exact rotations by scipy, every law written again, no line of the catalogue.
 
-Multi-position recordings in memory: 18 positions, 2 min each at 1 Hz, temperature as a noisy sine, and any effect.
+Multi-position recordings in memory: 18 positions of 2 min, temperature as a noisy sine, and any effect.
 """
 
 from collections.abc import Callable
@@ -17,6 +17,7 @@ G = 9.80146
 UG = 9.80665e-6
 ARCSEC = np.pi / 180 / 3600
 LOGS = ("fan",)
+FEW = 24  # readings in a position: a diagnosis of 120 takes three times as long
 DRIFTS = {"base_tilt_drift", "base_tilt_diurnal"}
 STEPS = np.array([
     (0, 0, 0), (0, 1, 0), (0, 2, 0), (1, 2, 0), (2, 2, 0), (2, 1, 0), (2, 4, 0), (2, 4, -1), (2, 4, -2),
@@ -60,11 +61,11 @@ def inwards(v: Array, angle: Array, lean: Array | None = None) -> Array:
     return np.asarray(v)
 
 
-def bench(rng: np.random.Generator, dwell: int = 120, sweeps: int = 1) -> Bench:
-    """A timetable of `sweeps` times 18 positions."""
-    visits = 18 * sweeps
-    visit = np.repeat(np.arange(visits), dwell)
-    t = np.concatenate([v * (dwell + 15.0) + np.arange(dwell) for v in range(visits)])
+def bench(rng: np.random.Generator, dwell: int = 120, sweeps: int = 1, rows: int = FEW) -> Bench:
+    """A timetable of `sweeps` times 18 positions of `dwell` s, a reading a second but no more than `rows` in each."""
+    visits, rows = 18 * sweeps, min(rows, dwell)
+    visit = np.repeat(np.arange(visits), rows)
+    t = np.concatenate([v * (dwell + 15.0) + dwell / rows * np.arange(rows) for v in range(visits)])
     phase, period = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 1.2) * t[-1]
     body = 23 + rng.uniform(-1, 1) + 2 * np.sin(2 * np.pi * t / period + phase)
     T = body + 0.01 * rng.standard_normal(len(t))
@@ -73,13 +74,13 @@ def bench(rng: np.random.Generator, dwell: int = 120, sweeps: int = 1) -> Bench:
 
 def record(
     rng: np.random.Generator, error: Error | None = None, size: float = 0.0, *, white: float = 20.0, tails: float = 0.0,
-    walk: float = 0.0, loose: float = 1.0, dwell: int = 120, sweeps: int = 1, hide: tuple[str, ...] = (),
-    unit: np.random.Generator | None = None,
+    walk: float = 0.0, loose: float = 1.0, dwell: int = 120, sweeps: int = 1, rows: int = FEW,
+    hide: tuple[str, ...] = (), unit: np.random.Generator | None = None,
 ) -> Recording:  # fmt: skip
     """One recording. `white` ug per sample; `tails` degrees of freedom of Student's t (0: normal); `walk` ug over the
     whole test; `loose` times the 1 arcsec setting error that the header states; `unit` draws the constants."""
     unit = rng if unit is None else unit
-    b = bench(rng, dwell, sweeps)
+    b = bench(rng, dwell, sweeps, rows)
     n, visits = len(b.t), int(b.visit.max()) + 1
     extra = error(b) if error else {}
     setting = loose * ARCSEC * rng.standard_normal((visits, 3))[b.visit]
@@ -182,12 +183,12 @@ def strength(recording_of: Callable[[float], Recording], probe: float) -> float:
     return float(np.linalg.norm(y - Q @ (Q.T @ y)))
 
 
-def at_strength(seed: int, error: Error, sigmas: float, **noise: float) -> Recording:
+def at_strength(seed: int, error: Error, sigmas: float, rows: int = FEW, **noise: float) -> Recording:
     """A recording in which the effect stands `sigmas` above noise."""
     probe = 3 * UG
 
     def of(size: float) -> Recording:
-        return record(np.random.default_rng(seed), error, size)
+        return record(np.random.default_rng(seed), error, size, rows=rows)
 
     size = probe * sigmas / strength(of, probe)
-    return record(np.random.default_rng(seed), error, size, **noise)  # type: ignore[arg-type]
+    return record(np.random.default_rng(seed), error, size, rows=rows, **noise)  # type: ignore[arg-type]

@@ -38,9 +38,9 @@ def rest(rng: np.random.Generator, hours: float = 48.0, step: float = 600.0) -> 
     return Rest(t, up, T)
 
 
-def record(rng: np.random.Generator, error: Error | None = None, size: float = 0.0) -> Recording:
+def record(rng: np.random.Generator, error: Error | None = None, size: float = 0.0, step: float = 600.0) -> Recording:
     """One static run; white noise of 2 ug and 0.5 arcsec in a row."""
-    r = rest(rng)
+    r = rest(rng, step=step)
     n = len(r.t)
     lean = np.eye(3) + rng.uniform(-40, 40, (3, 3)) * ARCSEC * (1 - np.eye(3))
     u = (r.ideal * G) @ lean.T / (1 + rng.uniform(-4e-4, 4e-4, 3))

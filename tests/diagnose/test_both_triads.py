@@ -1,36 +1,20 @@
 """Gimbal angles and gyroscopes in one recording: both triads are looked at, and one answer names what both lack."""
 
-import tomllib
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-import gimbalcal.simulate
 from gimbalcal.diagnose import diagnose
 from gimbalcal.recording import dwell_means
 from gimbalcal.simulate import simulate
 from gimbalcal.views.rest_rates import without_earth_rate
 from gimbalcal.words.diagnosis_sentences import COUNTS_WITHOUT_SCALE
+from tests.diagnose.shipped_unit import gimballed, scenario
 from tests.golden import golden_text, refused
 
-SCENARIOS = Path(gimbalcal.simulate.__file__).parents[1] / "scenarios"
-PLAIN = ("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment")
 G_SENSITIVITY = {"xx": 25.0, "yz": -25.0, "zy": 25.0}
 CUBIC = {"x": 90.0, "y": -80.0, "z": 70.0}
-
-
-def gimballed(name="turned-unit", seed=5, **more):
-    """A shipped scenario with linear errors and what is asked for; fewer rows, which is what takes the time."""
-    content = tomllib.loads((SCENARIOS / f"{name}.toml").read_text())
-    content["truth"] = {k: v for k, v in content["truth"].items() if k in PLAIN} | more
-    content["schedule"] |= {"rate": {"value": 10.0, "unit": "Hz"}}
-    if name == "turned-unit":
-        content["schedule"] |= {"dwell": {"value": 6.0, "unit": "s"}, "rate": {"value": 20.0, "unit": "Hz"}}
-        content["schedule"]["holds"] = content["schedule"]["holds"][:24]
-    return simulate(content, seed=seed)[0]
 
 
 def sizes_are(d, effect, truth, near=0.01):
@@ -49,8 +33,7 @@ def sizes_are(d, effect, truth, near=0.01):
     ],
 )
 def test_what_the_gyroscopes_lack_is_named(effect, truth, view):
-    more: dict[str, Any] = {effect: truth}
-    d = diagnose([gimballed(**more)])
+    d = diagnose([gimballed(**{effect: truth})])
     assert d.verdict == "missing-physics"
     assert [f["effect"] for f in d.findings] == [effect]
     assert d.findings[0]["twins"] == []
@@ -71,10 +54,7 @@ def test_a_clean_one_is_adequate_in_all_views():
 
 
 def test_a_table_set_by_hand_to_a_degree_gives_no_alarm():
-    content = tomllib.loads((SCENARIOS / "turned-unit.toml").read_text())
-    content["truth"] = {k: v for k, v in content["truth"].items() if k in PLAIN}
-    content["schedule"] |= {"dwell": {"value": 6.0, "unit": "s"}, "rate": {"value": 20.0, "unit": "Hz"}}
-    content["schedule"]["holds"] = content["schedule"]["holds"][:24]
+    content = scenario()
     content["noise"] |= {"gimbal_angle": {"value": 1.0, "unit": "deg"}}
     made = simulate(content, seed=1)[0]
     still = made.select(made.position > 0)

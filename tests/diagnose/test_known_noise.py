@@ -15,9 +15,9 @@ SIGMAS = 20.0
 
 
 @cache
-def diagnosed(name, axis=0, seed=11):
+def diagnosed(name, axis=0, seed=11, **options):
     error = {**{k: v[0] for k, v in known(axis).items()}, **strange(axis)}[name]
-    return diagnose([at_strength(seed, error, SIGMAS)])
+    return diagnose([at_strength(seed, error, SIGMAS, **options)])
 
 
 def test_a_clean_recording_is_adequate():
@@ -44,7 +44,7 @@ def test_one_cause_is_named(name, axis):
 
 
 def test_twins_stand_together_with_the_experiment_that_separates_them():
-    d = diagnosed("cubic", 0)
+    d = diagnosed("cubic", rows=120)  # so that a cubic of so many sigmas is small
     (found,) = d.findings
     assert d.verdict == "not-identifiable"
     assert {found["effect"], *found["twins"]} == {"cubic_nonlinearity", "odd_quadratic", "soft_saturation"}

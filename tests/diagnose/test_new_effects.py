@@ -1,6 +1,5 @@
 """A new effect is one class: it is simulated, listed, and tried wherever the recording has what it needs."""
 
-import tomllib
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +12,6 @@ from gimbalcal.diagnose.search.refit import start
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest, view_of_turns
-from gimbalcal.platform import BENCH
 from gimbalcal.simulate import simulate
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.views.norm import norm
@@ -22,7 +20,7 @@ from gimbalcal.views.tilting_table import tilting_table
 from tests.diagnose import static_plant
 from tests.diagnose.new_effects import enter
 from tests.diagnose.plant import record
-from tests.diagnose.rows.test_turns import SCENARIO, by_hand
+from tests.diagnose.shipped_unit import by_hand, scenario
 from tests.diagnose.small import telescope, turned
 from tests.diagnose.test_odd import tilted
 
@@ -37,20 +35,10 @@ def new():
         del CATALOGUE[i]
 
 
-def short(**more):
-    """A unit turned by hand, in few rows."""
-    content = tomllib.loads(SCENARIO.read_text())
-    content["schedule"] |= {"dwell": {"value": 6.0, "unit": "s"}, "rate": {"value": 20.0, "unit": "Hz"}}
-    content["schedule"]["holds"] = content["schedule"]["holds"][:24]
-    made, _ = simulate(content | more, seed=5)
-    kept = {k: v for k, v in made.channels.items() if k[0] != "gimbal_angle"}
-    return replace(made, platform=BENCH, channels=kept, noise={})
-
-
 RECORDINGS = {
     "known noise": lambda: record(np.random.default_rng(2), dwell=20),
-    "at rest": lambda: static_plant.record(np.random.default_rng(3)),
-    "by hand": short,
+    "at rest": lambda: static_plant.record(np.random.default_rng(3), step=1800.0),
+    "by hand": by_hand,
     "telescope": lambda: telescope(1),
     "table": lambda: tilted(900),
 }
@@ -138,8 +126,7 @@ def test_they_are_simulated(new):
         content: dict[str, Any] = {"format": 1, "kind": kind, "site": {"latitude": {"value": 40.0, "unit": "deg"}}}
         content["environment"] = {"covariates": {k: {"shape": "ramp", "mean": 1.0, "rate": 0.5} for k in LOGGED}}
         if CATALOGUE[i].channel == "angular_rate":
-            content = {**tomllib.loads(SCENARIO.read_text()), "environment": content["environment"]}
-            content["schedule"]["holds"] = content["schedule"]["holds"][:3]
+            content = {**scenario(holds=3), "environment": content["environment"]}
         elif kind == "static-run":
             content["schedule"] = {"duration": {"value": 2.0, "unit": "h"}, "rate": {"value": 0.01, "unit": "Hz"}}
         else:

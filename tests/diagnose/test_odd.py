@@ -21,14 +21,14 @@ from gimbalcal.views.pointing import pointing
 from gimbalcal.words.diagnosis_sentences import largest
 from tests.diagnose import plant, static_plant
 from tests.diagnose.plant import UG, at_strength, known, on, record
-from tests.diagnose.rows.test_turns import by_hand as turned_by_hand
+from tests.diagnose.shipped_unit import by_hand as turned_by_hand
 from tests.diagnose.small import telescope
 from tests.golden import refused
 
 TABLE = KNOWN["three-axis-table"]
 TEMPERATURE = ("temperature", "")
 CLEAN = record(np.random.default_rng(2))
-AT_REST = static_plant.record(np.random.default_rng(3))
+AT_REST = static_plant.record(np.random.default_rng(3), step=1800.0)
 
 
 def changed(r, channels=None, without=()):

@@ -71,12 +71,14 @@ def test_what_is_of_another_unit_or_kind_is_refused():
             diagnose([r, other])
 
 
-@pytest.mark.parametrize(("law", "size", "shown"), [(lambda b: np.sin(2 * b.T), 10.0, "a random walk"),
+@pytest.mark.parametrize(("law", "size", "shown"), [(lambda b: np.sin(2 * b.T), 12.0, "a random walk"),
                                                     (lambda b: b.T - 20, 40.0, "bias temperature")])  # fmt: skip
 def test_two_recordings_never_say_less_than_one(law, size, shown):
     """A law in one recording, and none in the other: alone the first lacks something, and so do both together."""
-    first = record(np.random.default_rng(40), lambda b: on(1, law(b)), size * UG, unit=np.random.default_rng(5))
-    second = record(np.random.default_rng(50), unit=np.random.default_rng(5))
+    first = record(
+        np.random.default_rng(40), lambda b: on(1, law(b)), size * UG, rows=48, unit=np.random.default_rng(5)
+    )
+    second = record(np.random.default_rng(50), rows=48, unit=np.random.default_rng(5))
     assert diagnose([first]).verdict != "adequate"
     both = diagnose([first, second])
     assert both.verdict != "adequate"

@@ -18,11 +18,11 @@ from tests.golden import golden_text, refused
 MOUNTED = frame_rotation("z", np.radians(30.0)) @ frame_rotation("x", np.radians(-4.0))
 
 
-def two(seed, error=lambda f: f, moving=False):
+def two(seed, error=lambda f: f, moving=False, rests=20):
     """One unit with a second triad, of half the noise, turned by `MOUNTED`; `error` is added to what that one reads."""
-    a = session(seed, moving=moving, rests=20)
+    a = session(seed, moving=moving, rests=rests)
     rng = np.random.default_rng(100 + seed)
-    clean = session(seed, bias=np.zeros(3), moving=moving, rests=20, noise=0.0).triad("specific_force")
+    clean = session(seed, bias=np.zeros(3), moving=moving, rests=rests, noise=0.0).triad("specific_force")
     f = error(clean @ MOUNTED.T) + to_si(1.0, "mg") * rng.standard_normal(clean.shape)
     own = {("specific_force", axis): f[:, i] for i, axis in enumerate("xyz")}
     b = replace(a, channels={**a.channels, **own}, sensor="b", noise={"accelerometer": 0.01}, title=f"{a.title} (b)")
@@ -105,7 +105,7 @@ def test_both_results_are_of_one_age_where_the_second_fails(tmp_path, monkeypatc
     for folder in (out, out / "b"):
         folder.mkdir()
         (folder / "report.html").write_text("old")
-    write(two(7), tmp_path / "rec")
+    write(two(7, rests=8), tmp_path / "rec")
     module = "gimbalcal.report.calibration_page.calibration_report"
     if asked == "diagnose":
         module = "gimbalcal.report.diagnosis_page.diagnosis_report"

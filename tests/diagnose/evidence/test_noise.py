@@ -29,7 +29,7 @@ def creep(b):
 
 
 def with_creep(size, seed=3):
-    return record(np.random.default_rng(seed), creep, size * UG, tails=TAILS)
+    return record(np.random.default_rng(seed), creep, size * UG, tails=TAILS, rows=120)
 
 
 def test_rows_stay_as_measured_where_tails_are_heavy():
@@ -52,7 +52,7 @@ def test_an_effect_inside_dwells_costs_no_row_its_weight():
 
 
 def test_outliers_lose_their_weight_and_their_pull():
-    clean = record(np.random.default_rng(8), tails=TAILS)
+    clean = record(np.random.default_rng(8), tails=TAILS, rows=120)
     channels = dict(clean.channels)
     hit = channels["specific_force", "x"].copy()
     hit[100::180] += 2000 * UG
@@ -69,9 +69,8 @@ def test_outliers_lose_their_weight_and_their_pull():
 def test_weighted_rows_have_unit_variance(tails):
     chi2, dof = 0.0, 0
     for seed in range(4):
-        o = scale_to_scatter(
-            fit_baseline(view_at_known_attitude(record(np.random.default_rng(seed), tails=tails, loose=0.0)))
-        )
+        r = record(np.random.default_rng(seed), tails=tails, loose=0.0, rows=120)
+        o = scale_to_scatter(fit_baseline(view_at_known_attitude(r)))
         y, Z = o.reduced(o.residual[:, :, None])[:, 0], o.reduced(o.Z)
         left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-10)[0]
         chi2, dof = chi2 + left @ left, dof + len(y) - 17

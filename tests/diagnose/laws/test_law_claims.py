@@ -139,7 +139,8 @@ def test_what_acts_on_two_axes_is_two_laws(tmp_path):
 
 
 def test_a_wave_and_its_period_are_found_in_18_positions(tmp_path):
-    r = plant.record(np.random.default_rng(3), lambda b: plant.on(1, np.sin(2 * np.pi * b.t / 660.0 + 1)), 4e-4)
+    wave = lambda b: plant.on(1, np.sin(2 * np.pi * b.t / 660.0 + 1))  # noqa: E731
+    r = plant.record(np.random.default_rng(3), wave, 4e-4, rows=120)
     d = diagnose([r])
     assert d.verdict == "unexplained"
     law = d.laws[0].to_dict()
@@ -176,9 +177,8 @@ def test_an_instant_is_told_to_a_row():
 
 def test_a_law_of_all_axes_has_one_form_and_a_size_for_each(tmp_path):
     sizes = (25.0, -17.5, 12.5)
-    r = plant.record(
-        np.random.default_rng(8), lambda b: {"output": np.outer(np.sin(2 * np.pi * b.body / 1.3), sizes)}, plant.UG
-    )
+    waves = lambda b: {"output": np.outer(np.sin(2 * np.pi * b.body / 1.3), sizes)}  # noqa: E731
+    r = plant.record(np.random.default_rng(8), waves, plant.UG, rows=120)
     d = diagnose([r])
     assert d.verdict == "unexplained"
     assert [law.axis for law in d.laws] == ["x", "y", "z"]
@@ -299,7 +299,7 @@ def test_what_has_a_name_keeps_it_beside_a_law(tmp_path):
 def test_none_is_named_where_nothing_small_fits():
     rng = np.random.default_rng(2)
     steps = rng.standard_normal(18)
-    d = diagnose([plant.record(rng, lambda b: plant.on(0, steps[b.visit]), 3e-4)])
+    d = diagnose([plant.record(rng, lambda b: plant.on(0, steps[b.visit]), 3e-4, rows=120)])
     assert d.verdict == "unexplained"
     assert not d.laws
     assert d.recommend

@@ -1,30 +1,12 @@
 """A unit turned from rest to rest: what grows with the rate is found in the turns, and only what is there."""
 
-import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-import gimbalcal.simulate
 from gimbalcal.diagnose import diagnose
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_of_turns
-from gimbalcal.platform import BENCH
-from gimbalcal.simulate import simulate
-
-SCENARIO = Path(gimbalcal.simulate.__file__).parents[1] / "scenarios" / "turned-unit.toml"
-PLAIN = ("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment")
-WARM = {"temperature": {"shape": "ramp", "mean": 10.0, "rate": 100.0}}
-
-
-def by_hand(**more):
-    """The shipped scenario with other effects beside the linear ones, as a unit of which no angle is known."""
-    content = tomllib.loads(SCENARIO.read_text())
-    content["truth"] = {k: v for k, v in content["truth"].items() if k in PLAIN} | more
-    content["environment"] = WARM
-    made, _ = simulate(content, seed=5)
-    kept = {k: v for k, v in made.channels.items() if k[0] != "gimbal_angle"}
-    return replace(made, platform=BENCH, channels=kept, noise={})
+from tests.diagnose.shipped_unit import by_hand
 
 
 @pytest.mark.parametrize(

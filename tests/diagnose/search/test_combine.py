@@ -36,18 +36,18 @@ def asymmetry(axis):
 
 
 @cache
-def sweep(name, seed, sigmas):
+def sweep(name, seed, sigmas, **options):
     error = {**{k: v[0] for k, v in known(1).items()}, **strange(1)}[name]
-    return at_strength(seed, error, sigmas)
+    return at_strength(seed, error, sigmas, **options)
 
 
 @cache
-def pair(name, sigmas, seeds=(50, 51)):
-    return diagnose([sweep(name, seed, sigmas) for seed in seeds])
+def pair(name, sigmas, **options):
+    return diagnose([sweep(name, seed, sigmas, **options) for seed in (50, 51)])
 
 
 def test_what_neither_recording_shows_alone_is_claimed_and_named_together():
-    d = pair("asymmetry", CLAIMED)
+    d = pair("asymmetry", CLAIMED, rows=120)
     alone = [r["alone"] for r in d.fit["recordings"]]
     assert [a["verdict"] for a in alone] == ["adequate", "adequate"]
     assert d.verdict == "missing-physics"
@@ -62,7 +62,7 @@ def test_what_neither_recording_shows_alone_is_claimed_and_named_together():
 
 
 def test_the_size_is_the_weighted_mean_of_both():
-    (found,) = pair("asymmetry", CLAIMED).findings
+    (found,) = pair("asymmetry", CLAIMED, rows=120).findings
     x, s = (np.array([r["parameters"][0][k] for r in found["recordings"]]) for k in ("value", "sigma"))
     mean = found["parameters"][0]
     assert mean["value"] == pytest.approx(np.sum(x / s**2) / np.sum(1 / s**2), rel=1e-6)
@@ -116,8 +116,7 @@ def test_what_only_the_table_shows_is_its_own():
 
 
 def test_a_size_that_differs_is_said():
-    seeds = (31, 32)
-    d = diagnose([sweep("asymmetry", seeds[0], CLEAR), sweep("asymmetry", seeds[1], -CLEAR)])
+    d = diagnose([sweep("asymmetry", seed, size, rows=120) for seed, size in ((31, CLEAR), (32, -CLEAR))])
     (found,) = d.findings
     assert found["effect"] == "scale_factor_asymmetry"
     assert found["agreement"]["p_value"] < 1e-6

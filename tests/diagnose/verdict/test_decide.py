@@ -12,14 +12,14 @@ from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose.law_plants import Law, at_size, laws, unforeseen
 
 
-def searched(law, seed, sigmas):
-    recording, _ = at_size(seed, law, sigmas)
+def searched(law, seed, sigmas, **options):
+    recording, _ = at_size(seed, law, sigmas, **options)
     o = scale_to_scatter(fit_baseline(view_at_known_attitude(recording)))
     return search(o, library(o), nodes(o))
 
 
 def test_a_cause_that_leaves_more_than_the_stated_noise_is_not_sure():
-    s = searched(Law(unforeseen(1)["pier"], ()), 9821, 25.0)
+    s = searched(Law(unforeseen(1)["pier"], ()), 9821, 25.0, rows=120)
     d = decide(s)
     assert strained(s, d.hypothesis.members) > CLAIM
     assert max(j.probability for j in d.judgements) <= UNSURE

@@ -49,14 +49,15 @@ def search_of(recording):
 
 def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():
     end = 60.0  # ug, 33 times what white noise leaves of a dwell: five times the largest that all of them may walk
-    s = search_of(record(np.random.default_rng(6), walk, end * UG))
+    r = record(np.random.default_rng(6), walk, end * UG, rows=120)
+    s = search_of(r)
     d, wander = decide_with_walk(s, without_single_walks(s), CLAIM)
     assert d.verdict == "adequate"
     assert wander.axis == "y"
     assert wander.ln_odds > CLAIM
     assert wander.sigma < 0.3 * wander.walk
     assert wander.walk == pytest.approx(end / np.sqrt(HOURS), abs=2.5 * wander.sigma)
-    made = diagnose([record(np.random.default_rng(6), walk, end * UG)])
+    made = diagnose([r])
     assert (made.verdict, made.findings, made.laws) == ("unexplained", (), ())
     assert made.unexplained[0] == Shape("specific_force y", "a random walk")
     assert made.mismatch[0]["axis"] == "y"
