@@ -90,6 +90,7 @@ class StreamChecks:
         self.scatter: dict[str, float] = {}  # one sigma by column, once all rows went by
         self.n = 0
         self.step = 0.0  # usual step in time
+        self.shortest, self.longest = np.inf, 0.0  # steps in time
         self.last_time, self.last_position = np.nan, np.nan
         self.changes: list[int] = []  # rows where the position changes
         self.departures: set[int] = set()  # those of them where the unit begins to move
@@ -165,8 +166,11 @@ class StreamChecks:
     def _clock(self, t: Array) -> Array:
         """Check that time grows; return the rows (n,) after a gap."""
         dt = np.diff(t, prepend=self.last_time)
+        steps = dt if self.n else dt[1:]
         if not self.step and len(t) > 1:
-            self.step = float(np.median(dt[1:] if self.n == 0 else dt))
+            self.step = float(np.median(steps))
+        self.shortest = min(self.shortest, float(steps.min(initial=np.inf)))
+        self.longest = max(self.longest, float(steps.max(initial=0.0)))
         long = self.header.kind.continuous & (dt * to_si(1.0, self.clock.unit) > MAX_STEP_S)
         wrong = np.flatnonzero((dt < 0 if self.by_order else dt <= 0) | long)
         self.equal += int(np.count_nonzero(dt == 0))

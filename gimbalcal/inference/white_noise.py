@@ -10,6 +10,8 @@ argument.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import repeat
 from math import comb
 
 import numpy as np
@@ -17,22 +19,24 @@ import numpy as np
 from gimbalcal.number import Array
 
 
-def differences(x: Array, begins: Array, weight: Array, order: int = 3, turn: float | Array = np.inf) -> Array:
-    """Return differences (m, C) of rows x (n, C) that follow each other, scaled to the noise of one raw sample.
+def differences(
+    x: Iterable[Array], begins: Array, weight: Array, order: int = 3, turn: Iterable[float] = repeat(np.inf)
+) -> list[Array]:
+    """Return differences (m,) of rows of channels (n,) that follow each other, scaled to the noise of one raw sample.
 
-    begins (n,): the row does not continue the one before; weight (n,): raw samples behind each row; turn, (C,) or for
-    all: size of a full turn of angles that may jump by one, infinite of others.
+    begins (n,): the row does not continue the one before; weight (n,): raw samples behind each row; turn: size of a
+    full turn of channels that are angles, which may jump by one, infinite of others.
     """
-    d = np.diff(x, order, axis=0)
-    if np.isfinite(turn).any():
-        jumps = np.round(d / turn)
-        d = d - np.multiply(turn, jumps, out=np.zeros_like(d), where=jumps != 0)
-    m = len(d)
+    m = max(len(begins) - order, 0)
     whole, variance = np.ones(m, dtype=bool), np.zeros(m)
     for j in range(order + 1):
         variance += comb(order, j) ** 2 / weight[j : j + m]
         whole &= ~begins[j : j + m] if j else True
-    return np.asarray(d[whole] / np.sqrt(variance[whole])[:, None])
+    scale, out = np.sqrt(variance[whole]), []
+    for channel, full in zip(x, turn, strict=False):  # one after the other: each stays in the cache
+        d = np.diff(channel, order)[whole]
+        out.append((d - full * np.round(d / full) if np.isfinite(full) else d) / scale)
+    return out
 
 
 def white_sigma(x: Array, begins: Array, weight: Array) -> Array:
@@ -41,7 +45,7 @@ def white_sigma(x: Array, begins: Array, weight: Array) -> Array:
     From third differences; where no position has four rows from second ones, where none has three from first ones.
     """
     for order in (3, 2, 1):
-        d = differences(x, begins, weight, order)
+        d = np.stack(differences(x.T, begins, weight, order), axis=1)
         if len(d):
             return np.asarray(np.sqrt(np.mean(d**2, axis=0)))
     return np.zeros(x.shape[1])

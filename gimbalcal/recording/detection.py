@@ -58,6 +58,7 @@ PIECES = 200  # of them at a time: their sums stay in the cache of a processor
 RAW_TURNING = 100.0  # times the usual distance from the level, of counts whose size nobody knows
 TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's rate and any drift of a bias
 
+Windows = list[tuple[Array, Array]]  # of each channel of a triad: mean and variance in every window
 
 _LAST: list[tuple[list[weakref.ref[Array]], NDArray[np.int64]]] = []
 """Columns that were searched last, and their positions: checks and estimator of a long recording ask for the same."""
@@ -85,16 +86,18 @@ def detect(
     triads = [[*t.values()] for t in (channels, rates) if t]
     position = np.zeros(n, dtype=np.int64)
     level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
-    m, floor, variances = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
+    m, floor, windows = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
     loudest = max(LOUD * level, *map(_quantum, triads[0])) if gravity and len(channels) == 3 else np.inf
     if m == 0 or np.sqrt(floor.sum()) > loudest:
         return position
     restless = np.zeros(n)
-    for v, f in zip(variances, floor, strict=True):
+    for (_, v), f in zip(windows[0], floor, strict=True):
         scaled = v / f if f > 0 else np.where(v > 0, np.inf, 0.0)
         np.maximum(restless, np.pad(scaled, m // 2, mode="edge"), out=restless)
     still = restless <= _threshold(m)
-    still &= ~_turned(rates, still, m, raw)
+    if rates and still.any():
+        still &= ~_turned(triads[1], windows[1], still, raw)
+    del windows
     paused = np.diff(time, prepend=time[0]) > max(10 * step, PAUSE)
     starts, stops = _stretches(still, paused)
     mean = np.array([restless[start:stop].mean() for start, stop in zip(starts, stops, strict=True)])
@@ -137,8 +140,8 @@ def with_rests(recording: Recording) -> Recording:
 
 def _window(
     triads: Sequence[Sequence[Array]], n: int, step: float, small: Sequence[float]
-) -> tuple[int, Array, list[Array]]:
-    """Return the rows m of the longest window whose floor is noise, or 0, and of the first triad floors and variances.
+) -> tuple[int, Array, list[Windows]]:
+    """Return the rows m of the longest window whose floor is noise, or 0, floors of the first triad, and all windows.
 
     small: scatter of each triad that no motion has, whether it grows with the window or not.
     """
@@ -146,17 +149,19 @@ def _window(
     m = max(MIN_ROWS, round(WINDOW / step)) | 1  # odd: the window has a middle
     while m >= MIN_ROWS and (m * step >= SHORTEST_WINDOW or m == MIN_ROWS):
         if n > (LONGER + 1) * m:
-            quiet, first = np.ones(len(FLOORS), dtype=bool), list[Array]()
+            quiet, windows = np.ones(len(FLOORS), dtype=bool), list[Windows]()
             for triad, quantised, limit in zip(triads, least, small, strict=False):
-                short, within, long = zip(*(_short_and_long(x, m) for x in triad), strict=True)
-                quiet &= _quiet(within if first else short, long, m, len(triad) * quantised, limit, bool(first))
-                first = first or [*short]
+                first = not windows
+                windows.append([_windows(x, m) for x in triad])
+                within, long = zip(*(_short_and_long(*each, m) for each in windows[-1]), strict=True)
+                short = [v for _, v in windows[-1]] if first else within
+                quiet &= _quiet(short, long, m, len(triad) * quantised, limit, not first)
                 if not quiet.any():
                     break
             else:
                 q, z = FLOORS[int(np.argmax(quiet))]
-                floor = np.array([np.quantile(v, q) for v in first]) / _chi_square(m - 1, z)
-                return m, np.maximum(floor, least[0]), first
+                floor = np.array([np.quantile(v, q) for _, v in windows[0]]) / _chi_square(m - 1, z)
+                return m, np.maximum(floor, least[0]), windows
         m = min(int(m / 1.2) | 1, m - 2)
     return 0, np.zeros(0), []
 
@@ -186,18 +191,17 @@ def _quiet(
     return out
 
 
-def _short_and_long(x: Array, m: int) -> tuple[Array, Array, Array]:
-    """Return the variance of x (n,) in every window of m samples, and in some windows of `LONGER` times m.
+def _short_and_long(mean: Array, variance: Array, m: int) -> tuple[Array, Array]:
+    """Return of some windows of `LONGER` times m samples the mean variance of their short ones, and that of the whole.
 
-    Of these, the mean variance of their short windows and that of the whole, both without bias in white noise.
+    Both are without bias in white noise; mean and variance are those of every window of m samples.
     """
-    mean, variance = _windows(x, m)
-    count, step = len(x) - LONGER * m + 1, max(1, LONGER * m // OVERLAP)
+    count, step = len(mean) - (LONGER - 1) * m, max(1, LONGER * m // OVERLAP)
     parts = [slice(k, k + count, step) for k in range(0, LONGER * m, m)]
     level = np.asarray(sum(mean[part] for part in parts) / LONGER)
     within = np.asarray(sum(variance[part] for part in parts) / LONGER)
     between = np.asarray(sum((mean[part] - level) ** 2 for part in parts) / LONGER)
-    return variance, within * m / (m - 1), (within + between) * LONGER * m / (LONGER * m - 1)
+    return within * m / (m - 1), (within + between) * LONGER * m / (LONGER * m - 1)
 
 
 def _quantum(x: Array) -> float:
@@ -264,15 +268,15 @@ def _rows(channels: Sequence[Array], which: slice) -> Array:
     return np.stack([x[which] for x in channels], axis=1)
 
 
-def _turned(rates: Mapping[str, Array], rest: NDArray[np.bool_], m: int, raw: bool) -> NDArray[np.bool_]:
+def _turned(rates: Sequence[Array], windows: Windows, rest: NDArray[np.bool_], raw: bool) -> NDArray[np.bool_]:
     """Return rows (n,) in which a gyroscope is shaken or turns, measured against what it does in the rows of `rest`."""
     turned = np.zeros(len(rest), dtype=bool)
-    for x in rates.values() if rest.any() else ():
-        mean, variance = _windows(x - np.median(x[rest]), m)
-        scatter = np.pad(np.sqrt(variance), m // 2, mode="edge")
+    for x, (mean, variance) in zip(rates, windows, strict=True):
+        half = (len(x) - len(mean)) // 2
+        scatter = np.pad(np.sqrt(variance), half, mode="edge")
         usual = float(np.median(scatter[rest]))
         turned |= scatter > SHAKEN * usual
-        level = np.abs(np.pad(mean, m // 2, mode="edge"))
+        level = np.abs(np.pad(mean - np.median(x[rest]), half, mode="edge"))
         slow = RAW_TURNING * float(np.median(level[rest])) if raw else TURNING
         turned |= level > max(slow, SHAKEN * usual)
     return turned

@@ -14,7 +14,7 @@ import numpy as np
 from gimbalcal.checks import column_checks
 from gimbalcal.checks.check import examine
 from gimbalcal.checks.dropouts import Dropouts
-from gimbalcal.checks.jitter import MAX_ROUGHNESS, jitter_of, regular
+from gimbalcal.checks.jitter import MAX_ROUGHNESS, MIN_JITTER, jitter_of, regular
 from gimbalcal.checks.stream_checks import StreamChecks
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
@@ -104,7 +104,8 @@ def assemble(
             increments, increments.rates(stream), whole, average_s, dropouts, rests
         )
         source = tuple(digests)
-    position = next((np.rint(table[c.name]).astype(np.int64) for c in columns if c.quantity == "position"), None)
+    numbers = next((table.pop(c.name) for c in columns if c.quantity == "position"), None)
+    position = None if numbers is None else np.rint(numbers, out=numbers).astype(np.int64)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
     weight = table.get(next((c.name for c in columns if c.quantity == "weight"), ""), np.ones(0))
     clock = next(c for c in columns if c.quantity == "time")
@@ -161,7 +162,7 @@ def _rows(
     checks = StreamChecks(header, whole, dropouts)
     if not header.kind.in_positions or header.column("position"):
         table, scatter = _gather(stream, header.columns, checks, average_s, rests)
-        regular_clock = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, dropouts)
+        regular_clock = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, checks)
         return header.columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), *regular_clock)
     columns = (*header.columns, _DETECTED)
     table, _ = _gather(stream, header.columns, checks, None)
@@ -184,14 +185,15 @@ def _rows(
     numbered = StreamChecks(replace(header, columns=columns), whole, dropouts)
     numbered.sensors, numbered.angles = [], []  # they have passed
     table, scatter = _gather([table], columns, numbered, average_s)
-    regular_clock = () if average_s else _on_a_regular_clock(increments, table, dropouts)
+    regular_clock = () if average_s else _on_a_regular_clock(increments, table, checks)
     return columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), remark, *regular_clock)
 
 
-def _on_a_regular_clock(increments: Increments, table: dict[str, Array], dropouts: Dropouts) -> tuple[str, ...]:
+def _on_a_regular_clock(increments: Increments, table: dict[str, Array], checks: StreamChecks) -> tuple[str, ...]:
     """Correct the clock of `table` where its stamps are times of arrival; return a remark. See `jitter`."""
-    header = increments.header
-    clock = next(c for c in header.columns if c.quantity == "time")
+    header, dropouts, clock = increments.header, checks.dropouts, checks.clock
+    if not clock.regular and checks.longest - checks.shortest < 2 * MIN_JITTER * checks.shortest:
+        return ()  # the scatter of the steps is at most half their range
     own = [table[c.name] for c in header.columns if c.quantity == "angular_rate"]
     own = own or [table[c.name] for c in header.columns if c.quantity == "specific_force"]
     if any(c.increments and c.quantity == "angular_rate" for c in header.columns):

@@ -25,10 +25,9 @@ class Scatter:
         if len(begins) < 4 or not len(x):
             return
         first = slice(ENOUGH)
-        rows = np.stack([channel[first] for channel in x], axis=1)
-        third = differences(rows, begins[first] | ~still[first], weight[first], turn=self.turn)
-        self.squares += np.sum(third**2, axis=0)
-        self.count += len(third)
+        third = differences([c[first] for c in x], begins[first] | ~still[first], weight[first], turn=self.turn)
+        self.squares += [float(d @ d) for d in third]
+        self.count += len(third[0])
 
     def sigma(self) -> list[float]:
         """Return one sigma by channel; none where no four rows followed each other."""

@@ -10,7 +10,10 @@ from gimbalcal.number import Array
 
 
 class AllRows:
-    """Keeps every row of the stream in one array of each column: `expected` rows, or as many more as come."""
+    """Keeps every row of the stream in one array of each column: `expected` rows, or as many more as come.
+
+    A first batch of all of them, in arrays that may be changed, is kept as it is.
+    """
 
     def __init__(self, expected: int = 0) -> None:
         self.expected = expected
@@ -21,6 +24,9 @@ class AllRows:
         """Take in a batch; its memory, of which the reader keeps more than the rows, is let go of."""
         after = self.rows + len(begins)
         for name, x in batch.items():
+            if name not in self.columns and after >= self.expected and x.flags.owndata and x.flags.writeable:
+                self.columns[name] = x
+                continue
             if name not in self.columns:
                 self.columns[name] = np.empty(max(self.expected, after))
             column = self.columns[name]
@@ -31,7 +37,7 @@ class AllRows:
 
     def table(self) -> dict[str, Array]:
         """Return all columns, whole."""
-        return {name: column[: self.rows] for name, column in self.columns.items()}
+        return {name: x if len(x) == self.rows else x[: self.rows] for name, x in self.columns.items()}
 
 
 class Blocks:

@@ -71,7 +71,7 @@ def _fast(o: Fit) -> Array:
     begins = np.zeros(len(o.residual), dtype=bool)
     if not o.view.kind.stabilised:
         begins[o.view.noise.starts] = True
-    return differences(o.residual, begins, np.ones(len(o.residual)), order=2)
+    return np.stack(differences(o.residual.T, begins, np.ones(len(o.residual)), order=2), axis=1)
 
 
 def _excess(x: Array) -> Array:
