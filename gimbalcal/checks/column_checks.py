@@ -246,8 +246,8 @@ def at_maximum(y: Array) -> Array:
 def at_end_of_range(y: Array) -> Array:
     """Return in which rows (n,) any sensor of a triad y (n, 3) reads an end of its range, where several rows stand."""
     both = [sign * x for x in y.T for sign in (1, -1)]
-    ends = [float(x.max()) for x in both if len(at_maximum(x)) >= MIN_AT_END]
-    return np.asarray(np.isin(y, [*ends, *np.negative(ends)]).any(axis=1))
+    ends = [x.max() for x in both if np.count_nonzero(x == x.max()) >= MIN_AT_END <= len(at_maximum(x))]
+    return np.asarray(np.isin(y, [*ends, *np.negative(ends)]).any(axis=1)) if ends else np.zeros(len(y), dtype=bool)
 
 
 def runs_of(pieces: Sequence[Array], least: float) -> list[tuple[int, int]]:

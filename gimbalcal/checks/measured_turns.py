@@ -15,11 +15,11 @@ from functools import cached_property
 import numpy as np
 
 from gimbalcal.checks.column_checks import at_end_of_range
-from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, Correction, scaled
+from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, PERMUTATIONS, Correction, scaled
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells, moves_between_dwells
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
-from gimbalcal.rotation import exponential
+from gimbalcal.rotation import cross_matrix, exponential
 
 MIN_MOTION_RAD = 0.5  # a turn that moves the reference less deviates by less than `MAX_DEVIATION_RAD` under any sign
 MIN_TURNS, MAX_TURNS = 3, 40  # those that move the reference most: enough to distinguish 48 permutations
@@ -49,6 +49,10 @@ class MeasuredTurns:
         return {}
 
     @cached_property
+    def _of_permutations(self) -> dict[float, Array]:
+        return {}
+
+    @cached_property
     def vectors(self) -> Array:
         """Rotation vectors (m, n, 3) [reading times s] of the steps of each turn, zeros behind the shorter ones."""
         out = np.zeros((len(self.reading), max(map(len, self.step)), 3))
@@ -57,13 +61,21 @@ class MeasuredTurns:
         return out
 
     def deviation(self, C: Array) -> Array:
-        """Return the angle (m,) [rad] by which turns C (m, 3, 3) miss the reference."""
-        off = np.linalg.norm(C @ self.before - self.after, axis=(1, 2)) / np.sqrt(self.before.shape[-1])
+        """Return the angle (..., m) [rad] by which turns C (..., m, 3, 3) miss the reference."""
+        off = np.linalg.norm(C @ self.before - self.after, axis=(-2, -1)) / np.sqrt(self.before.shape[-1])
         return np.asarray(2 * np.arcsin(np.minimum(off / 2, 1.0)))
 
     def agreeing(self, correction: Correction) -> int:
         """Return the number of turns that end where the reference does, by corrected rates."""
-        return agree(self, self.turned(correction))
+        return int(agree(self, self.turned(correction)))
+
+    def agreeing_permuted(self, factor: float) -> Array:
+        """Return the number of turns (48,) that end where the reference does, by rates times a factor, permuted."""
+        if factor not in self._of_permutations:
+            P = np.array([p.matrix for p in PERMUTATIONS])[:, None]
+            C = np.array([self._of(p.handed * factor) for p in PERMUTATIONS])
+            self._of_permutations[factor] = agree(self, P @ C @ P.swapaxes(-1, -2))
+        return self._of_permutations[factor]
 
     def agreeing_by_factor(self, factors: Array) -> Array:
         """Return the number of turns (k,) that end where the reference does, with all rates times each of `factors`."""
@@ -76,14 +88,31 @@ class MeasuredTurns:
         if np.ptp(sizes) > 0:  # some axes in another unit: M is diagonal
             return rotations(self, np.diag(M))
         P = M / sizes[0]
-        factor = float(sizes[0] * np.round(np.linalg.det(P)))
+        return np.asarray(P @ self._of(float(sizes[0] * np.round(np.linalg.det(P)))) @ P.T)
+
+    def _of(self, factor: float) -> Array:
+        """Return C (m, 3, 3) of every turn for readings times `factor`: their axes are the same."""
         if factor not in self._of_factor:
-            self._of_factor[factor] = rotations(self, factor * np.ones(3))
-        return np.asarray(P @ self._of_factor[factor] @ P.T)
+            angle, X, XX = self._about_axes
+            turned = factor * angle
+            self._of_factor[factor] = _product(np.eye(3) - np.sin(turned) * X + (1 - np.cos(turned)) * XX)
+        return self._of_factor[factor]
+
+    @cached_property
+    def _about_axes(self) -> tuple[Array, Array, Array]:
+        """Return angles (m, n, 1, 1) of the steps, and cross matrices (m, n, 3, 3) of their axes, and their squares."""
+        angle = np.linalg.norm(self.vectors, axis=-1)
+        X = cross_matrix(self.vectors / np.where(angle > 0, angle, 1.0)[..., None])
+        return angle[..., None, None], X, X @ X
 
 
 def turns_of(recording: Recording) -> MeasuredTurns | None:
-    """Return the turns that move the reference most, gravity's direction or else the gimbals; None for too few."""
+    """Return the turns that move the reference most, gravity's direction or else the gimbals.
+
+    None for too few of them, or without gyroscopes along all axes.
+    """
+    if set(recording.axes(RATE)) != set(AXES):
+        return None
     visits = dwells(recording)
     y = recording.triad(RATE)
     clipped = at_end_of_range(y)
@@ -149,12 +178,16 @@ def _means(time: Array, y: Array) -> tuple[Array, Array]:
 
 def rotations(turns: MeasuredTurns, factor: Array) -> Array:
     """Return C (m, 3, 3) of every turn for readings times `factor` (3,)."""
-    C = exponential(factor * turns.vectors)
+    return _product(exponential(factor * turns.vectors))
+
+
+def _product(C: Array) -> Array:
+    """Return the product (m, 3, 3) of rotations C (m, n, 3, 3), one after the other."""
     while (n := C.shape[1]) > 1:  # in pairs: later ones stand on the left
         C = np.concatenate([C[:, 1::2] @ C[:, : n - n % 2 : 2], C[:, n - n % 2 :]], axis=1)
     return np.asarray(C[:, 0])
 
 
-def agree(turns: MeasuredTurns, C: Array) -> int:
-    """Return the number of turns that end where the reference does."""
-    return int(np.count_nonzero(turns.deviation(C) < MAX_DEVIATION_RAD))
+def agree(turns: MeasuredTurns, C: Array) -> Array:
+    """Return the number (...) of turns C (..., m, 3, 3) that end where the reference does."""
+    return np.count_nonzero(turns.deviation(C) < MAX_DEVIATION_RAD, axis=-1)

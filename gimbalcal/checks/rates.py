@@ -14,10 +14,10 @@ the accelerometers, so both are named unless gimbals confirm the accelerometers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -56,11 +56,8 @@ NOT_CHECKED = (
 STATIC_NOT_CHECKED = "the gyroscopes of a static run are not looked at"
 
 
-def turns_explained(recording: Recording) -> tuple[int, int] | None:
+def turns_explained(recording: Recording, turns: MeasuredTurns | None) -> tuple[int, int] | None:
     """Return the number of turns that the gyroscopes explain as stated, and of all; None where nothing shows it."""
-    if not recording.kind.in_positions or set(recording.axes(RATE)) != set(AXES):
-        return None
-    turns = turns_of(recording)
     return None if turns is None else (max(map(turns.agreeing, _scales(recording, turns))), len(turns.reading))
 
 
@@ -75,18 +72,24 @@ def turns_between_rests(e: Examined) -> str:
         return ""
     units = [] if e.recording.counted(RATE) else _units(e.recording)
     ambiguous = not gimbals_read(e.recording) and turns.reference == "gravity"
-    stages: tuple[Callable[[], Iterator[Correction]], ...] = (
-        lambda: (c for c in (*units, *_permuted(scales, ambiguous))),
-        lambda: _permuted(units, ambiguous),
-        lambda: (_in_some(c, few) for c in units for k in (1, 2) for few in combinations(AXES, k)),
+    others = range(1, len(PERMUTATIONS))
+    stages: tuple[Callable[[], Iterable[tuple[Correction, int]]], ...] = (  # a correction, and the permutation after it
+        lambda: (*product(units, (0,)), *product(scales, others)),
+        lambda: product(units, others),
+        lambda: ((_in_some(c, few), 0) for c in units for k in (1, 2) for few in combinations(AXES, k)),
     )
+
+    def misfit(each: tuple[Correction, int]) -> float:
+        unit, k = each
+        return n - (float(turns.agreeing_permuted(_size(unit))[k]) if k else turns.agreeing(unit))
+
     for k, stage in enumerate(stages):  # one error before two
-        for best in trials(stage(), lambda c: n - turns.agreeing(c)):
+        for best in trials(stage(), misfit):
             agreeing = n - int(best.misfit)
             if agreeing >= MIN_AGREEMENT * n:
                 return "" if agreeing < stated + MIN_GAIN else (
                     f"only {stated} of {n} turns between rests are by {turns.reference} what the gyroscopes say, and "
-                    f"{agreeing} if {best.candidate.words}"
+                    f"{agreeing} if {_permuted_in_words(*best.candidate, ambiguous)}"
                 )  # fmt: skip
         if k == 0 and units and (sentence := _any_factor(e.recording, turns, stated)):
             return sentence
@@ -217,15 +220,14 @@ def _composed(unit: Correction, permutation: AxisPermutation) -> Correction:
     return replace(unit, matrices={RATE: (AXES, _size(unit) / unit.clock * permutation.matrix)})
 
 
-def _permuted(units: Sequence[Correction], ambiguous: bool) -> Iterator[Correction]:
-    """Yield permutations of the gyroscopes in each unit; ambiguous: they may be the accelerometers' instead."""
-    for unit in units:
-        for p in PERMUTATIONS[1:]:
-            named = [(p, RATE)]
-            if p.handed > 0 and ambiguous:
-                named.append((min((p.inverse(sign) for sign in (1, -1)), key=lambda q: q.complexity), FORCE))
-            handed = "; as stated the gyroscopes make a left-handed triad" if p.handed < 0 else ""
-            yield replace(_composed(unit, p), words=_in_words(named, unit.words, handed))
+def _permuted_in_words(unit: Correction, number: int, ambiguous: bool) -> str:
+    """Return a permutation of the gyroscopes in another unit; ambiguous: it may be the accelerometers' instead."""
+    p = PERMUTATIONS[number]
+    named = [(p, RATE)]
+    if p.handed > 0 and ambiguous:
+        named.append((min((p.inverse(sign) for sign in (1, -1)), key=lambda q: q.complexity), FORCE))
+    handed = "; as stated the gyroscopes make a left-handed triad" if p.handed < 0 else ""
+    return _in_words(named, unit.words, handed)
 
 
 def _in_some(unit: Correction, axes: Sequence[str]) -> Correction:

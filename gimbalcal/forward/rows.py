@@ -155,8 +155,12 @@ def linearise(
     def outputs(effects: Sequence[Effect], stage: Stage | None = None) -> dict[str, Array]:
         if force is None:
             return predict(platform, s, effects, kind)
-        behind = stage is None or stage in SENSOR_STAGES | GYROSCOPE_STAGES  # the force on the block is what it was
-        return sensors(force if behind else block_force(platform, s, effects), s, effects, quantities)
+        if stage is None:
+            return sensors(force, s, effects, quantities)
+        if stage in SENSOR_STAGES | GYROSCOPE_STAGES:  # force and the other triad are as they were
+            shown = {"angular_rate" if stage in GYROSCOPE_STAGES else "specific_force"}
+            return unperturbed | sensors(force, s, effects, shown & quantities)
+        return sensors(block_force(platform, s, effects), s, effects, quantities)
 
     unperturbed = outputs(effects)
     keys = tuple(channels) if channels is not None else _every(platform, unperturbed)

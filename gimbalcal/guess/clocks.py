@@ -184,4 +184,5 @@ def in_unit(log: Log, unit: str) -> Log:
     rate = 1 / (float(np.median(np.diff(t))) * UNITS[unit])
     why = f"{g.why.partition(';')[0]}; in {unit} these rows are logged at {rate:.4g} Hz"
     known, scale = ("s", UNITS[unit]) if unit == TICKS else (unit, 1.0)
-    return log.including({log.clock: replace(g, unit=known, why=why, open=False)}, {log.clock: scale * t})
+    guess = replace(g, unit=known, why=why, open=False)
+    return log.including({log.clock: guess}, {} if scale == 1 else {log.clock: scale * t})

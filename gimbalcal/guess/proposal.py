@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from gimbalcal.checks.check import Examined, examine
 from gimbalcal.checks.input_errors import MIN_AGREEMENT, Correction
-from gimbalcal.checks.measured_turns import turns_of
+from gimbalcal.checks.measured_turns import MeasuredTurns, turns_of
 from gimbalcal.checks.rates import turns_explained
-from gimbalcal.checks.table import refuse_implausible
+from gimbalcal.checks.table import CHECKS, refuse_implausible
 from gimbalcal.errors import InputError, alternatives, amount
 from gimbalcal.guess.attitude import has_both_triads, motion_cost, with_reference, with_reference_columns_only
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon, refuse_single_places
@@ -76,13 +77,14 @@ class _MovingUnitError(InputError):
 class Proposal:
     """A recording, the guess about each column by its name in the log, columns left out, and other notes.
 
-    notes: by the line of recording.toml that it belongs to, "kind", "platform", "noise", ...
+    notes: by the line of recording.toml that it belongs to, "kind", "platform", "noise", ... turns: between its rests.
     """
 
     recording: Recording
     guesses: Mapping[str, Guess]
     left_out: tuple[str, ...]
     notes: Mapping[str, str] = field(default_factory=dict)
+    turns: MeasuredTurns | None = None
 
 
 @dataclass(frozen=True)
@@ -299,11 +301,16 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     refused: list[tuple[float, InputError]] = []
     best: tuple[float, Proposal, Log] | None = None
     runner_up, of_means, at_rest = (np.inf, "", log), False, tuple[Dwell, ...]()
+    whole: Log | None = None  # whose means are those of candidates with the same columns
+    means = log
     candidates = unit_candidates(log, above)
     for candidate in candidates:
         if best and candidate.cost > best[0] + MIN_MARGIN:
             break
-        trial = candidate.log.thinned(MAX_TRIAL_ROWS, MAX_TRIAL_MEAN) if len(candidates) > 1 else candidate.log
+        if whole is None or any(whole.columns.get(n) is not x for n, x in candidate.log.columns.items()):
+            whole = candidate.log
+            means = whole.thinned(MAX_TRIAL_ROWS, MAX_TRIAL_MEAN) if len(candidates) > 1 else whole
+        trial = candidate.log if means is whole else replace(means, guesses=candidate.log.guesses)
         cost = candidate.cost + (motion_cost(trial) if log.has_open_unit(RATE) else 0.0)
         try:
             trial = trial.shortened(at_rest, MAX_DWELL_ROWS) if at_rest else trial
@@ -314,7 +321,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
             continue
         if not at_rest and used is not candidate.log and len(proposal.recording.time) == len(trial.seconds):
             at_rest = dwells(proposal.recording)
-        cost += _physical_cost(proposal.recording, log.has_open_unit("time"))
+        cost += _physical_cost(proposal, log.has_open_unit("time"))
         if best is None or cost < best[0]:
             runner_up = (best[0], _units_in_words(best[2]), best[2]) if best else runner_up
             best, of_means = (cost, proposal, candidate.log), used is not candidate.log
@@ -331,10 +338,10 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     notes = dict(proposal.notes)
     if runner_up[0] < cost + MIN_MARGIN:
         notes["unit"] = f"the numbers hardly distinguish it from {runner_up[1]}: state it, {_as_options(runner_up[2])}"
-    explained = turns_explained(proposal.recording)
+    explained = turns_explained(proposal.recording, proposal.turns)
     if explained and explained[0] < MIN_AGREEMENT * explained[1] and not proposal.recording.counted(FORCE):
         well, turns = explained
-        notes["gyroscopes"] = common_factor(proposal.recording) or (
+        notes["gyroscopes"] = common_factor(proposal.turns) or (
             f"{turns - well} of {turns} turns between rests fit gravity in no unit: are they gyroscopes?"
         )
     elif explained and explained[0] >= MIN_AGREEMENT * explained[1] and log.has_open_unit(RATE):
@@ -357,13 +364,13 @@ def _tried(trial: Log, whole: Log, context: _Context) -> tuple[Proposal, Log]:
         return _in_units(whole, context), whole  # dwells of a second are too short for means
 
 
-def _physical_cost(recording: Recording, clock_is_open: bool) -> float:
+def _physical_cost(proposal: Proposal, clock_is_open: bool) -> float:
     """Return how unlikely a choice of units is by the turns between rests, in nats."""
-    explained = turns_explained(recording)
+    recording, explained = proposal.recording, turns_explained(proposal.recording, proposal.turns)
     if explained is not None:
         share = explained[0] / explained[1]
         most = 1.0 if recording.counted(FORCE) else MAX_PHYSICAL_COST  # counts show the direction of gravity poorly
-        most = FACTOR_COST if share < MIN_AGREEMENT and common_factor(recording) else most
+        most = FACTOR_COST if share < MIN_AGREEMENT and common_factor(proposal.turns) else most
         return 0.0 if share >= MIN_AGREEMENT else most * (1 - share)
     if clock_is_open and len(dwells(recording)) < 2 and recording.has(FORCE):  # a single rest shows no unit of a clock
         return 4.0 if changes_direction([recording.channels[FORCE, axis] for axis in "xyz"]) else 0.0
@@ -380,9 +387,8 @@ def _as_options(log: Log) -> str:
     return " ".join(f"--unit {quantity}={unit}" for quantity, unit in units.items())
 
 
-def common_factor(recording: Recording) -> str:
+def common_factor(turns: MeasuredTurns | None) -> str:
     """Return a sentence on the factor of all rates at which the turns fit gravity; empty where there is none."""
-    turns = turns_of(recording)
     if turns is None:
         return ""
     agreeing = turns.agreeing_by_factor(FACTORS)
@@ -420,11 +426,13 @@ def _in_units(log: Log, context: _Context) -> Proposal:
         reversed_columns += log.names(FORCE) if chain.reversed(FORCE) else []
     used = replace(log, guesses={name: g for name, g in log.guesses.items() if name not in outside})
     recording = context.recording(used, platform or "bench", reversed_columns)
-    explained = turns_explained(recording)
+    examined = Examined(recording)
+    explained = turns_explained(recording, examined.once(turns_of))
     unfit = explained is not None and explained[0] < MIN_AGREEMENT * explained[1]  # then these are no gyroscopes
     removed = 0
     if log.has(FORCE) and not log.has("position") and not unfit:
         recording, removed = without_moving_rests(recording)
+        examined = Examined(recording) if removed else examined
     rests = len(dwells(recording))
     if removed:
         quiet = amount(removed, "quiet stretch", "quiet stretches")
@@ -455,9 +463,9 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     several = f"multi-position, for {found}; rotation is for turns that are navigated sample by sample"
     notes.setdefault("kind", single if positions < 2 else several)
     notes["noise"] = _noise_note(rests == len(recording.time) and not log.has("sigma"), log.has("gimbal_angle"))
-    recording = replace(recording, remarks=(*recording.remarks, *refuse_implausible(recording)))
+    recording = replace(recording, remarks=(*recording.remarks, *examine(examined, CHECKS)))
     left_out = (*(n for n in context.left_out if n not in gimbals), *outside)
-    return Proposal(recording, used.guesses, left_out, notes)
+    return Proposal(recording, used.guesses, left_out, notes, examined.once(turns_of))
 
 
 def without_moving_rests(recording: Recording) -> tuple[Recording, int]:

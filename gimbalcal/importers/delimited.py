@@ -160,7 +160,8 @@ def _encoding_of(path: Path, _state: tuple[int, int, int]) -> str:
             decoder = getincrementaldecoder(name)()
             try:
                 while block := file.read(1 << 20):
-                    decoder.decode(block)
+                    if decoder.getstate()[0] or not block.isascii():
+                        decoder.decode(block)
             except UnicodeDecodeError:
                 continue
             return name
