@@ -86,7 +86,7 @@ class MeasuredTurns:
         M = correction.clock * (correction.matrices[RATE][1] if RATE in correction.matrices else np.eye(3))
         sizes = np.abs(M).max(axis=1)
         if np.ptp(sizes) > 0:  # some axes in another unit: M is diagonal
-            return rotations(self, np.diag(M))
+            return rotations(exponential(np.diag(M) * self.vectors))
         P = M / sizes[0]
         return np.asarray(P @ self._of(float(sizes[0] * np.round(np.linalg.det(P)))) @ P.T)
 
@@ -95,7 +95,7 @@ class MeasuredTurns:
         if factor not in self._of_factor:
             angle, X, XX = self._about_axes
             turned = factor * angle
-            self._of_factor[factor] = _product(np.eye(3) - np.sin(turned) * X + (1 - np.cos(turned)) * XX)
+            self._of_factor[factor] = rotations(np.eye(3) - np.sin(turned) * X + (1 - np.cos(turned)) * XX)
         return self._of_factor[factor]
 
     @cached_property
@@ -176,13 +176,8 @@ def _means(time: Array, y: Array) -> tuple[Array, Array]:
     return mean, dt
 
 
-def rotations(turns: MeasuredTurns, factor: Array) -> Array:
-    """Return C (m, 3, 3) of every turn for readings times `factor` (3,)."""
-    return _product(exponential(factor * turns.vectors))
-
-
-def _product(C: Array) -> Array:
-    """Return the product (m, 3, 3) of rotations C (m, n, 3, 3), one after the other."""
+def rotations(C: Array) -> Array:
+    """Return C (m, 3, 3) of every turn from those of its steps (m, n, 3, 3)."""
     while (n := C.shape[1]) > 1:  # in pairs: later ones stand on the left
         C = np.concatenate([C[:, 1::2] @ C[:, : n - n % 2 : 2], C[:, n - n % 2 :]], axis=1)
     return np.asarray(C[:, 0])

@@ -45,7 +45,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.detection", "_unmoved", "> noise", "> 100 * noise"),
         ("recording.detection", "_threshold", "max(THRESHOLD,", "min(THRESHOLD,"),
         ("recording.detection", "_turned", "np.sqrt(variance)", "variance"),
-        ("recording.detection", "_turned", "x - np.median(x[rest])", "x"),
+        ("recording.detection", "_turned", "mean - np.median(x[rest])", "mean"),
         ("recording.detection", "_windows", "mean[first:stop] = about + level", "mean[first:stop] = about"),
         ("recording.dwell", "whole_means", "weight.max() / 2", "weight.max() * 2"),
         ("recording.dwell", "usual_step", "way = p == 0", "way = p > 0"),
