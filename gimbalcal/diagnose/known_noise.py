@@ -123,7 +123,11 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
     if walk is not None:
         return diagnosis.with_walk(walk, only=False)
     assert isinstance(diagnosis.fit, StatedNoiseFit)
-    if d.hypothesis is None or not _challenged(c, d.hypothesis.members, diagnosis.fit):
+    if d.hypothesis is None:
+        return diagnosis
+    if diagnosis.fit.heldout_after > diagnosis.fit.heldout_before:  # what was named makes rows that took no part worse
+        return diagnosis.doubted()
+    if not _challenged(c, d.hypothesis.members, diagnosis.fit):
         return diagnosis
     none = unnamed(c)
     law = lawful(c, none, seed, tell, instead=True)

@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose import diagnose, known_noise
+from gimbalcal.diagnose.verdict.verify import verify
 from tests.diagnose.plant import UG, at_strength, known, on, record, strange, strength
 from tests.golden import golden_text, refused
 
@@ -41,6 +42,17 @@ def test_one_cause_is_named(name, axis):
     assert d.fit["heldout_before"] > 1.3 * d.fit["heldout_after"]
     assert d.fit["scan_p_after"] > 0.01
     assert d.mismatch[0]["p_value"] < 1e-3
+
+
+def test_a_cause_with_which_rows_held_out_are_predicted_worse_is_doubtful(monkeypatch):
+    def worse(*args):
+        fit = verify(*args)
+        return replace(fit, heldout_before=fit.heldout_after, heldout_after=fit.heldout_before)
+
+    monkeypatch.setattr(known_noise, "verify", worse)
+    d = diagnose([at_strength(11, known(1)["asymmetry"][0], SIGMAS)])
+    assert d.verdict == "not-identifiable"
+    assert [f.probability < 0.5 for f in d.findings] == [True]
 
 
 def test_twins_stand_together_with_the_experiment_that_separates_them():
