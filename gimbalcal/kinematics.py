@@ -15,7 +15,6 @@ Ideal here means of a perfect platform, on a level base that points north in a s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -173,7 +172,7 @@ def with_phase_of_force(recording: Recording) -> Recording:
     """Return the recording with a platform gimbal made from the direction of the force in the equatorial plane."""
     f = recording.triad("specific_force")
     angle = np.arctan2(f[:, 1], f[:, 0])
-    return replace(recording, channels={**recording.channels, ("gimbal_angle", "platform"): angle})
+    return recording.with_channels({("gimbal_angle", "platform"): angle})
 
 
 def _last_move(x: Array, starts: Sequence[int], visit: Array, lag: int) -> Array:

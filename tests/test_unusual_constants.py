@@ -41,7 +41,7 @@ def limit(grade, lasted=HOUR):
 
 def scaled(r, axes, factor, quantity="specific_force"):
     own = {(quantity, a): factor * r.channels[quantity, a] for a in axes}
-    return replace(r, channels={**r.channels, **own})
+    return r.with_channels(own)
 
 
 def elsewhere(r, degrees):

@@ -148,7 +148,7 @@ def _initial_stimulus(recording: Recording) -> Stimulus:
     if recording.platform.axes or recording.has(FORCE):
         return stimulus_from_readings(recording)
     nothing = {(FORCE, a): np.zeros(len(recording.time)) for a in AXES}
-    return stimulus_from_readings(replace(recording, channels=dict(recording.channels) | nothing))
+    return stimulus_from_readings(recording.with_channels(nothing))
 
 
 def corrupt(calibration: Calibration, recording: Recording) -> Recording:

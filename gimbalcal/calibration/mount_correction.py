@@ -13,7 +13,7 @@ r"""Remove the errors of a mount: the readings of a perfect mount on a level bas
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -129,4 +129,4 @@ def with_readouts(recording: Recording, angle: Array) -> Recording:
     """Return the recording with these gimbal angles (n, k) where it has readouts."""
     names = recording.platform.axis_names
     logged = {(ANGLE, n): angle[:, names.index(n)] for n in recording.axes(ANGLE)}
-    return replace(recording, channels=dict(recording.channels) | logged)
+    return recording.with_channels(logged)

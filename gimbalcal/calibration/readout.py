@@ -144,8 +144,7 @@ def _scaled(recording: Recording, quantity: str, values: Array, scale: Array, un
     """Return the recording with values (n, 3) of a quantity in another unit, its scatter and noise times scale (3,)."""
     by_axis = {(quantity, a): float(scale[i]) for i, a in enumerate(AXES)}
     return replace(
-        recording,
-        channels={**recording.channels, **{(quantity, a): values[:, i] for i, a in enumerate(AXES)}},
+        recording.with_channels({(quantity, a): values[:, i] for i, a in enumerate(AXES)}),
         units={**recording.units, **{(quantity, a): unit for a in AXES}},
         scatter={k: v * by_axis.get(k, 1.0) for k, v in recording.scatter.items()},
         noise=_sizes_scaled(recording.noise, quantity, float(scale.mean())),

@@ -338,9 +338,7 @@ class _Bench:
                 f"{self.like.platform.name}; give a schedule of the same axes"
             )
         if temperatures := self._temperature():
-            plan = replace(
-                plan, channels={**plan.channels, **{k: np.full(len(plan.time), v) for k, v in temperatures.items()}}
-            )
+            plan = plan.with_channels({k: np.full(len(plan.time), v) for k, v in temperatures.items()})
         s = stimulus_from_angles(plan) if self.known else self.stimulus(plan)
         F = np.eye(len(self.wanted)) + _squared(self.rows(s, np.full(len(plan.time), self.weight), self.like))
         return np.sqrt(np.diag(np.linalg.inv(F))) * np.array([p.sigma for p in self.wanted])
@@ -376,7 +374,7 @@ class _Bench:
         for hours in STATIC_HOURS:
             more = ideal_static_run(hours, latitude, sample)
             turned = {(ANGLE, "platform"): more.channels[ANGLE, "platform"] + phase}
-            more = replace(more, time=more.time + run.time[-1], channels={**more.channels, **turned})
+            more = replace(more.with_channels(turned), time=more.time + run.time[-1])
             size, direction = np.linalg.eigh(_squared(self.rows_of_run(run, more)) - now)
             rows.append((direction * np.sqrt(np.clip(size, 0.0, None))).T)
         words = tuple(f"let the static run go on for {hours:g} h" for hours in STATIC_HOURS)
@@ -391,7 +389,7 @@ class _Bench:
         changes = (0.0, WARMER_K) if needed and self._temperature() else (0.0,)
         for warmer, duration in product(changes, DURATIONS):
             felt = {key: np.full(len(plan.time), value + warmer) for key, value in self._temperature().items()}
-            warm = replace(plan, channels={**plan.channels, **felt}, time=plan.time + recordings[-1].time[-1])
+            warm = replace(plan.with_channels(felt), time=plan.time + recordings[-1].time[-1])
             rows = self.rows(self.stimulus(warm), np.full(len(plan.time), self.weight * duration), self.like)
             waiting = WARMING_S if warmer else 0.0
             extra = f" for {lasting(self.seconds * duration)}" + (f", {warmer:+g} K warmer" if warmer else "")

@@ -157,11 +157,10 @@ def _sensitivity(
     def moved(k: int) -> tuple[Recording, Recording]:
         """Return the readings with a step of a parameter, and with a step back."""
         added = step[k] * rows.jacobian(wanted[k : k + 1])[..., 0]
+        steps = {key: added[:, i] for i, key in enumerate(keys)}
         there, back = (
-            replace(run, channels=dict(run.channels) | {key: run.channels[key] + way * added[:, i]
-                                                        for i, key in enumerate(keys)})
-            for way in (1, -1)
-        )  # fmt: skip
+            run.with_channels({key: run.channels[key] + way * x for key, x in steps.items()}) for way in (1, -1)
+        )
         return there, back
 
     pairs = (moved(k) for k in range(len(wanted)))

@@ -266,6 +266,10 @@ class Recording(Displayed):
             other_sensors=tuple(other.select(rows) for other in self.other_sensors),
         )
 
+    def with_channels(self, channels: Mapping[Key, Array]) -> Recording:
+        """Return the same recording with these channels beside its own, or in place of them."""
+        return replace(self, channels={**self.channels, **channels})
+
     @property
     def sensors(self) -> tuple[Recording, ...]:
         """Return itself and those of other sensors in the same rows, each alone."""

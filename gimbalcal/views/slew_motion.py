@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -72,7 +72,7 @@ def on_gimbals(recording: Recording, moves: Sequence[Slew]) -> SlewMotion:
     angle = np.concatenate([_smoothed(recording.angles()[r]) for r, _ in moves])
     part = recording.select(row)
     turned = {("gimbal_angle", a): angle[:, i] for i, a in enumerate(part.platform.axis_names)}
-    part = replace(part, channels={**part.channels, **turned})
+    part = part.with_channels(turned)
     speed = slope(angle, part.time, slew)
     C = part.platform.attitude(angle)
     s = stimulus_from_truth(part, ideal_force(part, angle), np.zeros((len(row), 3))).at(visit=slew)

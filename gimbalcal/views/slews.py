@@ -164,7 +164,7 @@ def _shifted(recording: Recording, by: dict[str, float]) -> Recording:
         return recording
     then = {q: np.clip(t - d, t[0], t[-1]) for q, d in by.items()}
     moved = {k: CubicSpline(t, x)(then[k[0]]) for k, x in recording.channels.items() if k[0] in by}
-    return replace(recording, channels={**recording.channels, **moved})
+    return recording.with_channels(moved)
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,7 +90,7 @@ def stars(seed: int) -> CleanRecording:
         off = np.zeros(len(r.time))
         off[len(off) // 3] = 40 * ARCSEC
         key = next(k for k in r.channels if k[0] == "gimbal_angle")
-        r = replace(r, channels={**r.channels, key: r.channels[key] + off})
+        r = r.with_channels({key: r.channels[key] + off})
     return r, TERMS if how == WALK else ()
 
 

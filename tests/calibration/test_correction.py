@@ -116,10 +116,10 @@ def test_a_dead_zone_leaves_the_reading():
     made = calibration((CATALOGUE["dead_zone"](d=np.full(3, 1e-3)),))
     true = table_recording(0)
     small = {("specific_force", a): np.full(18, 5e-4) for a in "xyz"}
-    read = made.corrupt(replace(true, channels=dict(true.channels) | small))
+    read = made.corrupt(true.with_channels(small))
     for inside in (0.0, 1e-5):  # nothing is read there; with a little noise the law is flat
         noisy = {("specific_force", a): read.channels["specific_force", a] + inside for a in "xyz"}
-        there = made.apply(replace(read, channels=dict(read.channels) | noisy))
+        there = made.apply(read.with_channels(noisy))
         np.testing.assert_allclose(there.triad("specific_force"), inside, atol=1e-15)
 
 

@@ -25,7 +25,7 @@ def mount(platform):
 
 def changed(recording, quantity, axes, change):
     keys = [(quantity, recording.platform.axis_names[i]) for i in axes]
-    return replace(recording, channels={**recording.channels, **{k: change(recording.channels[k]) for k in keys}})
+    return recording.with_channels({k: change(recording.channels[k]) for k in keys})
 
 
 @pytest.mark.parametrize("platform", [ALT_AZ, EQUATORIAL], ids=lambda p: p.name)
@@ -57,7 +57,7 @@ def test_interchanged_axes_are_named(quantity):
     r = mount(ALT_AZ)
     a, b = ((quantity, axis) for axis in ALT_AZ.axis_names)
     with refused():
-        refuse_implausible(replace(r, channels={**r.channels, a: r.channels[b], b: r.channels[a]}))
+        refuse_implausible(r.with_channels({a: r.channels[b], b: r.channels[a]}))
 
 
 def test_a_log_that_is_in_radians_altogether_is_asked_about():

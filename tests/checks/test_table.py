@@ -56,7 +56,7 @@ def triad(recording, order, signs=(1, 1, 1), factor=1.0):
         ("specific_force", a): s * factor * recording.channels["specific_force", o]
         for a, o, s in zip("xyz", order, signs, strict=True)
     }
-    return replace(recording, channels={**recording.channels, **held})
+    return recording.with_channels(held)
 
 
 def angle(recording, change, only=""):
@@ -134,7 +134,7 @@ def by_hand(axis, factor):
 
 def at_temperature(degc, unit):
     r, key = multi_position(), ("temperature", "")
-    return replace(r, channels={**r.channels, key: degc + 0 * r.time}, units={**r.units, key: unit})
+    return replace(r.with_channels({key: degc + 0 * r.time}), units={**r.units, key: unit})
 
 
 def stepped_clock():
@@ -184,8 +184,7 @@ def test_what_physics_tells_or_cannot_tell_apart_passes_without_a_remark(recordi
 def test_what_nothing_tells_is_said():
     (words,) = refuse_implausible(replace(unread(multi_position()), platform=BENCH))
     golden_text(words)
-    (words,) = refuse_implausible(replace(static_run(), channels={**static_run().channels,
-                                  **{("angular_rate", a): np.zeros(144) for a in "xyz"}}))  # fmt: skip
+    (words,) = refuse_implausible(static_run().with_channels({("angular_rate", a): np.zeros(144) for a in "xyz"}))
     golden_text(words)
 
 

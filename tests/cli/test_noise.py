@@ -88,7 +88,7 @@ def test_a_header_states_nothing_of_a_curve_that_is_no_white_noise():
     channels = noise_at_rest(replace(r, channels=swings))
     assert list(header(channels)) == ["gyroscope"]
     assert "accelerometer x, accelerometer y, accelerometer z follow no such law" in in_words(channels)
-    channels = noise_at_rest(replace(r, channels={**r.channels, FORCE_X: swings[FORCE_X]}))
+    channels = noise_at_rest(r.with_channels({FORCE_X: swings[FORCE_X]}))
     words = in_words(channels)
     golden_text(words)
     assert "(x)" not in words.partition("accelerometers: ")[2].partition(";")[0]  # its numbers are of no law

@@ -32,7 +32,7 @@ def recorded(schedule, temperature, seed):
     })  # fmt: skip
     law = 30e-6 * G0 * np.tanh((r.channels["temperature", ""] - 23.0) / 2.0)
     key = ("specific_force", "y")
-    return replace(r, channels={**r.channels, key: r.channels[key] + law})
+    return r.with_channels({key: r.channels[key] + law})
 
 
 def test_a_law_in_temperature_is_found_in_the_planned_positions_and_not_in_the_usual_ones(tmp_path):

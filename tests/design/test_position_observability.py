@@ -138,7 +138,7 @@ def test_strength_is_what_a_fit_leaves_as_chi_squared():
         size[i] = sigma
         read = outputs(view_of_positions(r, noise), (kind(K_c=size),))
         force = {("specific_force", a): f for a, f in zip("xyz", read.T, strict=True)}
-        bent = replace(r, channels={**r.channels, **force}, weight=np.ones(18))
+        bent = replace(r.with_channels(force), weight=np.ones(18))
         total += fit_in_noise(view_of_positions(bent, noise), noise, PARAMETERS).fit.solution.chi2
     (candidate,) = seen.candidates
     # gravity 9.80146 against 9.80665, and the square of the effect

@@ -39,7 +39,7 @@ def logged(recording: Recording, slow: Array) -> Recording:
     names = ("supply_voltage", "pressure", "vibration", "servo_x", "servo_y", "servo_z")
     sizes = (0.02, 50.0, 0.3, 1e-6, 1e-6, 1e-6)
     channels = {("covariate", name): size * row for name, size, row in zip(names, sizes, slow, strict=True)}
-    return replace(recording, channels={**recording.channels, **channels})
+    return recording.with_channels(channels)
 
 
 def turning_table() -> Recording:

@@ -46,15 +46,11 @@ def measured(
     plan = replace(planned(schedule, samples, SITE), noise={**STATED, "gimbal_angle": setting})
     if readouts is not None:
         names = schedule.platform.axis_names
-        plan = replace(
-            plan, channels={**plan.channels, **{("gimbal_angle", a): readouts[:, i] for i, a in enumerate(names)}}
-        )
+        plan = plan.with_channels({("gimbal_angle", a): readouts[:, i] for i, a in enumerate(names)})
     view = view_of_positions(plan, NOISE)
     e = setting * rng.normal(size=view.local.zero.shape)
     force = outputs(view, effects(truth), e) + SAMPLE / np.sqrt(samples) * rng.normal(size=(len(e), 3))
-    return replace(
-        plan, channels={**plan.channels, **{("specific_force", a): force[:, i] for i, a in enumerate("xyz")}}
-    )
+    return plan.with_channels({("specific_force", a): force[:, i] for i, a in enumerate("xyz")})
 
 
 def outputs(view: View, effects: tuple[Effect, ...], e: np.ndarray | None = None) -> np.ndarray:
@@ -74,11 +70,11 @@ def interchanged(recording: Recording, i: int, j: int) -> Recording:
     order = np.arange(len(recording.time))
     order[[i, j]] = j, i
     force = {k: v[order] for k, v in recording.channels.items() if k[0] == "specific_force"}
-    return replace(recording, channels={**recording.channels, **force})
+    return recording.with_channels(force)
 
 
 def misread(recording: Recording, row: int, axis: str, angle: float) -> Recording:
     """The recording with one gimbal readout off by `angle` [rad]."""
     readout = recording.channels["gimbal_angle", axis].copy()
     readout[row] += angle
-    return replace(recording, channels={**recording.channels, ("gimbal_angle", axis): readout})
+    return recording.with_channels({("gimbal_angle", axis): readout})

@@ -27,9 +27,7 @@ def positions(truth, rng):
     view = view_of_positions(blank, NOISE, averaged=False)
     e = ARCSEC * rng.standard_normal(view.local.zero.shape)
     force = outputs(view, truth, e) + 20 * UG * rng.standard_normal((len(view), 3))
-    return replace(
-        blank, channels={**blank.channels, **{("specific_force", a): force[:, i] for i, a in enumerate("xyz")}}
-    )
+    return blank.with_channels({("specific_force", a): force[:, i] for i, a in enumerate("xyz")})
 
 
 def norms(truth, rng):

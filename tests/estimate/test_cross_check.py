@@ -25,7 +25,7 @@ def two(seed, error=lambda f: f, moving=False, rests=20):
     clean = session(seed, bias=np.zeros(3), moving=moving, rests=rests, noise=0.0).triad("specific_force")
     f = error(clean @ MOUNTED.T) + to_si(1.0, "mg") * rng.standard_normal(clean.shape)
     own = {("specific_force", axis): f[:, i] for i, axis in enumerate("xyz")}
-    b = replace(a, channels={**a.channels, **own}, sensor="b", noise={"accelerometer": 0.01}, title=f"{a.title} (b)")
+    b = replace(a.with_channels(own), sensor="b", noise={"accelerometer": 0.01}, title=f"{a.title} (b)")
     return replace(a, sensor="a", title=f"{a.title} (a)", other_sensors=(b,))
 
 

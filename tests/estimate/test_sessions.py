@@ -125,7 +125,7 @@ def test_a_clock_begins_anew_in_each_session_of_an_unknown_time():
 def test_a_gyroscope_has_a_bias_of_its_own_in_each_session():
     a, b = session(91, rests=10, moving=True), session(96, rests=10, moving=True)
     key = ("angular_rate", "y")
-    off = replace(b, channels={**b.channels, key: b.channels[key] + 3e-3})
+    off = b.with_channels({key: b.channels[key] + 3e-3})
     same, other = (view_at_rest(join([a, second])) for second in (b, off))
     assert same is not None
     assert other is not None

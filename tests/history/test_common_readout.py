@@ -31,7 +31,7 @@ def recorded():
 def with_sensitivity(r, factor, added=0.0):
     """The recording of a unit whose counts per force are `factor` times as many, about 32768 and an offset."""
     changed = {(FORCE, a): 32768 + added + factor * (r.channels[FORCE, a] - 32768) for a in "xyz"}
-    return replace(r, channels={**r.channels, **changed})
+    return r.with_channels(changed)
 
 
 @pytest.fixture(scope="module")

@@ -73,7 +73,7 @@ def test_who_is_told_a_wrong_place_finds_the_true_one():
     south = replace(run, site=replace(run.site, latitude=float(run.site.latitude or 0.0) - ARCMIN))
     assert navigated(south).error[-1, 0] == pytest.approx(ARCMIN, rel=0.02)
     platform = run.channels["gimbal_angle", "platform"] + ARCMIN
-    east = replace(run, channels={**run.channels, ("gimbal_angle", "platform"): platform})
+    east = run.with_channels({("gimbal_angle", "platform"): platform})
     assert navigated(east).error[-1, 1] == pytest.approx(-ARCMIN, rel=0.02)
 
 

@@ -113,7 +113,7 @@ def pointing_page() -> str:
     night = run(ALT_AZ, sky(ALT_AZ, 60), effects(ALT_AZ, axis_collimation=60.0, base_tilt__north=25.0), 1.0)
     elevation = night.channels["true_angle", "elevation"].copy()
     elevation[16] += np.radians(0.025)
-    night = replace(night, channels={**night.channels, ("true_angle", "elevation"): elevation})
+    night = night.with_channels({("true_angle", "elevation"): elevation})
     calibration = pointing_calibration([night])
     origin = replace(calibration.provenance, created=None, recordings=())
     return calibration_report(replace(calibration, provenance=origin), [night])

@@ -59,7 +59,7 @@ def test_a_stage_leaves_a_share_of_what_is_usual():
 def test_what_is_left_of_a_position_is_measured_less_modelled_where_gravity_lay():
     made, (still, run), _ = example()
     force = still.channels["specific_force", "x"] + to_si(100.0, "ug")
-    more = replace(still, channels={**still.channels, ("specific_force", "x"): force})
+    more = still.with_channels({("specific_force", "x"): force})
     one, other = (by_position(r, made.effects, made.provenance, made.readout) for r in (still, more))
     np.testing.assert_allclose(other.after - one.after, np.tile([100.0, 0, 0], (len(one.labels), 1)), atol=1e-6)
     np.testing.assert_allclose(one.gravity[0], [0, 0, 1], atol=1e-6)  # position 1: z down
@@ -178,7 +178,7 @@ def test_the_picture_of_a_mount_tells_how_far_stars_were_off_on_the_sky():
     angles = np.random.default_rng(3).uniform([0.3, 0.0], [1.3, 6.0], (30, 2))
     r = run(ALT_AZ, angles, ())
     low = r.channels["true_angle", "elevation"] + 30 * ARCSEC
-    off = replace(r, channels={**r.channels, ("true_angle", "elevation"): low})
+    off = r.with_channels({("true_angle", "elevation"): low})
     told = pointing_picture([off], SimpleNamespace(effects=())).alt
     assert "30.0 arcsec with all terms" in told  # of which there are none
     before = told.partition(": ")[2].partition(" arcsec on the sky with zeros alone")[0]

@@ -160,7 +160,7 @@ def lost(p: Positions) -> str:
         key: np.full(len(missing), x.mean()) for key, x in recording.channels.items()
         if key[0] in FOLLOWED
     }  # fmt: skip
-    extra = replace(extra, channels={**extra.channels, **logged})  # of effects that follow them
+    extra = extra.with_channels(logged)  # of effects that follow them
     views = [p.view, view_of_positions(extra, p.noise, sorted(p.view.acting or ()))]
     full = solve(information_of(views, fit.effects, fit.parameters))
     grown = solution.sigma / full.sigma

@@ -1,7 +1,5 @@
 """Fine calibration: Eq. (16) against exact derivatives, its fixed point against the engine, and what it cannot see."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -129,6 +127,6 @@ def test_a_misfit_is_told():
     rng = np.random.default_rng(6)
     recording = measured(draw(rng), rng)
     z = recording.channels["specific_force", "z"]
-    bent = replace(recording, channels={**recording.channels, ("specific_force", "z"): z + 5e-6 * z**3 * np.abs(z)})
+    bent = recording.with_channels({("specific_force", "z"): z + 5e-6 * z**3 * np.abs(z)})
     assert "misses something" in fine(trusted_positions(bent)).outcome
     assert fine(trusted_positions(recording)).outcome == ""

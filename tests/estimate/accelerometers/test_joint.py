@@ -106,7 +106,7 @@ def test_further_effects_are_estimated_with_the_rest():
     recording = measured(truth, rng)
     z = recording.channels["specific_force", "z"]
     size = 2e-6  # s^4/m^2: 188 ug/g^3
-    bent = replace(recording, channels={**recording.channels, ("specific_force", "z"): z + size * z**3})
+    bent = recording.with_channels({("specific_force", "z"): z + size * z**3})
     assert "misses something" in joint(trusted_positions(bent)).outcome
     c = joint(trusted_positions(bent, (CATALOGUE["cubic_nonlinearity"](),)))
     at = [q.label for q in c.parameters].index("K3:z")

@@ -100,7 +100,7 @@ def changed(row, axis, factor):
     r = read(XSENS)
     y = r.channels["specific_force", axis].copy()
     y[row] *= factor
-    return replace(r, channels={**r.channels, ("specific_force", axis): y})
+    return r.with_channels({("specific_force", axis): y})
 
 
 @pytest.mark.parametrize("axis", "xyz")
@@ -121,7 +121,7 @@ def test_two_strays_that_hide_each_other_are_both_named():
     r = read(XSENS)
     x = r.channels["specific_force", "x"].copy()
     x[[14, 15]] = x[[15, 14]]
-    assert [s.position for s in norm_outliers(replace(r, channels={**r.channels, ("specific_force", "x"): x}))] == [
+    assert [s.position for s in norm_outliers(r.with_channels({("specific_force", "x"): x}))] == [
         15,
         16,
     ]

@@ -168,7 +168,7 @@ def test_the_setting_errors_of_a_fit_take_up_what_the_gimbals_did():
     view = view_of_positions(blank, loose)
     e = 20 * ARCSEC * rng.standard_normal(view.local.zero.shape)
     force = {("specific_force", a): f for a, f in zip("xyz", outputs(view, effects(truth), e).T, strict=True)}
-    told = view_of_positions(replace(blank, channels={**blank.channels, **force}), loose)
+    told = view_of_positions(blank.with_channels(force), loose)
     fit = fit_in_noise(told, loose, PARAMETERS[:1], effects(truth), truth[:1])
     # turns about the force itself are not seen: two of every three directions come back, with their sign
     share = (fit.setting * e).sum() / (e * e).sum()

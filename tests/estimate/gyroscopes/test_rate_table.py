@@ -131,7 +131,7 @@ def test_counts_get_their_size_from_the_table():
         r = run(a, seed=k)
         own = {("angular_rate", b): r.channels["angular_rate", b] / size[i] for i, b in enumerate("xyz")}
         units = {("angular_rate", b): "count" for b in "xyz"}
-        counted.append(replace(r, channels={**r.channels, **own}, units=units))
+        counted.append(replace(r.with_channels(own), units=units))
     made = gyroscopes_on_a_table(counted)
     np.testing.assert_allclose(made.readout.gyroscopes.scale, size / GAIN, rtol=3e-5)
     scale = [v for p, v in zip(made.parameters, made.values, strict=True) if p.effect == "gyro_scale_factor"]
@@ -144,7 +144,7 @@ def test_a_wandering_bias_widens_the_sigmas_and_is_said():
     def drifting(a, k):
         r = run(a, seed=k, noise=1e-4 * DEG)
         walk = np.cumsum(np.random.default_rng(k).standard_normal(len(r.time))) * 2e-4 * DEG
-        return replace(r, channels={**r.channels, ("angular_rate", "x"): r.channels["angular_rate", "x"] + walk})
+        return r.with_channels({("angular_rate", "x"): r.channels["angular_rate", "x"] + walk})
 
     made = gyroscopes_on_a_table([drifting(a, k) for k, a in enumerate("xyz")])
     golden_text(made.outcome)
@@ -154,7 +154,7 @@ def test_a_wandering_bias_widens_the_sigmas_and_is_said():
 
 def standing():
     r = run("x")
-    return replace(r, channels={**r.channels, ("gimbal_angle", "table"): 0 * r.time})
+    return r.with_channels({("gimbal_angle", "table"): 0 * r.time})
 
 
 @pytest.mark.parametrize(
@@ -231,12 +231,12 @@ def said(r, quantity, unit, factor):
 
 def wrapped(r):
     key = ("gimbal_angle", "table")
-    return replace(r, channels={**r.channels, key: r.channels[key] % (2 * np.pi)})
+    return r.with_channels({key: r.channels[key] % (2 * np.pi)})
 
 
 def exchanged(r):
     x, y = (r.channels["angular_rate", a] for a in "xy")
-    return replace(r, channels={**r.channels, ("angular_rate", "x"): y, ("angular_rate", "y"): -x})
+    return r.with_channels({("angular_rate", "x"): y, ("angular_rate", "y"): -x})
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def turned(count=24):
 
 
 def with_rates(y):
-    return replace(turned(), channels={**turned().channels, **{(RATE, a): y[:, i] for i, a in enumerate("xyz")}})
+    return turned().with_channels({(RATE, a): y[:, i] for i, a in enumerate("xyz")})
 
 
 def calibrated(recording):

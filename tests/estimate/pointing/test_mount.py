@@ -93,7 +93,7 @@ def test_a_mistaken_star_is_named():
     night = run(ALT_AZ, sky(ALT_AZ, 60), effects(ALT_AZ, **TELESCOPE), 1.0)
     elevation = night.channels["true_angle", "elevation"].copy()
     elevation[16] += 90 * ARCSEC
-    made = pointing_calibration([replace(night, channels={**night.channels, ("true_angle", "elevation"): elevation})])
+    made = pointing_calibration([night.with_channels({("true_angle", "elevation"): elevation})])
     (star,) = made.provenance["far_off"]
     assert star["star"] == 17
     assert star["arcsec"] == pytest.approx(90, rel=0.2)
@@ -101,7 +101,7 @@ def test_a_mistaken_star_is_named():
     golden_text(words)
     assert pointing_calibration([night]).provenance["far_off"] == []
     later = np.where(np.arange(60) < 10, 0.0, 86400.0)  # a second night in one file, whose rows go on counting
-    two = replace(night, time=night.time + later, channels={**night.channels, ("true_angle", "elevation"): elevation})
+    two = replace(night.with_channels({("true_angle", "elevation"): elevation}), time=night.time + later)
     assert [s["star"] for s in pointing_calibration([two]).provenance["far_off"]] == [17]
 
 

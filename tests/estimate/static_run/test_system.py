@@ -168,7 +168,7 @@ def test_a_run_that_the_model_does_not_explain_is_told():
     recording = run(TABLE_2_3, np.random.default_rng(8))
     wave = 5e-4 * np.sin(2 * np.pi * recording.time / 7200.0)  # m/s^2, every two hours
     x = ("specific_force", "x")
-    bad = dataclasses.replace(recording, channels={**recording.channels, x: recording.channels[x] + wave})
+    bad = recording.with_channels({x: recording.channels[x] + wave})
     golden_text(static(bad).outcome)
     assert static(recording).outcome == ""
 

@@ -23,7 +23,7 @@ STEP = 0.05  # s
 def held(q, change, recording=SOUND):
     """The recording whose columns of a quantity hold something else."""
     y = change(recording.triad(q).copy())
-    return replace(recording, channels={**recording.channels, **{(q, a): y[:, i] for i, a in enumerate("xyz")}})
+    return recording.with_channels({(q, a): y[:, i] for i, a in enumerate("xyz")})
 
 
 def taken(recording):

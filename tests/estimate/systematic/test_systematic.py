@@ -299,9 +299,7 @@ def test_a_table_is_no_hand():
     assert found.provenance["limits"] == []
     read = np.cumsum(alone.channels["angular_rate", "z"]) / 20.0  # its readout changes nothing, and that is said
     table = replace(
-        alone,
-        platform=Platform("table", (Axis("table", "z"),)),
-        channels={**alone.channels, ("gimbal_angle", "table"): read},
+        alone.with_channels({("gimbal_angle", "table"): read}), platform=Platform("table", (Axis("table", "z"),))
     )
     beside = systematic(table, "30")
     np.testing.assert_array_equal(beside.values, found.values)
