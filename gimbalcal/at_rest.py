@@ -225,7 +225,7 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
 
 def _stretches(recording: Recording) -> tuple[list[slice], float]:
     """Return stretches of rows at rest without a gap of the clock, and the step of the clock [s]."""
-    step = float(np.median(np.diff(recording.time))) if len(recording.time) > 1 else 1.0
+    step = recording.step if len(recording.time) > 1 else 1.0
     rests = stops(recording) if recording.kind.rotating else dwells(recording)
     cut = np.flatnonzero(np.diff(recording.time) > MISSED * step) + 1
     out = []

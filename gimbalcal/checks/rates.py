@@ -192,7 +192,7 @@ def static_rates_not_checked(_: Examined) -> str:
 
 def _units(recording: Recording) -> list[Correction]:
     """Return other units of the rates and other clocks."""
-    step = float(np.median(np.diff(recording.time)))
+    step = recording.step
     increments = f'they are what each step of {step:.3g} s adds to the angle (write quantity = "angle_increment")'
     stated = recording.units.get((RATE, "x"), QUANTITIES[RATE].si)
     corrections = [

@@ -46,7 +46,7 @@ def repeated(
 ) -> Recording:  # fmt: skip
     """The recording followed by a second pass: in reverse order, over part of the angles, flipped, or warmer."""
     n = len(r.time)
-    step = float(np.median(np.diff(r.time)))
+    step = r.step
     order = np.arange(n)[::-1] if reverse else np.arange(n)
     channels = {key: np.concatenate([v, v[order]]) for key, v in r.channels.items()}
     for (quantity, axis), v in r.channels.items():
@@ -63,7 +63,7 @@ def repeated(
 
 def _extended(r: Recording) -> Recording:
     """A static run of twice the length; readouts go on as the Earth turns."""
-    step = float(np.median(np.diff(r.time)))
+    step = r.step
     shift = float(r.time[-1] - r.time[0]) + step
     channels = {}
     for (quantity, axis), v in r.channels.items():

@@ -297,7 +297,7 @@ class _Bench:
             terms = (*determined_terms(means.triad(FORCE)), *more)
             wanted = tied([last.grade.usual(p) for t in dict.fromkeys(terms) for p in parameters(CATALOGUE[t])])
         weight = float(np.median(means.weight))
-        step = float(np.median(np.diff(last.time))) if len(last.time) > len(means.time) else 0.0
+        step = last.step if len(last.time) > len(means.time) else 0.0
         lasting = np.median(np.diff(means.time)) if len(means.time) > 1 else 600.0
         seconds = weight * step / float(np.median(last.weight)) if step else float(lasting)
         return cls(wanted, known, max(seconds, 1.0), weight, means)
@@ -367,7 +367,7 @@ class _Bench:
 
     def longer_runs(self, run: Recording) -> Candidates:
         """Return some hours more of a static run: its unknowns and the phase of the platform go on."""
-        latitude, sample = run.site.latitude, float(np.median(np.diff(run.time)) / np.median(run.weight))
+        latitude, sample = run.site.latitude, run.step / float(np.median(run.weight))
         assert latitude is not None  # a static run has one
         now, phase = _squared(self.rows_of_run(run)), sidereal_phase(run, run.angles())[-1]
         rows = []

@@ -477,7 +477,7 @@ def without_moving_rests(recording: Recording) -> tuple[Recording, int]:
     if not recording.has(RATE) or recording.counted(RATE) or recording.position is None or len(recording.time) < 2:
         return recording, 0
     rate, visits = recording.triad(RATE), dwells(recording)
-    block = max(1, round(BLOCK_S / float(np.median(np.diff(recording.time)))))
+    block = max(1, round(BLOCK_S / recording.step))
     kept = []
     for d in visits:
         w = rate[d.rows]

@@ -68,7 +68,7 @@ def thinned(recording: Recording, block: float) -> Intervals:
     Raises InputError for a clock that pauses while the unit turns: its attitude is unknown after that.
     """
     run = _as_means(recording)
-    usual = float(np.median(np.diff(run.time)))
+    usual = run.step
     dt = np.diff(run.time, prepend=run.time[0] - usual)
     _refuse_lost_turns(run, dt, usual)
     several = max(1, round(block / usual))

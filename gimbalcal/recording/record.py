@@ -165,6 +165,11 @@ class Recording(Displayed):
         return np.searchsorted(np.asarray(self.restarts), self.time, side="right")
 
     @property
+    def step(self) -> float:
+        """Return the usual time [s] from a row to the next."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
     def label(self) -> str:
         """Return the file that the recording comes from, else its title: a refusal begins with it."""
         return self.source[0].path if self.source else f"recording {self.title!r}"

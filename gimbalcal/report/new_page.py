@@ -69,7 +69,7 @@ def proposal_page(proposal: Proposal) -> str:
 
 def clocked(r: Recording) -> str:
     """Return duration and rate of a recording by its clock."""
-    rate = 1 / float(np.median(np.diff(r.time)))
+    rate = 1 / r.step
     often = f"at {significant(rate, 3)} Hz" if rate >= 0.5 else f"a row every {lasting(1 / rate)}"
     return f"{lasting(float(np.ptp(r.time)))} {often}"
 
@@ -98,7 +98,7 @@ def _facts(proposal: Proposal, intervals: Sequence[Dwell]) -> list[tuple[str, st
     facts = [(str(len(intervals)), "rests"), (f"{len(r.time):,}".replace(",", " "), "rows")]
     if len(r.time) > len(intervals):  # a row for each rest has no rate
         at_rest = sum(float(r.time[d.stop - 1] - r.time[d.start]) for d in intervals)
-        rate = 1 / float(np.median(np.diff(r.time)))
+        rate = 1 / r.step
         facts = [(f"{significant(rate, 3)} Hz", "logged"), facts[0], (lasting(at_rest), "at rest"), facts[1]]
     return facts
 

@@ -105,7 +105,7 @@ def segment(recording: Recording) -> Segments:
     source = recording
     if recording.instant:
         recording = _as_means(recording)
-    step = float(np.median(np.diff(recording.time)))
+    step = recording.step
     dt = np.diff(recording.time, prepend=recording.time[0] - step)
     paused = dt > MISSED * step
     stop_dwells = stops(recording)
@@ -163,7 +163,7 @@ def stops(recording: Recording) -> list[Dwell]:
 
     A pause of the clock does not end a stop in which the unit was not moved.
     """
-    step = float(np.median(np.diff(recording.time)))
+    step = recording.step
     paused = np.diff(recording.time, prepend=recording.time[0] - step) > MISSED * step
     force = recording.triad(FORCE)
     out: list[Dwell] = []

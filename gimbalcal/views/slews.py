@@ -91,9 +91,9 @@ def view_of_slews(
         return f"fewer than {FEWEST} slews are fast and long enough"
     base, sigma = _shifted_home(onto, recording)
     if means and gimballed:
-        base = replace(base, residual=base.residual + float(np.median(np.diff(recording.time))) / 2)
+        base = replace(base, residual=base.residual + recording.step / 2)
     known = tuple(p for i in LATENCIES for p in parameters(CATALOGUE[i]) if CATALOGUE[i].stage in base.sensitivity)
-    step = float(np.median(np.diff(recording.time)))
+    step = recording.step
     offset = np.abs(np.average(base.residual, axis=0, weights=1 / sigma**2))
     M = _less_common(sigma, np.hypot(SAMPLED * step if gimballed else HAND, BENT * offset))
     # T is a second of delay, whatever slopes of coarse rows make of it: 1 or -1, or 0

@@ -53,7 +53,7 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
         return linearise(fine.platform, s, effects, channels=channels, read=y, stages=stages).reduced(centred_means)
 
     blocks = averaged(fine, BLOCK_S)
-    in_group = max(1, round(HELD_OUT_S / float(np.median(np.diff(blocks.time)))))
+    in_group = max(1, round(HELD_OUT_S / blocks.step))
     return View(
         TABLE, channels=channels, **recording_fields(blocks), stimulus=s, evaluate=rows, stages=stages,
         baseline=tuple(baseline) or ACCELEROMETER_BIAS, gauge=frozenset({(SIZE_EFFECT, a) for a in MATRIX_AXES}),
@@ -87,7 +87,7 @@ def averaged(recording: Recording, duration: float) -> Recording:
 
 
 def _rows_in(recording: Recording, duration: float) -> int:
-    return max(1, round(duration / float(np.median(np.diff(recording.time)))))
+    return max(1, round(duration / recording.step))
 
 
 def _means(x: Array, size: int) -> Array:

@@ -86,7 +86,7 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
         )
     rest = np.array([y[d.rows].mean(0) for d in visits])
     sigma = recording.sigma("gyroscope") or 1e-6
-    step = float(np.median(np.diff(recording.time)))
+    step = recording.step
     first = [moved[i] for i, _ in pairs]
     duration = float(np.mean([t for _, t, _ in first]))
     angle = float(np.mean([a for _, _, a in first]))
