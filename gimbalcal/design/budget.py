@@ -26,7 +26,7 @@ from gimbalcal.entries import Entry, Json
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids
 from gimbalcal.navigate.stationary_base import ROW
-from gimbalcal.navigate.uncertainty import is_strapdown, sensitivity, usual
+from gimbalcal.navigate.uncertainty import sensitivity, usual
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import load
@@ -144,7 +144,7 @@ def budget(
     title = " and ".join(s.title for _, s in plans)
     return Budget(
         title, tuple(hours), own.parameters, own.sigma, own.whole, own.parts, share, tuple(best),
-        is_strapdown(plan.base),
+        plan.base.kind.rotating,
     )  # fmt: skip
 
 

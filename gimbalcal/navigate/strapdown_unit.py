@@ -63,15 +63,16 @@ class Intervals:
 
 
 def thinned(recording: Recording, block: float) -> Intervals:
-    """Return means of up to `block` [s] where the rate is constant, and every row elsewhere.
+    """Return means of up to `block` [s] where the rate is constant, and every row elsewhere or of a driven unit.
 
+    A driven unit moves also where it does not turn.
     Raises InputError for a clock that pauses while the unit turns: its attitude is unknown after that.
     """
     run = _as_means(recording)
     usual = run.step
     dt = np.diff(run.time, prepend=run.time[0] - usual)
     _refuse_lost_turns(run, dt, usual)
-    several = max(1, round(block / usual))
+    several = 1 if driven(run) else max(1, round(block / usual))
     n = len(dt)
     first = np.arange(0, n, several)
     whole = np.diff(np.append(first, n))
@@ -141,7 +142,7 @@ def unit_navigated(recording: Recording, calibration: Calibration | None, aids: 
         recording.instant and calibration is not None
     ):  # nonlinear effects depend on the rate of the instant, not of a mean
         recording, calibration = calibration.apply(recording), None
-    intervals = thinned(recording, block_of(recording, MAX_INTERVAL_S))
+    intervals = thinned(recording, MAX_INTERVAL_S)
     return navigate_intervals(
         intervals, intervals.rows if calibration is None else calibration.apply(intervals.rows), aids, label
     )
@@ -243,11 +244,6 @@ def refuse(recording: Recording) -> None:
 def driven(recording: Recording) -> bool:
     """Return whether a reference position is logged at each row."""
     return all(recording.has(quantity) for quantity in REFERENCE)
-
-
-def block_of(recording: Recording, block: float) -> float:
-    """Return the longest means [s]: none of a unit that is driven, which moves also where it does not turn."""
-    return 0.0 if driven(recording) else block
 
 
 def _place(intervals: Intervals) -> Callable[[Array], Array]:

@@ -20,7 +20,7 @@ from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimul
 from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.space_stable_navigator import ALONE, USUAL, Aids, InertialSite
 from gimbalcal.navigate.static_run import half_apart, horizontal, platform_navigated, with_inner
-from gimbalcal.navigate.strapdown_unit import Intervals, block_of, navigate_intervals, thinned, unit_navigated
+from gimbalcal.navigate.strapdown_unit import Intervals, navigate_intervals, thinned, unit_navigated
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
@@ -46,13 +46,8 @@ def navigated(
 
 def usual(recording: Recording, damping: float | None = None, alignment: float = USUAL.alignment) -> Aids:
     """Return the references of a navigation; by default a platform is damped and a strapdown unit is not."""
-    damped = (ALONE if is_strapdown(recording) else USUAL).damping if damping is None else damping
+    damped = (ALONE if recording.kind.rotating else USUAL).damping if damping is None else damping
     return Aids(damping=damped, alignment=alignment)
-
-
-def is_strapdown(recording: Recording) -> bool:
-    """Return whether the unit's own gyroscopes carry its attitude."""
-    return recording.kind.rotating
 
 
 PROGRESS_DRAWS = 100  # between two messages
@@ -126,8 +121,8 @@ class _ThinnedRun:
 
 
 def _thinned_run(recording: Recording) -> _ThinnedRun:
-    if is_strapdown(recording):
-        intervals = thinned(recording, block_of(recording, float(recording.time[-1] - recording.time[0]) / BAND_ROWS))
+    if recording.kind.rotating:
+        intervals = thinned(recording, float(np.ptp(recording.time)) / BAND_ROWS)
         return _ThinnedRun(intervals.rows, intervals)
     rows = recording.select(np.arange(0, len(recording.time), max(1, len(recording.time) // BAND_ROWS)))
     return _ThinnedRun(with_inner(rows), None)
@@ -137,7 +132,7 @@ def sensitivity(
     run: Recording, effects: Sequence[Effect], wanted: Sequence[Parameter], step: Array, aids: Aids = USUAL
 ) -> Band:
     """Return times (n,) [s], and the errors (n, 7, p) of a perfect run by a step (p,) of each parameter."""
-    thin = _thinned_run(run) if is_strapdown(run) else _ThinnedRun(run, None)
+    thin = _thinned_run(run) if run.kind.rotating else _ThinnedRun(run, None)
     return thin.error(thin.rows, aids).time, _sensitivity(thin, thin.rows, effects, wanted, step, aids)
 
 
