@@ -186,7 +186,7 @@ def observe(
     positions = schedule if isinstance(schedule, Schedule) else read_schedule(schedule)
     recording = planned(positions)
     calibrated = position_parameters(positions.platform, effects)
-    others = _parameters_of(candidates, effects, recording, "multi-position")
+    others = _parameters_of(candidates, effects, recording)
     noise = Noise(to_si(force_sigma, "ug"), to_si(angle_sigma, "arcsec"))
     info = information_in_positions(recording, (*calibrated, *others), noise)
     stated = {"gimbal_angle_arcsec": angle_sigma, "accelerometer_ug": force_sigma}
@@ -209,7 +209,7 @@ def observe_static(
     recording = ideal_static_run(hours, latitude, sample_s)
     names = recording.platform.axis_names
     calibrated = tuple(q for e in effects for q in parameters(known_effect(e), names))
-    others = _parameters_of(candidates, effects, recording, "static-run")
+    others = _parameters_of(candidates, effects, recording)
     wanted = (*calibrated, *others)
     if set(noise) - set(STATIC_SENSORS) or not noise:
         raise InputError(f"the noise of a static run is stated for {', '.join(STATIC_SENSORS)}; got {', '.join(noise)}")
@@ -251,15 +251,13 @@ def observe_any(
     return observe_static(float(run[1]), np.deg2rad(latitude), noise, candidates=candidates, sample_s=DWELL_S)
 
 
-def _parameters_of(
-    candidates: Sequence[str], effects: Sequence[str], recording: Recording, kind: str
-) -> tuple[Parameter, ...]:
+def _parameters_of(candidates: Sequence[str], effects: Sequence[str], plan: Recording) -> tuple[Parameter, ...]:
     """Return the linear parameters of candidates that are not calibrated and need no other channel."""
     new = [cls for e in candidates if (cls := known_effect(e)).id not in effects]
-    lacking = [cls.id for cls in new if not cls.shows_in(kind) or cls.requires]
+    lacking = [cls.id for cls in new if not cls.shows_in(plan.kind) or cls.requires]
     if lacking:
-        raise InputError(f"{lacking[0]} cannot be judged from the angles of a {kind} schedule alone; leave it out")
-    return tuple(q for cls in new for q in parameters(cls, recording.platform.axis_names))
+        raise InputError(f"{lacking[0]} cannot be judged from the angles of a {plan.kind} schedule alone; leave it out")
+    return tuple(q for cls in new for q in parameters(cls, plan.platform.axis_names))
 
 
 def assess_information(
