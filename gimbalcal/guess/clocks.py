@@ -17,8 +17,11 @@ from gimbalcal.guess.column_names import is_counter, states_other_unit
 from gimbalcal.guess.log import Log
 from gimbalcal.number import Array
 
-TICKS = "0.1 ms"  # in which some loggers count; no unit of a header
-UNITS = {"s": 1.0, "ms": 1e-3, TICKS: 1e-4, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}  # s
+TICKS, FILETIME = "0.1 ms", "0.1 us"  # in which some loggers count; no units of a header
+UNITS = {"s": 1.0, "ms": 1e-3, TICKS: 1e-4, "us": 1e-6, FILETIME: 1e-7, "ns": 1e-9}  # s
+UNITS |= {"min": 60.0, "h": 3600.0, "d": 86400.0}
+UNIX_DAYS = (10957.0, 47482.0)  # of the year 2000 and of 2100, since 1970
+EPOCH_DAYS = {"s": 0.0, "ms": 0.0, "us": 0.0, "ns": 0.0, FILETIME: 134774.0, "d": 719529.0}  # of 1970 by each unit
 UNIT_OF_NAME = {"sample_time_fine": TICKS}  # of Xsens
 WRAP_PERIODS = {
     86400.0: "midnight",
@@ -35,11 +38,13 @@ WRAP_PERIODS = {
     1e6: "10^6",
 }
 MIN_RATE_HZ, MAX_RATE_HZ, USUAL_RATE_HZ = 0.05, 10_000.0, 100.0  # that inertial sensors are logged at
-COSTS = {"s": 0.0, "ms": 2.0, TICKS: 5.0, "us": 2.0, "ns": 2.0, "min": 6.0, "h": 9.0, "d": 9.0}  # nats
+COSTS = {"s": 0.0, "ms": 2.0, TICKS: 5.0, "us": 2.0, FILETIME: 9.0, "ns": 2.0, "min": 6.0, "h": 9.0, "d": 9.0}  # nats
+EPOCH_GAIN = 4.0  # nats, of a unit in which the clock states a day of this century; more where no log counts in it
 MIN_DURATION_S, SHORT_COST = 1.0, 6.0  # of a log, and nats against a unit in which it is shorter
 MIN_ROWS = 3
 MAX_DISTANCE = 2.0  # of the step between stamps, of evenly spaced rows from their stamps
 MAX_SENSORS = 8  # that write into one log in turn
+UNLIKE = 3.0  # times the change from one turn to the next: that from sensor to sensor
 MAX_JITTER = 0.02  # of a step; stamps that scatter by more are times of arrival if another clock is more regular
 
 
@@ -53,12 +58,15 @@ def costs_of_unit(time: Array) -> dict[str, tuple[float, str]]:
     if step <= 0:
         raise InputError("the clock stands still: say what the time is by a column that grows")
     rates = {unit: 1 / (step * size) for unit, size in UNITS.items()}
+    today = unit_of_epoch(time)
     return {
         unit: (
             COSTS[unit]
             + 0.5 * float(np.log10(rate / USUAL_RATE_HZ)) ** 2
-            + SHORT_COST * (len(time) * step * UNITS[unit] < MIN_DURATION_S),
-            f"steps of {step:.4g}, which in {unit} are {rate:.4g} Hz",
+            + SHORT_COST * (len(time) * step * UNITS[unit] < MIN_DURATION_S)
+            - max(EPOCH_GAIN, COSTS[unit]) * (unit == today),
+            f"steps of {step:.4g}, which in {unit} are {rate:.4g} Hz"
+            + (", and it states a day of this century" if unit == today else ""),
         )
         for unit, rate in rates.items()
         if MIN_RATE_HZ <= rate <= MAX_RATE_HZ
@@ -70,6 +78,20 @@ def unit_of_time(time: Array) -> tuple[str, str]:
     costs = costs_of_unit(time)
     unit = min(costs, key=lambda u: costs[u][0])
     return unit, costs[unit][1]
+
+
+def unit_of_epoch(time: Array) -> str:
+    """Return the unit in which a clock (n,) that never goes back counts from an epoch to this century; empty if none.
+
+    The epochs are those of Unix, of Windows (0.1 us since 1601) and of MATLAB (days since the year 0).
+    """
+    if len(time) < MIN_ROWS or np.any(np.diff(time) < 0) or time[-1] == time[0]:
+        return ""
+    for unit, epoch in EPOCH_DAYS.items():
+        first, last = ((day + epoch) * UNITS["d"] / UNITS[unit] for day in UNIX_DAYS)
+        if first <= time[0] and time[-1] <= last:
+            return unit
+    return ""
 
 
 def spread(t: Array) -> tuple[Array, str]:
@@ -130,21 +152,36 @@ def two_column_clock(columns: Mapping[str, Array]) -> tuple[str, str, Array, str
 
 
 def single_sensor(log: Log) -> tuple[Log, str]:
-    """Return the rows of one sensor where several write in turn, by the column that numbers them, and a note."""
+    """Return the rows of one sensor where several write in turn, by the column that numbers them, and a note.
+
+    Their clock, if any, goes on for each of them only, or their readings are unlike from one row to the next and alike
+    from one turn to the next, which packets of samples are not.
+    """
     clocks = log.names("time")
-    for clock in clocks:
-        t = log.columns[clock]
-        if np.all(np.diff(t) > 0):
-            break
-        for name, x in log.columns.items():
-            numbers = np.unique(x[np.isfinite(x)])
-            if name in clocks or not 1 < len(numbers) <= MAX_SENSORS or np.any(numbers != np.round(numbers)):
-                continue
-            rows = [np.flatnonzero(x == number) for number in numbers]
-            if min(map(len, rows)) > 0.8 * len(t) / len(rows) and all(np.all(np.diff(t[r]) > 0) for r in rows):
-                note = f"rows are of {len(rows)} sensors by the column {name.strip()}, {numbers[0]:g} is taken"
-                return log.rows(rows[0]), note
+    if any(np.all(np.diff(log.columns[clock]) > 0) for clock in clocks):
+        return log, ""
+    for name, x in log.columns.items():
+        numbers = np.unique(x[np.isfinite(x)])
+        if name in clocks or not 1 < len(numbers) <= MAX_SENSORS or np.any(numbers != np.round(numbers)):
+            continue
+        rows = [np.flatnonzero(x == number) for number in numbers]
+        own_clock = any(all(np.all(np.diff(log.columns[c][r]) > 0) for r in rows) for c in clocks)
+        if min(map(len, rows)) > 0.8 * len(x) / len(rows) and (own_clock or _writes_in_turn(log, name, len(numbers))):
+            note = f"rows are of {len(rows)} sensors by the column {name.strip()}, {numbers[0]:g} is taken"
+            return log.rows(rows[0]), note
     return log, ""
+
+
+def _writes_in_turn(log: Log, number: str, sensors: int) -> bool:
+    """Return whether most columns change far more from row to row than from one turn of some sensors to the next."""
+
+    def change(x: Array, rows: int) -> float:
+        return float(np.mean(np.abs(x[rows:] - x[:-rows]))) if len(x) > rows else 0.0
+
+    x = log.columns[number]
+    others = [y for n, y in log.columns.items() if n != number and np.all(np.isfinite(y)) and np.any(np.diff(y) < 0)]
+    unlike = [change(y, 1) > UNLIKE * change(y, sensors) for y in others]
+    return bool(np.mean(x[sensors:] == x[:-sensors]) > 0.9) and sum(unlike) > len(others) / 2
 
 
 def jitter(t: Array) -> float:
@@ -167,13 +204,13 @@ def best_clock(log: Log) -> str:
 
 
 def regular_column(log: Log) -> str:
-    """Return an unknown column that grows in regular steps and is no count of the rows; empty if there is none."""
+    """Return an unknown column that grows in regular steps, or states days, and is no count of rows; else empty."""
     for name, x in log.unknown.items():
         if len(x) < MIN_ROWS or not np.all(np.isfinite(x)) or is_counter(name) or states_other_unit(name):
             continue
         step = np.diff(x)
         count = bool(np.all(step == step[0])) and step[0] == np.round(step[0]) and x[0] in (0.0, 1.0)
-        if np.all(step > 0) and jitter(x) < 0.5 and not count:
+        if np.all(step > 0) and (jitter(x) < 0.5 or unit_of_epoch(x)) and not count:
             return name
     return ""
 
@@ -183,6 +220,6 @@ def in_unit(log: Log, unit: str) -> Log:
     t, g = log.columns[log.clock], log.guesses[log.clock]
     rate = 1 / (float(np.median(np.diff(t))) * UNITS[unit])
     why = f"{g.why.partition(';')[0]}; in {unit} these rows are logged at {rate:.4g} Hz"
-    known, scale = ("s", UNITS[unit]) if unit == TICKS else (unit, 1.0)
+    known, scale = ("s", UNITS[unit]) if unit in (TICKS, FILETIME) else (unit, 1.0)
     guess = replace(g, unit=known, why=why, open=False)
     return log.including({log.clock: guess}, {} if scale == 1 else {log.clock: scale * t})

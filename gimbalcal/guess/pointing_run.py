@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.guess import clocks
 from gimbalcal.guess.celestial import angle_stated, latitude_column, sidereal, sidereal_hours
 from gimbalcal.guess.column_names import ANGLES, by_name, by_spelling, is_anonymous, plain, unit_written
 from gimbalcal.guess.log import Guess
@@ -121,10 +122,9 @@ def with_unnamed_angles(table: Table) -> Table:
 
 def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     """Return the readout of one axis beside a measurement of it, in two columns that go together; None without such."""
-    clock = next(
-        (n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time" and np.all(np.diff(x) > 0)),
-        "",
-    )
+    growing = {n: x for n, x in table.columns.items() if np.all(np.diff(x) > 0)}
+    named = [n for n in growing if (g := by_name(n)) and g.quantity == "time"]
+    clock = next(iter([*named, *(n for n, x in growing.items() if clocks.unit_of_epoch(x))]), "")
     angles = {
         n: x for n, x in table.columns.items()
         if n != clock and (is_anonymous(n) or _is_readout(n)) and np.all(np.isfinite(x)) and np.ptp(x) > 0
@@ -144,14 +144,13 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     units = [unit if (unit := unit_written(plain(n))) in ANGLES else "" for n in (first, second)]
     usual = "deg" if np.ptp(angles[first]) > 2 * np.pi else "rad"
     read, true = (np.asarray(to_si(angles[n], u or usual)) for n, u in zip((first, second), units, strict=True))
-    g = by_name(clock) if clock else None
-    time, remarks = (_seconds(clock, table), ()) if g else in_order(path, len(read))
+    time, remarks = (_seconds(clock, table), ()) if clock else in_order(path, len(read))
     axis = KNOWN["rate-table"].axes[0].name
     run = pointing_run(path, KNOWN["rate-table"], Site(), time, {axis: read}, {axis: true})
     why = {
         ("gimbal_angle", axis): (first, "its place before the other, or its name: what was commanded or read"),
         ("true_angle", axis): (second, "the other column that goes with it: what was measured"),
-        **({("time", ""): (clock, "its name")} if clock else {}),
+        **({("time", ""): (clock, "its name" if clock in named else "its numbers, which state days")} if clock else {}),
     }
     notes = {
         "kind": "one axis, read out and measured: two columns that go together",
@@ -178,6 +177,9 @@ def _one_offset(columns: list[AngleColumn]) -> list[AngleColumn]:
     Raises InputError for several offsets of which no name identifies the one.
     """
     offsets = [s for s in columns if s.role == "offset"]
+    if len(of_axis := [s for s in offsets if not s.on_sky]) == 1:  # beside the same on the sky
+        columns = [s for s in columns if s.role != "offset" or s in of_axis]
+        offsets = of_axis
     named = [s for s in offsets if not _ERROR.intersection(plain(s.name).split("_"))]
     if len(named or offsets) > 1:
         raise InputError(
@@ -370,7 +372,7 @@ def _seconds(name: str, table: Table) -> Array:
     x, guess = table.columns[name], by_name(name) or Guess("time", "", "", "")
     if name in table.dates or name in table.sexagesimal:
         return np.asarray(x if name in table.dates else 3600 * x)
-    return np.asarray(to_si(x, guess.unit)) if guess.unit else np.asarray(x)
+    return np.asarray(to_si(x, guess.unit) if guess.unit else x * clocks.UNITS[clocks.unit_of_epoch(x) or "s"])
 
 
 def _latitude(table: Table, notes: dict[str, str]) -> float | None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.guess.clocks import costs_of_unit, in_unit, jitter, unit_of_time
+from gimbalcal.guess.clocks import costs_of_unit, in_unit, jitter, single_sensor, unit_of_time
 from gimbalcal.guess.column_values import costs_of_rate
 from gimbalcal.guess.gimbal_chain import unit_of_angle
 from gimbalcal.guess.log import Guess, Log
@@ -28,6 +28,36 @@ def test_jitter_is_a_share_of_a_step_in_any_unit():
 @pytest.mark.parametrize(("step", "unit"), [(0.02, "s"), (20.0, "ms"), (2e4, "us"), (1.0, "s"), (5e6, "ns")])
 def test_a_clock_counts_in_the_unit_in_which_sensors_are_logged(step, unit):
     assert unit_of_time(step * np.arange(1000))[0] == unit
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "unit"),
+    [
+        (132907960342450000, 100_000, "0.1 us"),  # Windows, since 1601
+        (738_000.25, 1 / 86400, "d"),  # datenum of MATLAB
+        (1.7e9, 10.0, "s"),
+        (1.7e12, 10.0, "ms"),
+        (1.7e15, 5000.0, "us"),
+        (5e4, 10.0, "ms"),  # since power-up
+        (5e6, 1e4, "us"),
+    ],
+)
+def test_a_clock_that_states_a_day_of_this_century_shows_its_unit(first, step, unit):
+    assert unit_of_time(first + step * np.arange(1000))[0] == unit
+
+
+def test_units_that_write_in_turn_are_told_apart_by_their_readings():
+    """Six of a board at once, numbered, under a clock of whole seconds; packets of six rows of one unit stay whole."""
+    rng, n = np.random.default_rng(0), 6 * 500
+    number, turn = np.arange(n) % 6.0, np.arange(n) // 6
+    level = rng.standard_normal((6, 3))
+    columns = {"1": 1.7e9 + turn // 50, "2": number}
+    noise = 0.02 * rng.standard_normal((n, 3))
+    for own, sensors in ((level[np.arange(n) % 6], 6), (level[:1], 1)):
+        readings = {str(k + 3): x for k, x in enumerate((own + noise).T)}
+        log, note = single_sensor(Log(columns | readings, {}))
+        assert len(log.columns["1"]) == n / sensors
+        assert ("of 6 sensors" in note) == (sensors == 6)
 
 
 def test_no_log_is_shorter_than_a_second():

@@ -71,6 +71,22 @@ def test_offsets_on_the_sky_turn_the_axis_further(tmp_path):
     golden_text(found.notes["sky"])
 
 
+def test_an_offset_of_the_axis_is_taken_beside_the_same_on_the_sky(tmp_path):
+    sky = OFF[0] * np.cos(np.radians(EL))
+    head = "Az,El,az_error [arcsec],az_error_sky [arcsec],el_error [arcsec]"
+    agrees(propose([write(tmp_path / "s.csv", head, AZ, EL, OFF[0], sky, OFF[1])]).recording)
+
+
+def test_an_axis_has_the_clock_of_the_controller_that_exported_it(tmp_path):
+    ticks, angle = 132907960342450000 + 100_000 * np.arange(300), np.linspace(0, 300, 300)
+    cells = [str(t) for t in ticks]
+    path = write(
+        tmp_path / "axis.csv", "Name;Position (Counter);Position (Resolver)", cells, angle, angle + 0.1, mark=";"
+    )
+    found = propose([path]).recording
+    np.testing.assert_allclose(found.time - found.time[0], 0.01 * np.arange(300), atol=1e-5)
+
+
 def test_an_equatorial_mount_needs_its_latitude(tmp_path):
     hour, dec = RNG.uniform(-5, 5, 30), RNG.uniform(-10, 70, 30)
     columns = (hour, dec, hour + OFF[0] / 54000, dec + OFF[1] / 3600)

@@ -27,6 +27,7 @@ from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.gyroscopes.residual_checks import (
+    astray_in_words,
     rests_in_words,
     singular_in_words,
     sizes_in_words,
@@ -63,9 +64,10 @@ def gyroscopes_between_rests(
 
     terms: gyroscope effects beside the bias (default: scale factor, misalignment, and of scale nonlinearity,
     asymmetry, temperature and g-sensitivity what the recording supports); those that it does not are declined with a
-    sentence, and one that is not there is taken up once in 200 calibrations (`term_selection`). The g-sensitivity comes
-    from the rests. What `more` adds is fitted in any case, at rest or on the way. Raises InputError where there are too
-    few turns or no rates.
+    sentence, all of them where the turns miss gravity whatever the errors are, and one that is not there is taken up
+    once in 200 calibrations (`term_selection`). The g-sensitivity comes from the rests. What `more` adds is fitted in
+    any case, at rest or on the way. Raises InputError where there are too few turns or no rates, or turns that give
+    counts no size.
     """
     requested, further = {a.effect for a in more}, [t for t in FURTHER if not lacking(CATALOGUE[t], recording.has)]
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or (*LINEAR, *further)) if t not in requested)
@@ -82,13 +84,21 @@ def gyroscopes_between_rests(
     if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
         turns = turns.levelled(level.effects)
     further = [t for t in terms_moving if t not in base]
-    fits, declined = Fits(), dict[str, str]()
+    fits, declined, doubt = Fits(), dict[str, str](), list[str]()
     if base or moving.parameters:
-        fits, declined = selected(base, fit_turns(turns, base, moving), further,
-                                  lambda terms, without: _attempt(turns, terms, without, tried, moving))  # fmt: skip
+        linear = fit_turns(turns, base, moving)
+        doubt = [] if moving.parameters else singular_in_words(linear.condition) or astray_in_words(turns, linear.rms)
+        if doubt and turns.scale != 1.0:
+            raise InputError(f"{doubt[0]}; nor do they show what a count of the rates is")
+        if doubt:  # a size would mean nothing, and other terms cannot help
+            declined = {t: f"{t} is left out: {doubt[0]}" for t in terms_moving}
+        else:
+            fits, declined = selected(
+                base, linear, further, lambda terms, without: _attempt(turns, terms, without, tried, moving)
+            )
     if why:
         declined[G_SENSITIVITY] = why
-    said = rests_in_words(level)
+    said = rests_in_words(level) + doubt
     if fits:
         fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, accelerometers)
         fit = fits[-1][1]

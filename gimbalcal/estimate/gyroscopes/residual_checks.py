@@ -29,6 +29,7 @@ MIN_SIGMAS = 3.0  # of a size that is doubted
 MAX_SCALE_ERROR = 0.2  # of the rate, or rad: no gyroscope on the market is off by as much, a wrong range is
 SMALL_RATE = 1e-3  # rad/s; what is linear in the rate shows alone
 MAX_CONDITION_NUMBER = 1e6  # condition number, columns of length one
+MAX_ASTRAY = 0.1  # rad rms, by which a fit to turns may miss gravity: a hand-turned unit misses it by 0.01
 
 
 def rests_in_words(level: ViewsFit) -> list[str]:
@@ -56,17 +57,22 @@ def turns_in_words(turns: Turns, accelerometers: Calibration, wander: Array, rms
     wander (m, 3) [rad/s]: misfit of the rests.
     """
     explained = turn_sigma(turns, accelerometers, wander)
-    out = []
-    if turns.clipped:
-        some = turns.clipped < turns.logged
-        where = f"{turns.clipped} of {turns.logged} turns, which are left out" if some else "every turn"
-        out.append(f"a gyroscope reads the end of its range in {where}: turn more slowly, or raise the range")
+    out = _clipped_in_words(turns)
     if explained and rms > MAX_RATE_SCATTER_RATIO * explained:
         out.append(
             f"carried through the turns by the gyroscopes, gravity is missed by {np.degrees(rms):.2g} deg rms, "
             f"{rms / explained:.2g} times what their noise explains"
         )
     return out
+
+
+def _clipped_in_words(turns: Turns) -> list[str]:
+    """A sentence where a gyroscope reads the end of its range."""
+    if not turns.clipped:
+        return []
+    some = turns.clipped < turns.logged
+    where = f"{turns.clipped} of {turns.logged} turns, which are left out" if some else "every turn"
+    return [f"a gyroscope reads the end of its range in {where}: turn more slowly, or raise the range"]
 
 
 def turn_sigma(turns: Turns, accelerometers: Calibration, wander: Array) -> float:
@@ -128,3 +134,13 @@ def singular_in_words(condition: float) -> list[str]:
     if condition <= MAX_CONDITION_NUMBER:
         return []
     return [f"the turns do not tell the gyroscopes' parameters apart (condition number {condition:.1g})"]
+
+
+def astray_in_words(turns: Turns, rms: float) -> list[str]:
+    """Return sentences where gravity after turns is missed by so much, rms [rad], that no error of a gyroscope is."""
+    if rms <= MAX_ASTRAY:
+        return []
+    missed = f"after the turns gravity is missed by {np.degrees(rms):.2g} deg rms whatever errors the gyroscopes have"
+    clipped = _clipped_in_words(turns)
+    other = "rows on the way are missing, or their clock, axes or units are not those of the recording"
+    return [*clipped, missed] if clipped else [f"{missed}: {other}"]

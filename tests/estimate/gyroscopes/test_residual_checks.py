@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR
 from gimbalcal.estimate.gyroscopes.residual_checks import turn_sigma
 from gimbalcal.estimate.unit import inertial_unit
@@ -52,6 +53,23 @@ def test_turns_that_the_gyroscopes_missed_are_told():
     clipped = np.clip(y, -0.6, 0.6)  # rad/s: the range of the gyroscopes
     made = calibrated(with_rates(clipped))
     golden_text(made.outcome)
+
+
+def test_turns_that_miss_gravity_by_degrees_show_no_size():
+    """Rates of other turns, as where rows on the way are missing: scale factors and misalignments would be any."""
+    late = np.roll(turned().triad(RATE), 30, axis=0)[:, [1, 2, 0]] * [1, -1, 1]
+    made = calibrated(with_rates(late))
+    assert "whatever errors the gyroscopes have" in made.outcome
+    assert {p.effect for p in made.parameters} == {"bias", "gyro_bias"}
+    assert all("left out" in u.why for u in made.unobservable if "gyro_scale_factor:x" in u.direction)
+
+
+def test_counts_have_no_size_by_turns_that_miss_gravity():
+    late = with_rates(1e4 * np.roll(turned().triad(RATE), 30, axis=0)[:, [1, 2, 0]] * [1, -1, 1])
+    counted = replace(late, units={**late.units, **{(RATE, a): "count" for a in "xyz"}})
+    with pytest.raises(InputError, match="what a count of the rates is"):
+        calibrated(counted)
+    assert inertial_unit(counted).outcome.startswith("The gyroscopes are not calibrated: after the turns gravity")
 
 
 def test_turns_in_which_a_gyroscope_clips_are_left_out():
