@@ -95,6 +95,13 @@ class ViewsFit:
         P = self.solution.covariance
         return P if any(v.local is not None for v in self.views) else P + self.added_by_memory(*self.whitened, P)
 
+    @property
+    def widening(self) -> Array:
+        """By how much memory widens the sigma of each parameter and nuisance (p + m,)."""
+        with np.errstate(invalid="ignore"):
+            ratio = np.sqrt(np.diag(self._covariance) / np.diag(self.solution.covariance))
+        return np.asarray(np.where(ratio > 1, ratio, 1.0))
+
     def added_by_memory(self, J: Array, r: Array, G: Array) -> Array:
         """Return what is added to a covariance G (p, p) by the memory of rows with Jacobian J (q, p) and misfit r (q,).
 

@@ -1,8 +1,11 @@
 """Covariances of fits whose rows remember each other: errors are as large as stated; independent rows keep theirs."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from gimbalcal.estimate.gyroscopes.against_attitude import SIGNIFICANCE, thirds
 from gimbalcal.estimate.noise_memory import added_by_memory
 from tests.stimuli import remembering
 
@@ -37,6 +40,27 @@ def test_errors_are_as_large_as_stated_where_rows_remember(memory, share):
     assert after.max() < 1.35
     assert after.min() > 0.85
     assert after[2] == pytest.approx(before[2], rel=0.1)  # a column that changes from row to row averages as before
+
+
+def test_thirds_of_rows_that_remember_are_alike():
+    """A mean and a wave in 1500 rows: by independent sigmas most records differ from third to third, by these few."""
+    rng, n = np.random.default_rng(2), 1500
+    J = np.column_stack([np.ones(n), np.sin(np.arange(n) / 7.0)])
+    G = np.linalg.inv(J.T @ J)
+    view = SimpleNamespace(local=None, time=np.arange(float(n)), source=SimpleNamespace(time=[0.0]), channels=("x",))
+    own = tuple(SimpleNamespace(effect="bias", axis=axis, name="bias") for axis in "xy")
+    p_values: list[list[float]] = [[], []]
+    for _ in range(40):
+        y = remembering(rng.standard_normal(n), 0.9) + 0.3 * rng.standard_normal(n)
+        r = y - J @ (x := G @ J.T @ y)
+        s = np.sqrt(r @ r / (n - 2))
+        widening = np.sqrt(np.diag(G + added_by_memory(J, r / s, G)) / np.diag(G))
+        for each, wide in zip(p_values, (np.ones(2), widening), strict=True):
+            fitted = SimpleNamespace(views=(view,), whitened=(J, r), widening=wide,
+                                     solution=SimpleNamespace(x=x, parameters=own))  # fmt: skip
+            each.append(thirds(fitted).p_value())
+    assert np.mean(np.array(p_values[0]) < SIGNIFICANCE) > 0.5
+    assert np.mean(np.array(p_values[1]) < SIGNIFICANCE) < 0.06
 
 
 def test_independent_rows_keep_their_sigmas():

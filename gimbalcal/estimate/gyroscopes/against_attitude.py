@@ -7,8 +7,9 @@ Each third k of the rows is fitted on its own, as a check,
           F = \frac{1}{2 q s^2} \sum_k (x_k - \bar x)^T C_k^{-1} (x_k - \bar x)
 
 with r the whitened residuals (n,) of the fit, J their Jacobian (n, p) by all its parameters, C_k the covariance of q of
-them in a third, the mean weighted by C_k^-1, and s^2 what the thirds leave of r by themselves. Noise with a longer
-memory than the fit assumes, and parameters that change, make the thirds differ by more than their sigmas say.
+them in a third, the mean weighted by C_k^-1, and s^2 what the thirds leave of r by themselves. Rows that remember those
+before them widen C_k as they widen the covariance of the whole. Noise with a longer memory than that, and parameters
+that change, make the thirds differ by more than their sigmas say.
 Source: G. C. Chow, Econometrica 28 (1960) 591, for three groups.
 """
 
@@ -113,7 +114,8 @@ def thirds(fitted: ViewsFit) -> Thirds | None:
         x.append(fitted.solution.x + delta / size)
         inverse.append(np.linalg.inv(N) / np.outer(size, size))
     variance = max(chi2, MIN_CHI2) / (n - PARTS * p)
-    return Thirds(fitted.solution.parameters, np.array(x), variance * np.array(inverse), n - PARTS * p)
+    covariance = variance * np.array(inverse) * np.outer(fitted.widening, fitted.widening)
+    return Thirds(fitted.solution.parameters, np.array(x), covariance, n - PARTS * p)
 
 
 MIN_INTERVALS = 20
