@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.kinematics import DOWN
 from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, is_symbolic, sqrt
 from gimbalcal.platform import Platform
-from gimbalcal.rotation import small_rotation_vector
+from gimbalcal.rotation import frame_rotation, small_rotation_vector
 
 MIN_RELATIVE_SINGULAR_VALUE = (
     1e-2  # relative singular value of the gimbals' axes below which they turn about one axis less
@@ -38,9 +38,9 @@ def gimbal_angles(platform: Platform, C_bp: Array, ideal: Array, error: Array | 
         angle = angle.astype(np.result_type(angle, error))
         angle[..., inner] += error[..., inner]
     for _ in range(2):
-        C = platform.attitude(angle, tilts)
-        rotation = small_rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
-        J = np.stack([_axis_in_platform(platform, angle, i) for i in free], axis=-1)
+        C, turns = _chain(platform, angle)
+        C = C if tilts is None else platform.attitude(angle, tilts)
+        rotation, J = small_rotation_vector(C_bp @ np.swapaxes(C, -1, -2)), turns[..., free]
         step = (
             np.linalg.solve(J, rotation[..., None])[..., 0]
             if not is_symbolic(rotation)
@@ -59,9 +59,9 @@ def nearest_angles(platform: Platform, C_bp: Array, start: Array, free: Sequence
     """
     angle = np.array(start, dtype=float)
     for _ in range(MAX_STEPS):
-        rotation = small_rotation_vector(C_bp @ np.swapaxes(platform.attitude(angle), -1, -2))
-        J = np.stack([_axis_in_platform(platform, angle, i) for i in free], axis=-1)
-        step = apply_matrix(np.linalg.pinv(J, rcond=MIN_RELATIVE_SINGULAR_VALUE), rotation)
+        C, turns = _chain(platform, angle)
+        rotation = small_rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
+        step = apply_matrix(np.linalg.pinv(turns[..., free], rcond=MIN_RELATIVE_SINGULAR_VALUE), rotation)
         angle[..., free] += step
         if np.max(np.abs(step), initial=0.0) < MAX_STEP_RAD:
             break
@@ -74,13 +74,14 @@ def _symbolic_solve(J: Array, b: Array) -> Array:
     return np.array([list(sympy.Matrix(m).LUsolve(sympy.Matrix(v))) for m, v in zip(J, b, strict=True)], dtype=object)
 
 
-def _axis_in_platform(platform: Platform, angle: Array, i: int) -> Array:
-    """Return the direction (n, 3) in platform axes about which readout i turns the platform."""
-    inner = Platform(platform.name, platform.axes[:i]).attitude(angle[..., :i])
-    axis = platform.axes[i]
-    unit = np.zeros(3)
-    unit["xyz".index(axis.direction)] = axis.sign
-    return apply_matrix(inner, np.broadcast_to(unit, (*angle.shape[:-1], 3)))
+def _chain(platform: Platform, angle: Array) -> tuple[Array, Array]:
+    """Return the attitude (n, 3, 3) of untilted axes, and the directions (n, 3, k) in platform axes of their turns."""
+    C, turns = np.broadcast_to(np.eye(3), (*angle.shape[:-1], 3, 3)), []
+    for i, axis in enumerate(platform.axes):
+        turns.append(axis.sign * C[..., "xyz".index(axis.direction)])
+        link = frame_rotation(axis.direction, axis.sign * angle[..., i] + axis.offset)
+        C = C @ link if i else link
+    return C, np.stack(turns, axis=-1)
 
 
 def navigator_attitude_error(platform: Platform, force: Array, readout: Array) -> Array:
