@@ -29,7 +29,7 @@ class Rest:
 Error = Callable[[Rest], Array]  # output error (n, 3) for a size of one
 
 
-def rest(rng: np.random.Generator, hours: float = 48.0, step: float = 600.0) -> Rest:
+def rest(rng: np.random.Generator, hours: float, step: float) -> Rest:
     """The Earth's turn past the platform, and a room that is warmer by day."""
     t = np.arange(0.0, hours * 3600.0, step)
     turn = EARTH * t + rng.uniform(0, 2 * np.pi)
@@ -38,9 +38,11 @@ def rest(rng: np.random.Generator, hours: float = 48.0, step: float = 600.0) -> 
     return Rest(t, up, T)
 
 
-def record(rng: np.random.Generator, error: Error | None = None, size: float = 0.0, step: float = 600.0) -> Recording:
+def record(
+    rng: np.random.Generator, error: Error | None = None, size: float = 0.0, hours: float = 48.0, step: float = 600.0
+) -> Recording:
     """One static run; white noise of 2 ug and 0.5 arcsec in a row."""
-    r = rest(rng, step=step)
+    r = rest(rng, hours, step)
     n = len(r.t)
     lean = np.eye(3) + rng.uniform(-40, 40, (3, 3)) * ARCSEC * (1 - np.eye(3))
     u = (r.ideal * G) @ lean.T / (1 + rng.uniform(-4e-4, 4e-4, 3))
