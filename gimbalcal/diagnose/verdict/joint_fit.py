@@ -173,7 +173,7 @@ def _common(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCaus
     for k, one in candidates.items():
         s, n = c.searches[k], _ordinals(c, members, k).index(j)
         rest = [i for o in range(len(own[k].members)) if o != n for i in own[k].columns_of(s, o)]
-        columns = [columns_at(s.fit, one, values_of_constants) for values_of_constants in tried]
+        columns = [columns_at(s.fit, one, at) for at in tried]
         X = np.concatenate([s.library.X[:, rest], *columns], axis=1)
         p = project(own[k].projection.node, rows_like(s.rows, X))
         width = columns[0].shape[1]
@@ -207,7 +207,7 @@ class JointFit:
     def estimate_by(self, recording: int, wanted: Sequence[Parameter]) -> tuple[Array, Array]:
         """Return values and sigmas (p,) of sizes of causes by one recording, SI."""
         keep = [self.wide[p] for p in wanted]
-        info = self.each[recording].at({p: p.mean for p in self.each[recording].parameters if p.mean})
+        info = self.each[recording].at(_smooth(self.each[recording]))
         solution = solve(info.without([p for p in info.parameters if p not in keep], flat=True))
         at = [solution.parameters.index(p) for p in keep]
         return solution.x[at], solution.sigma[at]
@@ -368,9 +368,14 @@ def _pooled(
     own = ([wide.get(p, p) for p in part.own(*Scope)] for part in parts)
     info = reduce(add, (info.without(rest, flat=True) for info, rest in zip(each, own, strict=True)))
     solution = solve(info)
-    smooth = {p: p.mean for p in info.parameters if p.mean}
-    x = dict(zip((p for p in info.parameters if p not in smooth), solve(info.at(smooth)).x, strict=True))
-    return replace(solution, x=np.array([smooth.get(p, x.get(p)) for p in info.parameters], dtype=float))
+    constant, sizes = _smooth(info), solve(info.at(_smooth(info)))
+    value = constant | dict(zip(sizes.parameters, sizes.x, strict=True))
+    return replace(solution, x=np.array([value[p] for p in info.parameters]))
+
+
+def _smooth(info: Information) -> dict[Parameter, float]:
+    """Return the smooth constants of causes with the values about which rows are linearised."""
+    return {p: p.mean for p in info.parameters if p.field in {f.name for f in constants(CATALOGUE[p.effect])}}
 
 
 def _carried(
