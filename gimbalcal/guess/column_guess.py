@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.errors import InputError
+from gimbalcal.errors import InputError, amount
 from gimbalcal.guess import clocks
 from gimbalcal.guess.column_names import (
     body_rates,
@@ -33,6 +33,7 @@ JOINED_CLOCK = "time of two columns"
 MIN_STEP = 0.05  # of the norm of the force, from row to row: no log is so slow, but a table of positions is
 MAX_NORM_SPREAD = 0.1  # of the force at all but a few dwells
 MAX_DWELLS = 2000  # rows of such a table
+MIN_HELD_ROWS, MIN_PROBABILITY = 20, 1e-6  # equal rows of all sensors that may be held, and that chance leaves so
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,8 @@ def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str], units: M
     if dwell_rows:
         log = _table_of_dwells(log)
     log = _with_row_clock(path, log, rate, dwell_rows, table.rate)
+    log, note = _without_held_rows(log)
+    notes |= {"held": note} if note else {}
     if not dwell_rows:  # the standard deviation of single samples follows from the rows
         log = log.without("sigma", "weight")
     elif log.has("sigma"):
@@ -149,6 +152,29 @@ def _timed_rows(log: Log) -> tuple[Log, str]:
     if timed.all():
         return log, ""
     return log.rows(timed), f"{np.count_nonzero(~timed)} of {len(timed)} rows have no time and are left out"
+
+
+def _without_held_rows(log: Log) -> tuple[Log, str]:
+    """Return the log without rows that a recorder held, and a note on them.
+
+    They repeat a row of all sensors for longer than noise does, which leaves no two of other rows alike so long: a run
+    of L among n rows, of which others repeat the one before with probability p, is expected n p^(L - 1) times.
+    """
+    sensors = [*log.values(FORCE), *log.values(RATE)]
+    if len(sensors) < 3:
+        return log, ""
+    alike = np.all([np.diff(x, prepend=np.nan) == 0 for x in sensors], axis=0)
+    starts = np.flatnonzero(~alike)
+    length = np.diff(starts, append=len(alike))
+    long = length >= MIN_HELD_ROWS
+    others = np.repeat(~long, length)
+    p = float(np.mean(alike[others])) if others.any() else 1.0
+    held = np.repeat(long & (len(alike) * p ** (length - 1.0) < MIN_PROBABILITY), length) & alike
+    if not held.any() or 2 * np.count_nonzero(held) > len(held):
+        return log, ""
+    count = int(np.count_nonzero(np.diff(held.astype(int)) > 0))
+    where = f"{amount(count, 'stretch', 'stretches')} in which the recorder held a row"
+    return log.rows(~held), f"{amount(int(np.count_nonzero(held)), 'row')} are left out, {where}"
 
 
 def _rows_are_dwells(log: Log) -> bool:

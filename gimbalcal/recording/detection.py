@@ -98,7 +98,12 @@ def detect(
     if rates and still.any():
         still &= ~_turned(triads[1], windows[1], still, raw)
     del windows
-    paused = np.diff(time, prepend=time[0]) > max(10 * step, PAUSE)
+    pause = np.diff(time, prepend=time[0])
+    paused = pause > max(10 * step, PAUSE)
+    starts, stops = _stretches(still, paused)
+    for row in np.flatnonzero(pause > 10 * step):  # longer than all else of a stretch, it is no part of a rest
+        k = int(np.searchsorted(starts, row, side="right")) - 1
+        paused[row] |= k >= 0 and row < stops[k] and 2 * pause[row] > time[stops[k] - 1] - time[starts[k]]
     starts, stops = _stretches(still, paused)
     mean = np.array([restless[start:stop].mean() for start, stop in zip(starts, stops, strict=True)])
     kept = stops - starts >= m

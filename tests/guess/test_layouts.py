@@ -36,6 +36,16 @@ def same(found, t, f, w, atol=1e-3):
     assert len(dwells(r)) == 10
 
 
+def test_rows_that_the_recorder_held_are_left_out(tmp_path):
+    """60 equal rows in a rest and on the way: no sensor is frozen, and the rest goes on after them."""
+    t, f, w = turned()
+    for row in (100, 700):
+        f[row : row + 60], w[row : row + 60] = f[row], w[row]
+    found = propose([rows(tmp_path / "held.csv", "time,ax,ay,az,gx,gy,gz", t, *f.T, *w.T)])
+    assert found.notes["held"] == "118 rows are left out, 2 stretches in which the recorder held a row"
+    assert len(found.recording.time) == len(t) - 118
+
+
 def test_a_scale_that_a_remark_tells_is_taken_where_gravity_and_the_turns_agree(tmp_path):
     t, f, w = turned()
     counts = [np.round(x * 16384 / G) for x in f.T] + [np.round(x * D * 65.5) for x in w.T]

@@ -174,6 +174,15 @@ def test_a_rest_ends_where_the_logger_paused():
     assert detect(time + 5.0 * (np.arange(len(time)) >= middle), channels).max() == 4
 
 
+def test_a_pause_that_is_longer_than_the_rest_ends_it():
+    """A logger that stood for 30 s in the middle of a rest of 4 to 9 s has seen two of them, which checks ask for."""
+    time, channels, edges = turned_by_hand(np.random.default_rng(8), 4, 50.0)
+    middle = sum(edges[2]) // 2
+    position = detect(time + 30.0 * (np.arange(len(time)) >= middle), channels)
+    assert position.max() == 5
+    assert position[middle] == position[middle - 1] + 1
+
+
 def test_sensors_of_little_noise_rest_throughout_an_hour():
     """1 ug beside 1 g and 1e-4 deg/h beside turns of 5 deg/s: sums over the whole of it drowned them."""
     rng, n = np.random.default_rng(2), 120_000
