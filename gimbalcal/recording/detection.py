@@ -87,8 +87,8 @@ def detect(
     position = np.zeros(n, dtype=np.int64)
     level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
     m, floor, windows = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
-    loudest = max(LOUD * level, *map(_quantum, triads[0])) if gravity and len(channels) == 3 else np.inf
-    if m == 0 or np.sqrt(floor.sum()) > loudest:
+    loud = gravity and len(channels) == 3 and np.sqrt(floor.sum()) > LOUD * level
+    if m == 0 or (loud and np.sqrt(floor.sum()) > max(map(_quantum, triads[0]))):  # coarse steps are no vibration
         return position
     restless = np.zeros(n)
     for (_, v), f in zip(windows[0], floor, strict=True):
