@@ -13,29 +13,11 @@ from gimbalcal.campaign.task import compute, task
 from gimbalcal.effects import CATALOGUE, loading
 from gimbalcal.effects.loading import breach, load_effects, load_installed
 from gimbalcal.errors import InputError
+from tests.fuzzing.seeds import LAW
 from tests.golden import golden_text, refused
 
 Run = Callable[..., int]
-OWN = '''
-"""An effect of one's own."""
-from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, effect, parameter
-from gimbalcal.number import Array, absolute
-import numpy as np
-
-@effect
-class TwistedSpring(Effect):
-    r"""The output follows the force times its cube across.
-
-    .. math:: \\\\delta a_i = w_i f_x f_y^3
-    """
-
-    id = "twisted_spring"
-    stage = Stage.ACCELEROMETER
-    w: Array = parameter(TRIAD, unit="ug/g^4", sigma=50, name="twist")
-
-    def contribution(self, s: Stimulus) -> Array:
-        return self.w * (s.force[:, 0] * s.force[:, 1] ** 3)[..., None]
-'''
+OWN = LAW.replace("import Array", "import Array, absolute")
 SCENARIO = """
 format = 1
 kind = "multi-position"
