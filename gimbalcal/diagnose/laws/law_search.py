@@ -50,7 +50,7 @@ ROUNDS = 70  # steps of a refinement for each constant
 CHUNK = 400  # columns at a time
 ROWS = 900  # rows of a recording on which expressions are compared
 ABSORBED = 3e-2  # of a column: less left by the calibration is nothing to speak of
-DEAF = 1.0  # sigmas that one m/s^2, rad/s or rad answers by: rows that answer less are those of no fit
+MIN_RESPONSE = 1.0  # sigmas that one m/s^2, rad/s or rad makes: rows that respond less are those of no fit
 CARRIED = 2.5  # stretches of a recording, at the least, that a law has to act in: what acts in one is an outlier
 RIDGE = 1e-4  # of a unit column: two that are alike count as one
 SAME_SPACE = 1e-6  # sine of the largest angle between two spaces of columns that are one
@@ -102,11 +102,12 @@ class Ground:
 
 
 @dataclass(frozen=True, eq=False)
-class Screen:
-    """A place as seen through blocks: a column b (blocks,) takes away (v.b)^2 / 2 b'K b, of b'K0 b before calibration.
+class BlockResponse:
+    """Response of rows to additions at a place that are even over blocks.
 
-    rows (m,): of the variables at which expressions are worked out; block (m,): the block of each. root (r, blocks) and
-    before (s, blocks): K = root' root, K0 = before' before; y (r,): root' y = v.
+    A column b (blocks,) takes away (v.b)^2 / 2 b'K b, of b'K0 b before calibration. rows (m,): of the variables where
+    expressions are evaluated; block (m,): the block of each. root (r, blocks) and before (s, blocks): K = root' root,
+    K0 = before' before; y (r,): root' y = v.
     """
 
     rows: Array
@@ -116,12 +117,12 @@ class Screen:
     before: Array
     y: Array
 
-    def seen(self, columns: Array) -> Array:
+    def block_means(self, columns: Array) -> Array:
         """Means (blocks, q) of columns (m, q)."""
         return np.asarray(np.add.reduceat(columns, np.flatnonzero(np.diff(self.block, prepend=-1))) / self.count)
 
 
-def screen(g: Ground, place: Place) -> Screen:
+def block_response(g: Ground, place: Place) -> BlockResponse:
     """Return the response of the whitened rows, calibration removed, to even additions over blocks."""
     blocks = int(place.block[-1]) + 1
     M = g.whiten(place.columns((place.block[:, None] == np.arange(blocks)).astype(float)))
@@ -134,7 +135,7 @@ def screen(g: Ground, place: Place) -> Screen:
     before = np.sqrt(lam0[shown])[:, None] * V0[:, shown].T
     y = (V[:, keep].T @ (remainder.T @ g.y)) / np.sqrt(lam[keep])
     rows = _thinned(place.block, blocks)
-    return Screen(rows, place.block[rows], np.bincount(place.block[rows])[:, None], root, before, y)
+    return BlockResponse(rows, place.block[rows], np.bincount(place.block[rows])[:, None], root, before, y)
 
 
 def _thinned(block: Array, blocks: int) -> Array:
@@ -150,13 +151,13 @@ def _thinned(block: Array, blocks: int) -> Array:
 class Law:
     """An expression at one place, or at all of a channel with sizes of its own at each, and its evidence.
 
-    The evidence is the ln Bayes factor less what the choice among others costs. seen: the screen of each place.
+    The evidence is the ln Bayes factor less what the choice among others costs. responses: of each place.
     """
 
     places: tuple[Place, ...]
     expression: Expression
     evidence: float
-    seen: tuple[Screen, ...]
+    responses: tuple[BlockResponse, ...]
 
     @property
     def columns(self) -> Array:
@@ -183,12 +184,12 @@ class Law:
 
         By ordinals of term and constant; the value, or the range of the variable, where the data do not determine it.
         """
-        e = _at_rows(self.expression, self.seen[0])
+        e = _at_rows(self.expression, self.responses[0])
         moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
         h = np.array([m.step / 4 for m in moves])
 
         def at(u: Array) -> float:
-            return _worth(self.seen, _moved(e, moves, u * h))
+            return _worth(self.responses, _moved(e, moves, u * h))
 
         H, one = np.zeros((len(h), len(h))), np.eye(len(h))
         for a in range(len(h)):
@@ -207,45 +208,45 @@ def laws_of(g: Ground, products: bool = True) -> list[Law]:
     products: whether to look at products too, or at single terms alone.
     """
     scored, number = list[Scored](), np.zeros(3)
-    for seats in _alike(g):
-        own, count = _compared(seats, products)
+    for targets in _alike(g):
+        own, count = _compared(targets, products)
         scored += own
-        number += len(seats) * count
+        number += len(targets) * count
     if not scored:
         return []  # nothing is left that any would take away
-    chosen = list[tuple[Seat, Expression]]()
+    chosen = list[tuple[Target, Expression]]()
     for several, share in ((False, 1), (True, SHARE_OF_TRIADS)):
         own = [s for s in scored if (len(s[1].places) > 1) is several]
         chosen += _extended_and_refined(own, EXTENDED // share, REFINED // share, WEIGHED // share)
     if not chosen:
         return []
-    chosen = [(seat, e.of({v.name: v for v in seat.places[0].variables})) for seat, e in chosen]
-    ln = g.evidence([_columns_at(seat.places, spanned(e.columns)) for seat, e in chosen])
+    chosen = [(target, e.of({v.name: v for v in target.places[0].variables})) for target, e in chosen]
+    ln = g.evidence([_columns_at(target.places, spanned(e.columns)) for target, e in chosen])
     laws = []
-    for (seat, e), gained in zip(chosen, ln, strict=True):
-        cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _unusual(seat.places[0], e)
-        laws.append(Law(seat.places, e, float(gained - cost), seat.seen))
+    for (target, e), gained in zip(chosen, ln, strict=True):
+        cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _unusual(target.places[0], e)
+        laws.append(Law(target.places, e, float(gained - cost), target.responses))
     return sorted(laws, key=lambda law: -law.evidence)
 
 
-Scored = tuple[float, "Seat", Expression]  # what an expression explains at a seat
+Scored = tuple[float, "Target", Expression]  # what an expression explains at a target
 
 
 def _extended_and_refined(
     scored: list[Scored], extended: int, refined: int, weighed: int
-) -> list[tuple[Seat, Expression]]:
+) -> list[tuple[Target, Expression]]:
     """Return the expressions to be weighed: of the best, richer forms too, and the best of each length refined."""
     scored.sort(key=lambda f: -f[0])
-    for _, seat, e in scored[:extended]:
-        scored += _best([(seat, _screened([seat], relatives(e, len(seat.places) > 1))[0])])
+    for _, target, e in scored[:extended]:
+        scored += _best([(target, _explained([target], relatives(e, len(target.places) > 1))[0])])
     scored.sort(key=lambda f: -f[0])
-    out, number_of = list[tuple[Seat, Expression]](), [0, 0, 0]
-    for _, seat, e in scored:
+    out, number_of = list[tuple[Target, Expression]](), [0, 0, 0]
+    for _, target, e in scored:
         number_of[len(e.terms) - 1] += 1
         best = number_of[len(e.terms) - 1] <= refined
         if best or len(out) < weighed:
-            out.append((seat, _refined(seat.seen, e) if best else e))
-    return [(seat, e) for seat, e in out if _carried(seat.seen, e)]
+            out.append((target, _refined(target.responses, e) if best else e))
+    return [(target, e) for target, e in out if _carried(target.responses, e)]
 
 
 def _columns_at(places: Sequence[Place], X: Array) -> Array:
@@ -254,38 +255,41 @@ def _columns_at(places: Sequence[Place], X: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Seat:
-    """One place with its screen, or all places of a channel in which the same variables stand.
+class Target:
+    """One place with its response, or all places of a channel in which the same variables stand.
 
     Between outputs that the rows show together, what they explain together is taken as the sum of what each explains:
     good enough to choose what is weighed.
     """
 
     places: tuple[Place, ...]
-    seen: tuple[Screen, ...]
+    responses: tuple[BlockResponse, ...]
 
 
-def _alike(g: Ground) -> list[list[Seat]]:
-    """Return the places with their screens, those together in which the same variables stand."""
-    out: dict[tuple[int, int, int], list[Seat]] = {}
+def _alike(g: Ground) -> list[list[Target]]:
+    """Return the places with their responses, those together in which the same variables stand."""
+    out: dict[tuple[int, int, int], list[Target]] = {}
     for place in g.places:
-        if np.abs((seen := screen(g, place)).before).max() > DEAF:
+        if np.abs((response := block_response(g, place)).before).max() > MIN_RESPONSE:
             key = id(place.stimulus), len(place.block), len(place.variables)
-            out.setdefault(key, []).append(Seat((place,), (seen,)))
-    return [[*seats, *_all_of_a_channel(seats)] for seats in out.values()]
+            out.setdefault(key, []).append(Target((place,), (response,)))
+    return [[*targets, *_all_of_a_channel(targets)] for targets in out.values()]
 
 
-def _all_of_a_channel(seats: Sequence[Seat]) -> list[Seat]:
-    channels = dict.fromkeys(seat.places[0].channel for seat in seats)
-    each = [[seat for seat in seats if seat.places[0].channel == channel] for channel in channels]
+def _all_of_a_channel(targets: Sequence[Target]) -> list[Target]:
+    of_channel: dict[str, list[Target]] = {}
+    for target in targets:
+        of_channel.setdefault(target.places[0].channel, []).append(target)
     return [
-        Seat(tuple(seat.places[0] for seat in own), tuple(seat.seen[0] for seat in own)) for own in each if len(own) > 1
+        Target(tuple(t.places[0] for t in own), tuple(t.responses[0] for t in own))
+        for own in of_channel.values()
+        if len(own) > 1
     ]
 
 
-def _compared(seats: Sequence[Seat], products: bool) -> tuple[list[Scored], Array]:
+def _compared(targets: Sequence[Target], products: bool) -> tuple[list[Scored], Array]:
     """Return the best expressions at places of the same variables, and the number of families of each length (3,)."""
-    place, rows = seats[0].places[0], seats[0].seen[0].rows
+    place, rows = targets[0].places[0], targets[0].responses[0].rows
     every = [terms(v, place.stimulus, ALONE[v.group], rows) for v in place.variables]
     ones = [*singles(every), *tables(place.variables, rows, products)]
     count, pairs = np.zeros(3), list[tuple[Term, list[Term]]]()
@@ -295,8 +299,8 @@ def _compared(seats: Sequence[Seat], products: bool) -> tuple[list[Scored], Arra
     for e in {e.family: e for e in ones}.values():
         count[len(e.terms) - 1] += 1
     count[1] += len({(t.family, o.family) for t, others in pairs for o in others})
-    each = zip(seats, _screened(seats, ones), _paired(seats, pairs), strict=True)
-    return _best([(seat, [*one, *two]) for seat, one, two in each]), count
+    each = zip(targets, _explained(targets, ones), _explained_by_pairs(targets, pairs), strict=True)
+    return _best([(target, [*one, *two]) for target, one, two in each]), count
 
 
 def spanned(X: Array) -> Array:
@@ -305,9 +309,9 @@ def spanned(X: Array) -> Array:
     return np.asarray(U[:, S > 1e-6 * S[0]] * np.sqrt(len(X)))
 
 
-def _at_rows(e: Expression, seen: Screen) -> Expression:
-    """The expression at the rows of a screen."""
-    return e.of({v.name: replace(v, x=v.x[seen.rows]) for v in e.variables})
+def _at_rows(e: Expression, response: BlockResponse) -> Expression:
+    """Return the expression at the rows that a response is thinned to."""
+    return e.of({v.name: replace(v, x=v.x[response.rows]) for v in e.variables})
 
 
 def trimmed(g: Ground, law: Law) -> Law:
@@ -316,13 +320,13 @@ def trimmed(g: Ground, law: Law) -> Law:
     What the calibration takes up has no size, and a lower power may be none of the law. The noise is no larger than
     what the law leaves: where its scale is fitted, the model without a law takes all of the law for noise.
     """
-    e = _at_rows(law.expression, law.seen[0])
+    e = _at_rows(law.expression, law.responses[0])
     e = e.referred() if all(_near_reference(t.variable) for t in law.expression.terms) else e
     dof = max(len(g.y) - g.Q.shape[1], 1)
     while len(groups := e.groups) > 1:
-        worth = _worth(law.seen, e)
+        worth = _worth(law.responses, e)
         variance = float(np.clip((g.y @ g.y - 2 * worth) / dof, LEAST_VARIANCE, 1.0))
-        least, drop = min(((worth - _worth(law.seen, e.without(own)), own) for own in groups), key=lambda x: x[0])
+        least, drop = min(((worth - _worth(law.responses, e.without(own)), own) for own in groups), key=lambda x: x[0])
         if least > NEEDED * len(law.places) * variance:
             break
         e = e.without(drop)
@@ -343,8 +347,8 @@ def _unusual(place: Place, e: Expression) -> float:
 Gains = list[tuple[float, Expression]]
 
 
-def _best(each: Sequence[tuple[Seat, Gains]]) -> list[Scored]:
-    """The best constant of each family at each seat, the best families; at several places those better than at one."""
+def _best(each: Sequence[tuple[Target, Gains]]) -> list[Scored]:
+    """Return the best constant of each family at each target; at several places those that are better than at one."""
     tops = list[dict[str, tuple[float, Expression]]]()
     for _, every in each:
         best = dict[str, tuple[float, Expression]]()
@@ -352,17 +356,20 @@ def _best(each: Sequence[tuple[Seat, Gains]]) -> list[Scored]:
             if gain > best.get(e.family, (0.0, e))[0]:
                 best[e.family] = gain, e
         tops.append(best)
-    out, single = [], {seat.places[0]: top for (seat, _), top in zip(each, tops, strict=True) if len(seat.places) == 1}
-    for (seat, _), top in zip(each, tops, strict=True):
-        others = [single[p] for p in seat.places if p in single and len(seat.places) > 1]
+    out, single = (
+        [],
+        {target.places[0]: top for (target, _), top in zip(each, tops, strict=True) if len(target.places) == 1},
+    )
+    for (target, _), top in zip(each, tops, strict=True):
+        others = [single[p] for p in target.places if p in single and len(target.places) > 1]
         better = [b for key, b in top.items() if all(b[0] > own[key][0] for own in others if key in own)]
-        out += [(gain, seat, e) for gain, e in sorted(better, key=lambda b: -b[0])[:WEIGHED]]
+        out += [(gain, target, e) for gain, e in sorted(better, key=lambda b: -b[0])[:WEIGHED]]
     return out
 
 
-def _screened(seats: Sequence[Seat], every: Sequence[Expression]) -> list[Gains]:
-    """Return what each expression explains at each seat, less the cost of coefficients and grid."""
-    out: list[Gains] = [[] for _ in seats]
+def _explained(targets: Sequence[Target], every: Sequence[Expression]) -> list[Gains]:
+    """Return what each expression explains at each target, less the cost of coefficients and grid."""
+    out: list[Gains] = [[] for _ in targets]
     by_width: dict[int, list[Expression]] = {}
     for e in every:
         by_width.setdefault(e.columns.shape[1], []).append(e)
@@ -371,21 +378,21 @@ def _screened(seats: Sequence[Seat], every: Sequence[Expression]) -> list[Gains]
         for k in range(0, len(own) if width <= COEFFICIENTS else 0, CHUNK):
             part = own[k : k + CHUNK]
             X = np.concatenate([e.columns for e in part], axis=1)
-            for worth, mine in zip(_worths(seats, X, width), out, strict=True):
+            for worth, mine in zip(_worths(targets, X, width), out, strict=True):
                 mine.extend(zip((worth - tried[k : k + CHUNK]).tolist(), part, strict=True))
     return out
 
 
-def _worths(seats: Sequence[Seat], X: Array, width: int) -> list[Array]:
-    """Return what columns X (m, K width), so many at a time, explain at each seat, less the cost of coefficients."""
-    B = seats[0].seen[0].seen(X)
-    each = {id(one): gains(one, B, width) for seat in seats for one in seat.seen}
-    return [np.sum([each[id(one)] - 2.0 * width for one in seat.seen], axis=0) for seat in seats]
+def _worths(targets: Sequence[Target], X: Array, width: int) -> list[Array]:
+    """Return what columns X (m, K width), so many at a time, explain at each target, less the cost of coefficients."""
+    B = targets[0].responses[0].block_means(X)
+    each = {id(one): gains(one, B, width) for target in targets for one in target.responses}
+    return [np.sum([each[id(one)] - 2.0 * width for one in target.responses], axis=0) for target in targets]
 
 
-def _paired(seats: Sequence[Seat], pairs: Sequence[tuple[Term, list[Term]]]) -> list[Gains]:
+def _explained_by_pairs(targets: Sequence[Target], pairs: Sequence[tuple[Term, list[Term]]]) -> list[Gains]:
     """Return the same for products: for each term the best partner of each family."""
-    out: list[Gains] = [[] for _ in seats]
+    out: list[Gains] = [[] for _ in targets]
     stacks: dict[tuple[int, ...], tuple[Array, Array]] = {}
     for t, others in pairs:
         by_width: dict[tuple[int, bool], list[Term]] = {}
@@ -404,7 +411,7 @@ def _paired(seats: Sequence[Seat], pairs: Sequence[tuple[Term, list[Term]]]) -> 
             for i, o in enumerate(own):
                 first.setdefault(o.family, []).append(i)
             X = (t.factors[:, None, :, None] * S[:, :, None, :]).reshape(*S.shape[:2], -1)[:, :, both:]
-            for gain, mine in zip(_worths(seats, X.reshape(len(X), -1), width), out, strict=True):
+            for gain, mine in zip(_worths(targets, X.reshape(len(X), -1), width), out, strict=True):
                 worth = gain - np.log(t.tried) - tried
                 for at in first.values():
                     i = at[int(np.argmax(worth[at]))]
@@ -412,16 +419,16 @@ def _paired(seats: Sequence[Seat], pairs: Sequence[tuple[Term, list[Term]]]) -> 
     return out
 
 
-def gains(seen: Screen, B: Array, width: int) -> Array:
+def gains(response: BlockResponse, B: Array, width: int) -> Array:
     """ln likelihood (K,) that additions (blocks, K width), so many at a time, take away of the misfit."""
-    X = seen.root @ B
+    X = response.root @ B
     with np.errstate(over="ignore"):  # of a power that a refinement tries; it shows nothing
         norm = np.sqrt(np.einsum("rk,rk->k", X, X))
-        whole = seen.before @ B
+        whole = response.before @ B
         shown = np.isfinite(norm) & (norm > ABSORBED * np.sqrt(np.einsum("rk,rk->k", whole, whole)))
     scale = 1.0 / np.where(shown & (norm > 0), norm, np.inf)
     K = X.shape[1] // width
-    b = (seen.y @ X * scale).reshape(K, width)
+    b = (response.y @ X * scale).reshape(K, width)
     if width == 1:
         return np.asarray(b[:, 0] ** 2 / 2)
     A = X.reshape(len(X), K, width).transpose(1, 0, 2)
@@ -430,18 +437,18 @@ def gains(seen: Screen, B: Array, width: int) -> Array:
     return np.asarray(np.einsum("ki,ki->k", b, np.linalg.solve(G, b[..., None])[..., 0]) / 2)
 
 
-def _carried(seen: Sequence[Screen], e: Expression) -> bool:
+def _carried(responses: Sequence[BlockResponse], e: Expression) -> bool:
     """Return whether what a law adds is spread over several stretches and not an outlier of one or two."""
-    B = seen[0].seen(e.columns)
-    added = np.stack([B @ np.linalg.lstsq(one.root @ B, one.y, rcond=1e-6)[0] for one in seen], axis=1)
+    B = responses[0].block_means(e.columns)
+    added = np.stack([B @ np.linalg.lstsq(one.root @ B, one.y, rcond=1e-6)[0] for one in responses], axis=1)
     square = ((added - np.median(added, axis=0)) ** 2).sum(axis=1)
     return bool(square.sum() ** 2 > CARRIED * (square**2).sum())
 
 
-def _worth(seen: Sequence[Screen], e: Expression) -> float:
-    """ln likelihood that an expression at the rows of some screens takes away of the misfit."""
-    B = seen[0].seen(e.columns)
-    return float(sum(gains(one, B, B.shape[1])[0] for one in seen))
+def _worth(responses: Sequence[BlockResponse], e: Expression) -> float:
+    """Return the ln likelihood that an expression at the rows of some responses takes away of the misfit."""
+    B = responses[0].block_means(e.columns)
+    return float(sum(gains(one, B, B.shape[1])[0] for one in responses))
 
 
 @dataclass(frozen=True, eq=False)
@@ -483,8 +490,8 @@ class _Move:
             return self.i, self.j, self.value * float(np.exp(np.clip(u, -3.4, 3.4)))
         x = self.value + u * self.unit
         if self.kind == "place":
-            seen = self.e.terms[self.i].variable.x
-            x = float(np.clip(x, seen.min(), seen.max()))
+            logged = self.e.terms[self.i].variable.x
+            x = float(np.clip(x, logged.min(), logged.max()))
         return self.i, self.j, float(x)
 
 
@@ -492,20 +499,20 @@ def _moved(e: Expression, moves: Sequence[_Move], u: Array) -> Expression:
     return e.at([m.at(float(x)) for m, x in zip(moves, u, strict=True)])
 
 
-def _refined(seen: Sequence[Screen], e: Expression) -> Expression:
+def _refined(responses: Sequence[BlockResponse], e: Expression) -> Expression:
     """The expression with its smooth constants where they take away most."""
     from scipy.optimize import minimize
 
     for i, t in enumerate(e.terms):
         others = [e.replaced((*e.terms[:i], moved, *e.terms[i + 1 :])) for moved in between(t)]
-        e = max([e, *others], key=lambda tried: _worth(seen, tried))
+        e = max([e, *others], key=lambda tried: _worth(responses, tried))
     moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
     if not moves:
         return e
     begun, steps = np.zeros(len(moves)), np.array([m.step for m in moves])
 
     def cost(u: Array) -> float:
-        return -_worth(seen, _moved(e, moves, u))
+        return -_worth(responses, _moved(e, moves, u))
 
     simplex = np.concatenate([begun[None], np.diag(steps)])
     minimum = minimize(cost, begun, method="Nelder-Mead", options={

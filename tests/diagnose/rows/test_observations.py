@@ -92,7 +92,7 @@ def test_a_long_static_run_is_averaged_first_and_says_the_same():
 
 
 def test_blocks_are_counted_without_gaps_where_a_position_has_few_rows(o):
-    """A screen of laws takes a block's ordinal for its place among the means."""
+    """The search for laws takes a block's ordinal for its place among the means."""
     r = o.view.source
     rows = np.flatnonzero((r.position != 4) | (np.cumsum(r.position == 4) <= 2))
     few = fit_baseline(view_at_known_attitude(r.select(rows)))
