@@ -58,7 +58,9 @@ def from_frame(
     _refuse_missing(frame, columns)
     digest = hashlib.sha256()
     for name in columns:
-        digest.update(name.encode() + np.ascontiguousarray(frame[name]).tobytes())
+        values = np.ascontiguousarray(frame[name])
+        digest.update(name.encode())
+        digest.update(values.tobytes() if values.dtype == object else values.view(np.uint8))
     return recording_of(header, frame.__getitem__, average_s=average_s, sources=(Source(called, digest.hexdigest()),))
 
 
