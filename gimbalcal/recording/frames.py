@@ -60,7 +60,7 @@ def from_frame(
     for name in columns:
         values = np.ascontiguousarray(frame[name])
         digest.update(name.encode())
-        digest.update(values.tobytes() if values.dtype == object else values.view(np.uint8))
+        digest.update(values.tobytes() if values.dtype == object else values.view(np.uint8).data)
     return recording_of(header, frame.__getitem__, average_s=average_s, sources=(Source(called, digest.hexdigest()),))
 
 
