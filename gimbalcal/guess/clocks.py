@@ -44,6 +44,7 @@ MIN_DURATION_S, SHORT_COST = 1.0, 6.0  # of a log, and nats against a unit in wh
 MIN_ROWS = 3
 MAX_DISTANCE = 2.0  # of the step between stamps, of evenly spaced rows from their stamps
 MAX_SENSORS = 8  # that write into one log in turn
+MIN_TURNS = 5  # of all of them, that show so
 UNLIKE = 3.0  # times the change from one turn to the next: that from sensor to sensor
 MAX_JITTER = 0.02  # of a step; stamps that scatter by more are times of arrival if another clock is more regular
 
@@ -176,9 +177,11 @@ def _writes_in_turn(log: Log, number: str, sensors: int) -> bool:
     """Return whether most columns change far more from row to row than from one turn of some sensors to the next."""
 
     def change(x: Array, rows: int) -> float:
-        return float(np.mean(np.abs(x[rows:] - x[:-rows]))) if len(x) > rows else 0.0
+        return float(np.mean(np.abs(x[rows:] - x[:-rows])))
 
     x = log.columns[number]
+    if len(x) < MIN_TURNS * sensors:
+        return False
     others = [y for n, y in log.columns.items() if n != number and np.all(np.isfinite(y)) and np.any(np.diff(y) < 0)]
     unlike = [change(y, 1) > UNLIKE * change(y, sensors) for y in others]
     return bool(np.mean(x[sensors:] == x[:-sensors]) > 0.9) and sum(unlike) > len(others) / 2
