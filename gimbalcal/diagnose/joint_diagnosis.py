@@ -12,7 +12,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import VERDICTS, Diagnosis
 from gimbalcal.diagnose.verdict.joint_fit import origin
 from gimbalcal.diagnose.verdict.view_calibration import calibrated_views
-from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
+from gimbalcal.diagnose.view_result import ViewDiagnosis
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.effects.effect import constants
 from gimbalcal.estimate.accelerometers.fit_summary import joined

@@ -48,7 +48,7 @@ from gimbalcal.diagnose.verdict.mismatch import LEFT, MAX_CELLS, Scan, scan, sca
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
 from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limits
 from gimbalcal.diagnose.verdict.verify import known_noise_shifts, residual_rows, verify
-from gimbalcal.diagnose.view_diagnosis import Contradiction, ViewDiagnosis
+from gimbalcal.diagnose.view_result import Contradiction, ViewDiagnosis
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit, View, carried
@@ -118,8 +118,8 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
     case = _Case(clean, tuple(alone), known, rng, seed, tell)
     if walk is not None and d.verdict == "adequate":  # unless a deterministic law is as probable as the random walk
         none, law, odds = beyond_walk(without_walks, walk, seed, tell)
-        return _report(case, without_walks, none, law).against_walk(walk, odds)
-    diagnosis = _report(case, c, d)
+        return _view_diagnosis(case, without_walks, none, law).against_walk(walk, odds)
+    diagnosis = _view_diagnosis(case, c, d)
     if walk is not None:
         return diagnosis.with_walk(walk, only=False)
     assert isinstance(diagnosis.fit, StatedNoiseFit)
@@ -132,7 +132,7 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
     none = unnamed(c)
     law = lawful(c, none, seed, tell, instead=True)
     if law.laws:
-        return _report(case, c, none, law)
+        return _view_diagnosis(case, c, none, law)
     doubted = law.formula_is_likelier or diagnosis.fit.explained < MIN_EXPLAINED
     return diagnosis.doubted() if doubted else diagnosis
 
@@ -173,13 +173,13 @@ def _misfit(o: Fit) -> float:
     return float((residual**2).sum() / max(len(y) - Z.shape[1], 1))
 
 
-def _report(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> ViewDiagnosis:
+def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> ViewDiagnosis:
     """Return the diagnosis that a decision makes: findings, shapes or a law, the fit with them, and the calibration."""
     members = d.hypothesis.members if d.hypothesis else ()
     causes = [c.library.candidates[m] for m in members]
     case.tell("locating the mismatch and checking held-out data")
     joint = joint_fit(parts_of(c, members), causes)
-    answers = tuple(_answer_of(c, d, k, joint, case.rng) for k in range(len(joint.parts)))
+    answers = tuple(_recording_answer(c, d, k, joint, case.rng) for k in range(len(joint.parts)))
     lead = min(range(len(answers)), key=lambda k: (answers[k].before.p_value, -answers[k].before.statistic.max()))
     mismatch = () if d.verdict == "adequate" else _mismatch(answers, lead)
     named = findings_of_recordings(c, d, joint)
@@ -233,17 +233,17 @@ def _evidence(c: Ranking, d: Decision, clean: Array) -> Evidence:
     )
 
 
-def _answer_of(c: Ranking, d: Decision, k: int, joint: JointFit, rng: np.random.Generator) -> RecordingAnswer:
+def _recording_answer(c: Ranking, d: Decision, k: int, joint: JointFit, rng: np.random.Generator) -> RecordingAnswer:
     """Return where a recording is off before anything is added, the numbers of its fit, and its residuals."""
     part = joint.parts[k]
     s, f = part.search, part.fit
-    seen = f
+    with_shape = f
     if not d.hypothesis and (shapes := c.within(d.shapes, k)):
-        seen = fit_causes(s, shapes[:1])  # the noise as it is once the shape is allowed for
-    physical, node = part.columns, seen.projection.node
+        with_shape = fit_causes(s, shapes[:1])  # which says what noise the shape leaves
+    physical, node = part.columns, with_shape.projection.node
     before = scan(s.fit, s.rows, node, rng)
     after = scan(s.fit, s.rows, node, rng, s.fit.reduced(physical)) if f.index else before
-    fitted = verify(s, f if f.index else seen, physical, before.p_value, after.p_value)
+    fitted = verify(s, f if f.index else with_shape, physical, before.p_value, after.p_value)
     fitted = replace(fitted, calibration_moved=known_noise_shifts(s, f) if f.index else ())
     v = s.fit.view
     remainder, rest = residual_rows(s.fit, physical @ joint.sizes(part))

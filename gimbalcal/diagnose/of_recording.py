@@ -20,10 +20,11 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.estimated_noise import diagnose_view
 from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis, diagnose_view
+from gimbalcal.diagnose.view_result import ViewDiagnosis
 from gimbalcal.effects import CATALOGUE, Effect, known_effect
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES, follows
@@ -188,7 +189,7 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
     One star that is nine sigma off makes half of the scatter of eighty, and hides what is as large as that scatter; a
     few frames of a log that a gust threw off are a step with friction.
     """
-    notes: list[str] = []
+    notes, rounds = list[str](), 0
     if request.recording.kind.sighting and (frames := outlying_frames(request.recording)).any():
         most = float(from_si(frames.max(), "arcsec"))
         notes.append(diagnosis_sentences.omitted_frames(request.recording.time[frames > 0], most))
@@ -198,7 +199,7 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
         v = single_view(request)
         d = diagnose_view(v, request.tell)
         n = len(v)
-        sought = v.kind.sighting and not v.noise.own_memories and n <= MAX_FILTERED_STARS and len(notes) < ROUNDS
+        sought = v.kind.sighting and not v.noise.own_memories and n <= MAX_FILTERED_STARS and rounds < ROUNDS
         off = outliers(d.curves.after) if sought else []
         if not 0 < len(off) <= MAX_OUTLIER_SHARE * n:
             return [replace(d, used=request.recording if notes else None)], notes
@@ -206,6 +207,7 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
         size = [float(from_si(float(np.linalg.norm(d.curves.after[k] * d.sigma[k])), v.unit)) for k in off]
         at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
         why = MISTAKEN if at is None else why_far(d.curves.after * d.sigma, at[:, : len(v.channels)], off, axis)
+        rounds += 1
         notes.append(diagnosis_sentences.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
         request.tell(notes[-1])
         request = request.of(replace(request.recording, position=number).select(np.delete(np.arange(n), off)))

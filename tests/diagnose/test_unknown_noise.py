@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import diagnose
+from gimbalcal.diagnose.estimated_noise import serial_correlation
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, view_shifts
-from gimbalcal.diagnose.view_diagnosis import serial_correlation
 from gimbalcal.effects import values
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site

@@ -9,7 +9,7 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.search.stepwise import likeliest
+from gimbalcal.diagnose.search.stepwise import likeliest_missing
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.grade import graded
 from gimbalcal.recording import read
@@ -78,7 +78,7 @@ def test_the_drift_is_no_accident_of_the_order():
 
     def odds(means):
         view = norm(means)
-        return likeliest(start(view)).ln_total
+        return likeliest_missing(start(view)).ln_total
 
     (means,) = graded([read(MEANS)]).of([read(MEANS)])
     assert odds(means) > CLAIM

@@ -51,7 +51,6 @@ SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it hol
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
 MAX_GAIN_CHANGE = 0.3  # of a sensor by a law: beyond, it is another sensor
 MAX_SCATTER_RATIO = 1.5  # of a formula to causes with more parameters, from which on it replaces none
-MAX_DOUBTED_PROBABILITY = 0.45  # of a cause that explains less, or than which a formula is likelier
 
 
 @dataclass(frozen=True)
@@ -188,7 +187,7 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     # once in 1 / LEFT by chance, of the scan as of another noise
     if any(h.left < LEFT or h.strained >= -np.log(LEFT) for h in fits):
         advice = advice or law_sentences.LACK_OF_FIT.format(law=printed(best))
-    title = " and ".join(s.fit.view.source.title for s in searches)
+    title = " and ".join(s.fit.view.title for s in searches)
     laws = found(best, x, C, (before, after), others, title, beside=b.name)
     parts = g.parts(best.columns)
     remainders = [residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, parts, strict=True)]

@@ -42,14 +42,14 @@ def library(fit: Fit) -> Library:
     The columns are reduced rows (R, P).
     """
     v, rows = fit.view, fit.rows
-    search = _Columns(fit, rows, spans(rows.jacobian(fit.parameters)) if not v.noise.scale_known else np.zeros((0, 0)))
+    maker = _Columns(fit, rows, spans(rows.jacobian(fit.parameters)) if not v.noise.scale_known else np.zeros((0, 0)))
     blocks: list[Array] = []
-    candidates = [c for effect_id in available(v) for c in _of_effect(search, effect_id, blocks)]
+    candidates = [c for effect_id in available(v) for c in _of_effect(maker, effect_id, blocks)]
     if v.noise.scale_known:
         candidates += shapes_in_outputs(fit, blocks)
     else:
-        blocks = [_clear_of_noise(v, X, search.misfit, search.taken) for X in blocks]
-        candidates += shapes_of(v, search.misfit, search.taken, blocks, free_rows(v, fit.parameters))
+        blocks = [_clear_of_noise(v, X, maker.misfit, maker.taken) for X in blocks]
+        candidates += shapes_of(v, maker.misfit, maker.taken, blocks, free_rows(v, fit.parameters))
         blocks = [fit.reduced(np.concatenate(blocks, axis=-1))]
     return Library(tuple(candidates), np.concatenate(blocks, axis=-1))
 
@@ -91,13 +91,13 @@ def columns_at(fit: Fit, c: Candidate, at: Constants) -> Array:
     return _Columns(fit, fit.rows, np.zeros((0, 0))).of(c.absent(fit.view.stimulus, at), c.parameters)
 
 
-def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Candidate]:
+def _of_effect(maker: _Columns, effect_id: str, blocks: list[Array]) -> list[Candidate]:
     """Candidates of what the model does not hold of an effect; with the constants it has there, if it has some.
 
     Of a gimbal that stands still a pattern in its angle is a constant, which the model has taken: no cause.
     """
-    v, cls, modelled = search.fit.view, CATALOGUE[effect_id], search.fit.parameters
-    there = next((e for e in search.rows.effects if e.id == effect_id), None)
+    v, cls, modelled = maker.fit.view, CATALOGUE[effect_id], maker.fit.parameters
+    there = next((e for e in maker.rows.effects if e.id == effect_id), None)
     had = {(p.effect, p.field, p.axis) for p in modelled}
     begun = {(p.effect, p.axis) for p in modelled}  # series, of which another number of terms is another candidate
     terms = v.noise.own_memories  # only where rows follow the angle do they show the harmonics of a pattern in it
@@ -107,23 +107,23 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
     )  # fmt: skip
     if not v.noise.scale_known and there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
         first = absent_effect(effect_id, v.stimulus, "", **dict(choices(cls, v.stimulus)[0]))
-        own = _beyond(np.nan_to_num(search.rows.columns(first, wanted)), search.taken)
+        own = _beyond(np.nan_to_num(maker.rows.columns(first, wanted)), maker.taken)
         wanted = tuple(p for p, shown in zip(wanted, own, strict=True) if shown or p.axis not in v.stimulus.axis_names)
     if not wanted:
         return []
 
     def columns(effect: Effect) -> Array:
-        return search.of(effect if there is None else there, wanted)
+        return maker.of(effect if there is None else there, wanted)
 
     def leading(effect: Effect) -> Array:
-        return search.of(effect, [p for p in wanted if order_of(p) == 1])
+        return maker.of(effect, [p for p in wanted if order_of(p) == 1])
 
     scan = every_number(v, cls)[1]
     out: list[Candidate] = []
     for source in sources(cls, v.stimulus):
         if there is None:
             last = max(order_of(p) for p in wanted)
-            tried, count = _tried(search, cls, source, columns if last == 1 else leading, last)
+            tried, count = _tried(maker, cls, source, columns if last == 1 else leading, last)
         elif source == (getattr(there, "covariate", "") if source else ""):
             # its constants were chosen among as many, unless another axis has determined them
             in_model = any(p.effect == effect_id for p in modelled)
@@ -139,18 +139,18 @@ def _of_effect(search: _Columns, effect_id: str, blocks: list[Array]) -> list[Ca
 
 
 def _tried(
-    search: _Columns, cls: type[Effect], source: str, columns: Callable[[Effect], Array], orders: int
+    maker: _Columns, cls: type[Effect], source: str, columns: Callable[[Effect], Array], orders: int
 ) -> tuple[list[Constants], int]:
     """Return the choices of constants that are weighed, and of how many they are the best, 0 for all of them.
 
     columns: those of the lowest of several `orders`.
     """
-    v = search.fit.view
+    v = maker.fit.view
     every = choices(cls, v.stimulus)
     if not v.noise.scale_known:
-        return _scanned(v, cls, search.misfit, columns, every, orders)
+        return _scanned(v, cls, maker.misfit, columns, every, orders)
     if len(every) > MOST:
-        return _likeliest(search.fit, cls, source, every, columns), len(every)
+        return _likeliest(maker.fit, cls, source, every, columns), len(every)
     return every, 0
 
 

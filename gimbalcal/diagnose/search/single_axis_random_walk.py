@@ -51,7 +51,7 @@ def wandering(s: Search) -> tuple[Node, ...]:
         return ()
     if not walking and logsumexp(ln[alone]) - logsumexp(others) < CLAIM:
         return ()
-    return tuple(nodes[k] for k in likeliest(ln))
+    return tuple(nodes[k] for k in likeliest_walks(ln))
 
 
 def _walks(s: Search) -> bool:
@@ -62,7 +62,7 @@ def _walks(s: Search) -> bool:
     return bool(walk.any() and logsumexp(s.null[walk]) > logsumexp(s.null[~walk]))
 
 
-def likeliest(ln: Array) -> list[int]:
+def likeliest_walks(ln: Array) -> list[int]:
     """Ordinals of the noises that count, by ln prior x likelihood (nodes,) of each."""
     return [int(k) for k in np.argsort(-ln)[:MOST] if ln[k] > ln.max() - CLOSE]
 
@@ -95,7 +95,7 @@ def wandering_in(c: SearchResult) -> tuple[View, float, float]:
     odds = total - walks
     if total < (walks - CLAIM if walks >= CLAIM else CLAIM):
         return v, total, odds
-    return with_single_walks(v, [SINGLE_WALKS[k] for k in likeliest(ln[alone])]), total, odds
+    return with_single_walks(v, [SINGLE_WALKS[k] for k in likeliest_walks(ln[alone])]), total, odds
 
 
 def with_single_walks(v: View, walks: Sequence[SingleWalk]) -> View:

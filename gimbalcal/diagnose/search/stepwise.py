@@ -51,14 +51,14 @@ class Step:
 class SearchResult:
     """A finished search: the baseline, the causes selected in order, and the shapes of what no cause explains.
 
-    described: the model after the last step with these shapes in it, which is what the data follow. standard: what
+    with_shapes: the model after the last step with these shapes in it, which is what the data follow. standard: what
     every rig of the kind has, as far as the data support it, where the search began from that.
     """
 
     start: Fit
     steps: tuple[Step, ...]
     shapes: tuple[Candidate, ...]
-    described: Fit
+    with_shapes: Fit
     standard: tuple[SelectedCause, ...] = ()
 
     @property
@@ -143,7 +143,7 @@ def forward_select(
     selected = list(begun)
     model = with_causes(first, selected)
     for _ in range(MAX_ROUNDS):
-        best = likeliest(model, memory=bool(first.view.noise.single_walks) or first.view.noise.own_memories)
+        best = likeliest_missing(model, memory=bool(first.view.noise.single_walks) or first.view.noise.own_memories)
         if best.ln_total < CLAIM or not best.named:
             break
         tell(f"selected: {', '.join(c.in_words for c, _ in best.causes)}")
@@ -243,7 +243,7 @@ def swap(
         if (cause, variant) not in out or (is_usual(cause, first.view.kind) and keep_usual):
             continue
         others = [c for c in out if c[0] != cause]
-        best = likeliest(with_causes(first, others), memory, cause)
+        best = likeliest_missing(with_causes(first, others), memory, cause)
         (same, other), *more = best.causes
         if same.key == cause.key and same.scanned and not more:  # another of the peaks of a scan, beside these others
             out = [*others, (cause, other)]
@@ -299,17 +299,17 @@ def result_of(
     What a known cause would explain gets no shape, unless causes have been `refused` already.
     """
     steps, shapes = ordered(first, selected), list[Candidate]()
-    described = steps[-1].model if steps else first
+    with_shapes = steps[-1].model if steps else first
     for _ in range(MAX_ROUNDS):
-        rest = likeliest(described, memory=True, shape=refused)
+        rest = likeliest_missing(with_shapes, memory=True, shape=refused)
         if rest.ln_total < CLAIM or rest.named or (shapes and rest.ln_bayes < CLAIM):
             break
         shapes += [c for c, _ in rest.causes if c.rival]
-        described = with_columns(described, rest.columns)
-    return SearchResult(first, steps, tuple(shapes), described, tuple(standard))
+        with_shapes = with_columns(with_shapes, rest.columns)
+    return SearchResult(first, steps, tuple(shapes), with_shapes, tuple(standard))
 
 
-def likeliest(model: Fit, memory: bool = False, against: Candidate | None = None, shape: bool = False) -> Round:
+def likeliest_missing(model: Fit, memory: bool = False, against: Candidate | None = None, shape: bool = False) -> Round:
     """Return what is likeliest to be missing from a model, in white or in correlated noise: causes, or a `shape`.
 
     Causes are selected where by themselves they are likelier than a shape by itself, several of them at the odds of a

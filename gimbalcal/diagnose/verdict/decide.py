@@ -75,7 +75,7 @@ def bar(clean: Array) -> float:
     return max(float(CLAIM), float(np.quantile(clean, 0.99)))
 
 
-def capped(probability: float) -> float:
+def reported_probability(probability: float) -> float:
     """Return a probability among all causes and shapes that were compared as it is reported: never more than 90 %."""
     return round(min(probability, 1 - OUTSIDE), 4)
 

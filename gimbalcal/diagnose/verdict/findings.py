@@ -12,9 +12,16 @@ from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import Estimate, Finding, RecordingSize, SizeAgreement
 from gimbalcal.diagnose.search.ranking import Ranking, is_usual
 from gimbalcal.diagnose.search.refit import constants_with_sigma
-from gimbalcal.diagnose.search.stepwise import Key, SearchResult, SelectedCause, likeliest, result_of, with_causes
+from gimbalcal.diagnose.search.stepwise import (
+    Key,
+    SearchResult,
+    SelectedCause,
+    likeliest_missing,
+    result_of,
+    with_causes,
+)
 from gimbalcal.diagnose.verdict.agreement import against
-from gimbalcal.diagnose.verdict.decide import Decision, capped
+from gimbalcal.diagnose.verdict.decide import Decision, reported_probability
 from gimbalcal.diagnose.verdict.joint_fit import JointFit
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
 from gimbalcal.diagnose.verdict.separation import advice_in_words, advise
@@ -98,7 +105,7 @@ def worsening_cause(c: SearchResult, verdicts: Sequence[Judgement]) -> Candidate
 
 def _replaced(c: SearchResult, kept: Sequence[SelectedCause], refused: set[Key], tell: Tell) -> SearchResult:
     """Return the search with these causes and what is likeliest with them, unless that has been refused."""
-    best = likeliest(with_causes(c.start, kept), memory=True)
+    best = likeliest_missing(with_causes(c.start, kept), memory=True)
     new = best.causes if best.ln_total >= CLAIM and best.named else ()
     if new and not refused & {cause.key for cause, _ in new}:
         tell(f"selected: {', '.join(cause.in_words for cause, _ in new)}")
@@ -207,7 +214,7 @@ def _experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int) -> str:
 
 def _entry(j: Judgement, axis: str, significance: float, estimates: Sequence[Estimate], advice: str) -> Finding:
     """Return the finding of a claimed cause on an axis: sizes, what fits alike, and how to separate them."""
-    probability = capped(j.probability)
+    probability = reported_probability(j.probability)
     return Finding(j.cause.effect, axis, probability, round(significance, 2), tuple(estimates), j.confounded, advice)
 
 

@@ -146,7 +146,7 @@ def row_sigma(end: Fit) -> Array:
 
 def view_fit(c: SearchResult, sigma: Array) -> ViewFit:
     """Return how well the last model of a search explains a view, in rows of `sigma` (n, C)."""
-    v, before, after = c.start.view, c.start, c.described
+    v, before, after = c.start.view, c.start, c.with_shapes
     (held_before, held_rms_before), (held_after, held_rms_after) = (_held_out(m, sigma) for m in (before, after))
     late = turns = None
     if v.measurement.timing:

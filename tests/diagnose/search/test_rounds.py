@@ -46,7 +46,7 @@ def weighed(monkeypatch, hypotheses, **more):
         monkeypatch.setattr(stepwise, name, lambda *_: None)
     monkeypatch.setattr(stepwise, "search", lambda *_: s)
     monkeypatch.setattr(stepwise, "likeliest_variants", lambda _, members: [0] * len(members))
-    return stepwise.likeliest(FIRST, **more)
+    return stepwise.likeliest_missing(FIRST, **more)
 
 
 def test_one_cause_beats_a_shape_by_itself_and_two_at_the_odds_of_a_claim(monkeypatch):
@@ -70,7 +70,7 @@ def test_a_cause_gives_way_to_one_that_is_clearly_likelier(monkeypatch, lead, ke
         assert against not in model
         return SimpleNamespace(lead=lead if against is A[0] else 0.0, causes=(C,))
 
-    monkeypatch.setattr(stepwise, "likeliest", likeliest)
+    monkeypatch.setattr(stepwise, "likeliest_missing", likeliest)
     monkeypatch.setattr(stepwise, "with_causes", lambda _first, selected: [c for c, _ in selected])
     monkeypatch.setattr(stepwise, "is_usual", lambda *_: False)
     assert stepwise.swap(FIRST, [A, B], said) == kept

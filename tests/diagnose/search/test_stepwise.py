@@ -14,7 +14,7 @@ from gimbalcal.diagnose.search.refit import refit, start
 from gimbalcal.diagnose.search.stepwise import (
     backward_eliminate,
     evidence_for,
-    likeliest,
+    likeliest_missing,
     ln_evidence,
     refine_constants,
     refined,
@@ -103,7 +103,7 @@ def test_nothing_is_taken_up_where_nothing_is_missing():
         c = stepwise(pointing(telescope(seed)), said.append)
         assert (c.steps, c.shapes, said) == ((), (), [])
         assert c.end is c.start
-        assert likeliest(c.start).ln_total < np.log(20)
+        assert likeliest_missing(c.start).ln_total < np.log(20)
 
 
 def test_what_noise_with_a_memory_explains_is_not_kept():

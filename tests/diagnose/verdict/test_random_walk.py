@@ -17,7 +17,7 @@ from gimbalcal.diagnose.search.single_axis_random_walk import CLOSE, wandering, 
 from gimbalcal.diagnose.verdict.decide import Decision
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
-from gimbalcal.diagnose.view_diagnosis import ViewDiagnosis
+from gimbalcal.diagnose.view_result import ViewDiagnosis
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.pipeline import silent
 from gimbalcal.recording.kinds import MULTI_POSITION, STATIC_RUN

@@ -6,16 +6,13 @@ searched once more with that walk among its noises.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, plotted_against
-from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import (
-    MAX_DOUBTED_PROBABILITY,
     Lawful,
     against_walk,
     causes_replaced_by_a_formula,
@@ -23,23 +20,23 @@ from gimbalcal.diagnose.laws.law_claims import (
     with_heldout,
 )
 from gimbalcal.diagnose.library.assemble import library
-from gimbalcal.diagnose.result import Evidence, Finding, FitSummary, LawResult, Mismatch, Shape
+from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
 from gimbalcal.diagnose.search.refit import with_constants
 from gimbalcal.diagnose.search.relinearise import about_first_cause
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
 from gimbalcal.diagnose.search.stepwise import SearchResult, refined, result_of, stepwise
-from gimbalcal.diagnose.verdict.decide import capped
+from gimbalcal.diagnose.verdict.decide import reported_probability
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.mismatch import view_mismatches
 from gimbalcal.diagnose.verdict.random_walk import PartOfWalk, RandomWalkFinding, likeliest_walk, part_of_walk
 from gimbalcal.diagnose.verdict.threshold import detection_limits
 from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
+from gimbalcal.diagnose.view_result import ViewDiagnosis
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
-from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences, law_sentences
@@ -48,74 +45,10 @@ MIN_SETTINGS = 20  # whose residuals show a correlation
 SERIAL_SIGMAS = 5.0  # of a correlation of successive residuals that is none by chance
 
 
-@dataclass(frozen=True)
-class Contradiction:
-    """What recordings of one unit contradict each other in: in a sentence, and as entries of `unexplained`."""
-
-    in_words: str
-    shapes: tuple[Shape, ...]
-
-
-@dataclass(frozen=True)
-class ViewDiagnosis:
-    """The diagnosis of one view, with its misfits without and with the findings.
-
-    sigma (n, C): of a row, SI. model: findings and their constants fitted, where the scale of the noise is fitted;
-    calibration: the same where it is known. outcome: what else speaks against the view; evidence: what it adds to the
-    provenance.
-
-    Several recordings of one unit in a noise of known scale have one diagnosis, of the view that is off most:
-    contradictions between them are said before it, remarks after it, and together are their views. without: the
-    calibration by a model without an effect, by its id. used: the recording without rows that were omitted.
-    """
-
-    view: View
-    verdict: str
-    mismatch: tuple[Mismatch, ...]
-    findings: tuple[Finding, ...]
-    unexplained: tuple[Shape, ...]
-    fit: FitSummary
-    curves: Curves
-    sigma: Array
-    model: Fit | None = None
-    calibration: Calibration | None = None
-    laws: tuple[LawResult, ...] = ()
-    recommend: str = ""
-    outcome: str = ""
-    evidence: Evidence | None = None
-    contradictions: tuple[Contradiction, ...] = ()
-    remarks: tuple[str, ...] = ()
-    together: tuple[View, ...] = ()
-    without: Callable[[str], Calibration] | None = None
-    used: Recording | None = None
-
-    @property
-    def name(self) -> str:
-        """The view as diagnosis.json calls it."""
-        return "forces" if self.view.measurement.known_attitude else self.view.name
-
-    def doubted(self) -> ViewDiagnosis:
-        """Return the diagnosis with findings that are hardly likely, as a formula says it better or much is left."""
-        doubted = tuple(replace(f, probability=min(f.probability, MAX_DOUBTED_PROBABILITY)) for f in self.findings)
-        return replace(self, findings=doubted, verdict="not-identifiable")
-
-    def with_walk(self, walk: RandomWalkFinding, only: bool) -> ViewDiagnosis:
-        """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""
-        return replace(
-            self,
-            unexplained=(walk.shape, *self.unexplained),
-            outcome=diagnosis_sentences.walk_as_explanation(walk, only),
-        )
-
-    def against_walk(self, walk: RandomWalkFinding, ln_odds: float) -> ViewDiagnosis:
-        """Return the diagnosis, the walk of a sensor beside its formulas, which are so much likelier than the walk."""
-        return self if ln_odds > CLAIM else self.with_walk(walk, only=ln_odds < -CLAIM)
-
-
 def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
     """Return the diagnosis of a view whose scale of noise is fitted, in which one sensor may walk alone."""
     c = about_first_cause(stepwise(v, tell), tell)
-    steady = diagnosis_of(c, tell)
+    steady = judged_diagnosis(c, tell)
     if c.start.exact:
         return steady
     walking, ln_total, ln_odds = wandering_in(c)
@@ -123,7 +56,7 @@ def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
         return steady
     walk = _walk_of_sensor(replace(c.start, view=walking), ln_odds, ln_total)
     tell(f"again, as {diagnosis_sentences.walk_in_words(walk).partition(' wanders')[0]} may wander")
-    again = diagnosis_of(stepwise(walking, tell), tell)
+    again = judged_diagnosis(stepwise(walking, tell), tell)
     part = part_of_walk(ln_odds, bool(again.findings), bool(again.unexplained), bool(steady.findings))
     if part is PartOfWalk.NONE:
         return again
@@ -131,17 +64,19 @@ def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
         drifts = any(CATALOGUE[f.effect].role.time_drift for f in again.findings)
         return (replace(again, verdict="not-identifiable") if drifts else again).with_walk(walk, only=False)
     if part is PartOfWalk.SHARED:
-        shared = tuple(replace(f, probability=capped(walk.share_of(f.probability))) for f in steady.findings)
+        shared = tuple(
+            replace(f, probability=reported_probability(walk.share_of(f.probability))) for f in steady.findings
+        )
         return replace(steady, verdict="not-identifiable", findings=shared).with_walk(walk, only=False)
-    return diagnosis_as(result_of(c.start, (), refused=True), (), tell, walk)
+    return diagnosis_with(result_of(c.start, (), refused=True), (), tell, walk)
 
 
-def diagnosis_of(c: SearchResult, tell: Tell) -> ViewDiagnosis:
+def judged_diagnosis(c: SearchResult, tell: Tell) -> ViewDiagnosis:
     """Return the diagnosis that a search through a view ends in."""
-    return diagnosis_as(*confirmed(c, tell), tell)
+    return diagnosis_with(*confirmed(c, tell), tell)
 
 
-def diagnosis_as(
+def diagnosis_with(
     c: SearchResult, verdicts: Sequence[Judgement], tell: Tell, walk: RandomWalkFinding | None = None,
     refused: bool = False,
 ) -> ViewDiagnosis:  # fmt: skip
@@ -157,7 +92,7 @@ def diagnosis_as(
             rest = [this for this in c.causes if this[0].key not in names]
             without = result_of(c.start, rest, [x for x in c.standard if x in rest], refused=True)
             kept = [j for j in verdicts if j.cause.key not in names]
-            if (by_formula := diagnosis_as(without, kept, tell, refused=True)).laws:
+            if (by_formula := diagnosis_with(without, kept, tell, refused=True)).laws:
                 return by_formula
             doubted = True
     v = c.start.view
@@ -173,16 +108,16 @@ def diagnosis_as(
         verdict = "missing-physics" if any(not f.twins for f in findings) else "not-identifiable"
     elif shapes or walk is not None:
         verdict = "unexplained"
-    sigma = row_sigma(c.described)
+    sigma = row_sigma(c.with_shapes)
     fit, lawful, odds = view_fit(c, sigma), Lawful(), np.inf
     if not c.start.exact and (shapes or not findings or refused):
         tell(law_sentences.SEARCHING)
         lawful, with_law = laws_of_view(c.end, sigma, [f"{f.effect}:{f.axis}".rstrip(":") for f in findings])
-        c_law = replace(c, described=with_law)
+        c_law = replace(c, with_shapes=with_law)
         fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
         if lawful.known and not findings and not refused and walk is None:
             with_known = result_of(c.start, lawful.known, refused=True)
-            perhaps = diagnosis_as(with_known, judged_in_turn(with_known), tell, refused=True)
+            perhaps = diagnosis_with(with_known, judged_in_turn(with_known), tell, refused=True)
             return replace(perhaps.doubted(), unexplained=shapes)
         lawful = with_heldout(lawful, fit_law)
         if walk is not None:
@@ -202,10 +137,9 @@ def diagnosis_as(
     if verdict == "adequate" and not c.start.exact:
         remaining = library(c.end)
         fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
-    if verdict == "missing-physics" and fit.heldout_rms_after > max(
-        fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after
-    ):
-        verdict = "not-identifiable"  # what was named makes rows that took no part worse
+    if verdict in ("missing-physics", "not-identifiable"):  # what was named may make rows that took no part worse
+        least = max(fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after)
+        doubted = doubted or fit.heldout_rms_after > least
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
@@ -247,7 +181,7 @@ def curves_of(c: SearchResult, sigma: Array) -> Curves:
     """Return the misfits of a view without and with the findings for a picture, in rows of `sigma` (n, C)."""
     v, n = c.start.view, len(c.start.residual)
     number = np.ones(n) if v.label is None else v.label
-    before, after = c.start.residual / sigma, c.described.residual / sigma
+    before, after = c.start.residual / sigma, c.with_shapes.residual / sigma
     against = plotted_against(v.stimulus) if len(v.stimulus.time) == n else {}
     in_print = np.asarray(from_si(sigma, v.unit))
     words = tuple(

@@ -1,0 +1,82 @@
+"""The diagnosis of one view: what is said of it, how well it fits, and the calibration it leads to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from gimbalcal.calibration import Calibration
+from gimbalcal.diagnose.answer import Curves
+from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.result import Evidence, Finding, FitSummary, LawResult, Mismatch, Shape
+from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
+from gimbalcal.number import Array
+from gimbalcal.recording import Recording
+from gimbalcal.views.core import Fit, View
+from gimbalcal.words import diagnosis_sentences
+
+MAX_DOUBTED_PROBABILITY = 0.45  # of a cause that leaves much, or makes held-out rows worse, or loses to a formula
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """What recordings of one unit contradict each other in: in a sentence, and as entries of `unexplained`."""
+
+    in_words: str
+    shapes: tuple[Shape, ...]
+
+
+@dataclass(frozen=True)
+class ViewDiagnosis:
+    """The diagnosis of one view, with its misfits without and with the findings.
+
+    sigma (n, C): of a row, SI. model: findings and their constants fitted, where the scale of the noise is fitted;
+    calibration: the same where it is known. outcome: what else speaks against the view; evidence: what it adds to the
+    provenance.
+
+    Several recordings of one unit in a noise of known scale have one diagnosis, of the view that is off most:
+    contradictions between them are said before it, remarks after it, and together are their views. without: the
+    calibration by a model without an effect, by its id. used: the recording without rows that were omitted.
+    """
+
+    view: View
+    verdict: str
+    mismatch: tuple[Mismatch, ...]
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Shape, ...]
+    fit: FitSummary
+    curves: Curves
+    sigma: Array
+    model: Fit | None = None
+    calibration: Calibration | None = None
+    laws: tuple[LawResult, ...] = ()
+    recommend: str = ""
+    outcome: str = ""
+    evidence: Evidence | None = None
+    contradictions: tuple[Contradiction, ...] = ()
+    remarks: tuple[str, ...] = ()
+    together: tuple[View, ...] = ()
+    without: Callable[[str], Calibration] | None = None
+    used: Recording | None = None
+
+    @property
+    def name(self) -> str:
+        """The view as diagnosis.json calls it."""
+        return "forces" if self.view.measurement.known_attitude else self.view.name
+
+    def doubted(self) -> ViewDiagnosis:
+        """Return the diagnosis with findings that are hardly likely, as a formula says it better or much is left."""
+        doubted = tuple(replace(f, probability=min(f.probability, MAX_DOUBTED_PROBABILITY)) for f in self.findings)
+        return replace(self, findings=doubted, verdict="not-identifiable")
+
+    def with_walk(self, walk: RandomWalkFinding, only: bool) -> ViewDiagnosis:
+        """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""
+        return replace(
+            self,
+            unexplained=(walk.shape, *self.unexplained),
+            outcome=diagnosis_sentences.walk_as_explanation(walk, only),
+        )
+
+    def against_walk(self, walk: RandomWalkFinding, ln_odds: float) -> ViewDiagnosis:
+        """Return the diagnosis, the walk of a sensor beside its formulas, which are so much likelier than the walk."""
+        return self if ln_odds > CLAIM else self.with_walk(walk, only=ln_odds < -CLAIM)
