@@ -110,10 +110,10 @@ def diagnose_recording(request: DiagnosisRequest) -> Diagnosis:
     recording, notes = request.recording, list[str]()
     if recording.kind.stabilised:
         parts = [_known(request, request.baseline)]
+    elif recording.kind.view or (recording.kind.rotating and lacks_known_attitude(recording)):
+        parts, notes = of_single_view(request)
     elif not lacks_known_attitude(recording):
         parts, notes = of_rotating_rig(request) if recording.kind.rotating else of_gimballed_unit(request)
-    elif recording.kind.view or recording.kind.rotating:
-        parts, notes = of_single_view(request)
     else:
         parts, notes = of_triads(request)
     if not parts:
@@ -226,7 +226,7 @@ def single_view(request: DiagnosisRequest) -> View:
         return navigation_view(recording, usual, request.tell, known)
     # every term is fitted anew: a calibration says which the model holds
     effects = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
-    return recording.kind.view_of(recording, baseline or effects)
+    return recording.kind.view_of(recording, baseline or effects).without_nuisances()
 
 
 def of_triads(request: DiagnosisRequest) -> Parts:

@@ -36,7 +36,7 @@ from gimbalcal.effects.effect import (
 from gimbalcal.entries import Entry
 from gimbalcal.errors import InputError
 from gimbalcal.number import STEP, Array
-from gimbalcal.units import parse
+from gimbalcal.units import from_si, parse
 
 GROUP = "gimbalcal.effects"  # of entry points: a package names a module here, whose import defines the effects
 GIMBALS = ("inner", "middle", "outer")
@@ -196,6 +196,13 @@ def _card(cls: type[Effect]) -> str:
         parse(p.unit)
         if not p.sigma > 0:
             return f"has a parameter {p.name} whose sigma (or range) is {p.sigma:g}; it must be above zero"
+    for f in constants(cls):
+        low, high, unit = (f.metadata[key] for key in ("low", "high", "unit"))
+        default = float(getattr(absent(cls), f.name))
+        if not low <= default <= high:
+            one, least, most = (f"{from_si(x, unit):g}" for x in (default, low, high))
+            range_of = f"{least} to {most} {unit}".strip()
+            return f"has a constant {f.name} of {one}, outside its range of {range_of}; its numbers are in SI"
     taken = {p.name: i for i, c in CATALOGUE.items() if i != cls.id for p in parameters(c, GIMBALS, constants=True)}
     if double := [p.name for p in own if p.name in taken]:
         return f"calls a parameter {double[0]!r}, as {taken[double[0]]} does; choose another name"
@@ -230,7 +237,22 @@ def _law(cls: type[Effect]) -> str:
         return "loses its derivative; take absolute, sin, exp, ... from gimbalcal.number instead of numpy or math"
     if cls.linear and np.abs(added(1.0) - at - exact).max() > 1e-9 * np.abs(at).max():
         return "is not linear in its parameters; make what enters otherwise a constant, or write linear = False"
-    return _smooth_constants(with_values([effect], wanted, x, GIMBALS)[0], s)
+    (sized,) = with_values([effect], wanted, x, GIMBALS)
+    return _by_force(sized, s) or _smooth_constants(sized, s)
+
+
+def _by_force(sized: Effect, s: Stimulus) -> str:
+    """Return whether the effect has no exact derivative by the force, through which errors before it reach it."""
+    at = np.abs(sized.contribution(s)).max()
+
+    def added(step: complex) -> Array:
+        return np.asarray(sized.contribution(s.at(force=s.force * (1 + step))))
+
+    h = 1e-6
+    exact, difference = np.imag(added(1j * STEP)) / STEP, np.real(added(h) - added(-h)) / (2 * h)
+    if np.abs(exact - difference).max() > 1e-4 * np.abs(difference).max() + 1e-6 * at:
+        return "loses its derivative by the force; take absolute, sin, exp, ... from gimbalcal.number"
+    return ""
 
 
 def _domain(d: object, s: Stimulus) -> str:

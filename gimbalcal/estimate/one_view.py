@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gimbalcal.calibration import Calibration, Provenance, Residual
+from gimbalcal.calibration.provenance import AssumedNoise
 from gimbalcal.estimate.extra_effects import extra_effects
 from gimbalcal.estimate.fit import fit
 from gimbalcal.method_table import Request
@@ -24,7 +25,7 @@ def calibrate_view(request: Request) -> Calibration:
             "least-squares",
             Residual(fitted.solution.chi2, fitted.solution.dof, fitted.rms_by_channel),
             outcome="" if fitted.steps else "the fit did not converge, so its numbers mean nothing",
-            provenance=Provenance(recordings=recording.source),
+            provenance=Provenance(recordings=recording.source, noise=AssumedNoise(from_="residual")),
             stages=(fitted.stage(view.name, words),),
         )
     )

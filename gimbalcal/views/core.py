@@ -190,16 +190,17 @@ class View:
 
         .. math:: r \to \Sigma \, (1 + N N^T)^{-1/2} \, \Sigma^{-1} r ,
 
-        with N in units of one sigma Sigma of a row (default: by the scatter of its samples).
+        with N in units of one sigma Sigma of a row (default: by the scatter of its samples). Where nobody knows that, a
+        prior cannot be weighed against the rows, and all nuisances are free.
         """
         if not self.nuisances:
             return self
-        shape = (len(self), len(self.channels))
+        shape, unknown = (len(self), len(self.channels)), sigma is None and self.noise.sigma is None
         if sigma is None:
             sigma = 1.0 if self.noise.sigma is None else self.noise.sigma
         sigma = np.broadcast_to(sigma, shape).reshape(-1, 1)
         N = np.asarray(self.evaluate(()).nuisance).reshape(len(sigma), -1) / sigma
-        flat = np.isinf(prior := np.array([p.sigma for p in self.nuisances]))
+        flat = np.isinf(prior := np.array([p.sigma for p in self.nuisances])) | unknown
         U, S, _ = np.linalg.svd(
             N * np.where(flat, FLAT / np.maximum(np.linalg.norm(N, axis=0), 1e-300), prior), full_matrices=False
         )
@@ -212,7 +213,7 @@ class View:
         def evaluate(effects: Sequence[Effect]) -> Rows:
             return replace(self.evaluate(effects).reduced(clear), nuisance=None)
 
-        return replace(self, nuisances=(), evaluate=evaluate)
+        return replace(self, nuisances=(), about=None, evaluate=evaluate)
 
     def linearised(self, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> tuple[Array, Array]:
         """Return the misfit (n, C) about the effects and its derivative (n, C, p) by the wanted parameters."""

@@ -140,6 +140,8 @@ LAG = (
         (changed("self.w *", "np.abs(self.w) *"), "loses its derivative; take absolute"),
         (changed("self.w *", "self.w * absolute(self.w) *"), "is not linear in its parameters"),
         (changed(*LAG, "self.w *", "self.w * np.abs(self.tau) *"), "loses its derivative by tau; take absolute"),
+        (changed("self.w *", "self.w * np.cosh(np.abs(s.force / 9.8)) *"), "loses its derivative by the force"),
+        (changed(*LAG[:3], LAG[3].replace("constant(9.0", "constant(0.5")), "0.5, outside its range of 1 to 99 s"),
         (changed("self.w *", "self.w[0] *"), "adds an array of shape (12, 1)"),
         (changed("self.w *", "self.v *"), "fails on a recording that has everything: AttributeError"),
         (changed("ug/g^4", "furlong"), "cannot be used: the unit 'furlong' is not known"),

@@ -1,5 +1,6 @@
 """A new kind of measurement is one view and one kind: an inclinometer beside the accelerometers of a unit."""
 
+import dataclasses
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from gimbalcal.recording import Recording, Site, dwell_means
 from gimbalcal.recording import kinds as recording_kinds
 from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import FORCE
-from gimbalcal.views.core import Fit, Measurement, View, recording_fields
+from gimbalcal.views.core import Fit, Measurement, View, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import norm
 
@@ -48,6 +49,11 @@ def inclined(recording, baseline=()):
     )  # fmt: skip
 
 
+def replace_view(kind, view):
+    fields = {f.name: getattr(kind, f.name) for f in dataclasses.fields(kind)}
+    return Kind(**{**fields, "view": view})
+
+
 def _beside_an_inclinometer(platform, channels):
     return not platform.axes and AXES[0] in channels
 
@@ -66,8 +72,8 @@ def known(monkeypatch):
     monkeypatch.setattr(recording_kinds, "EVERY", [INCLINED, *recording_kinds.EVERY])
 
 
-def recorded(rng, more=()):
-    """Forty attitudes, each held for five rows, with an inclinometer that is right but for its noise."""
+def recorded(rng, more=(), zero=0.0):
+    """Forty attitudes, each held for five rows, with an inclinometer that is right but for its noise and a zero."""
     v = rng.standard_normal((40, 3))
     u = np.repeat(v / np.linalg.norm(v, axis=1, keepdims=True), 5, axis=0)
     true = (*with_values((), WANTED[: len(TRUE)], TRUE), *more)
@@ -76,7 +82,7 @@ def recorded(rng, more=()):
     number, site = np.repeat(np.arange(1, 41), 5), Site(0.6, 0.0, G)
     blank = Recording("multi-position", "inclined", BENCH, site, {}, np.arange(float(n)), number, force)
     y = accelerometers(G * u, stimulus_from_readings(blank), true) + SIGMA * np.sqrt(5) * rng.standard_normal((n, 3))
-    read = np.arcsin(u[:, :2]) + ANGLE * rng.standard_normal((n, 2))
+    read = np.arcsin(u[:, :2]) + zero + ANGLE * rng.standard_normal((n, 2))
     tilts = {key: read[:, i] for i, key in enumerate(AXES)}
     return replace(
         blank, channels={**{(FORCE, a): y[:, i] for i, a in enumerate("xyz")}, **tilts, UP: 1.0 * (u[:, 2] < 0)}
@@ -112,6 +118,27 @@ def test_what_is_added_and_what_it_lacks_are_found():
     at = [p.effect for p in found.parameters].index("cubic_nonlinearity")
     assert abs(found.values[at] - 4e-5) < 4 * found.sigmas[at]
     assert diagnose([recorded(np.random.default_rng(3))]).verdict == "adequate"
+
+
+def with_zeros(recording, baseline=()):
+    """Return the view with the zeros of the inclinometer as nuisances."""
+    bare = inclined(recording, baseline)
+    turned = bare.stimulus.force / np.linalg.norm(bare.stimulus.force, axis=1, keepdims=True)
+    N = np.zeros((len(bare), 3, 2))
+    for k in range(2):  # force along z follows from the two others
+        N[:, k, k], N[:, 2, k] = G * np.sqrt(1 - turned[:, k] ** 2), 0.0
+        N[:, 2, k] = -turned[:, k] * N[:, k, k] / turned[:, 2]
+    zeros = tuple(nuisance("zero", a, "rad", 1e-3) for a in "xy")
+    return replace(bare, nuisances=zeros, evaluate=lambda effects: replace(bare.evaluate(effects), nuisance=-N))
+
+
+def test_its_nuisances_are_free_in_a_diagnosis_as_in_a_calibration(monkeypatch):
+    of_zeros = replace_view(INCLINED, f"{__name__}:with_zeros")
+    monkeypatch.setattr(recording_kinds, "EVERY", [of_zeros, *recording_kinds.EVERY])
+    r = recorded(np.random.default_rng(5), zero=np.array([4e-4, -2e-4]))
+    found, _ = methods.calibrate([r])
+    assert found.provenance.noise.from_ == "residual"  # nothing was stated, and chi^2 tests nothing
+    assert diagnose([r]).verdict == "adequate"
 
 
 def test_views_that_share_parameters_are_calibrated_in_one_frame():

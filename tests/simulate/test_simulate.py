@@ -157,6 +157,12 @@ def test_faults_show_where_they_were_put():
     assert eight == pytest.approx(9.8 * 60 * ARCSEC * np.sqrt(0.5), rel=0.01)  # each channel's share at 45 deg
 
 
+@pytest.mark.parametrize("tau", [-1.0, 0.0, 1e4])
+def test_a_true_constant_lies_in_its_range(tau):
+    with pytest.raises(InputError, match=r"truth\.warm_up\.tau: .* is outside its range; give .* h$"):
+        simulate(device(truth={"warm_up": {"w": {"y": 40.0}, "tau": tau}}))
+
+
 def test_quantisation_leaves_whole_steps():
     recording, _ = simulate(device(faults={"quantisation": {"value": 1.0, "unit": "mg"}}))
     codes = recording.triad("specific_force") / 9.80665e-3
