@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from gimbalcal.checks.input_errors import PERMUTATIONS
-from gimbalcal.checks.measured_turns import MeasuredTurns, agree, rotations, turns_of
+from gimbalcal.checks.measured_turns import AXES, RATE, MeasuredTurns, agree, scaled, turns_of
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import frame_rotation
 
 RIGHT = np.pi / 2
+AS_READ = scaled(RATE, AXES, 1.0, "")
 
 
 @pytest.mark.parametrize("steps", [2, 3, 5])
@@ -19,9 +20,8 @@ def test_a_later_step_of_a_turn_is_about_the_axes_as_the_earlier_ones_left_them(
     due = np.eye(3)
     for a in axes:
         due = frame_rotation(a, RIGHT) @ due
-    made = rotations(
-        MeasuredTurns([w / 0.5], [np.full(steps, 0.5)], np.zeros((1, 3, 1)), np.zeros((1, 3, 1))), np.ones(3)
-    )
+    none = np.zeros((1, 3, 1))
+    made = MeasuredTurns([w / 0.5], [np.full(steps, 0.5)], none, none).turned(AS_READ)
     np.testing.assert_allclose(made[0], due, atol=1e-12)
 
 
@@ -54,7 +54,7 @@ def test_of_a_turn_the_level_of_both_rests_is_taken():
     angle = [(w * dt[:, None]).sum(0) for w, dt in zip(turns.reading, turns.step, strict=True)]
     np.testing.assert_allclose(sorted(a[0] for a in angle), [-1.5, 1.0, 1.0, 2.0], atol=2e-3)
     np.testing.assert_allclose([a[1:] for a in angle], 0.0, atol=2e-3)
-    assert agree(turns, rotations(turns, np.ones(3))) == 4
+    assert turns.agreeing(AS_READ) == 4
 
 
 def test_the_turns_that_move_gravity_most_are_taken(monkeypatch):

@@ -173,8 +173,7 @@ def findings_of_recordings(c: Ranking, d: Decision, joint: JointFit) -> tuple[Fi
     """
     out = []
     for ordinal, j in enumerate(d.judgements):
-        wanted = j.cause.parameters
-        rows = _estimates(wanted, *joint.estimate(wanted))
+        rows = _estimates(j.cause.parameters, *joint.size(ordinal))
         rows += [replace(Estimate.of(p, x, s), name=p.field, axis="") for p, x, s in joint.chosen_constants(ordinal)]
         significance = float(np.sqrt(sum(p.significance(ordinal) ** 2 for p in joint.parts)))
         named = _entry(j, _axes_of(j), significance, rows, _experiment(c, d, joint, ordinal))
@@ -192,7 +191,7 @@ def _sizes(joint: JointFit, ordinal: int) -> tuple[RecordingSize, ...]:
     wanted = joint.causes[ordinal].parameters
     for k, part in enumerate(joint.parts):
         if ordinal in part.ordinals:
-            rows = _estimates(wanted, *joint.estimate_by(k, wanted))
+            rows = _estimates(wanted, *joint.size_by(k, ordinal))
             out.append(RecordingSize(k + 1, round(part.significance(ordinal), 2), tuple(rows)))
     return tuple(out)
 
@@ -205,7 +204,7 @@ def _experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int) -> str:
         for k in sorted(both, key=lambda k: -joint.parts[k].significance(ordinal))[:1]:
             part, s = joint.parts[k], c.searches[k]
             cause, variant = part.cause(ordinal), part.fit.variants[part.ordinals.index(ordinal)]
-            size = joint.estimate(cause.parameters)[0] / np.array([p.sigma for p in cause.parameters])
+            size = joint.size(ordinal)[0] / np.array([p.sigma for p in cause.parameters])
             (at,) = c.within((alike,), k)
             other = s.library.candidates[at]
             return advice_in_words(advise(s.fit, cause, variant, size, other), cause, other)

@@ -31,7 +31,13 @@ from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, R
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Constants
-from gimbalcal.diagnose.search.fitted_causes import FittedCauses, columns_of_causes, constant_value, fit_causes
+from gimbalcal.diagnose.search.fitted_causes import (
+    FittedCauses,
+    calibration_fit,
+    columns_of_causes,
+    constant_value,
+    fit_causes,
+)
 from gimbalcal.diagnose.search.ranking import Ranking, Search
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement, agreement_on_constants
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
@@ -39,7 +45,7 @@ from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import kind
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.sharing import Agreement, Scope, agreement, scope_of
-from gimbalcal.inference.gauss_newton import gauss_newton
+from gimbalcal.inference.gauss_newton import chi2, gauss_newton
 from gimbalcal.inference.information import (
     MIN_SIGNAL_TO_NOISE,
     Information,
@@ -51,10 +57,11 @@ from gimbalcal.inference.information import (
 from gimbalcal.number import Array
 from gimbalcal.recording import when_recorded
 from gimbalcal.views.core import View, range_of_constants
+from gimbalcal.words.naming import spaced
 
 UNLIKELY = 1e-3  # probability of a noise below which it is left out of the mean
 SETTLED = 1e-3  # of a sigma
-MAX_PRIOR_SIGMAS = 20.0  # of all steps: interchanged positions ask for nonlinearities that no force is read with
+MIN_CHI2_DIFFERENCE = 9.0  # by which causes with constants of their own fit better than one effect can
 UNREADABLE = 1e100  # misfit of constants with which no force could have been read
 WIDE = 30.0  # sigmas that the prior of a cause spans at least: what rows know less well than a prior is held at zero
 
@@ -116,8 +123,11 @@ class RecordingPart:
         return RecordingPart(self.search, fit, named, tuple(self.constants[n] for n in kept))
 
     def start(self) -> tuple[Effect, ...]:
-        """Return the model of the baseline with the causes as this recording alone shows them."""
-        effects, s, at = self.search.fit.effects, self.search.fit.view.stimulus, 0
+        """Return the model with the causes as this recording alone shows them, its constants beside these."""
+        fit, s, at = self.search.fit, self.search.fit.view.stimulus, 0
+        _, beside, _ = calibration_fit(self.search, self.fit)
+        x = values(fit.effects, fit.parameters) + beside * [p.sigma for p in fit.parameters]
+        effects = with_values(fit.effects, fit.parameters, x, s.axis_names)
         for c, own in zip(self.causes, self.constants, strict=True):
             size = self.fit.x[at : at + len(c.parameters)] * [p.sigma for p in c.parameters]
             at += len(c.parameters)
@@ -127,11 +137,17 @@ class RecordingPart:
         return effects
 
     def information(self, effects: Sequence[Effect], wide: Mapping[Parameter, Parameter]) -> Information:
-        """Return the information of the rows about all that is fitted, linearised at effects, with `wide` priors."""
+        """Return the information of the rows about all that is fitted, linearised at effects, with `wide` priors.
+
+        Raises InputError where no sensor of these constants reads what was read.
+        """
         fit, priors = self.search.fit, [wide.get(p, p) for p in self.wanted]
-        rows = fit.view.evaluate(effects).over(fit.sigma)
+        with np.errstate(all="ignore"):
+            rows = fit.view.evaluate(effects).over(fit.sigma)
+            A = fit.reduced(np.concatenate([rows.jacobian(self.wanted), rows.residual[:, :, None]], axis=-1))
+        if not np.isfinite(A).all():
+            raise InputError("no force that these constants allow was read")
         x = values(effects, self.wanted)
-        A = fit.reduced(np.concatenate([rows.jacobian(self.wanted), rows.residual[:, :, None]], axis=-1))
         A[:, -1] += A[:, :-1] @ x
         likely = np.flatnonzero(self.fit.weights > UNLIKELY)
         white = (self.search.projections[k].node.whiten(A) for k in likely)
@@ -196,26 +212,59 @@ class JointFit:
     solution: Solution
     each: tuple[Information, ...]
     wide: Mapping[Parameter, Parameter]
+    converged: bool = True
 
-    def estimate(self, wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-        """Return values and sigmas (p,) of parameters, SI; of what is one recording's own by this one alone."""
-        if all(p in self.solution.parameters for p in wanted):
-            at = [self.solution.parameters.index(p) for p in wanted]
+    def size(self, ordinal: int) -> tuple[Array, Array]:
+        """Return values and sigmas (p,) of the parameters of a cause, SI.
+
+        What is one recording's own is by this one alone, and so is a cause whose effect holds the constants of another.
+        """
+        cause = self.causes[ordinal]
+        if cause.effect not in self.differing and set(cause.parameters) <= set(self.solution.parameters):
+            at = [self.solution.parameters.index(p) for p in cause.parameters]
             return self.solution.x[at], self.solution.sigma[at]
-        return self.estimate_by(next(k for k, part in enumerate(self.parts) if set(wanted) <= set(part.wanted)), wanted)
+        k = max(range(len(self.parts)), key=lambda k: self.parts[k].significance(ordinal))
+        return self.size_by(k, ordinal)
 
-    def estimate_by(self, recording: int, wanted: Sequence[Parameter]) -> tuple[Array, Array]:
-        """Return values and sigmas (p,) of sizes of causes by one recording, SI."""
+    def size_by(self, recording: int, ordinal: int) -> tuple[Array, Array]:
+        """Return values and sigmas (p,) of the parameters of a cause by one recording, SI."""
+        part, wanted = self.parts[recording], self.causes[ordinal].parameters
+        if self.causes[ordinal].effect in self.differing:
+            n, scale = part.ordinals.index(ordinal), np.array([p.sigma for p in wanted])
+            first = sum(len(c.parameters) for c in part.causes[:n])
+            at = list(range(first, first + len(wanted)))
+            return part.fit.x[at] * scale, np.sqrt(np.diag(part.fit.covariance)[at]) * scale
         keep = [self.wide[p] for p in wanted]
-        info = self.each[recording].at(_smooth(self.each[recording]))
+        info = self._of_sizes(recording)
         solution = solve(info.without([p for p in info.parameters if p not in keep], flat=True))
         at = [solution.parameters.index(p) for p in keep]
         return solution.x[at], solution.sigma[at]
 
+    def _of_sizes(self, recording: int) -> Information:
+        """Return the information of a recording at the smooth constants of causes that all have in common."""
+        info = self.each[recording]
+        smooth = {self.wide.get(p, p): float(x) for p, x in zip(self.solution.parameters, self.solution.x, strict=True)
+                  if p in _constants_of(p.effect, smooth=True)}  # fmt: skip
+        return info.at({p: x for p, x in smooth.items() if p in info.parameters})
+
+    @cached_property
+    def differing(self) -> frozenset[str]:
+        """Effects that were found twice with other constants, of which one effect holds one: causes keep their own."""
+        chosen: dict[str, set[Constants]] = {}
+        for part in self.parts:
+            for c, own in zip(part.causes, part.constants, strict=True):
+                chosen.setdefault(c.effect, set()).add(own)
+        twice = frozenset(effect for effect, each in chosen.items() if len(each) > 1)
+        if not twice or len(self.parts) > 1:
+            return twice
+        f = self.parts[0].fit
+        apart = float(f.projection.misfit[0]) - f.projection.explained(f.index)
+        return twice if self.solution.chi2 > apart + MIN_CHI2_DIFFERENCE else frozenset()
+
     def sizes(self, part: RecordingPart) -> Array:
         """Return the sizes (p,) of the causes that a recording shows, in prior sigmas."""
-        wanted = [p for c in part.causes for p in c.parameters]
-        return self.estimate(wanted)[0] / np.array([p.sigma for p in wanted])
+        each = [self.size(k)[0] / [p.sigma for p in self.causes[k].parameters] for k in part.ordinals]
+        return np.concatenate([np.zeros(0), *each])
 
     def chosen_constants(self, ordinal: int) -> list[tuple[Parameter, float, float]]:
         """Return the nonlinear constants of a cause: parameter, value and sigma in SI.
@@ -226,9 +275,9 @@ class JointFit:
         shown = [part for part in self.parts if ordinal in part.ordinals]
         named = dict(shown[0].constants[shown[0].ordinals.index(ordinal)])
         for p in _constants_of(effect_id):
-            if p in self.solution.parameters:
-                x, sigma = self.estimate([p])
-                out.append((p, float(x[0]), float(sigma[0])))
+            if p in self.solution.parameters and effect_id not in self.differing:
+                i = self.solution.parameters.index(p)
+                out.append((p, float(self.solution.x[i]), float(self.solution.sigma[i])))
             elif p.field in named:
                 spread = np.array([part.spread(ordinal)[p.field] for part in shown])
                 weight = float((spread[spread > 0] ** -2.0).sum())
@@ -237,12 +286,21 @@ class JointFit:
 
     def agreement_on(self, ordinal: int) -> Agreement:
         """Return how well the recordings agree on the size of a cause."""
-        own = {self.wide[p] for p in self.causes[ordinal].parameters}
-        shown = [info for part, info in zip(self.parts, self.each, strict=True) if ordinal in part.ordinals]
+        shown = [k for k, part in enumerate(self.parts) if ordinal in part.ordinals]
         if len(shown) == 1:
             return Agreement(0.0, 0, 1.0)
-        each = [info.without([p for p in info.parameters if p not in own], flat=True) for info in shown]
+        own = {self.wide[p] for p in self.causes[ordinal].parameters}
+        every = map(self._of_sizes, shown)
+        each = [info.without([p for p in info.parameters if p not in own], flat=True) for info in every]
         return agreement(solve(reduce(add, each)), [solve(info) for info in each])
+
+    @property
+    def outcome(self) -> str:
+        """What speaks against the constants of the model, in words."""
+        words = "{} was found with several constants, of which this calibration holds one: do not apply it"
+        several = [words.format(spaced(effect)) for effect in sorted(self.differing)]
+        rough = [] if self.converged else ["the fit with what was found did not converge, so its constants are rough"]
+        return "; ".join([*filter(None, [self.between.in_words if self.between else ""]), *several, *rough])
 
     def without(self, effect_id: str) -> JointFit:
         """Return the fit to the same rows, in the same noise, of a model without an effect that was found."""
@@ -280,7 +338,7 @@ class JointFit:
             covariance=P,
             unobservable=self.solution.unobservable,
             residual=Residual(self.solution.chi2, self.solution.dof, self._rms()),
-            outcome=self.between.in_words if self.between else "",
+            outcome=self.outcome,
             provenance=replace(
                 origin(views, [c.label for c in self.causes]),
                 agreement=self.between.to_dict() if self.between else None,
@@ -306,56 +364,64 @@ class JointFit:
 def joint_fit(parts: Sequence[RecordingPart], causes: Sequence[Candidate]) -> JointFit:
     """Fit constants of the model and causes to the recordings of a unit; `causes` as all recordings together have them.
 
-    Raises InputError where no constants fit the readings.
+    Each recording is linearised about its own least squares.
     """
-    models = [part.start() for part in parts]
-    wide = _wide(parts, models)
-    if len(parts) == 1:
-        solution, each = _least_squares(parts[0], models[0], wide)
-    else:
-        each = tuple(part.information(m, wide) for part, m in zip(parts, models, strict=True))
+    wide = _wide(parts)
+    alone = [_least_squares(part, wide) for part in parts]
+    each, solution = tuple(one.information for one in alone), alone[0].solution
+    if len(parts) > 1:
         solution = _with_sizes(solve(reduce(add, _carried(parts, each, wide))), _pooled(parts, each, wide))
     narrow, names = {w: p for p, w in wide.items()}, parts[0].search.fit.view.stimulus.axis_names
     solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
     value = dict(zip(solution.parameters, solution.x, strict=True))
     effects: dict[str, Effect] = {}
-    for part, model in zip(parts, models, strict=True):
+    for part, one in zip(parts, alone, strict=True):
         mine = [p for p in part.wanted if p in value]
-        for e in with_values(model, mine, np.array([value[p] for p in mine]), names):
+        for e in with_values(one.model, mine, np.array([value[p] for p in mine]), names):
             effects.setdefault(e.id, e)
-    return JointFit(tuple(parts), tuple(causes), tuple(effects.values()), solution, each, wide)
+    converged = all(one.converged for one in alone)
+    return JointFit(tuple(parts), tuple(causes), tuple(effects.values()), solution, each, wide, converged)
 
 
-def _least_squares(
-    part: RecordingPart, model: Sequence[Effect], wide: Mapping[Parameter, Parameter]
-) -> tuple[Solution, tuple[Information, ...]]:
-    """Return the fit to one recording, linearised again until nothing moves, and the information about it."""
-    wanted, s = part.wanted, part.search.fit.view.stimulus
-    priors, last = [wide.get(p, p) for p in wanted], dict[bytes, Information]()
+@dataclass(frozen=True, eq=False)
+class _LeastSquares:
+    """The fit to one recording alone: its solution, the model there, and the information of the rows about it."""
+
+    solution: Solution
+    model: tuple[Effect, ...]
+    information: Information
+    converged: bool
+
+
+def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> _LeastSquares:
+    """Return the fit to one recording, linearised again until nothing moves, by steps that never raise chi^2."""
+    model, wanted, s = part.start(), part.wanted, part.search.fit.view.stimulus
+    priors = tuple(wide.get(p, p) for p in wanted)
+    last: tuple[Array, Information] | None = None
 
     def linearise(x: Array) -> Information:
-        last.clear()
+        nonlocal last
         try:
-            last[x.tobytes()] = part.information(with_values(model, wanted, x, s.axis_names), wide)
-        except InputError:  # no force reads what was read: further than the model goes
-            last[x.tobytes()] = Information(tuple(priors), np.append(np.zeros(len(wanted)), UNREADABLE)[None], 1)
-        return last[x.tobytes()]
+            info = part.information(with_values(model, wanted, x, s.axis_names), wide)
+        except InputError:  # further than the model goes
+            info = Information(priors, np.append(np.zeros(len(wanted)), UNREADABLE)[None], 1)
+        last = x, info
+        return info
 
     def arrived(_: int, x: Array, solution: Solution) -> bool:
         return bool(np.all(np.abs(solution.x - x) <= SETTLED * solution.sigma))
 
-    start, scale = values(model, wanted), np.array([p.sigma for p in priors])
-
-    def farthest(x: Array) -> float:
-        return float((np.abs(x - start) / scale).max(initial=0.0))
-
-    def diverged(x: Array) -> bool:
-        return farthest(x) > MAX_PRIOR_SIGMAS
-
-    bounds = range_of_constants(wanted, s)
-    solution, _ = gauss_newton(linearise, start, bounds, MIN_SIGNAL_TO_NOISE, True, arrived, diverged)
-    share = MAX_PRIOR_SIGMAS / max(farthest(solution.x), MAX_PRIOR_SIGMAS)  # as far as a model can be trusted
-    return replace(solution, x=start + share * (solution.x - start)), tuple(last.values())
+    bounds, start = range_of_constants(wanted, s), values(model, wanted)
+    baseline = part.search.fit  # whose constants read what was read, where those beside the causes may not
+    without = [p for p in wanted if p in baseline.parameters]
+    other = values(with_values(model, without, values(baseline.effects, without), s.axis_names), wanted)
+    start = min((start, other), key=lambda x: chi2(linearise(x), x))
+    solution, steps = gauss_newton(linearise, start, bounds, MIN_SIGNAL_TO_NOISE, True, arrived, lambda _: False)
+    assert last is not None
+    x, info = last
+    if not steps:  # the last step was not tried
+        solution = replace(solution, x=x, chi2=chi2(info, x))
+    return _LeastSquares(solution, with_values(model, wanted, solution.x, s.axis_names), info, bool(steps))
 
 
 def _pooled(
@@ -363,19 +429,27 @@ def _pooled(
 ) -> Solution:
     """Return the causes by all recordings, the constants of the model free in each.
 
-    Sizes are those at the constants of the causes that fit all recordings best; their covariance is that of both.
+    Smooth constants of causes are the mean of those of all recordings, whatever sizes these see; sizes are those at
+    these constants, and their covariance is that of both.
     """
     own = ([wide.get(p, p) for p in part.own(*Scope)] for part in parts)
-    info = reduce(add, (info.without(rest, flat=True) for info, rest in zip(each, own, strict=True)))
-    solution = solve(info)
-    constant, sizes = _smooth(info), solve(info.at(_smooth(info)))
+    free = [info.without(rest, flat=True) for info, rest in zip(each, own, strict=True)]
+    info = reduce(add, free)
+    constant = _smooth_constants(free)
+    sizes = solve(info.at(constant))
     value = constant | dict(zip(sizes.parameters, sizes.x, strict=True))
-    return replace(solution, x=np.array([value[p] for p in info.parameters]))
+    return replace(solve(info), x=np.array([value[p] for p in info.parameters]))
 
 
-def _smooth(info: Information) -> dict[Parameter, float]:
-    """Return the smooth constants of causes with the values about which rows are linearised."""
-    return {p: p.mean for p in info.parameters if p.field in {f.name for f in constants(CATALOGUE[p.effect])}}
+def _smooth_constants(each: Sequence[Information]) -> dict[Parameter, float]:
+    """Return the smooth constants of causes by several recordings, each with sizes of its own."""
+
+    def smooth(p: Parameter) -> bool:
+        return p.field in {f.name for f in constants(CATALOGUE[p.effect])}
+
+    marginal = [info.without([p for p in info.parameters if not smooth(p)], flat=True) for info in each]
+    solution = solve(reduce(add, marginal))
+    return dict(zip(solution.parameters, map(float, solution.x), strict=True))
 
 
 def _carried(
@@ -396,14 +470,15 @@ def _with_sizes(s: Solution, causes: Solution) -> Solution:
     return replace(s, x=s.x + K @ (causes.x - s.x[c]), covariance=(covariance + covariance.T) / 2)
 
 
-def _wide(parts: Sequence[RecordingPart], models: Sequence[Sequence[Effect]]) -> dict[Parameter, Parameter]:
+def _wide(parts: Sequence[RecordingPart]) -> dict[Parameter, Parameter]:
     """Return the parameters of causes with the priors of this fit: wide about zero, of constants about their start."""
     out: dict[Parameter, Parameter] = {}
-    for part, model in zip(parts, models, strict=True):
+    for part in parts:
         sizes = [p for c in part.causes for p in c.parameters]
         sigma = np.sqrt(np.diag(part.fit.covariance)) * [p.sigma for p in sizes]
         for p, s in zip(sizes, sigma, strict=True):
             out[p] = replace(p, sigma=max(p.sigma, WIDE * float(s), out.get(p, p).sigma))
+        model = part.start()
         for p in part.wanted:
             if p not in out and p not in part.search.fit.parameters:
                 out[p] = replace(p, mean=float(values(model, (p,))[0]))

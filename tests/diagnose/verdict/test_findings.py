@@ -110,7 +110,7 @@ def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch):
     kept, verdicts = findings.confirmed(result_of(first, [(tilt, tilt.variants[0])]), silent)
     assert (kept.steps, verdicts) == ((), [])
     assert kept.shapes
-    assert kept.described.rms < 0.5 * first.rms
+    assert kept.with_shapes.rms < 0.5 * first.rms
 
 
 def test_what_is_likelier_than_a_refused_cause_takes_its_place(monkeypatch):

@@ -112,7 +112,7 @@ def test_size_and_time_constant_have_one_covariance():
     joint = fitted(s, [0])
     c, o, node = s.library.candidates[0], s.fit, s.projections[0].node
     ((p, tau, sigma),) = joint.chosen_constants(0)
-    (size,), (sigma_of_size,) = joint.estimate(c.parameters)
+    (size,), (sigma_of_size,) = joint.size(0)
     h = 1e-4 * tau
     ahead, here, behind = (columns_at(o, c, (("tau", tau + d),)) for d in (h, 0.0, -h))
     slope = (ahead - behind) / (2 * h) * size / c.parameters[0].sigma
@@ -161,9 +161,8 @@ def test_an_effect_that_was_found_twice_with_other_constants_is_fitted_with_one(
     (part,) = parts_of(s, [0, 1])
     part = replace(part, constants=((("tau", 600.0),), (("tau", 900.0),)))
     joint = joint_fit([part], s.library.candidates)
-    (tau, z, y), (sigma, *_) = joint.estimate(
-        [joint.chosen_constants(0)[0][0], *(p for c in s.library.candidates[::-1] for p in c.parameters)]
-    )
+    ((_, tau, sigma),) = joint.chosen_constants(0)
+    y, z = (joint.size(k)[0][0] for k in (0, 1))
     assert tau == pytest.approx(700.0, abs=4 * sigma)
     assert z == pytest.approx(0.8 * y, rel=0.05)
     made = joint.calibration(None)
@@ -212,7 +211,7 @@ def test_information_of_recordings_is_that_of_their_stacked_rows(labels):
     x, C = stacked(c, labels)
     wanted = [p for cause in joint.causes for p in cause.parameters]
     scale, sigma = np.array([p.sigma for p in wanted]), np.sqrt(np.diag(C))
-    values, sigmas = joint.estimate(wanted)
+    values, sigmas = (np.concatenate(x) for x in zip(*map(joint.size, range(len(labels))), strict=True))
     np.testing.assert_allclose(values / scale, x, atol=0.01 * sigma.max())
     np.testing.assert_allclose(sigmas / scale, sigma, rtol=1e-3)
     assert [part.ordinals for part in joint.parts] == [tuple(range(len(labels)))] * 2
@@ -264,3 +263,42 @@ def test_a_lag_is_common_and_surer_together():
     assert sigma == pytest.approx(100.0 * np.sqrt(C[1, 1]), rel=0.1)
     lags = [one.chosen_constants(0)[0][1] for one in alone]
     assert min(lags) <= value <= max(lags)
+
+
+def steps(b):
+    """Steps of two accelerometers at two visits."""
+    return {"output": np.stack([b.visit >= 6, b.visit >= 12, 0 * b.visit], axis=-1).astype(float)}
+
+
+def test_causes_of_one_effect_keep_constants_of_their_own_where_one_cannot_hold_both():
+    r = record(np.random.default_rng(4), steps, 150 * UG, dwell=30)
+    s = searched(scale_to_scatter(fit_baseline(view_at_known_attitude(r))), "bias_step:x", "bias_step:y", count=1)
+    joint = fitted(s, [0, 1])
+    assert joint.differing == {"bias_step"}
+    for k, visit in ((0, 6), (1, 12)):
+        (x,), (sigma,) = joint.size(k)
+        assert x == pytest.approx(150 * UG, abs=4 * sigma)
+        ((_, epoch, _),) = joint.chosen_constants(k)
+        assert epoch == pytest.approx(r.time[r.position == visit + 1][0], abs=60)
+    assert "was found with several constants" in joint.calibration(None).outcome
+
+
+@pytest.mark.parametrize(
+    ("kind", "label", "size"), [("bias T", "bias_temperature:y", 3e3), ("warm-up", "warm_up:y", 3e4)]
+)
+def test_a_cause_of_hundreds_of_sigmas_leaves_nothing(kind, label, size):
+    _, _, made = case(kind, label, size * UG)
+    assert made.residual.chi2 / made.residual.dof == pytest.approx(1.0, abs=0.3)
+    assert made.residual.rms["specific_force:y"] == pytest.approx(made.residual.rms["specific_force:x"], rel=0.3)
+    small = case(*next(one for one in CAUSES if one[1] == label))[2]
+    bias = [c.values[[p.label for p in c.parameters].index("bias:y")] for c in (made, small)]
+    assert bias[0] == pytest.approx(bias[1], abs=10 * UG + 0.002 * size * UG)
+
+
+def test_recordings_with_a_large_cause_are_linearised_where_each_is():
+    made = [record(np.random.default_rng(4), known(1)["bias T"][0], 3000 * UG, dwell=d) for d in (12, 16)]
+    fits = [scale_to_scatter(fit_baseline(view_at_known_attitude(r))) for r in made]
+    joint = fitted(combine([searched(o, "bias_temperature:y", count=1) for o in fits]), [0])
+    for x, sigma in (joint.size(0), joint.size_by(0, 0), joint.size_by(1, 0)):
+        assert x[0] == pytest.approx(3000 * UG, abs=4 * sigma[0])
+    assert joint.agreement_on(0).p_value > 1e-3
