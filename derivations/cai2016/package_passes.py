@@ -23,7 +23,7 @@ PLACES: tuple[tuple[tuple[int | str, ...], str, Check, float], ...] = (
     ((13,), "filter_pass.data_information", passes.information_of_data, 1e-9),
     ((13, 17, 21, 25, 27), "iterate.iterate", passes.passes, 5e-2),
     ((13,), "calibrate.calibrated", passes.stated_calibration, 1e-6),
-    ((13,), "joint_recordings._joint", passes.joint_information, 1e-9),
+    ((13,), "calibrate._joint", passes.joint_information, 1e-9),
     ((1, 4), "error_model.invert_readings", passes.inverted, 1e-11),
 )
 

@@ -139,7 +139,8 @@ def diagnosis_with(
         fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
     if verdict in ("missing-physics", "not-identifiable"):  # what was named may make rows that took no part worse
         least = max(fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after)
-        doubted = doubted or fit.heldout_rms_after > least
+        if fit.heldout_rms_after > least:
+            doubted, outcome = True, diagnosis_sentences.WORSE_HELD_OUT
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,

@@ -1,15 +1,16 @@
 r"""Diagnosis of forces at known attitude in a noise of known scale: one recording, or several of one unit.
 
-view 1 ──> search ─┐                       ┌─> fit, verify, locate ─┐
-view 2 ──> search ─┴─> combine ──> decide ─┴─> fit, verify, locate ─┴─> sizes pooled ──> one diagnosis
+view 1 ──> search ─┐                                     ┌─> verify, locate ─┐
+view 2 ──> search ─┴─> combine ──> decide ──> joint fit ─┴─> verify, locate ─┴─> one diagnosis
 
-Of one recording the combined ranking is its own search, and the pooled sizes are its own fit.
+Of one recording the combined ranking is its own search, and the joint fit is its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -125,14 +126,15 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
     assert isinstance(diagnosis.fit, StatedNoiseFit)
     if d.hypothesis is None:
         return diagnosis
-    if diagnosis.fit.heldout_after > diagnosis.fit.heldout_before:  # what was named makes rows that took no part worse
-        return diagnosis.doubted()
-    if not _challenged(c, d.hypothesis.members, diagnosis.fit):
+    worse = diagnosis.fit.heldout_after > diagnosis.fit.heldout_before
+    if not worse and not _challenged(c, d.hypothesis.members, diagnosis.fit):
         return diagnosis
     none = unnamed(c)
     law = lawful(c, none, seed, tell, instead=True)
     if law.laws:
         return _view_diagnosis(case, c, none, law)
+    if worse:
+        return replace(diagnosis.doubted(), outcome=diagnosis_sentences.WORSE_HELD_OUT)
     doubted = law.formula_is_likelier or diagnosis.fit.explained < MIN_EXPLAINED
     return diagnosis.doubted() if doubted else diagnosis
 
@@ -186,7 +188,7 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
     shapes = tuple(_shape(c, i) for i in d.shapes[:3])
     law = law or lawful(c, d, case.seed, case.tell)
     answers = _with_law(answers, law)
-    fitted = _joint_fit(answers, lead)
+    fitted = _mean_fit(answers, lead)
     if d.verdict == "adequate":
         fitted = replace(fitted, unseen=detection_limits([(s.library.candidates, s.projections) for s in c.searches]))
     case.tell("the model with what was found, as a calibration")
@@ -196,7 +198,7 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
         np.broadcast_to(o.sigma, curves.after.shape), calibration=joint.calibration(case.known), laws=law.laws,
         recommend=law.recommend, outcome=misheld(c, d.verdict), evidence=_evidence(c, d, case.clean),
         together=tuple(s.fit.view for s in c.searches),
-        without=lambda effect_id: joint.without(effect_id).calibration(case.known),
+        without=partial(joint.calibration_without, known=case.known),
     )  # fmt: skip
     return diagnosis if joint.between is None else _of_several(diagnosis, case, c, answers, joint.between)
 
@@ -283,7 +285,7 @@ def _shape(c: Ranking, i: int) -> Shape:
     return Shape(f"{channel} of {where}", of.rival, recordings=tuple(ordinals))
 
 
-def _joint_fit(answers: Sequence[RecordingAnswer], lead: int) -> StatedNoiseFit:
+def _mean_fit(answers: Sequence[RecordingAnswer], lead: int) -> StatedNoiseFit:
     """Return the numbers of all recordings; noise and calibration are those of the recording that is off most."""
     if len(answers) == 1:
         return answers[0].fit

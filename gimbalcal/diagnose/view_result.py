@@ -65,7 +65,10 @@ class ViewDiagnosis:
         return "forces" if self.view.measurement.known_attitude else self.view.name
 
     def doubted(self) -> ViewDiagnosis:
-        """Return the diagnosis with findings that are hardly likely, as a formula says it better or much is left."""
+        """Return the diagnosis with findings that are hardly likely.
+
+        A formula says it better, much is left, or rows held out are predicted worse.
+        """
         doubted = tuple(replace(f, probability=min(f.probability, MAX_DOUBTED_PROBABILITY)) for f in self.findings)
         return replace(self, findings=doubted, verdict="not-identifiable")
 

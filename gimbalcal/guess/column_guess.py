@@ -158,10 +158,11 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
     """Return the log without rows that a recorder held, and a note on them.
 
     They repeat a row of all sensors for longer than noise does, which leaves no two of other rows alike so long: a run
-    of L among n rows, of which others repeat the one before with probability p, is expected n p^(L - 1) times.
+    of L among n rows, of which others repeat the one before with probability p, is expected n p^(L - 1) times. Sensors
+    whose readings change by single steps repeat rows at rest by themselves.
     """
     sensors = [*log.values(FORCE), *log.values(RATE)]
-    if len(sensors) < 3:
+    if len(sensors) < 3 or np.mean([_is_coarse(x) for x in sensors]) > 0.5:
         return log, ""
     alike = np.all([np.diff(x, prepend=np.nan) == 0 for x in sensors], axis=0)
     starts = np.flatnonzero(~alike)
@@ -175,6 +176,13 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
     count = int(np.count_nonzero(np.diff(held.astype(int)) > 0))
     where = f"{amount(count, 'stretch', 'stretches')} in which the recorder held a row"
     return log.rows(~held), f"{amount(int(np.count_nonzero(held)), 'row')} are left out, {where}"
+
+
+def _is_coarse(x: Array) -> bool:
+    """Return whether readings (n,) mostly change by the least step that they show."""
+    change = np.abs(np.diff(x))
+    change = change[change > 0]
+    return len(change) > 0 and bool(np.median(change) < 1.5 * change.min())
 
 
 def _rows_are_dwells(log: Log) -> bool:

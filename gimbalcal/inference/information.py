@@ -109,7 +109,7 @@ def mean_information(each: Sequence[Information], weights: Array) -> Information
 
     .. math:: \hat x = \sum_k p_k x_k, \qquad P = \sum_k p_k \left[ P_k + (x_k - \hat x)(x_k - \hat x)^T \right]
 
-    chi^2 is the mean of theirs. Directions of no signal but rounding are left out.
+    chi^2 is the mean of theirs at that estimate. Directions of no signal but rounding are left out.
     """
     if len(each) == 1:
         return each[0]
@@ -130,7 +130,7 @@ def mean_information(each: Sequence[Information], weights: Array) -> Information
     scale = np.sqrt(np.diag(P))
     root = np.linalg.cholesky(np.linalg.inv(P / np.outer(scale, scale))).T / scale
     rows = np.column_stack([root @ U.T, root @ x])
-    rows = np.concatenate([rows, np.append(np.zeros(len(Vt[0])), np.sqrt(chi2))[None]])
+    rows = np.concatenate([rows, np.append(np.zeros(pooled.shape[1]), np.sqrt(chi2))[None]])
     return Information(each[0].parameters, rows, each[0].count)
 
 

@@ -20,7 +20,7 @@ from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, UNITLESS, Column
 from gimbalcal.recording.dates import Dates
-from gimbalcal.recording.detection import detect
+from gimbalcal.recording.detection import LOUD, detect
 from gimbalcal.recording.header import Header, read_header
 from gimbalcal.recording.increments import Increments
 from gimbalcal.recording.memory_limit import rows_in
@@ -179,8 +179,8 @@ def _rows(
         f"{header.samples}: there is no position column; {amount(dwells, 'dwell')}{at} found where the "
         "sensors are quiet, numbered in order of time"
         if position.any()
-        else f"{header.samples}: the unit is never at rest: its quietest stretches scatter more the longer they are, "
-        "as a motion does and no noise of sensors"
+        else f"{header.samples}: the unit is never at rest: its quietest stretches scatter more the longer they "
+        f"are, as a motion does, or by more than {100 * LOUD:g} % of the force in a row, as vibration does"
     )
     numbered = StreamChecks(replace(header, columns=columns), whole, dropouts)
     numbered.sensors, numbered.angles = [], []  # they have passed

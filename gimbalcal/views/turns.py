@@ -110,7 +110,8 @@ def turns_between_rests(recording: Recording, accelerometers: Calibration) -> Tu
         force[i, : len(dt)] = f[span][1:]
     flat = reading.reshape(-1, 3)
     s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
-    angles = np.array([there.angles()[d.rows].mean(0) for d in visits])
+    read = there.angles()
+    angles = np.array([read[d.rows].mean(0) for d in visits])
     turns = Turns(reading, step, s, down[ends - 1], down[ends], ends, dwell_means(recording), level, 1.0,
                   there.platform.attitude(angles) if there.platform.axes else None, len(logged) - len(whole),
                   len(logged))  # fmt: skip

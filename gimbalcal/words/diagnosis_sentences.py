@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from gimbalcal.views.core import View
 
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
+WORSE_HELD_OUT = "rows held out are predicted worse with what is named than without it"
 SERIAL_CORRELATION = "a correlation between successive settings"
 REORDER_SETTINGS = (
     "visit the same angles again in another order: what depends on the angle comes again, a drift does not"

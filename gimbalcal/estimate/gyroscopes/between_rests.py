@@ -90,7 +90,7 @@ def gyroscopes_between_rests(
         doubt = [] if moving.parameters else singular_in_words(linear.condition) or astray_in_words(turns, linear.rms)
         if doubt and turns.scale != 1.0:
             raise InputError(f"{doubt[0]}; nor do they show what a count of the rates is")
-        if doubt:  # a size would mean nothing, and other terms cannot help
+        if doubt:  # a size would mean nothing
             declined = {t: f"{t} is left out: {doubt[0]}" for t in terms_moving}
         else:
             fits, declined = selected(

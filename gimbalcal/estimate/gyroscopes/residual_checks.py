@@ -140,7 +140,8 @@ def astray_in_words(turns: Turns, rms: float) -> list[str]:
     """Return sentences where gravity after turns is missed by so much, rms [rad], that no error of a gyroscope is."""
     if rms <= MAX_ASTRAY:
         return []
-    missed = f"after the turns gravity is missed by {np.degrees(rms):.2g} deg rms whatever errors the gyroscopes have"
+    missed = f"after the turns gravity is missed by {np.degrees(rms):.2g} deg rms"
+    missed += " with any bias, scale factor and misalignment of the gyroscopes"
     clipped = _clipped_in_words(turns)
     other = "rows on the way are missing, or their clock, axes or units are not those of the recording"
     return [*clipped, missed] if clipped else [f"{missed}: {other}"]

@@ -189,8 +189,8 @@ def _calibration(revolutions: Revolutions, fit: PulseFit, pairs: int, noise_is_k
         wanted,
         covariance,
         (Unobservable({"gyro_misalignment:xz": 1.0, "gyro_misalignment:yz": 1.0},
-                      "a rotation of the whole triad changes no norm and no angle: it needs a reference, such as the "
-                      "accelerometers (gimbalcal.estimate.gyroscopes.revolutions)"),),
+                      "a rotation of the whole triad changes no norm and no angle: turns between rests, with the "
+                      "accelerometers, show it"),),
         Residual(chi2, dof, {RATE: float(revolutions.sigma_angle / revolutions.duration * np.sqrt(scale))}),
         outcome=_outcome(bool(fit.converged[0]), noise_is_known, excess),
         provenance=Provenance(options=options),

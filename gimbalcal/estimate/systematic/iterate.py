@@ -58,7 +58,7 @@ def iterate(
 ) -> SystematicFit:  # fmt: skip
     """Run passes of filter and smoother until the estimates no longer move.
 
-    Raises InputError for a unit that cannot be navigated: see `alignment` and `turn_consistency`.
+    Raises InputError for a unit that cannot be navigated: see `alignment`.
     """
     u = invert_readings(segments, ())
     scale_errors = gyro_scale_errors(segments, u)

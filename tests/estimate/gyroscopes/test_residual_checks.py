@@ -59,7 +59,7 @@ def test_turns_that_miss_gravity_by_degrees_show_no_size():
     """Rates of other turns, as where rows on the way are missing: scale factors and misalignments would be any."""
     late = np.roll(turned().triad(RATE), 30, axis=0)[:, [1, 2, 0]] * [1, -1, 1]
     made = calibrated(with_rates(late))
-    assert "whatever errors the gyroscopes have" in made.outcome
+    assert "with any bias, scale factor and misalignment" in made.outcome
     assert {p.effect for p in made.parameters} == {"bias", "gyro_bias"}
     assert all("left out" in u.why for u in made.unobservable if "gyro_scale_factor:x" in u.direction)
 
