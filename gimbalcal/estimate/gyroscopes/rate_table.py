@@ -220,11 +220,11 @@ def _calibration(
     dark += [Unobservable.of(parameters(CATALOGUE[t]), why) for t, why in declined.items()]
     chi2 = float(((best.residual[0] / sample) ** 2).sum()) if np.all(sample > MIN_RATE_SIGMA) else float(dof)
     wanders = "its samples explain: its bias wanders, or the table turns otherwise"
-    unsteady = rates_in_words("in steady turning", best.residual[0], np.sqrt((sample**2).mean(0)), wanders)
+    scattering = rates_in_words("in steady turning", best.residual[0], np.sqrt((sample**2).mean(0)), wanders)
     usual = tuple(best.views[0].grade.at_power_on(p) for p in best.parameters)  # no fit here has a prior
     return best.calibration(
         "rate-table", Residual(chi2, dof, {RATE: best.rms}), parameters=usual,
-        unobservable=(*best.unobservable, *dark), outcome="".join(unsteady),
+        unobservable=(*best.unobservable, *dark), outcome="".join(scattering),
         provenance=Provenance(noise=AssumedNoise(from_=SAMPLES), options=options, limits=(mounted,)),
         stages=(best.stage("against the table", words),),
     )  # fmt: skip
