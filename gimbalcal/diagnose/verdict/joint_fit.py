@@ -61,6 +61,7 @@ from gimbalcal.words.naming import spaced
 
 UNLIKELY = 1e-3  # probability of a noise below which it is left out of the mean
 SETTLED = 1e-3  # of a sigma
+ROUNDING = 1e-9  # of a constant that was chosen among values, below which its sigma is rounding
 MIN_CHI2_DIFFERENCE = 9.0  # by which causes with constants of their own fit better than one effect can
 UNREADABLE = 1e100  # misfit of constants with which no force could have been read
 WIDE = 30.0  # sigmas that the prior of a cause spans at least: what rows know less well than a prior is held at zero
@@ -280,7 +281,10 @@ class JointFit:
                 out.append((p, float(self.solution.x[i]), float(self.solution.sigma[i])))
             elif p.field in named:
                 spread = np.array([part.spread(ordinal)[p.field] for part in shown])
-                weight = float((spread[spread > 0] ** -2.0).sum())
+                clear = spread > ROUNDING * max(
+                    abs(named[p.field]), ROUNDING
+                )  # less is what one value leaves the others
+                weight = float((spread[clear] ** -2.0).sum())
                 out.append((p, named[p.field], weight**-0.5 if weight > 0 else 0.0))
         return out
 
