@@ -27,6 +27,7 @@ from gimbalcal.guess.text_table import Table
 from gimbalcal.guess.unit_candidates import rate_costs
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import ROW_STEP_S
+from gimbalcal.recording.detection import step_of_most_changes
 from gimbalcal.recording.record import FORCE, RATE
 
 JOINED_CLOCK = "time of two columns"
@@ -162,7 +163,7 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
     whose readings change by single steps repeat rows at rest by themselves.
     """
     sensors = [*log.values(FORCE), *log.values(RATE)]
-    if len(sensors) < 3 or np.mean([_is_coarse(x) for x in sensors]) > 0.5:
+    if len(sensors) < 3 or np.mean([step_of_most_changes(x)[0] > 0 for x in sensors]) > 0.5:
         return log, ""
     alike = np.all([np.diff(x, prepend=np.nan) == 0 for x in sensors], axis=0)
     starts = np.flatnonzero(~alike)
@@ -176,13 +177,6 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
     count = int(np.count_nonzero(np.diff(held.astype(int)) > 0))
     where = f"{amount(count, 'stretch', 'stretches')} in which the recorder held a row"
     return log.rows(~held), f"{amount(int(np.count_nonzero(held)), 'row')} are left out, {where}"
-
-
-def _is_coarse(x: Array) -> bool:
-    """Return whether readings (n,) mostly change by the least step that they show."""
-    change = np.abs(np.diff(x))
-    change = change[change > 0]
-    return len(change) > 0 and bool(np.median(change) < 1.5 * change.min())
 
 
 def _rows_are_dwells(log: Log) -> bool:

@@ -210,13 +210,19 @@ def _short_and_long(mean: Array, variance: Array, m: int) -> tuple[Array, Array]
 
 
 def _quantum(x: Array) -> float:
-    """Return the step of a coarse quantisation: that of most changes, where a tenth of the rows change; else 0."""
+    """Return the step of a coarse quantisation of readings (n,), where a tenth of the rows change; else 0."""
+    step, changes = step_of_most_changes(x)
+    return 0.0 if changes < 0.1 * len(x) else step
+
+
+def step_of_most_changes(x: Array) -> tuple[float, int]:
+    """Return the least change of readings (n,) where most changes are as small, else 0; and how many rows change."""
     changes = np.abs(np.diff(x))
     changes = changes[changes > 1e-9 * np.ptp(x)]  # rounding of decimals is no step
-    if len(changes) < 0.1 * len(x):
-        return 0.0
+    if not len(changes):
+        return 0.0, 0
     step = float(changes.min())
-    return step if 2 * np.count_nonzero(changes < 1.5 * step) > len(changes) else 0.0
+    return step if 2 * np.count_nonzero(changes < 1.5 * step) > len(changes) else 0.0, len(changes)
 
 
 def _chi_square(dof: float, z: float) -> float:
