@@ -8,6 +8,7 @@ import numpy as np
 
 from gimbalcal.effects.effect import Grid, Stimulus
 from gimbalcal.number import Array
+from gimbalcal.units import from_si
 
 STARTING_VALUES = 7  # of a constant before refinement
 MAX_ORDERS_TRIED = 12  # whole numbers that are all tried; of more, `STARTING_VALUES`
@@ -43,6 +44,12 @@ def limits(f: Constant, s: Stimulus) -> tuple[float, float]:
     if of is Grid.WHOLE:
         high = min(high, highest_order(s))
     return (low, high) if low < high else (low, low)
+
+
+def range_beyond(f: Constant, x: float) -> tuple[str, ...]:
+    """Return the ends of the range of a constant in its unit of print where a value x [SI] is outside; else nothing."""
+    low, high, unit = float(f.metadata["low"]), float(f.metadata["high"]), f.metadata["unit"]
+    return () if low <= x <= high else tuple(f"{from_si(end, unit):g}" for end in (low, high))
 
 
 def grid(f: Constant, s: Stimulus) -> Array:

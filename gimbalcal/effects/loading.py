@@ -33,6 +33,7 @@ from gimbalcal.effects.effect import (
     parameters,
     with_values,
 )
+from gimbalcal.effects.grids import range_beyond
 from gimbalcal.entries import Entry
 from gimbalcal.errors import InputError
 from gimbalcal.number import STEP, Array
@@ -197,12 +198,10 @@ def _card(cls: type[Effect]) -> str:
         if not p.sigma > 0:
             return f"has a parameter {p.name} whose sigma (or range) is {p.sigma:g}; it must be above zero"
     for f in constants(cls):
-        low, high, unit = (f.metadata[key] for key in ("low", "high", "unit"))
-        default = float(getattr(absent(cls), f.name))
-        if not low <= default <= high:
-            one, least, most = (f"{from_si(x, unit):g}" for x in (default, low, high))
-            range_of = f"{least} to {most} {unit}".strip()
-            return f"has a constant {f.name} of {one}, outside its range of {range_of}; its numbers are in SI"
+        default, unit = float(getattr(absent(cls), f.name)), f.metadata["unit"]
+        if ends := range_beyond(f, default):
+            where = f"{from_si(default, unit):g}, outside its range of {' to '.join(ends)} {unit}".rstrip()
+            return f"has a constant {f.name} of {where}; its numbers are in SI"
     taken = {p.name: i for i, c in CATALOGUE.items() if i != cls.id for p in parameters(c, GIMBALS, constants=True)}
     if double := [p.name for p in own if p.name in taken]:
         return f"calls a parameter {double[0]!r}, as {taken[double[0]]} does; choose another name"
@@ -231,9 +230,8 @@ def _law(cls: type[Effect]) -> str:
     at = added(0.0)
     if not np.all(np.isfinite(at)):
         return "adds what is not finite for parameters of its usual size"
-    exact, difference = added(1j * STEP).imag / STEP, (added(1e-5) - added(-1e-5)).real / 2e-5
-    off = np.abs(exact - difference).max()
-    if off > 1e-4 * np.abs(difference).max() + 1e-8 * np.abs(at).max():
+    exact = added(1j * STEP).imag / STEP
+    if _loses_derivative(added, 1e-5, 1e-8 * float(np.abs(at).max())):
         return "loses its derivative; take absolute, sin, exp, ... from gimbalcal.number instead of numpy or math"
     if cls.linear and np.abs(added(1.0) - at - exact).max() > 1e-9 * np.abs(at).max():
         return "is not linear in its parameters; make what enters otherwise a constant, or write linear = False"
@@ -241,16 +239,19 @@ def _law(cls: type[Effect]) -> str:
     return _by_force(sized, s) or _smooth_constants(sized, s)
 
 
+def _loses_derivative(added: Callable[[complex], Array], h: float, least: float) -> bool:
+    """Return whether the complex step of a contribution is not its central difference of step h, to `least`."""
+    exact, difference = np.imag(added(1j * STEP)) / STEP, np.real(added(h) - added(-h)) / (2 * h)
+    return bool(np.abs(exact - difference).max() > 1e-4 * np.abs(difference).max() + least)
+
+
 def _by_force(sized: Effect, s: Stimulus) -> str:
     """Return whether the effect has no exact derivative by the force, through which errors before it reach it."""
-    at = np.abs(sized.contribution(s)).max()
 
     def added(step: complex) -> Array:
         return np.asarray(sized.contribution(s.at(force=s.force * (1 + step))))
 
-    h = 1e-6
-    exact, difference = np.imag(added(1j * STEP)) / STEP, np.real(added(h) - added(-h)) / (2 * h)
-    if np.abs(exact - difference).max() > 1e-4 * np.abs(difference).max() + 1e-6 * at:
+    if _loses_derivative(added, 1e-6, 1e-6 * float(np.abs(added(0.0)).max())):
         return "loses its derivative by the force; take absolute, sin, exp, ... from gimbalcal.number"
     return ""
 
@@ -277,9 +278,8 @@ def _smooth_constants(sized: Effect, s: Stimulus) -> str:
         def added(step: complex, f: Any = f, value: float = value, unit: float = unit) -> Array:
             return np.asarray(dataclasses.replace(sized, **{f.name: value + step * unit}).contribution(s))
 
-        h = 1e-8  # relative: the phase of a short period runs through thousands of radians
-        exact, difference = np.imag(added(1j * STEP)) / STEP, np.real(added(h) - added(-h)) / (2 * h)
-        if np.abs(exact - difference).max() > 1e-4 * np.abs(difference).max() + 1e-6 * at:
+        # relative: the phase of a short period runs through thousands of radians
+        if _loses_derivative(added, 1e-8, 1e-6 * at):
             return f"loses its derivative by {f.name}; take absolute, sin, exp, ... from gimbalcal.number"
     return ""
 

@@ -18,12 +18,12 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, absent, known_effect, parameters
 from gimbalcal.effects.effect import Grid, constants, follows, lacking
-from gimbalcal.effects.grids import Constant, grid, kind, limits
+from gimbalcal.effects.grids import Constant, grid, kind, limits, range_beyond
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.units import from_si, to_si
+from gimbalcal.units import to_si
 
 SOURCES = {"attitude": "gimbals, which say where north is"}  # of a quantity that no channel is named after
 PRIOR_FACTOR = 100.0  # times the catalogue's prior: what is asked for is fitted, not held
@@ -125,10 +125,8 @@ def _stated(said: str, cls: type[Effect], settings: Mapping[str, str]) -> tuple[
             value = float(to_si(float(text), f.metadata["unit"]))
         except ValueError:
             raise InputError(f"--with {said}: {name} must be a number in {f.metadata['unit']}, got {text!r}") from None
-        low, high = float(f.metadata["low"]), float(f.metadata["high"])
-        if not low <= value <= high:
-            least, most = (f"{float(from_si(v, f.metadata['unit'])):g}" for v in (low, high))
-            raise InputError(f"--with {said}: {name} lies between {least} and {most} {f.metadata['unit']}")
+        if ends := range_beyond(f, value):
+            raise InputError(f"--with {said}: {name} lies between {' and '.join(ends)} {f.metadata['unit']}")
         out.append((name, value))
     return tuple(out)
 

@@ -10,6 +10,7 @@ import numpy as np
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import constants, lacking
+from gimbalcal.effects.grids import range_beyond
 from gimbalcal.errors import InputError
 from gimbalcal.recording.document import LARGEST
 from gimbalcal.recording.record import Key
@@ -118,10 +119,8 @@ def _one(match: Sequence[Parameter], known: Sequence[Parameter], value: Any, whe
         raise InputError(f"{where}: neither an axis nor a parameter of this effect; it has {', '.join(choices)}")
     p, x = match[0], float(to_si(_number(value, where), match[0].unit))
     for f in constants(CATALOGUE[p.effect]):
-        low, high = f.metadata["low"], f.metadata["high"]
-        if f.name == p.field and not low <= x <= high:
-            ends = " to ".join(f"{from_si(end, p.unit):g}" for end in (low, high))
-            raise InputError(f"{where}: {value:g} is outside its range; give {ends} {p.unit}".rstrip())
+        if f.name == p.field and (ends := range_beyond(f, x)):
+            raise InputError(f"{where}: {value:g} is outside its range; give {' to '.join(ends)} {p.unit}".rstrip())
     return p, x
 
 
