@@ -1,7 +1,7 @@
 r"""One fit of what was named: constants of the model and causes by the rows of all recordings of a unit.
 
-Rows are linearised again at the estimate until nothing moves, and the noise is averaged over: with the estimate x_k and
-its covariance P_k in noise k of probability p_k,
+The rows of each recording are linearised again at the estimate by this recording alone until nothing moves, and the
+noise is averaged over: with the estimate x_k and its covariance P_k in noise k of probability p_k,
 
 .. math:: \hat x = \sum_k p_k x_k, \qquad P = \sum_k p_k \left[ P_k + (x_k - \hat x)(x_k - \hat x)^T \right]
 
@@ -93,8 +93,8 @@ class RecordingPart:
         return self.fit.significance[self.ordinals.index(ordinal)] if ordinal in self.ordinals else 0.0
 
     def spread(self, ordinal: int) -> dict[str, float]:
-        """Return how far each constant of a cause may be off among the values that were tried, SI."""
-        each = constant_value(self.search, self.fit, self.ordinals.index(ordinal)) if ordinal in self.ordinals else ()
+        """Return how far each constant of a cause that is shown may be off among the values that were tried, SI."""
+        each = constant_value(self.search, self.fit, self.ordinals.index(ordinal))
         return {name: sigma for name, _, sigma in each}
 
     @property
@@ -123,11 +123,12 @@ class RecordingPart:
         named = tuple(ordinals[self.ordinals[n]] for n in kept)
         return RecordingPart(self.search, fit, named, tuple(self.constants[n] for n in kept))
 
+    @cached_property
     def start(self) -> tuple[Effect, ...]:
-        """Return the model with the causes as this recording alone shows them, its constants beside these."""
+        """The model and the causes as this recording alone shows them, fitted together."""
         fit, s, at = self.search.fit, self.search.fit.view.stimulus, 0
-        _, beside, _ = calibration_fit(self.search, self.fit)
-        x = values(fit.effects, fit.parameters) + beside * [p.sigma for p in fit.parameters]
+        _, with_causes, _ = calibration_fit(self.search, self.fit)
+        x = values(fit.effects, fit.parameters) + with_causes * [p.sigma for p in fit.parameters]
         effects = with_values(fit.effects, fit.parameters, x, s.axis_names)
         for c, own in zip(self.causes, self.constants, strict=True):
             size = self.fit.x[at : at + len(c.parameters)] * [p.sigma for p in c.parameters]
@@ -213,7 +214,7 @@ class JointFit:
     solution: Solution
     each: tuple[Information, ...]
     wide: Mapping[Parameter, Parameter]
-    converged: bool = True
+    converged: bool
 
     def size(self, ordinal: int) -> tuple[Array, Array]:
         """Return values and sigmas (p,) of the parameters of a cause, SI.
@@ -245,7 +246,7 @@ class JointFit:
         """Return the information of a recording at the smooth constants of causes that all have in common."""
         info = self.each[recording]
         smooth = {self.wide.get(p, p): float(x) for p, x in zip(self.solution.parameters, self.solution.x, strict=True)
-                  if p in _constants_of(p.effect, smooth=True)}  # fmt: skip
+                  if _is_constant(p)}  # fmt: skip
         return info.at({p: x for p, x in smooth.items() if p in info.parameters})
 
     @cached_property
@@ -259,8 +260,8 @@ class JointFit:
         if not twice or len(self.parts) > 1:
             return twice
         f = self.parts[0].fit
-        apart = float(f.projection.misfit[0]) - f.projection.explained(f.index)
-        return twice if self.solution.chi2 > apart + MIN_CHI2_DIFFERENCE else frozenset()
+        chi2_with_own = float(f.projection.misfit[0]) - f.projection.explained(f.index)
+        return twice if self.solution.chi2 > chi2_with_own + MIN_CHI2_DIFFERENCE else frozenset()
 
     def sizes(self, part: RecordingPart) -> Array:
         """Return the sizes (p,) of the causes that a recording shows, in prior sigmas."""
@@ -281,10 +282,8 @@ class JointFit:
                 out.append((p, float(self.solution.x[i]), float(self.solution.sigma[i])))
             elif p.field in named:
                 spread = np.array([part.spread(ordinal)[p.field] for part in shown])
-                clear = spread > ROUNDING * max(
-                    abs(named[p.field]), ROUNDING
-                )  # less is what one value leaves the others
-                weight = float((spread[clear] ** -2.0).sum())
+                least = ROUNDING * max(abs(named[p.field]), ROUNDING)  # where one value alone fits, rounding is left
+                weight = float((spread[spread > least] ** -2.0).sum())
                 out.append((p, named[p.field], weight**-0.5 if weight > 0 else 0.0))
         return out
 
@@ -300,7 +299,7 @@ class JointFit:
 
     @property
     def outcome(self) -> str:
-        """What speaks against the constants of the model, in words."""
+        """The objections to the constants of the model, in words; empty where there are none."""
         words = "{} was found with several constants, of which this calibration holds one: do not apply it"
         several = [words.format(spaced(effect)) for effect in sorted(self.differing)]
         rough = [] if self.converged else ["the fit with what was found did not converge, so its constants are rough"]
@@ -318,7 +317,7 @@ class JointFit:
 
     @cached_property
     def between(self) -> ConstantsAgreement | None:
-        """How well several recordings agree on the constants of the unit; None for one."""
+        """The agreement of several recordings on the constants of the unit; None for one."""
         return agreement_on_constants(_carried(self.parts, self.each, self.wide)) if len(self.each) > 1 else None
 
     def calibration(self, known: Calibration | None) -> Calibration:
@@ -403,20 +402,22 @@ class _LeastSquares:
 
 def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> _LeastSquares:
     """Return the fit to one recording, linearised again until nothing moves, by steps that never raise chi^2."""
-    model, wanted, s = part.start(), part.wanted, part.search.fit.view.stimulus
-    priors = tuple(wide.get(p, p) for p in wanted)
-    last: tuple[Array, Information] | None = None
+    model, wanted, s = part.start, part.wanted, part.search.fit.view.stimulus
+    priors, tried = tuple(wide.get(p, p) for p in wanted), dict[bytes, Information]()
+    last: Array | None = None
 
     def linearise(x: Array) -> Information:
-        nonlocal last
-        try:
-            info = part.information(with_values(model, wanted, x, s.axis_names), wide)
-        except InputError:  # further than the model goes
-            info = Information(priors, np.append(np.zeros(len(wanted)), UNREADABLE)[None], 1)
-        last = x, info
-        return info
+        if x.tobytes() not in tried:
+            try:
+                info = part.information(with_values(model, wanted, x, s.axis_names), wide)
+            except InputError:  # further than the model goes
+                info = Information(priors, np.append(np.zeros(len(wanted)), UNREADABLE)[None], 1)
+            tried[x.tobytes()] = info
+        return tried[x.tobytes()]
 
     def arrived(_: int, x: Array, solution: Solution) -> bool:
+        nonlocal last
+        last = x
         return bool(np.all(np.abs(solution.x - x) <= SETTLED * solution.sigma))
 
     bounds, start = range_of_constants(wanted, s), values(model, wanted)
@@ -426,9 +427,9 @@ def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> 
     start = min((start, other), key=lambda x: chi2(linearise(x), x))
     solution, steps = gauss_newton(linearise, start, bounds, MIN_SIGNAL_TO_NOISE, True, arrived, lambda _: False)
     assert last is not None
-    x, info = last
+    info = linearise(last)
     if not steps:  # the last step was not tried
-        solution = replace(solution, x=x, chi2=chi2(info, x))
+        solution = replace(solution, x=last, chi2=chi2(info, last))
     return _LeastSquares(solution, with_values(model, wanted, solution.x, s.axis_names), info, bool(steps))
 
 
@@ -451,11 +452,7 @@ def _pooled(
 
 def _smooth_constants(each: Sequence[Information]) -> dict[Parameter, float]:
     """Return the smooth constants of causes by several recordings, each with sizes of its own."""
-
-    def smooth(p: Parameter) -> bool:
-        return p.field in {f.name for f in constants(CATALOGUE[p.effect])}
-
-    marginal = [info.without([p for p in info.parameters if not smooth(p)], flat=True) for info in each]
+    marginal = [info.without([p for p in info.parameters if not _is_constant(p)], flat=True) for info in each]
     solution = solve(reduce(add, marginal))
     return dict(zip(solution.parameters, map(float, solution.x), strict=True))
 
@@ -486,10 +483,9 @@ def _wide(parts: Sequence[RecordingPart]) -> dict[Parameter, Parameter]:
         sigma = np.sqrt(np.diag(part.fit.covariance)) * [p.sigma for p in sizes]
         for p, s in zip(sizes, sigma, strict=True):
             out[p] = replace(p, sigma=max(p.sigma, WIDE * float(s), out.get(p, p).sigma))
-        model = part.start()
         for p in part.wanted:
             if p not in out and p not in part.search.fit.parameters:
-                out[p] = replace(p, mean=float(values(model, (p,))[0]))
+                out[p] = replace(p, mean=float(values(part.start, (p,))[0]))
     return out
 
 
@@ -497,6 +493,11 @@ def _constants_of(effect_id: str, smooth: bool = False) -> list[Parameter]:
     """Return the nonlinear constants of an effect as parameters, all or those that outputs follow smoothly."""
     names = {f.name for f in constants(CATALOGUE[effect_id]) if kind(f).smooth or not smooth}
     return [p for p in parameters(CATALOGUE[effect_id], constants=True) if p.field in names]
+
+
+def _is_constant(p: Parameter) -> bool:
+    """Return whether a parameter of a fit is a nonlinear constant of its effect and not a size."""
+    return p.field in {f.name for f in constants(CATALOGUE[p.effect])}
 
 
 def origin(views: Sequence[View], causes: Sequence[str]) -> Provenance:
