@@ -138,8 +138,8 @@ def diagnosis_with(
         remaining = library(c.end)
         fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
     if verdict in ("missing-physics", "not-identifiable"):  # what was named may make rows that took no part worse
-        least = max(fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after)
-        if fit.heldout_rms_after > least:
+        most = max(fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after)
+        if fit.heldout_rms_after > most:
             doubted, outcome = True, diagnosis_sentences.WORSE_HELD_OUT
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(

@@ -97,7 +97,7 @@ class ViewsFit:
 
     @property
     def widening(self) -> Array:
-        """By how much memory widens the sigma of each parameter and nuisance (p + m,)."""
+        """The factor by which memory widens the sigma of each parameter and nuisance (p + m,)."""
         with np.errstate(invalid="ignore"):
             ratio = np.sqrt(np.diag(self._covariance) / np.diag(self.solution.covariance))
         return np.asarray(np.where(ratio > 1, ratio, 1.0))
