@@ -121,10 +121,9 @@ KNOWN: dict[str, Platform] = {
     "three-axis-table": Platform("three-axis-table", (Axis("inner", "z"), Axis("middle", "x"), Axis("outer", "z"))),
     "alt-az": Platform("alt-az", (Axis("elevation", "y"), Axis("azimuth", "z"))),
 }
+STABILISED = KNOWN | {"space-stable": SPACE_STABLE_INERTIAL}
 
 
-def known(name: str, kind: str = "multi-position") -> Platform | None:
-    """Return the known platform of that name; a static run of the space-stable one reads inertial angles (Eq. (4))."""
-    if name == "space-stable" and kind == "static-run":
-        return SPACE_STABLE_INERTIAL
-    return KNOWN.get(name)
+def known(name: str, stabilised: bool = False) -> Platform | None:
+    """Return the known platform of that name; one that is stable in inertial space reads inertial angles (Eq. (4))."""
+    return (STABILISED if stabilised else KNOWN).get(name)

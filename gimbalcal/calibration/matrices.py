@@ -14,10 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gimbalcal.calibration.provenance import MountAxes
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
 from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.number import Array
@@ -27,6 +29,14 @@ LINEAR = ("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_facto
 QUADRATIC = ("scale_nonlinearity",)
 ParameterTable = dict[Parameter, tuple[float, float]]
 """Value and sigma [SI] of each parameter that a file holds."""
+
+
+class Imported(NamedTuple):
+    """What a file of another program holds: parameters, the gimbals that they are counted by, and the mount."""
+
+    table: ParameterTable
+    gimbals: tuple[str, ...] = ()
+    mount: MountAxes | None = None
 
 
 def matrices(effects: Sequence[Effect]) -> dict[str, Array]:

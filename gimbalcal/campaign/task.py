@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,11 +22,25 @@ if TYPE_CHECKING:  # what computes is imported by who computes
     from gimbalcal.recording import Recording
 
 COLUMNS = ("run", "parameter", "unit", "truth", "estimate", "sigma", "chi2", "dof", "outcome")
-PULSES = ("accelerometer-pulses", "gyroscope-pulses")
 METHODS = ("three-stage", "multiposition")
-SHARE = dict.fromkeys(PULSES, 100)  # runs solved as one array
 SIMULATED = 4  # runs of a share that are simulated one by one, a second or so each: little is lost with a worker
+SOLVED = 100  # runs of a share of pulses, which are solved as one array
 SHIPPED = Path(__file__).parent
+
+
+class Pulses(NamedTuple):
+    """A triad that counts pulses: its name in `trials`, the SI unit that it senses, its scale orders, and the dof."""
+
+    triad: str
+    unit: str
+    orders: int
+    dof: int
+
+
+PULSES = {
+    "accelerometer-pulses": Pulses("accelerometers", "m/s^2", 3, 0),  # 15 norms for 15 unknowns
+    "gyroscope-pulses": Pulses("gyroscopes", "rad/s", 2, 9 * 3 + 15 - 12),  # 9 turns of 3 and 15 norms for 12
+}
 
 
 @dataclass(frozen=True)
@@ -59,14 +73,14 @@ class Task:
     effects: tuple[tuple[str, str], ...] = ()
 
     @property
-    def of_pulses(self) -> bool:
-        """Return whether its runs are of pulses, whose fits are solved as one array."""
-        return self.kind in PULSES
+    def pulses(self) -> Pulses | None:
+        """Return the triad whose pulses are counted in its runs; None where they are simulated recordings."""
+        return PULSES.get(self.kind)
 
     @property
     def direction(self) -> str:
         """Return whether coefficients turn readings (here pulses) into physics, or physics into readings."""
-        return "pulses to physics" if self.of_pulses else "physics to readings"
+        return "pulses to physics" if self.pulses else "physics to readings"
 
     @property
     def identity(self) -> Identity:
@@ -85,9 +99,10 @@ def task(scenario: str | Path, method: str = "three-stage", seed: int | None = N
     document = Document(path)
     text, content = "\n".join(document.lines), document.content
     kind, own_texts = str(content.get("kind")), tuple[tuple[str, str], ...]()
+    share = SIMULATED
     if kind in PULSES:
         _check_pulses(path, content)
-        method = kind
+        method, share = kind, SOLVED
     else:
         from gimbalcal.effects.loading import loaded_texts
         from gimbalcal.simulate import check_content
@@ -97,7 +112,7 @@ def task(scenario: str | Path, method: str = "three-stage", seed: int | None = N
             raise InputError(f"method {method!r} is not known; choose {' or '.join(METHODS)}")
         own_texts = loaded_texts()
     given = int(content.get("seed", 1)) if seed is None else seed
-    return Task(path.stem, text, kind, given, method, SHARE.get(kind, SIMULATED), own_texts)
+    return Task(path.stem, text, kind, given, method, share, own_texts)
 
 
 def _find(scenario: str | Path) -> Path:
@@ -145,8 +160,8 @@ def compute(what: Task, runs: range) -> dict[str, list[Any]]:
         for name, source in what.effects:
             load_text(name, source)
     with threadpool_limits(limits=1):  # small matrices: a second thread only waits, and sums in another order
-        if what.of_pulses:
-            return _pulses(what, runs)
+        if what.pulses:
+            return _pulses(what, what.pulses, runs)
         columns: dict[str, list[Any]] = {name: [] for name in COLUMNS}
         for run in runs:
             for name, column in _simulated(what, run).items():
@@ -154,21 +169,17 @@ def compute(what: Task, runs: range) -> dict[str, list[Any]]:
         return columns
 
 
-def _pulses(what: Task, runs: range) -> dict[str, list[Any]]:
-    from gimbalcal.campaign.trials import accelerometers, gyroscopes
+def _pulses(what: Task, pulses: Pulses, runs: range) -> dict[str, list[Any]]:
+    from gimbalcal.campaign import trials as simulated
 
-    tilt = _turntable(tomllib.loads(what.text), what.name)
-    accelerometer = what.kind == "accelerometer-pulses"
-    trials = (accelerometers if accelerometer else gyroscopes)(what.seed, runs, tilt)
-    unit = "m/s^2" if accelerometer else "rad/s"
-    scale = [f"{unit}/(pulse/s)" + (f"^{k}" if k > 1 else "") for k in (1, 2, 3)]
-    pairs = [(f"K{k + 1}:{a}", scale[k]) for k in range(3) for a in "xyz"] + [(f"bias:{a}", unit) for a in "xyz"]
+    trials = getattr(simulated, pulses.triad)(what.seed, runs, _turntable(tomllib.loads(what.text), what.name))
+    scale = [f"{pulses.unit}/(pulse/s)" + (f"^{k}" if k > 1 else "") for k in (1, 2, 3)]
+    pairs = [(f"K{k + 1}:{a}", scale[k]) for k in range(3) for a in "xyz"] + [(f"bias:{a}", pulses.unit) for a in "xyz"]
     pairs += [(f"E:{a}", "rad") for a in ("yx", "zx", "zy")]
-    kept = [i for i, (name, _) in enumerate(pairs) if accelerometer or not name.startswith("K3")]
+    kept = [*range(3 * pulses.orders), *range(9, len(pairs))]
     truth, x, sigma = trials.truth.vector(), trials.fit.pulses.vector(), trials.fit.sigma
     n = len(runs)
     outcome = ["" if ok else "the fit did not settle" for ok in trials.fit.converged]
-    dof = 0 if accelerometer else 9 * 3 + 15 - 12  # 15 norms for 15 unknowns; 9 turns of 3 and 15 norms for 12
     return {
         "run": np.repeat(np.array(runs), len(kept)).tolist(),
         "parameter": [pairs[i][0] for i in kept] * n,
@@ -177,7 +188,7 @@ def _pulses(what: Task, runs: range) -> dict[str, list[Any]]:
         "estimate": x[:, kept].ravel().tolist(),
         "sigma": sigma[:, kept].ravel().tolist(),
         "chi2": np.repeat(trials.fit.chi2, len(kept)).tolist(),
-        "dof": [dof] * (n * len(kept)),
+        "dof": [pulses.dof] * (n * len(kept)),
         "outcome": [o for o in outcome for _ in kept],
     }
 

@@ -56,9 +56,9 @@ def apply(
 
 
 def _export_kinds() -> Iterable[str]:
-    from gimbalcal.calibration.exchange import FILES
+    from gimbalcal.calibration.exchange import FORMATS
 
-    return FILES
+    return FORMATS
 
 
 def _import_kinds() -> Iterable[str]:
@@ -73,20 +73,19 @@ def _import_kinds() -> Iterable[str]:
 @output_options("the file", "the current folder")
 def export(kind: str, known: Path, output: Output) -> None:
     """Write a calibration for another program; KIND is kalibr, psins, tpoint, csv or json."""
-    from gimbalcal.calibration.exchange import DIRECTION, FILES, read_calibration
+    from gimbalcal.calibration.exchange import TO_PHYSICS, format_of, read_calibration
     from gimbalcal.calibration.exchange import export as run
 
-    calibration = read_calibration(known)
-    path = (output.out or Path()) / FILES.get(kind, "calibration")
+    calibration, form = read_calibration(known), format_of(kind)
+    path = (output.out or Path()) / form.file
     if path.resolve() == known.resolve():
         raise InputError(f"{path} is the calibration itself; give another --out")
     with output.staged(path.parent) as new:
         lost = run(calibration, kind, new / path.name)
     for words in lost:
         output.tell(f"note: {words}")
-    result = {"file": str(path), "direction": DIRECTION[kind], "lost": list(lost)}
-    corrects = DIRECTION[kind] == "readings to physics"
-    does = "corrects readings" if corrects else "gives what a unit reads for true quantities"
+    result = {"file": str(path), "direction": form.direction, "lost": list(lost)}
+    does = "corrects readings" if form.direction == TO_PHYSICS else "gives what a unit reads for true quantities"
     output.show(result, f"wrote {path}, which {does}")
 
 

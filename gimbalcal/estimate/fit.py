@@ -226,8 +226,8 @@ class ViewsFit:
         if not self.excess > 0:
             return np.inf
         rows = np.concatenate([self.whitened[0], _prior_rows(self.solution.parameters)[0]])
-        kind, _ = _scales(self.views)
-        return float(_dof(_basis(rows)[: len(kind)], kind, kind >= 0).min())
+        ordinal, _ = _scales(self.views)
+        return float(_dof(_basis(rows)[: len(ordinal)], ordinal, ordinal >= 0).min())
 
     @cached_property
     def left_out(self) -> tuple[tuple[Array, ...], Array]:
@@ -301,7 +301,7 @@ def fit(
     zero).
     """
     names = views[0].stimulus.axis_names
-    kind, of_views = _scales(views)
+    ordinal, of_views = _scales(views)
     nuisances = [replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)]  # each is another
     every = (*wanted, *nuisances)
     priors, scale = _prior_rows(every)
@@ -322,7 +322,7 @@ def fit(
             e = next(iter(last.values())).local_at(x) if last else start_local
             last.clear()
             last[x.tobytes()] = _about(views, effects_at(x), every, x, e)
-        linear, sigma = last[x.tobytes()], np.sqrt(known + shape * excess[kind] ** 2)
+        linear, sigma = last[x.tobytes()], np.sqrt(known + shape * excess[ordinal] ** 2)
         return np.concatenate([linear.J / sigma[:, None], priors]), np.concatenate([linear.r / sigma, -priors @ x])
 
     def linearise(x: Array) -> Information:
@@ -346,9 +346,9 @@ def fit(
         J, r = rows(x)
         Q, out = _basis(J), excess.copy()
         e = (r - Q @ (Q.T @ r))[: len(known)]
-        free, w = _dof(Q[: len(known)], kind, shape > 0), np.where(shape > 0, shape, 1.0)
+        free, w = _dof(Q[: len(known)], ordinal, shape > 0), np.where(shape > 0, shape, 1.0)
         for k, nu in enumerate(free):
-            of = (kind == k) & (shape > 0)
+            of = (ordinal == k) & (shape > 0)
             if excess[k] > 0 or e[of] @ e[of] > nu + significance * np.sqrt(2 * nu):
                 si = e[of] * np.sqrt((known[of] + shape[of] * excess[k] ** 2) / w[of])
                 out[k] = max(excess_sigma(si, known[of] / w[of], max(nu, 1.0)), min_excess)
@@ -356,7 +356,7 @@ def fit(
 
     x = start if start is not None else np.append(values(absent, wanted), np.zeros(len(nuisances)))
     start_local = [v.local.start(v, _acting(v, effects_at(x))) if v.local else NONE for v in views]
-    excess = np.array([float(not known[kind == k].all()) for k in range(kind.max() + 1)])
+    excess = np.array([float(not known[ordinal == k].all()) for k in range(ordinal.max() + 1)])
     if np.any(excess > 0):
         excess = widened(x)
     for _ in range(MAX_SCALE_ROUNDS):
@@ -529,10 +529,10 @@ def _basis(J: Array) -> Array:
     return np.asarray(U[:, MIN_RELATIVE_SIGNAL * S.max(initial=0.0) < S])
 
 
-def _dof(Q: Array, kind: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:
+def _dof(Q: Array, ordinal: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:
     """Return the degrees of freedom that a basis Q (q, rank) leaves of those rows of each scale that are named."""
     leverage_free = np.maximum(1 - (Q**2).sum(axis=1), 0.0)  # of a row that is fitted alone, rounding may leave less
-    return np.bincount(kind[rows], leverage_free[rows], minlength=kind.max(initial=-1) + 1)
+    return np.bincount(ordinal[rows], leverage_free[rows], minlength=ordinal.max(initial=-1) + 1)
 
 
 def excess_sigma(r: Array, own: Array, dof: int) -> float:

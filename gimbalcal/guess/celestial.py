@@ -76,7 +76,7 @@ def axis_angles(table: Table, longitude: float | None = None) -> tuple[Table, di
 def refuse_single_places(path: Path, table: Table) -> None:
     """Raise InputError where right ascension and declination stand in a table once each: where one of two was."""
     words = {name: set(_words(name)) - OFFSET for name in table.columns}
-    own = [[n for n, w in words.items() if w & kind] for kind in (ASCENSION, DECLINATION)]
+    own = [[n for n, w in words.items() if w & coordinate] for coordinate in (ASCENSION, DECLINATION)]
     if all(len(each) == 1 for each in own):
         raise InputError(
             f"{path}: right ascension and declination ({own[0][0].strip()}, {own[1][0].strip()}) stand there once, and "

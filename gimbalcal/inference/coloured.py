@@ -14,9 +14,9 @@ harmonics and drift that the fit removes do not make the noise appear whiter tha
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import inf
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,10 +24,10 @@ from gimbalcal.effects.process import GaussMarkov, RandomWalk, WhiteNoise
 from gimbalcal.inference.noise_processes import Noise, chain
 from gimbalcal.number import Array
 
-Kind = Literal["white", "gauss-markov", "random-walk", "auto"]
 MAX_REFINEMENT_GAIN = 6.0  # of the BIC between grid points: 1.6 at most in 40 fits of white rows
 MIN_CHI2 = 1e-200  # of rows without noise, so that the logarithm is finite
-KINDS: tuple[str, ...] = get_args(Kind)
+ONE_PROCESS = ("white", "gauss-markov", "random-walk")
+KINDS = {kind: (kind,) for kind in ONE_PROCESS} | {"auto": ONE_PROCESS}  # the kinds that are tried
 
 
 class ColouredFit(NamedTuple):
@@ -88,31 +88,27 @@ def estimate_noise(time: Array, A: Array, y: Array, weight: Array, kind: str = "
     """Return the noise of y (n,) about A (n, q), by restricted maximum likelihood; "auto": the kind of best BIC."""
     if kind not in KINDS:
         raise ValueError(f"`kind` must be one of {', '.join(KINDS)}, got {kind!r}")
-    if kind != "auto":
-        return _best(time, A, y, weight, kind)[0]
-    best, least = _best(time, A, y, weight, "white")
-    for k in ("gauss-markov", "random-walk"):
-        candidate, criterion = _best(time, A, y, weight, k, least + MAX_REFINEMENT_GAIN)
+    grids, (first, *others) = _grids(time), KINDS[kind]
+    best, least = _best(time, A, y, weight, grids[first], inf)
+    for k in others:
+        candidate, criterion = _best(time, A, y, weight, grids[k], least + MAX_REFINEMENT_GAIN)
         if criterion < least:
             best, least = candidate, criterion
     return best
 
 
-def _best(time: Array, A: Array, y: Array, weight: Array, kind: str, bar: float = inf) -> tuple[Noise, float]:
-    """Return the best noise of one kind and its BIC, refined from the grid where that is below the bar."""
+def _best(time: Array, A: Array, y: Array, weight: Array, grid: Array, bar: float) -> tuple[Noise, float]:
+    """Return the best noise of one kind and its BIC, refined from the grid of the kind where that is below the bar."""
     columns, dof = y[:, None], len(y) - A.shape[1]
 
     def criterion(p: Array) -> float:
         fit = least_squares(time, A, columns, weight, _noise(p))
         return float(dof * np.log(max(fit.chi2[0] / dof, MIN_CHI2)) + fit.log_determinant + len(p) * np.log(dof))
 
-    p = np.zeros(0)
-    if kind != "white":
-        grid = _grid(time, kind)
-        start = [criterion(g) for g in grid]
-        p = grid[int(np.argmin(start))]
-        if min(start) < bar:
-            p = _refined(criterion, p, grid)
+    start = [criterion(g) for g in grid]
+    p = grid[int(np.argmin(start))]
+    if p.size and min(start) < bar:
+        p = _refined(criterion, p, grid)
     chi2 = least_squares(time, A, columns, weight, _noise(p)).chi2[0]
     return _noise(p, float(np.sqrt(max(chi2 / dof, MIN_CHI2)))), criterion(p)
 
@@ -140,10 +136,12 @@ def _noise(p: Array, sigma: float = 1.0) -> Noise:
     return (white, RandomWalk(size) if p.size == 1 else GaussMarkov(size, float(np.exp(p[1]))))
 
 
-def _grid(time: Array, kind: str) -> Array:
-    """Return starting points: ratios of process to white variance of 1e-4 to 1e5 per row or run, and all tau."""
+def _grids(time: Array) -> Mapping[str, Array]:
+    """Return starting points by kind: ratios of process to white variance of 1e-4 to 1e5 per row or run, all tau."""
     step, span = float(np.median(np.diff(time))), float(time[-1] - time[0])
-    if kind == "random-walk":
-        return np.log(np.geomspace(1e-4 / span, 1e5 / step, 12))[:, None]
     ratio, tau = np.log(np.geomspace(1e-4, 1e5, 7)), np.log(np.geomspace(step / 2, span, 6))
-    return np.stack(np.meshgrid(ratio, tau), axis=-1).reshape(-1, 2)
+    return {
+        "white": np.zeros((1, 0)),
+        "gauss-markov": np.stack(np.meshgrid(ratio, tau), axis=-1).reshape(-1, 2),
+        "random-walk": np.log(np.geomspace(1e-4 / span, 1e5 / step, 12))[:, None],
+    }

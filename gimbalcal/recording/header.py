@@ -99,7 +99,7 @@ def _header(document: Document, samples: Path, clock_needed: bool = True, platfo
     name = content.get("kind")
     if not isinstance(name, str) or name not in KINDS:
         raise InputError(f"{document.where('', 'kind')}: kind must be one of {alternatives([*KINDS])}, got {name!r}")
-    platform = platform or platform_of(document, name)
+    platform = platform or platform_of(document, KINDS[name].stabilised)
     kind = kind_of(name, platform)
     columns = columns_of(document, platform, clock_needed)
     site, remarks = site_of(document, kind)
@@ -186,14 +186,14 @@ def _inside(path: Path, folder: Path) -> bool | None:
         return None
 
 
-def platform_of(document: Document, kind: str) -> Platform:
+def platform_of(document: Document, stabilised: bool) -> Platform:
     """Return the platform that [platform] names, or spells out."""
     table = document.table("platform")
     document.only("platform", ("name", "axes"), table)
     if "axes" in table:
         return Platform(str(table.get("name", "own")), _axes(document, table["axes"]))
     name = table.get("name", BENCH.name)
-    platform = known(name, kind) if isinstance(name, str) else None
+    platform = known(name, stabilised) if isinstance(name, str) else None
     if platform is None:
         raise InputError(
             f"{document.where('platform', 'name')}: the platform {name!r} is not known; write one of "

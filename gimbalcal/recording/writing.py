@@ -90,7 +90,7 @@ def _header(recording: Recording, samples: str, names: dict[str, _Written]) -> l
     lines += [f"date = {toml_text(recording.date)}"] if recording.date else []
     lines += [f"corrected = [{', '.join(map(toml_text, recording.corrected))}]"] if recording.corrected else []
     lines += [*([] if recording.instant else [f"samples = {toml_text(samples)}"]), "", *_site(recording.site), ""]
-    lines += [*platform_toml(recording.platform, recording.kind), "", "[noise]", *_noise(recording)]
+    lines += [*platform_toml(recording.platform, recording.kind.stabilised), "", "[noise]", *_noise(recording)]
     named = [r for r in recording.sensors if r.sensor and r.noise and recording.other_sensors]
     for r in named:
         lines += ["", f"[noise.{r.sensor}]", *_noise(r)]
@@ -131,9 +131,9 @@ def _site(site: Site) -> list[str]:
     return lines
 
 
-def platform_toml(platform: Platform, kind: str = "multi-position") -> list[str]:
+def platform_toml(platform: Platform, stabilised: bool = False) -> list[str]:
     """Return the lines of [platform]: a name, and its axes where it is not known by that name."""
-    if known(platform.name, kind) == platform:
+    if known(platform.name, stabilised) == platform:
         return ["[platform]", f"name = {toml_text(platform.name)}"]
     lines = ["[platform]", f"name = {toml_text(platform.name)}"]
     for axis in platform.axes:

@@ -170,7 +170,7 @@ def _above_zero(
 
 def _platform(document: Document) -> Platform:
     if "axes" in document.table("platform"):
-        return platform_of(document, "multi-position")
+        return platform_of(document, stabilised=False)
     name = document.table("platform").get("name", "space-stable")
     if not isinstance(name, str) or name not in KNOWN:
         where = document.where("platform", "name")

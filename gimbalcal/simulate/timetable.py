@@ -89,7 +89,7 @@ def planned(scenario: Scenario) -> Schedule:
 
 def platform_of(scenario: Scenario) -> Platform:
     """Return the platform that the scenario names."""
-    platform = known(scenario.platform.name, scenario.kind)
+    platform = known(scenario.platform.name, scenario.recording_kind.stabilised)
     if platform is None:
         raise InputError(f"platform.name: no platform is called {scenario.platform.name!r}")
     return platform

@@ -8,7 +8,7 @@ import yaml
 from scipy.io import loadmat
 
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual
-from gimbalcal.calibration.exchange import FILES, export, read_calibration, read_exchange
+from gimbalcal.calibration.exchange import FORMATS, export, read_calibration, read_exchange
 from gimbalcal.calibration.matrices import LINEAR, matrices
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values, with_values
 from gimbalcal.errors import InputError
@@ -17,7 +17,7 @@ from gimbalcal.recording import Recording, Site
 from tests.golden import refused
 
 G = 9.8
-OF_SENSORS = [kind for kind in FILES if kind != "tpoint"]  # that one is of mounts: test_tpoint.py
+OF_SENSORS = [kind for kind in FORMATS if kind != "tpoint"]  # that one is of mounts: test_tpoint.py
 
 
 def made_of(names, seed=1, size=1.0):
@@ -187,8 +187,8 @@ def test_unknown_formats_and_files(tmp_path):
 @pytest.mark.parametrize("kind", OF_SENSORS)
 def test_a_file_is_told_by_its_ending(kind, tmp_path):
     made = made_of(LINEAR)
-    export(made, kind, tmp_path / FILES[kind])
-    back = read_calibration(tmp_path / FILES[kind])
+    export(made, kind, tmp_path / FORMATS[kind].file)
+    back = read_calibration(tmp_path / FORMATS[kind].file)
     read = made.corrupt(shaken())
     # as above: 1e-14 of the parameters; the largest of them bend a reading of order ten by 1e-3
     np.testing.assert_allclose(readings(back.apply(read))[0], readings(shaken())[0], atol=1e-12)

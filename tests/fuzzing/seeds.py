@@ -10,7 +10,7 @@ import numpy as np
 import scipy.io
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.calibration.exchange import FILES, export
+from gimbalcal.calibration.exchange import FORMATS, export
 from gimbalcal.campaign.monte_carlo import run_campaign
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.history.unit_store import StoredResult, keep
@@ -47,9 +47,9 @@ def make(folder: Path) -> None:
                              ("stars", _stars(), "samples.csv")):  # fmt: skip
         write(r, folder / name, samples)
     calibration, _ = calibrate([folder / DEVICE])
-    for kind, name in FILES.items():
+    for kind, form in FORMATS.items():
         if kind != "tpoint":
-            export(calibration, kind, folder / name)
+            export(calibration, kind, folder / form.file)
     _kept(folder, calibration)
     scenario = (DATA / "space_stable_18" / "scenario.toml").read_text()
     (folder / "scenario.toml").write_text(scenario.replace("rate = { value = 0.1", "rate = { value = 0.01"))

@@ -15,9 +15,10 @@ json     physics to reading     calibration.json itself
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,44 +27,62 @@ from gimbalcal.atomic import as_json, write
 from gimbalcal.calibration import Calibration, Readout, Residual
 from gimbalcal.calibration.content_checks import MAX_NUMBER
 from gimbalcal.calibration.exchange import kalibr, parameter_table, psins, tpoint_model
-from gimbalcal.calibration.matrices import LINEAR, QUADRATIC
+from gimbalcal.calibration.matrices import LINEAR, QUADRATIC, Imported
 from gimbalcal.calibration.provenance import Options, Provenance
 from gimbalcal.effects import with_values
 from gimbalcal.errors import InputError
 
-FORMATS: Mapping[str, Any] = {"kalibr": kalibr, "psins": psins, "csv": parameter_table, "tpoint": tpoint_model}
-FILES = {"kalibr": "imu.yaml", "psins": "clbt.mat", "csv": "calibration.csv", "tpoint": "tpoint.mod",
-         "json": "calibration.json"}  # fmt: skip
-DIRECTION = dict.fromkeys(FILES, "physics to readings") | dict.fromkeys(("psins", "tpoint"), "readings to physics")
+TO_READINGS, TO_PHYSICS = "physics to readings", "readings to physics"
+
+
+class Format(NamedTuple):
+    """A kind of file: its usual name, its direction, how it is written and read, and what it has no term for.
+
+    read: of another program's file; None for calibration.json, which alone holds correlations and the readout.
+    """
+
+    file: str
+    direction: str
+    content: Callable[[Calibration, Sequence[str]], bytes]
+    read: Callable[[Path], Imported] | None
+    omitted: Callable[[Calibration], Sequence[str]] = lambda _: ()
+
+
+def _beyond(terms: Sequence[str], calibration: Calibration) -> list[str]:
+    return sorted({p.effect for p, v in zip(calibration.parameters, calibration.values, strict=True) if v} - {*terms})
+
+
+FORMATS: Mapping[str, Format] = {
+    "kalibr": Format("imu.yaml", TO_READINGS, kalibr.content, kalibr.read, partial(_beyond, LINEAR)),
+    "psins": Format("clbt.mat", TO_PHYSICS, psins.content, psins.read, partial(_beyond, LINEAR + QUADRATIC)),
+    "csv": Format("calibration.csv", TO_READINGS, parameter_table.content, parameter_table.read),
+    "tpoint": Format("tpoint.mod", TO_PHYSICS, tpoint_model.content, tpoint_model.read, tpoint_model.unnamed),
+    "json": Format("calibration.json", TO_READINGS, lambda c, _: as_json(c.to_dict(), indent=1).encode(), None),
+}
 ENDINGS = {".yaml": "kalibr", ".yml": "kalibr", ".mat": "psins", ".csv": "csv", ".mod": "tpoint"}
 
 
 def export(calibration: Calibration, kind: str, path: Path) -> tuple[str, ...]:
     """Write a calibration as `kind`, whole or not at all; returns what the format could not hold, in sentences."""
-    lost = _lost(calibration, _known(kind))
-    own_format = as_json(calibration.to_dict(), indent=1).encode() if kind == "json" else None
-    write(path, FORMATS[kind].content(calibration, lost) if own_format is None else own_format)
+    form = format_of(kind)
+    lost = _lost(calibration, kind, form.omitted(calibration)) if form.read else ()
+    write(path, form.content(calibration, lost))
     return lost
 
 
 def read_calibration(path: Path) -> Calibration:
     """Return the calibration in a file, whose ending gives its format: ours (.json) or another program's."""
-    kind = ENDINGS.get(path.suffix.lower())
-    return own.read(path) if kind is None else read_exchange(kind, path)
+    return read_exchange(ENDINGS.get(path.suffix.lower(), "json"), path)
 
 
 def read_exchange(kind: str, path: Path) -> Calibration:
     """Return the calibration in another program's file. Raises InputError, which names file and field."""
-    if _known(kind) == "json":
+    read = format_of(kind).read
+    if read is None:
         return own.read(path)
     if not path.is_file():
         raise InputError(f"{path} does not exist or is not a file")
-    mount = None
-    if kind == "tpoint":
-        estimates, mount = tpoint_model.read(path)
-        gimbals = mount.axes
-    else:
-        estimates, gimbals = parameter_table.read(path) if kind == "csv" else (FORMATS[kind].read(path), ())
+    estimates, gimbals, mount = read(path)
     for p, (value, s) in estimates.items():
         if not (abs(value) < MAX_NUMBER and s < MAX_NUMBER):
             raise InputError(f"{path}: {p.label} is beyond anything that can be measured; correct it")
@@ -82,19 +101,15 @@ def read_exchange(kind: str, path: Path) -> Calibration:
     )
 
 
-def _known(kind: str) -> str:
-    if kind not in FILES:
-        raise InputError(f"no exchange format is called {kind!r}; take one of {', '.join(FILES)}")
-    return kind
+def format_of(kind: str) -> Format:
+    """Return the format of a name; InputError for one that is unknown."""
+    if kind not in FORMATS:
+        raise InputError(f"no exchange format is called {kind!r}; take one of {', '.join(FORMATS)}")
+    return FORMATS[kind]
 
 
-def _lost(calibration: Calibration, kind: str) -> tuple[str, ...]:
-    if kind == "json":
-        return ()
-    present = {p.effect for p, v in zip(calibration.parameters, calibration.values, strict=True) if v != 0}
-    representable = {"kalibr": set(LINEAR), "psins": {*LINEAR, *QUADRATIC}}.get(kind, present)
-    unnamed = tpoint_model.unnamed(calibration) if kind == "tpoint" else sorted(present - representable)
-    lost = [f"{kind} has no term for {e}: it is omitted" for e in unnamed]
+def _lost(calibration: Calibration, kind: str, omitted: Sequence[str]) -> tuple[str, ...]:
+    lost = [f"{kind} has no term for {e}: it is omitted" for e in omitted]
     if np.count_nonzero(calibration.covariance - np.diag(np.diag(calibration.covariance))):
         lost.append(f"{kind} has no place for correlations: calibration.json has them")
     if calibration.readout.counts:

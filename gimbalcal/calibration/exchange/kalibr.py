@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.calibration.matrices import ParameterTable, matrices, parameters_of
+from gimbalcal.calibration.matrices import Imported, matrices, parameters_of
 from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -53,7 +53,7 @@ def _yaml_matrix(name: str, M: Array) -> list[str]:
     return [f"    {name}:", *(f"      - {_row(row)}" for row in M)]
 
 
-def read(path: Path) -> ParameterTable:
+def read(path: Path) -> Imported:
     """Return the value and sigma of each parameter in a YAML file; the places of the accelerometers are `rx_i`, `ry_i`,
     `rz_i`.
 
@@ -90,16 +90,18 @@ def read(path: Path) -> ParameterTable:
         return v.reshape(default.shape)
 
     zero = np.zeros(3)
-    return parameters_of(
-        {
-            "Ma": numbers("accelerometers", "M", np.eye(3)),
-            "ba": numbers("gimbalcal", "accelerometer_bias", zero),
-            "K": zero,
-            "r": np.stack([numbers("accelerometers", f"r{a}_i", zero) for a in "xyz"]),
-            "Mg": numbers("gyroscopes", "M", np.eye(3)) @ numbers("gyroscopes", "C_gyro_i", np.eye(3)),
-            "bg": numbers("gimbalcal", "gyroscope_bias", zero),
-            "A": numbers("gyroscopes", "A", np.zeros((3, 3))),
-        }
+    return Imported(
+        parameters_of(
+            {
+                "Ma": numbers("accelerometers", "M", np.eye(3)),
+                "ba": numbers("gimbalcal", "accelerometer_bias", zero),
+                "K": zero,
+                "r": np.stack([numbers("accelerometers", f"r{a}_i", zero) for a in "xyz"]),
+                "Mg": numbers("gyroscopes", "M", np.eye(3)) @ numbers("gyroscopes", "C_gyro_i", np.eye(3)),
+                "bg": numbers("gimbalcal", "gyroscope_bias", zero),
+                "A": numbers("gyroscopes", "A", np.zeros((3, 3))),
+            }
+        )
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.calibration import gimbals_of
-from gimbalcal.calibration.matrices import ParameterTable
+from gimbalcal.calibration.matrices import Imported, ParameterTable
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
 from gimbalcal.units import from_si, parse, to_si
@@ -36,7 +36,7 @@ def content(calibration: Calibration, _: Sequence[str]) -> bytes:
     return file.getvalue().encode()
 
 
-def read(path: Path) -> tuple[ParameterTable, tuple[str, ...]]:
+def read(path: Path) -> Imported:
     """Return the value and sigma of each parameter, and the names of the gimbals that they are counted by."""
     out: ParameterTable = {}
     try:
@@ -79,4 +79,4 @@ def read(path: Path) -> tuple[ParameterTable, tuple[str, ...]]:
         if p in out:
             raise InputError(f"{path}, line {n}: {p.label} is there twice; keep one of them")
         out[p] = (value, sigma)
-    return out, gimbals
+    return Imported(out, gimbals)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.calibration.matrices import ParameterTable, matrices, parameters_of
+from gimbalcal.calibration.matrices import Imported, matrices, parameters_of
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, holds_real_numbers
 
@@ -45,7 +45,7 @@ def _column(v: Array) -> Array:
     return np.reshape(v, (3, 1))
 
 
-def read(path: Path) -> ParameterTable:
+def read(path: Path) -> Imported:
     """Return the value and sigma of each parameter in a .mat file."""
     from gimbalcal.importers.sandboxed_reader import matlab_variables  # with it come all readers of other rigs' files
 
@@ -72,7 +72,7 @@ def read(path: Path) -> ParameterTable:
         Mg = np.linalg.inv(Kg)
         A = Mg @ field("gSens", np.zeros((3, 3))) @ Ma
         bg = Mg @ field("eb", np.zeros(3)) + A @ np.linalg.solve(Ma, b)
-        return parameters_of({"Ma": Ma / sf[3:, None], "ba": b / sf[3:], "K": K * sf[3:], "Mg": Mg / sf[:3, None],
-                        "bg": bg / sf[:3], "A": A / sf[:3, None]})  # fmt: skip
+        m = {"Ma": Ma / sf[3:, None], "ba": b / sf[3:], "K": K * sf[3:]}
+        return Imported(parameters_of({**m, "Mg": Mg / sf[:3, None], "bg": bg / sf[:3], "A": A / sf[:3, None]}))
     except np.linalg.LinAlgError:
         raise InputError(f"{path}: clbt.Ka and clbt.Kg must be matrices that have an inverse") from None

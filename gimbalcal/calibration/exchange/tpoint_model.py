@@ -37,8 +37,8 @@ its sigma [arcsec] to a line, and END.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import cos, radians, sin
 from pathlib import Path
 
@@ -46,7 +46,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.content_checks import MOUNT_AXES
-from gimbalcal.calibration.matrices import ParameterTable
+from gimbalcal.calibration.matrices import Imported, ParameterTable
 from gimbalcal.calibration.provenance import MountAxes, PrintedTerm
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError
@@ -55,6 +55,7 @@ from gimbalcal.units import from_si, to_si
 
 ALT_AZ, EQUATORIAL = "alt-az", "equatorial"
 AXES = MOUNT_AXES
+Weights = dict[str, dict[str, float]]
 UNIT = "arcsec"
 _PLACE = re.compile(r"latitude\s*[:=]?\s*([-+]?\d+(?:\.\d+)?)", re.IGNORECASE)
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?$")
@@ -86,7 +87,7 @@ def mount_axes(platform: Platform, latitude: float | None) -> MountAxes:
 
 def tpoint_terms(calibration: Calibration) -> tuple[TpointTerm, ...]:
     """Return the terms of a pointing calibration in TPOINT's convention; none for a mount or effect without a name."""
-    rows = _rows_of(calibration.provenance.mount)
+    rows = _rows(calibration.provenance.mount)
     labels = [p.label for p in calibration.parameters]
     out = []
     for name, weights in rows.items():
@@ -99,32 +100,24 @@ def tpoint_terms(calibration: Calibration) -> tuple[TpointTerm, ...]:
 
 def term_names(platform: Platform) -> dict[str, str]:
     """Return the name in TPOINT of each parameter of a mount, by label; of one in two terms that of the latter."""
-    rows = _rows(mount_of(platform), platform.axis_names, 45.0)
+    rows = _rows(MountAxes(mount_of(platform), platform.axis_names, 45.0))
     return {label: name for name, weights in rows.items() for label in weights}
 
 
 def unnamed(calibration: Calibration) -> list[str]:
     """Return labels of the parameters that TPOINT has no term for."""
-    rows = _rows_of(calibration.provenance.mount)
+    rows = _rows(calibration.provenance.mount)
     place = {label for weights in rows.values() for label in weights}
     return [p.label for p in calibration.parameters if p.label not in place]
 
 
-def _rows_of(mount: MountAxes | None) -> dict[str, dict[str, float]]:
-    return _rows(mount.kind, mount.axes, mount.latitude_deg) if mount else {}
+def _rows(mount: MountAxes | None) -> Weights:
+    """Return each term as a sum of our parameters, label to weight; none where the mount has no names in TPOINT."""
+    return TERMS[mount.kind](mount) if mount and mount.kind in TERMS else {}
 
 
-def _rows(kind: str, axes: Sequence[str], latitude: float | None) -> dict[str, dict[str, float]]:
-    """Return each term as a sum of our parameters, label to weight; equatorial mounts need their latitude [deg]."""
-    if kind == ALT_AZ:
-        return _alt_az(axes)
-    if kind == EQUATORIAL and latitude is not None:
-        return _equatorial(axes, radians(latitude))
-    return {}
-
-
-def _alt_az(axes: Sequence[str]) -> dict[str, dict[str, float]]:
-    up, around = axes
+def _alt_az(mount: MountAxes) -> Weights:
+    up, around = mount.axes
     return {
         "IA": {f"gimbal_zero:{around}": -1, "base_tilt:down": -1},
         "IE": {f"gimbal_zero:{up}": 1},
@@ -146,8 +139,10 @@ def _alt_az(axes: Sequence[str]) -> dict[str, dict[str, float]]:
     }
 
 
-def _equatorial(axes: Sequence[str], L: float) -> dict[str, dict[str, float]]:
-    up, around, polar = axes
+def _equatorial(mount: MountAxes) -> Weights:
+    if mount.latitude_deg is None:  # the vertical is not known in the axes of the mount
+        return {}
+    (up, around, polar), L = mount.axes, radians(mount.latitude_deg)
     return {
         "IH": {f"gimbal_zero:{around}": 1, "base_tilt:north": -cos(L), "base_tilt:down": sin(L)},
         "ID": {f"gimbal_zero:{up}": 1},
@@ -170,7 +165,9 @@ def _equatorial(axes: Sequence[str], L: float) -> dict[str, dict[str, float]]:
     }
 
 
-NAMES = frozenset({*_alt_az(AXES[ALT_AZ]), *_equatorial(AXES[EQUATORIAL], 0.0)})
+TERMS: Mapping[str, Callable[[MountAxes], Weights]] = {ALT_AZ: _alt_az, EQUATORIAL: _equatorial}
+NAMES_ON = {kind: tuple(terms(MountAxes(kind, AXES[kind], 0.0))) for kind, terms in TERMS.items()}
+NAMES = frozenset[str]().union(*NAMES_ON.values())
 
 
 def content(calibration: Calibration, lost: Sequence[str]) -> bytes:
@@ -194,37 +191,35 @@ def _arcsec(x: float) -> float:
     return float(from_si(x, UNIT))
 
 
-def read(path: Path) -> tuple[ParameterTable, MountAxes]:
+def read(path: Path) -> Imported:
     """Return value and sigma of each parameter, and the mount, by whose axes they are counted."""
     terms, caption = _terms(path)
-    upright = set(terms) & (NAMES - set(_equatorial(AXES[EQUATORIAL], 0.0))) or ALT_AZ in caption.lower()
-    kind = ALT_AZ if upright else EQUATORIAL
-    axes, stated = AXES[kind], _PLACE.search(caption)
-    latitude = float(stated[1]) if stated else None
-    if kind == EQUATORIAL and latitude is None and "MA" in terms:
+    upright = set(terms) & NAMES.difference(NAMES_ON[EQUATORIAL]) or ALT_AZ in caption.lower()
+    kind, stated = ALT_AZ if upright else EQUATORIAL, _PLACE.search(caption)
+    mount = MountAxes(kind, AXES[kind], float(stated[1]) if stated else None)
+    unknown = [name for name in terms if name not in NAMES_ON[kind]]
+    if unknown:
+        raise InputError(
+            f"{path}: {', '.join(unknown)} has no effect here that it could become on an {kind} mount; there are "
+            f"{', '.join(NAMES_ON[kind])}: fit the model again without the others"
+        )
+    if "MA" in terms and mount.latitude_deg is None:
         raise InputError(
             f"{path}: MA turns the mount about the vertical by an angle that depends on the latitude; write it into "
             'the first line, as in "latitude 39.007 deg"'
         )
-    known = _rows(kind, axes, latitude if latitude is not None else 90.0)
-    unknown = [name for name in terms if name not in known]
-    if unknown:
-        raise InputError(
-            f"{path}: {', '.join(unknown)} has no effect here that it could become on an {kind} mount; there are "
-            f"{', '.join(known)}: fit the model again without the others"
-        )
-    return _parameters(kind, axes, radians(latitude or 0.0), terms), MountAxes(kind, axes, latitude)
+    return Imported(_parameters(replace(mount, latitude_deg=mount.latitude_deg or 0.0), terms), mount.axes, mount)
 
 
-def _parameters(kind: str, axes: Sequence[str], L: float, terms: Mapping[str, TpointTerm]) -> ParameterTable:
-    """Return our parameters of the terms: each of one, but for MA, which is a turn of the mount without one about its
-    pole.
+def _parameters(mount: MountAxes, terms: Mapping[str, TpointTerm]) -> ParameterTable:
+    """Return our parameters of the terms: each of the first in its sum, but for MA, a turn of the mount about the
+    horizontal and the vertical without one about its pole.
     """
-    rows = _rows(kind, axes, float(np.degrees(L)))
-    rows = {n: dict([next(iter(w.items()))]) for n, w in rows.items()}
-    if kind == EQUATORIAL:
-        rows["MA"] = {"base_tilt:north": sin(L), "base_tilt:down": cos(L)}
-    by_label = {p.label: p for cls in CATALOGUE.values() for p in parameters(cls, axes)}
+    every = _rows(mount)
+    rows = {n: dict([next(iter(w.items()))]) for n, w in every.items()}
+    if "MA" in every:
+        rows["MA"] = {label: every["MA"][label] for label in ("base_tilt:north", "base_tilt:down")}
+    by_label = {p.label: p for cls in CATALOGUE.values() for p in parameters(cls, mount.axes)}
     out: ParameterTable = {}
     for name, term in terms.items():
         for label, w in rows[name].items():
