@@ -19,7 +19,8 @@ of low quantiles over all windows, by chi^2 of the channels that take part, so t
 channels at once. Gyroscopes, where they were logged, have to show no growth from the short windows to the long one that
 holds them, in the quietest of the long ones; or a triad has a scatter that no motion has, as flicker and random walks
 of a unit on a table grow as motion does. Where dwells are shorter than four seconds the growth is that of the dwells,
-and the window becomes shorter. A floor of more than `LOUD` of gravity is the vibration of a drive.
+and the window becomes shorter; where it has as few rows as noise allows, it is compared with three or two of its kind.
+A floor of more than `LOUD` of gravity is the vibration of a drive.
 
 Gyroscopes, where they were logged, also take away from that: what the accelerometers call a rest is none where a
 gyroscope scatters by more than 20 times what it usually does at rest, or turns on and on (about the vertical, which no
@@ -40,9 +41,10 @@ from gimbalcal.recording.record import FORCE, RATE, Recording
 from gimbalcal.recording.scatter import pooled
 
 WINDOW = 1.0  # s; the longest: longer than the ringing of a hand, shorter than a rest
-SHORTEST_WINDOW = 0.1  # s; a quarter of the shortest dwell that a hand holds
-MIN_ROWS = 9  # of a window: below that the variance of noise itself scatters by the threshold
-LONGER = 4  # windows, whose floor is compared
+SHORTEST_DWELL = 0.4  # s; that a hand holds
+ROWS = 9  # of the longest window at least
+MIN_ROWS = 5  # of a window: below that the variance of noise itself scatters by the threshold
+LONGER = 4  # windows at most, whose floor is compared
 OVERLAP = 16  # windows of that length that hold a row: their floor is needed to a few percent
 GROWTH = 1.25  # of the floor from one window to `LONGER` of them, at rest
 QUIET_FORCE = 1e-3  # of the force; no hand and no vehicle holds still to a milli-g, whatever the colour of its noise
@@ -80,7 +82,7 @@ def detect(
     """
     n = len(time)
     step = float(np.median(np.diff(time))) if n > 1 else WINDOW
-    if n < LONGER * max(MIN_ROWS, round(WINDOW / step)) or not channels:
+    if n < LONGER * max(ROWS, round(WINDOW / step)) or not channels:
         return np.ones(n, dtype=np.int64)
     rates = rates or {}
     triads = [[*t.values()] for t in (channels, rates) if t]
@@ -151,28 +153,28 @@ def _window(
     small: scatter of each triad that no motion has, whether it grows with the window or not.
     """
     least = [max(_quantum(x) for x in triad) ** 2 / 4 for triad in triads]  # a channel may show one value of it only
-    m = max(MIN_ROWS, round(WINDOW / step)) | 1  # odd: the window has a middle
-    while m >= MIN_ROWS and (m * step >= SHORTEST_WINDOW or m == MIN_ROWS):
-        if n > (LONGER + 1) * m:
+    m, longer = max(ROWS, round(WINDOW / step)) | 1, LONGER  # odd: the window has a middle
+    while longer > 1 and longer * m * step >= SHORTEST_DWELL:
+        if n > (longer + 1) * m:
             quiet, windows = np.ones(len(FLOORS), dtype=bool), list[Windows]()
             for triad, quantised, limit in zip(triads, least, small, strict=False):
                 first = not windows
                 windows.append([_windows(x, m) for x in triad])
-                within, long = zip(*(_short_and_long(*each, m) for each in windows[-1]), strict=True)
+                within, long = zip(*(_short_and_long(*each, m, longer) for each in windows[-1]), strict=True)
                 short = [v for _, v in windows[-1]] if first else within
-                quiet &= _quiet(short, long, m, len(triad) * quantised, limit, not first)
+                quiet &= _quiet(short, long, m, longer, len(triad) * quantised, limit, not first)
                 if not quiet.any():
                     break
             else:
                 q, z = FLOORS[int(np.argmax(quiet))]
                 floor = np.array([np.quantile(v, q) for _, v in windows[0]]) / _chi_square(m - 1, z)
                 return m, np.maximum(floor, least[0]), windows
-        m = min(int(m / 1.2) | 1, m - 2)
+        m, longer = (min(int(m / 1.2) | 1, m - 2), LONGER) if m > MIN_ROWS else (m, longer - 1)
     return 0, np.zeros(0), []
 
 
 def _quiet(
-    short: Sequence[Array], long: Sequence[Array], m: int, quantised: float, limit: float, alike: bool
+    short: Sequence[Array], long: Sequence[Array], m: int, longer: int, quantised: float, limit: float, alike: bool
 ) -> NDArray[np.bool_]:
     """Return by each of `FLOORS` whether the floor of a triad does not grow from short windows to long ones.
 
@@ -187,7 +189,7 @@ def _quiet(
     for i, (q, z) in enumerate(FLOORS):
         if order is None:
             floor, grown = (
-                np.quantile(v, q) / _chi_square(channels * (r * m - 1), z) for v, r in ((a, 1), (b, LONGER))
+                np.quantile(v, q) / _chi_square(channels * (r * m - 1), z) for v, r in ((a, 1), (b, longer))
             )
         else:
             floor, grown = (v[order[: max(1, round(q * len(b)))]].mean() for v in (a, b))
@@ -196,17 +198,17 @@ def _quiet(
     return out
 
 
-def _short_and_long(mean: Array, variance: Array, m: int) -> tuple[Array, Array]:
-    """Return of some windows of `LONGER` times m samples the mean variance of their short ones, and that of the whole.
+def _short_and_long(mean: Array, variance: Array, m: int, longer: int) -> tuple[Array, Array]:
+    """Return of some windows of `longer` times m samples the mean variance of their short ones, and that of the whole.
 
     Both are without bias in white noise; mean and variance are those of every window of m samples.
     """
-    count, step = len(mean) - (LONGER - 1) * m, max(1, LONGER * m // OVERLAP)
-    parts = [slice(k, k + count, step) for k in range(0, LONGER * m, m)]
-    level = np.asarray(sum(mean[part] for part in parts) / LONGER)
-    within = np.asarray(sum(variance[part] for part in parts) / LONGER)
-    between = np.asarray(sum((mean[part] - level) ** 2 for part in parts) / LONGER)
-    return within * m / (m - 1), (within + between) * LONGER * m / (LONGER * m - 1)
+    count, step = len(mean) - (longer - 1) * m, max(1, longer * m // OVERLAP)
+    parts = [slice(k, k + count, step) for k in range(0, longer * m, m)]
+    level = np.asarray(sum(mean[part] for part in parts) / longer)
+    within = np.asarray(sum(variance[part] for part in parts) / longer)
+    between = np.asarray(sum((mean[part] - level) ** 2 for part in parts) / longer)
+    return within * m / (m - 1), (within + between) * longer * m / (longer * m - 1)
 
 
 def _quantum(x: Array) -> float:
