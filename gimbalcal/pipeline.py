@@ -109,11 +109,11 @@ def _three_stages(
 ) -> Calibration:
     device, run = _one_of_each(recordings)
     at_rest = static_readings(run) if run is not None else None
-    if device is None and run is not None and at_rest is not None:
+    if device is None and at_rest is not None:
         tell("system level: static run alone")
         wanted = static_parameters(at_rest)
         extra = fit([static_view_with(at_rest, more)], wanted).extension(more) if more else NO_EXTENSION
-        return extra.complete(static(run, extra.effects, (*wanted, *extra.parameters)))
+        return extra.complete(static(at_rest, extra.effects, (*wanted, *extra.parameters)))
     if device is None:
         raise InputError("`calibrate` needs a multi-position recording, a static run, or one of each")
 
@@ -131,20 +131,20 @@ def _three_stages(
             views.append(static_view_with(at_rest, more))
             wanted = tuple(dict.fromkeys((*wanted, *static_parameters(at_rest))))
         extra = fit(views, wanted).extension(more)
-        shown = extra.shown_by(device)
+        shown = extra.shown(device.why_not_shown)
         positions = trusted_positions(device, shown.effects, shown.parameters)
     both = joint(positions, second, judged)
     stages = (*first.stages, *second.stages, *both.stages)
-    if run is None or at_rest is None:
+    if at_rest is None:
         return extra.complete(replace(both, method="three-stage", stages=stages))
 
     tell("stage 3: system level, force, gimbals and attitude error of the static run")
-    wanted = (*static_parameters(at_rest), *extra.shown_by(run).parameters)
+    wanted = (*static_parameters(at_rest), *extra.shown(at_rest.recording.why_not_shown).parameters)
     absent = tuple(e for e in extra.effects if e.id not in {o.id for o in both.effects})
     both = replace(both, effects=(*both.effects, *absent))
     device_level, system_level, solution = both_levels(positions, at_rest, both.effects, wanted)
     third = fuse(device_level, system_level, both, solution)
-    alone = static(run).stages
+    alone = static(at_rest).stages
     return extra.complete(replace(third, method="three-stage", stages=(*stages, *alone, *third.stages)))
 
 

@@ -40,4 +40,4 @@ def number_of_states() -> float:
     from gimbalcal.estimate.systematic.state_lists import states
 
     rows: Any = passes._recording([0.0] * 6)
-    return float(abs(len(states("30", rows)) - len(STATES)))
+    return float(abs(len(states("30", rows.why_not_shown)) - len(STATES)))

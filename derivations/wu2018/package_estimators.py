@@ -145,10 +145,11 @@ def ranks_of_positions() -> float:
 def relevelled() -> float:
     """The true angles of the levelled inner and middle gimbal against the schedule's."""
     from gimbalcal.estimate.accelerometers import coarse
+    from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 
     schedule = np.column_stack([_angles(), np.zeros(18)])
-    levelled = coarse.relevel(lambda readout: _positions(readout, 0 * K_NL), schedule)
-    true = levelled.recording.angles()[:, 1:3] + ZEROS[1:]
+    levelled = coarse.relevel(lambda readout: trusted_positions(_positions(readout, 0 * K_NL)), schedule)
+    true = levelled.positions.view.source.angles()[:, 1:3] + ZEROS[1:]
     return float(np.abs(true - schedule[:, 1:3]).max())
 
 

@@ -50,11 +50,11 @@ def next_turn(
     recording; most: how many turns; prior: sigmas [SI] by label of a parameter, else those of the grade of the unit.
     Raises InputError for recordings that cannot be navigated, or whose estimates do not converge.
     """
-    listed = {p.effect for p in states(state_list, recordings[0])}
+    listed = {p.effect for p in states(state_list, recordings[0].why_not_shown)}
     wished = [*more, *(w for s in separate if (w := s.partition(":")[0]) not in {*listed, *more})]
     also = extra_effects(wished, recordings, tuple(listed))
     base = tuple(a.absent((), dict(a.stated)) for a in also)
-    fits = [iterate(segment(r), states(state_list, r, also), base, tell) for r in recordings]
+    fits = [iterate(segment(r), states(state_list, r.why_not_shown, also), base, tell) for r in recordings]
     for m in fits:
         if not m.converged:
             raise InputError(

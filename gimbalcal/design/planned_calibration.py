@@ -201,8 +201,8 @@ def _by_turns(plans: Plans, state_list: str, more: Sequence[str], hours: float) 
         raise InputError(f"{plans[-1][0]}: a budget navigates one unit at rest, got {len(at_rest)}; keep one of them")
     place = _unrecorded(turning[0][1])
     for name in more:  # refuses what no turns show by the option that names it
-        states(name, place, option="--with")
-    wanted = states(",".join((*LISTS.get(state_list.strip(), (state_list,)), *more)), place)
+        states(name, place.why_not_shown, option="--with")
+    wanted = states(",".join((*LISTS.get(state_list.strip(), (state_list,)), *more)), place.why_not_shown)
     sessions = [
         _Session(turning_schedule(s.schedule), TurningExperiment(_unrecorded(s), wanted, _noise(name, s)))
         for name, s in turning

@@ -148,7 +148,7 @@ def turning_experiment(
         raise InputError(f"--latitude must be between -90 and 90 deg, got {latitude:g}")
     recording = unrecorded(np.deg2rad(latitude))
     noise = TurningNoise(to_si(force_noise, "ug/sqrt(Hz)"), to_si(rate_noise, "deg/sqrt(h)"), velocity)
-    return TurningExperiment(recording, states(state_list, recording), noise)
+    return TurningExperiment(recording, states(state_list, recording.why_not_shown), noise)
 
 
 def unrecorded(latitude: float, height: float = 0.0) -> Recording:

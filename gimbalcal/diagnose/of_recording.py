@@ -31,8 +31,7 @@ from gimbalcal.effects.effect import SENSOR_STAGES, follows
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.caveats import misheld_positions
-from gimbalcal.estimate.extra_effects import unfit as not_shown
-from gimbalcal.estimate.gyroscopes.rate_table import view_on_a_table
+from gimbalcal.estimate.gyroscopes.rate_table import on_a_table
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     MIN_RESTS,
     MIN_TURNS,
@@ -143,7 +142,7 @@ def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
     Mountings on a rate table are one view of the gyroscopes.
     """
     if all(r.kind.rotating and r.platform.axes and not gravity_turns(r) for r in request.recordings):
-        parts, notes = _on_table(request, view_on_a_table(request.recordings))
+        parts, notes = _on_table(request, on_a_table(request.recordings).view_in_scatter)
         return joint_diagnosis(parts, notes, request.baseline, request.seed)
     check_one_unit(request)
     alone = "its gyroscopes are not looked at together with other recordings; give it alone for them"
@@ -303,7 +302,7 @@ def of_rotating_rig(request: DiagnosisRequest) -> Parts:
     if gravity_turns(recording) or (rests and by_triad(request.baseline)[0]):
         return of_gimballed_unit(positions, means=not recording.instant)
     try:
-        table = view_on_a_table([recording])
+        table = on_a_table([recording]).view_in_scatter
     except InputError as problem:
         if rests:
             return of_gimballed_unit(positions, means=not recording.instant)
@@ -413,7 +412,7 @@ def _gyroscopes(
 def unfit(effect_id: str, recording: Recording) -> str:
     """Return why the model of a recording cannot hold an effect, to follow "which"; empty where it can."""
     cls, logs = known_effect(effect_id, "baseline"), recording.axes("covariate")
-    reason = not_shown(cls, recording)
+    reason = recording.why_not_shown(cls)
     if not reason and follows(cls) == "" and len(logs) > 1:
         return f"follows one covariate, and {recording.title!r} has {len(logs)} of them"
     return reason

@@ -17,7 +17,7 @@ from gimbalcal.estimate.accelerometers.fit_summary import excess_in_words, large
 from gimbalcal.estimate.accelerometers.multiposition import multiposition, scatter_in_words, unknowns
 from gimbalcal.estimate.accelerometers.position_fit import Positions
 from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
-from gimbalcal.estimate.static_run.system import static
+from gimbalcal.estimate.static_run.system import static, static_readings
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
@@ -32,7 +32,7 @@ def caveats(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
     usual = not baseline or set(baseline) == set(BASELINE.get(recording.kind, ()))
     out = []
     if recording.kind.stabilised and usual:
-        out += _reported(lambda: list(filter(None, [static(recording).outcome.partition(", so ")[0]])))
+        out += _reported(lambda: list(filter(None, [static(static_readings(recording)).outcome.partition(", so ")[0]])))
     if turned_in_place(recording) and usual:
         out += _reported(lambda: list(filter(None, [systematic(recording, "30").outcome.partition(";")[0]])))
     if not recording.kind.in_positions or recording.position is None or not recording.has(FORCE):

@@ -17,7 +17,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, absent, known_effect, parameters
-from gimbalcal.effects.effect import Grid, constants, follows, lacking
+from gimbalcal.effects.effect import Grid, constants, follows
 from gimbalcal.effects.grids import Constant, grid, kind, limits, range_beyond
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
@@ -25,7 +25,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import to_si
 
-SOURCES = {"attitude": "gimbals, which say where north is"}  # of a quantity that no channel is named after
+WhyNotShown = Callable[[type[Effect]], str]  # `Recording.why_not_shown`
 PRIOR_FACTOR = 100.0  # times the catalogue's prior: what is asked for is fitted, not held
 
 
@@ -85,7 +85,7 @@ def _one(
     cls = known_effect(effect, f"--with {said}")
     if effect in held:
         raise InputError(f"--with {said}: {effect} is in the model of this method anyway; leave it out")
-    reasons = [unfit(cls, r) for r in recordings]
+    reasons = [r.why_not_shown(cls) for r in recordings]
     if all(reasons):
         raise InputError(f"--with {said}: {effect} {reasons[0]}")
     gimbals = recordings[0].platform.axis_names
@@ -102,15 +102,6 @@ def _one(
         axes = ", ".join(dict.fromkeys(p.axis for p in every if p.axis)) or "no axes"
         raise InputError(f"--with {said}: {effect} has no axis {axis!r}; it has {axes}")
     return extra
-
-
-def unfit(cls: type[Effect], recording: Recording) -> str:
-    """Return why a recording cannot show an effect, as the predicate of a sentence; empty where it can."""
-    if not cls.shows_in(recording.kind):
-        kinds = " and ".join(cls.kinds)
-        return f"shows in {kinds} recordings, and {recording.title!r} is a {recording.kind} recording"
-    missing = lacking(cls, recording.has)
-    return f"needs {SOURCES.get(missing, missing)}, and {recording.title!r} has none" if missing else ""
 
 
 def _stated(said: str, cls: type[Effect], settings: Mapping[str, str]) -> tuple[tuple[str, float], ...]:
@@ -165,9 +156,9 @@ class Extension:
         smooth = {(e.id, f.name) for e in self.effects for f in constants(type(e))}
         return tuple(p for p in self.parameters if (p.effect, p.field) in smooth)
 
-    def shown_by(self, recording: Recording) -> Extension:
+    def shown(self, why_not: WhyNotShown) -> Extension:
         """The part that a recording can show."""
-        shown = tuple(e for e in self.effects if not unfit(type(e), recording))
+        shown = tuple(e for e in self.effects if not why_not(type(e)))
         ids = {e.id for e in shown}
         return Extension(shown, tuple(p for p in self.parameters if p.effect in ids), self.held)
 
@@ -224,10 +215,9 @@ def _starting_values(f: Constant, s: Stimulus) -> list[float]:
     return grid(f, s).tolist()
 
 
-def sizes_shown_by(more: Sequence[ExtraEffect], recording: Recording) -> tuple[Parameter, ...]:
-    """The linear parameters of those effects that a recording can show."""
-    shown = (e for e in more if not unfit(CATALOGUE[e.effect], recording))
-    return tuple(p for e in shown for p in e.parameters(recording.platform.axis_names))
+def sizes_shown(more: Sequence[ExtraEffect], why_not: WhyNotShown, gimbals: Sequence[str]) -> tuple[Parameter, ...]:
+    """The linear parameters of those effects that a recording on a platform with these gimbals can show."""
+    return tuple(p for e in more if not why_not(CATALOGUE[e.effect]) for p in e.parameters(gimbals))
 
 
 def columns_of_sizes(rows: Rows, effects: Sequence[Effect], sizes: Sequence[Parameter]) -> Array:

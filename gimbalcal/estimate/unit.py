@@ -20,7 +20,7 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
-from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers_in_words, without_norm_outliers
+from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers, norm_outliers_in_words
 from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
@@ -34,6 +34,7 @@ from gimbalcal.estimate.sharing import Comparison, Scope, compare_calibrations, 
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.method_table import Request
 from gimbalcal.recording import Recording, completed, dwells, join
+from gimbalcal.recording.dwell import without_dwells
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.turns import turns_on_record
 
@@ -50,7 +51,8 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
         if more:
             raise InputError(f"--with {more[0].effect}: gyroscopes alone, from revolutions, take no further effect")
         return gyroscopes_from_revolutions(recording)
-    recording, odd = without_norm_outliers(recording)
+    odd = norm_outliers(recording)
+    recording = without_dwells(recording, [s.dwell for s in odd])
     turning = tuple(a for a in more if CATALOGUE[a.effect].stage in GYROSCOPE_STAGES)
     of_rate = tuple(t for t in terms if t in CATALOGUE and CATALOGUE[t].stage in GYROSCOPE_STAGES)
     calibration = multiposition(
@@ -138,7 +140,18 @@ def unit_of_sessions(
     effects = dict.fromkeys(p.effect for p in calibration.parameters)
     taken = tuple(i for i in effects if i not in added and scope_of(i) is Scope.UNIT)
     scaled = [in_si(r, calibration.readout) for r in sessions]  # counts of all by one nominal scale
-    alone, compared = zip(*(_compared(scaled, k, taken, more) for k in range(len(sessions))), strict=True)
+
+    def against_others(k: int) -> tuple[Calibration | None, Comparison]:
+        """Return the calibration of one session alone, if it can be made, and its comparison with all others."""
+        title, n = sessions[k].title, len(sessions)
+        try:
+            alone = inertial_unit(scaled[k], taken, more)
+            others = inertial_unit(join([r for i, r in enumerate(scaled) if i != k]), taken, more)
+        except InputError as problem:
+            return None, Comparison(title, n, obstacle=str(problem))
+        return alone, Comparison(title, n, *compare_calibrations(alone, others))
+
+    alone, compared = zip(*map(against_others, range(len(sessions))), strict=True)
     stages = [
         StageResult(
             f"{c.title} alone", tuple(p.label for p in a.parameters), a.values, a.sigmas,
@@ -153,19 +166,6 @@ def unit_of_sessions(
         provenance=calibration.provenance.with_options(sessions=entries),
         stages=(*calibration.stages, *stages),
     )
-
-
-def _compared(
-    sessions: Sequence[Recording], k: int, terms: tuple[str, ...], more: Sequence[ExtraEffect]
-) -> tuple[Calibration | None, Comparison]:
-    """Return the calibration of one session alone, if it can be made, and its comparison with all others."""
-    title, n = sessions[k].title, len(sessions)
-    try:
-        alone = inertial_unit(sessions[k], terms, more)
-        others = inertial_unit(join([r for i, r in enumerate(sessions) if i != k]), terms, more)
-    except InputError as problem:
-        return None, Comparison(title, n, obstacle=str(problem))
-    return alone, Comparison(title, n, *compare_calibrations(alone, others))
 
 
 def _outcome(compared: Sequence[Comparison]) -> str:

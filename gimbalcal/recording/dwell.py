@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -115,6 +115,17 @@ def block_means(recording: Recording, rows: int) -> Recording:
         Dwell(1, at, min(at + rows, stop)) for start, stop in pairwise([0, *gaps, n]) for at in range(start, stop, rows)
     ]
     return _means(recording, blocks, None)
+
+
+def without_dwells(recording: Recording, ordinals: Collection[int]) -> Recording:
+    """Return the recording without some dwells, whose rows are on the way if such rows were logged, and gone if not."""
+    if recording.position is None or not ordinals:
+        return recording
+    out = np.zeros(len(recording.time), dtype=bool)
+    for d in (d for k, d in enumerate(dwells(recording)) if k in ordinals):
+        out[d.rows] = True
+    on_the_way = np.any(recording.position == 0)
+    return replace(recording, position=np.where(out, 0, recording.position)) if on_the_way else recording.select(~out)
 
 
 def in_blocks(recording: Recording, count: int) -> Recording:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import G0
+from gimbalcal.effects.effect import Effect, lacking
 from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -53,6 +54,7 @@ COLOURED: Mapping[str, tuple[str, str]] = MappingProxyType(
 )  # fmt: skip
 """Coloured noise that ``[noise]`` of a rotation recording may state: the quantity, and that of its unit."""
 
+SOURCE_OF = {"attitude": "gimbals, which say where north is"}  # of a quantity that no channel is named after
 FOLLOWED = ("temperature", "covariate")  # quantities that effects follow
 ANGLES = ("gimbal_angle", "attitude_error", "true_angle")
 """Quantities that are angles: they may wrap."""
@@ -190,6 +192,13 @@ class Recording(Displayed):
             return self.position is not None
         quantity, _, axis = quantity.partition(":")
         return any(q == quantity and axis in ("", a) for q, a in self.channels)
+
+    def why_not_shown(self, effect: type[Effect]) -> str:
+        """Return why it cannot show an effect, as the predicate of a sentence; empty where it can."""
+        if not effect.shows_in(self.kind):
+            return f"shows in {' and '.join(effect.kinds)} recordings, and {self.title!r} is a {self.kind} recording"
+        missing = lacking(effect, self.has)
+        return f"needs {SOURCE_OF.get(missing, missing)}, and {self.title!r} has none" if missing else ""
 
     def axes(self, quantity: str) -> tuple[str, ...]:
         """Return the axes of `quantity` that were logged, in the order of the file."""

@@ -62,8 +62,8 @@ start = time.perf_counter()
 from gimbalcal.recording import read
 recording = read(sys.argv[1], average_s=60.0)
 reading, reading_cpu = time.perf_counter() - start, time.process_time()
-from gimbalcal.estimate.static_run.system import static
-found = static(recording)
+from gimbalcal.estimate.static_run.system import static, static_readings
+found = static(static_readings(recording))
 print(json.dumps({"samples": float(recording.weight.sum()), "rows": len(recording.time),
                   "seconds": round(time.perf_counter() - start, 2), "of which reading": round(reading, 2),
                   "processor seconds": round(time.process_time(), 2), "of which read": round(reading_cpu, 2),

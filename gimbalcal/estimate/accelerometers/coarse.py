@@ -25,11 +25,9 @@ from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.estimate.accelerometers.fit_summary import joined, outliers_in_words, provenance, rms, stage
 from gimbalcal.estimate.accelerometers.position_fit import Positions
-from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Solution, information, solve
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.recording import Recording
 from gimbalcal.views.core import View
 from gimbalcal.views.local import VisitRows, Whitened, eliminate
 from gimbalcal.views.positions import by_visit, force_of_visits, position_parameters
@@ -157,30 +155,30 @@ def _at(wanted: Sequence[Parameter], effect: str, index: int) -> int:
 
 @dataclass(frozen=True)
 class Levelled:
-    """The end of the levelling loop: last coarse calibration, its recording, and each round's leftover zeros [rad]."""
+    """The end of the levelling loop: last coarse calibration, its positions, and each round's leftover zeros [rad]."""
 
     calibration: Calibration
-    recording: Recording
+    positions: Positions
     leftover: tuple[Array, ...]
 
 
-def relevel(measure: Callable[[Array], Recording], angles: Array) -> Levelled:
+def relevel(measure: Callable[[Array], Positions], angles: Array) -> Levelled:
     """Turn the platform back by the estimated zeros and calibrate again, until the zeros that are left are negligible.
 
-    measure(readouts (m, k) [rad]) holds the platform at these readouts and records; angles (m, k) are the schedule's.
+    measure(readouts (m, k) [rad]) holds the platform at these readouts; angles (m, k) are the schedule's.
     Inner and middle gimbal are levelled, as in Wu et al. (2018), section 3; a zero about the vertical does nothing. A
     leftover is what the last estimate adds to the correction already made. Ends after 10 rounds at the latest.
     """
     corrected = np.zeros(angles.shape[1])
     history: list[Array] = []
     while True:
-        recording = measure(angles - corrected)
-        calibration = coarse(trusted_positions(recording))
+        positions = measure(angles - corrected)
+        calibration, names = coarse(positions), positions.view.stimulus.axis_names
         zero = corrected.copy()
         for q, value in zip(calibration.parameters, calibration.values, strict=True):
-            if q.effect == "gimbal_zero" and q.axis != recording.platform.axes[0].name:
-                zero[recording.platform.axis_names.index(q.axis)] = value
+            if q.effect == "gimbal_zero" and q.axis != names[0]:
+                zero[names.index(q.axis)] = value
         history.append(zero - corrected)
         if np.all(np.abs(history[-1]) < NEGLIGIBLE_ZERO_RAD) or len(history) == 10:
-            return Levelled(calibration, recording, tuple(history))
+            return Levelled(calibration, positions, tuple(history))
         corrected = zero

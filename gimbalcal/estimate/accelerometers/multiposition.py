@@ -36,7 +36,7 @@ from gimbalcal.effects.effect import SENSOR_STAGES, follows, tied
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.fit_summary import assumed_noise, rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.position_fit import ATTITUDE, HEADER, SAMPLES
-from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, unfit
+from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, WhyNotShown
 from gimbalcal.estimate.fit import ViewsFit, fit
 from gimbalcal.estimate.term_selection import MAX_SCATTER_RATIO, Fits, coefficients, needed, refusal, selected
 from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
@@ -146,8 +146,8 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     view = norm(dwell_means(recording))  # a rest that a row on the way cuts in two is one
     usual = TERMS if set(view.baseline) == set(LINEAR) else tuple(t for t in LINEAR if t in view.baseline)
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or usual) if t not in requested)
-    _check(wanted, recording, "--terms")
-    _check(tuple(requested), recording, "--with")
+    _check(wanted, recording.why_not_shown, "--terms")
+    _check(tuple(requested), recording.why_not_shown, "--with")
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     extra = norm_fit(view, base).extension(more) if more else NO_EXTENSION
     tried, positions = coefficients(wanted) - coefficients(base), f"{len(view)} positions"
@@ -195,18 +195,18 @@ def usual_accelerometers(recording: Recording) -> Calibration:
     return multiposition(recording, view.baseline)
 
 
-def _check(terms: Sequence[str], recording: Recording, option: str) -> None:
+def _check(terms: Sequence[str], why_not: WhyNotShown, option: str) -> None:
     """Raises InputError for a term that these positions cannot show; what it offers instead, they can."""
     for term in terms:
         cls = CATALOGUE.get(term)
         if cls is not None and _without_angles(cls):
-            if why := unfit(cls, recording):
+            if why := why_not(cls):
                 raise InputError(f"{option} names {term}, which {why}")
             if option == "--terms" and follows(cls) == "":
                 raise InputError(f"--terms names {term}, which follows a channel: write --with {term}")
         else:
             able = [i for i, c in CATALOGUE.items() if _without_angles(c) and follows(c) != ""]
-            allowed = [i for i in able if not unfit(CATALOGUE[i], recording)]
+            allowed = [i for i in able if not why_not(CATALOGUE[i])]
             raise InputError(
                 f"{option} names {term!r}, which is not an effect that rest positions without angles can show; "
                 f"choose from {', '.join(allowed)}"

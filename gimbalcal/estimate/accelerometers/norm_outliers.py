@@ -19,7 +19,7 @@ is missing physics, and none of them is blamed for it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 from math import comb
 from typing import NamedTuple
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from gimbalcal.errors import alternatives
 from gimbalcal.inference.ellipsoid import MIN_POINTS, design, matrix, scale_of_deviation
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording, dwell_means, dwells
+from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si
 
@@ -50,23 +50,6 @@ class NormOutlier:
     dwell: int
     position: int
     off: float
-
-
-def without_norm_outliers(recording: Recording) -> tuple[Recording, tuple[NormOutlier, ...]]:
-    """The recording without rests whose force is that of no rest, and which these are.
-
-    Their rows are on the way, where rows on the way were logged; else they are gone.
-    """
-    outliers = norm_outliers(recording)
-    if not outliers or recording.position is None:
-        return recording, ()
-    visits = dwells(recording)
-    rows = np.concatenate([np.arange(visits[s.dwell].start, visits[s.dwell].stop) for s in outliers])
-    if np.any(recording.position == 0):
-        position = recording.position.copy()
-        position[rows] = 0
-        return replace(recording, position=position), outliers
-    return recording.select(np.setdiff1d(np.arange(len(recording.time)), rows)), outliers
 
 
 def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:

@@ -35,7 +35,7 @@ from gimbalcal.estimate.accelerometers.position_fit import (
     fit_with_noise,
     noise_of_positions,
 )
-from gimbalcal.estimate.extra_effects import ExtraEffect, sizes_shown_by
+from gimbalcal.estimate.extra_effects import ExtraEffect, sizes_shown
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.inference.p_value import probability
@@ -210,7 +210,8 @@ def _fault(view: View, rest: ViewsFit, visits: tuple[int, ...]) -> Fault:
 
 def view_of_every_row(recording: Recording, positions: Positions, more: Sequence[ExtraEffect]) -> View:
     """Return the view of every row of the trusted positions in which extra effects act as far as they show there."""
-    ids = [p.effect for p in (*positions.fit.parameters, *sizes_shown_by(more, recording))]
+    shown = sizes_shown(more, recording.why_not_shown, recording.platform.axis_names)
+    ids = [p.effect for p in (*positions.fit.parameters, *shown)]
     view = view_of_positions(recording, positions.noise, ids, averaged=False)
     if any(happens_once(CATALOGUE[a.effect]) for a in more):  # a fault of one position may be what is asked for
         return view

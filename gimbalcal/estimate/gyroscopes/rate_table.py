@@ -103,6 +103,19 @@ class OnTable:
         counts = Counts(tuple(map(float, self.scale))) if self.view.source.counted(RATE) else None
         return replace(self.view.readout, gyroscopes=counts)
 
+    @property
+    def view_in_scatter(self) -> View:
+        """Return the view with mountings and the Earth's rate eliminated in the scatter about the linear model.
+
+        Raises InputError where the stretches are too few to tell their scatter.
+        """
+        if self.linear.dof_of_scatter < MIN_NUMBERS_LEFT:
+            raise InputError(
+                f"{self.view.title!r} holds {amount(sum(self.stretches), 'stretch', 'stretches')} of steady turning, "
+                "too few to tell how they scatter: turn at more rates, both ways round"
+            )
+        return replace(self.view.without_nuisances(self.linear.sigma[0]), readout=self.readout)
+
 
 def on_a_table(recordings: Sequence[Recording]) -> OnTable:
     """Return gyroscopes on a table with their linear model. Raises InputError as `gyroscopes_on_a_table`."""
@@ -118,21 +131,6 @@ def on_a_table(recordings: Sequence[Recording]) -> OnTable:
     M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in BASE[1:]))
     view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
     return OnTable(view, _fit(view, wanted), unseen, scale, tuple(len(s.time) for s in each))
-
-
-def view_on_a_table(recordings: Sequence[Recording]) -> View:
-    """Return the mean rates of steady turning on a table, with mountings and the Earth's rate eliminated.
-
-    These are eliminated in the scatter of the stretches about a linear model. Raises InputError as `on_a_table`, and
-    where the stretches are too few to tell their scatter.
-    """
-    table = on_a_table(recordings)
-    if table.linear.dof_of_scatter < MIN_NUMBERS_LEFT:
-        raise InputError(
-            f"{recordings[0].title!r} holds {amount(sum(table.stretches), 'stretch', 'stretches')} of steady turning, "
-            "too few to tell how they scatter: turn at more rates, both ways round"
-        )
-    return replace(table.view.without_nuisances(table.linear.sigma[0]), readout=table.readout)
 
 
 def _nominal(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:

@@ -31,7 +31,7 @@ from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.inference.information import Unobservable, prior
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording, dwell_means, dwells
+from gimbalcal.recording import Dwell, Recording, dwell_means, dwells
 from gimbalcal.recording.record import RATE
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
@@ -112,7 +112,9 @@ def two_position(recording: Recording) -> Calibration:
             f"{recording.title!r} does not say how the unit was turned: a two-position test is a multi-position "
             "recording with gimbal_angle columns, of a rate-table for a reversal about the vertical"
         )
-    sample = recording.noise.get("gyroscope") or _sample_sigma(recording)
+    sample = recording.noise.get("gyroscope") or _sample_sigma(
+        recording.triad(RATE), recording.weight, dwells(recording)
+    )
     if not sample > 0:
         raise InputError(
             f"{recording.title!r} states no noise of the gyroscope and has no rows in a rest to show it: write it into "
@@ -131,11 +133,10 @@ def two_position(recording: Recording) -> Calibration:
     return _calibration(solutions)
 
 
-def _sample_sigma(recording: Recording) -> float:
-    """One sigma [rad/s] of a sample by the scatter inside dwells of several rows; nan without any."""
-    rows, weight = recording.triad(RATE), recording.weight[:, None]  # rows may be means themselves
+def _sample_sigma(rate: Array, weight: Array, rests: Sequence[Dwell]) -> float:
+    """One sigma [rad/s] of a sample by the scatter inside dwells of several rows, perhaps means; nan without any."""
     spread = [np.full(3, np.nan)]
-    for x, w in ((rows[d.rows], weight[d.rows]) for d in dwells(recording) if d.stop - d.start > 1):
+    for x, w in ((rate[d.rows], weight[d.rows, None]) for d in rests if d.stop - d.start > 1):
         spread.append((w * (x - (w * x).sum(axis=0) / w.sum()) ** 2).sum(axis=0) / (len(x) - 1))
     return float(np.sqrt(np.nanmean(spread)))
 

@@ -30,7 +30,7 @@ from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words
 from gimbalcal.estimate.accelerometers.position_fit import HEADER, SAMPLES, Positions
-from gimbalcal.estimate.extra_effects import ExtraEffect, sizes_shown_by
+from gimbalcal.estimate.extra_effects import ExtraEffect, sizes_shown
 from gimbalcal.estimate.fit import fit, information_of
 from gimbalcal.estimate.sharing import agreement
 from gimbalcal.estimate.static_run.combined_coefficients import Combined, combined
@@ -101,19 +101,17 @@ def _free(p: Parameter) -> Parameter:
 
 def static_view_with(run: Readings, more: Sequence[ExtraEffect]) -> View:
     """Return the view of a static run in which its baseline acts, and of extra effects those that it can show."""
-    wanted = (*static_parameters(run), *sizes_shown_by(more, run.recording))
+    shown = sizes_shown(more, run.recording.why_not_shown, run.recording.platform.axis_names)
+    wanted = (*static_parameters(run), *shown)
     return replace(static_view(run, wanted), acting=frozenset(p.effect for p in wanted))
 
 
-def static(
-    recording: Recording, start: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
-) -> Calibration:
+def static(run: Readings, start: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None) -> Calibration:
     """Calibration from a static run alone: the combinations that it sees, the others at zero with their prior sigma.
 
     start: effects to linearise at; those whose parameters are not wanted stay as they are. The combined coefficients
     of the paper, of what these effects leave, stand in `stages`.
     """
-    run = static_readings(recording)
     wanted = static_parameters(run) if wanted is None else wanted
     fitted = fit([static_view(run, wanted)], wanted, start)
     solution, effects = fitted.solution, fitted.effects
@@ -126,7 +124,7 @@ def static(
         "static-run",
         Residual(solution.chi2, solution.dof, fitted.rms_by_channel),
         outcome=outcome(solution),
-        provenance=Provenance(recordings=recording.source, noise=AssumedNoise(from_=noise_from(run))),
+        provenance=Provenance(recordings=run.recording.source, noise=AssumedNoise(from_=noise_from(run))),
         stages=tuple(stages),
     )
 

@@ -64,7 +64,7 @@ def systematic(
 
     Raises InputError where the recording cannot be navigated: see `iterate`.
     """
-    wanted = states(asked, recording, more)
+    wanted = states(asked, recording.why_not_shown, more)
     m = iterate(segment(recording), wanted, tuple(a.absent((), dict(a.stated)) for a in more), tell)
     calibration = calibrated(m)
     if m.converged and (calibration.unobservable or m.last.attitude[2, 2] > LARGE_HEADING_SIGMA_RAD**2):
@@ -124,7 +124,7 @@ def navigation_view(
 
     held: effects of fixed values. Raises InputError where a navigator cannot take the recording.
     """
-    usual = states(",".join(ids), recording)
+    usual = states(",".join(ids), recording.why_not_shown)
 
     def about(m: SystematicFit) -> View:
         fitted = dict(zip(m.wanted, m.theta.tolist(), strict=True))
@@ -171,7 +171,7 @@ def calibrate_jointly(
     for r in recordings:
         tell(r.title)
         base = tuple(a.absent((), dict(a.stated)) for a in more)
-        wanted = states(asked, r, more)
+        wanted = states(asked, r.why_not_shown, more)
         each.append(iterate(segment(r), wanted, base, tell))
     wanted = _common([m.wanted for m in each])
     theta = solve(_joint(wanted, each, np.zeros(len(wanted)))).x

@@ -9,8 +9,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, known_effect, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError, alternatives
-from gimbalcal.estimate.extra_effects import PRIOR_FACTOR, ExtraEffect, unfit
-from gimbalcal.recording import Recording
+from gimbalcal.estimate.extra_effects import PRIOR_FACTOR, ExtraEffect, WhyNotShown
 
 THIRTY = BASELINE["rotation"]
 FIFTY_ONE = (*THIRTY, "gyro_g_sensitivity_rate", "quadratic_nonlinearity", "cross_coupling", "accelerometer_lever_arm")
@@ -29,7 +28,7 @@ UNESTIMATED = frozenset(
 
 
 def states(
-    asked: str, recording: Recording, more: Sequence[ExtraEffect] = (), option: str = "--states"
+    asked: str, why_not: WhyNotShown, more: Sequence[ExtraEffect] = (), option: str = "--states"
 ) -> tuple[Parameter, ...]:
     """Return the parameters of `--states` 30, 51 or EFFECT[:AXIS],..., and of effects of `--with`.
 
@@ -40,7 +39,7 @@ def states(
     out: dict[tuple[str, str, str], Parameter] = {}
     for name in named:
         effect, _, axis = name.partition(":")
-        for p in _parameters_of(f"{option} {name}", effect, axis, recording):
+        for p in _parameters_of(f"{option} {name}", effect, axis, why_not):
             out[p.effect, p.field, p.axis] = p
     for a in more:
         if a.free:
@@ -56,14 +55,13 @@ def states(
     return tuple(out.values())
 
 
-def _parameters_of(option: str, effect: str, axis: str, recording: Recording) -> list[Parameter]:
+def _parameters_of(option: str, effect: str, axis: str, why_not: WhyNotShown) -> list[Parameter]:
     if effect.isdigit():
         raise InputError(f"{option}: no list has {effect} states; write 30 or 51, or name the effects")
     cls = known_effect(effect, option)
     if effect in SAME:
         raise InputError(f"{option}: {effect} says what {SAME[effect]} says; write {SAME[effect]}")
-    reason = unfit(cls, recording)
-    if reason:
+    if reason := why_not(cls):
         raise InputError(f"{option}: {effect} {reason}")
     free = constants(cls)
     if free:

@@ -97,7 +97,8 @@ def test_levelling_turns_the_platform_until_its_zeros_are_negligible():
 
     def measure(readouts):
         asked.append(readouts)
-        return measured(truth, np.random.default_rng(50), setting=0.0, readouts=readouts, samples=10**6)
+        recording = measured(truth, np.random.default_rng(50), setting=0.0, readouts=readouts, samples=10**6)
+        return trusted_positions(recording)
 
     levelled = relevel(measure, EIGHTEEN_POSITIONS.angles)
     assert len(asked) == len(levelled.leftover) <= 4

@@ -8,10 +8,11 @@ import pytest
 
 from gimbalcal.checks.table import refuse_implausible
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR
-from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers, without_norm_outliers
+from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, read
+from gimbalcal.recording.dwell import without_dwells
 
 G = 9.8
 SIGMA = 2e-3  # m/s^2 of the mean of a rest
@@ -87,7 +88,8 @@ def test_rows_on_the_way_stay_on_the_way():
     y = both.triad("specific_force").copy()
     y[20] *= 1.2
     bad = replace(both, channels={("specific_force", a): y[:, i] for i, a in enumerate("xyz")})
-    kept, found = without_norm_outliers(bad)
+    found = norm_outliers(bad)
+    kept = without_dwells(bad, [s.dwell for s in found])
     assert [s.position for s in found] == [11]
     assert len(kept.time) == 60
     assert kept.position[20] == 0

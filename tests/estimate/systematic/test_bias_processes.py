@@ -17,7 +17,7 @@ from tests.estimate.systematic.table import MOVES, NOISE, turning_unit
 from tests.golden import golden_text, refused
 
 ANY = turning_unit(moves=MOVES[:2], stop=8.0, rate=10.0)
-THIRTY = states("30", ANY)
+THIRTY = states("30", ANY.why_not_shown)
 SCALE = np.array([p.sigma for p in THIRTY])
 WALK = 2e-4  # m/s^2/sqrt(s): in a second what the accelerometers scatter by in one sample
 

@@ -13,7 +13,7 @@ from gimbalcal.rotation import frame_rotation
 from tests.estimate.systematic.table import MOVES, START, turning_unit
 from tests.golden import golden_text, refused
 
-THIRTY = states("30", turning_unit(moves=MOVES[:2], stop=8.0, rate=10.0))
+THIRTY = states("30", turning_unit(moves=MOVES[:2], stop=8.0, rate=10.0).why_not_shown)
 SCALE = np.array([p.sigma for p in THIRTY])
 TRUTH = 0.5 * SCALE * np.random.default_rng(3).standard_normal(len(THIRTY))
 SHORT = {"stop": 12.0, "speed": 30.0, "ramp": 0.5, "rate": 10.0}
