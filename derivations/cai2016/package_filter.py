@@ -58,7 +58,7 @@ def _columns() -> dict[tuple[str, str], Any]:
     from gimbalcal.estimate.systematic.state_lists import states
 
     rows = _recording()
-    wanted = states("51", rows)
+    wanted = states("51", rows.why_not_shown)
     u = np.repeat(np.concatenate([FORCE, RATE], axis=1), 4, axis=0)
     D = error_model.sensitivity(rows, (), wanted, u, slice(1, 3))
     return {(p.effect, p.axis): D[0, :, i] for i, p in enumerate(wanted)}

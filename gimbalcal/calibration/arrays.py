@@ -96,8 +96,9 @@ def correct_frame(calibration: Calibration, frame: FrameT, columns: Mapping[str,
     corrected = _corrected(calibration, time, channels, logged)
     new = {
         name: c.sign * _out(corrected.channels[c.quantity, c.axis], c.unit)
-        for name, c in described.items() if c.quantity in (FORCE, RATE)
-    }  # fmt: skip
+        for name, c in described.items()
+        if c.quantity in (FORCE, RATE)
+    }
     if hasattr(frame, "with_columns"):
         import polars as pl
 

@@ -84,8 +84,9 @@ def _conversion(p: Parameter, before: dict[str, Counts], after: dict[str, Counts
     if quantity not in before:
         return 1.0, 0.0
     axes = [AXES.index(p.axis[0])] if p.axis[:1] in AXES else [0, 1, 2]
-    (k, N0), (k_new, N0_new) = ((np.array(n.scale)[axes], np.array(n.offset)[axes]) for n in
-                                (before[quantity], after[quantity]))  # fmt: skip
+    (k, N0), (k_new, N0_new) = (
+        (np.array(n.scale)[axes], np.array(n.offset)[axes]) for n in (before[quantity], after[quantity])
+    )
     r = float((k_new / k).mean())
     if CATALOGUE[p.effect].stage in (Stage.SCALE, Stage.RATE_SCALE):
         return 1 / r, 1 / r - 1

@@ -92,8 +92,9 @@ def driven_turn(time: Array, read: Array, angles: Array, names: Sequence[str]) -
     sums = integral(read, time)
     span = (time[starts + n] - time[starts])[:, None]
     middle = (whole[starts] + whole[starts + n]) / 2
-    return DrivenTurn((sums[starts + n] - sums[starts]) / span, middle, (whole[starts + n] - whole[starts]) / span,
-                      tuple(names))  # fmt: skip
+    return DrivenTurn(
+        (sums[starts + n] - sums[starts]) / span, middle, (whole[starts + n] - whole[starts]) / span, tuple(names)
+    )
 
 
 def rates_of_the_table(e: Examined) -> str:

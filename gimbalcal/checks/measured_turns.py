@@ -117,9 +117,10 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
     y = recording.triad(RATE)
     clipped = at_end_of_range(y)
     logged = [
-        k for k, m in enumerate(moves_between_dwells(recording))
+        k
+        for k, m in enumerate(moves_between_dwells(recording))
         if m.rows.stop - m.rows.start > 2 and not m.paused and not clipped[m.rows].any()
-    ]  # fmt: skip
+    ]
     for reference in (down, _attitude):
         at_rest = reference(recording)
         if at_rest is None:
@@ -130,8 +131,9 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
             continue
         level = np.array([y[d.rows].mean(0) for d in visits])
         spans = [slice(visits[k].stop - 1, visits[k + 1].start + 1) for k in order]
-        averaged = [_means(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
-                    for k, s in zip(order, spans, strict=True)]  # fmt: skip
+        averaged = [
+            _means(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2) for k, s in zip(order, spans, strict=True)
+        ]
         after = [k + 1 for k in order]
         return MeasuredTurns([r for r, _ in averaged], [t for _, t in averaged], at_rest[order], at_rest[after])
     return None

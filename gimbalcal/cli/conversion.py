@@ -29,9 +29,7 @@ CALIBRATION = click.option(
 @CALIBRATION
 @click.option("--inverse", is_flag=True, help="Physics to readings: what the calibrated unit would have read.")
 @output_options("the new recording", "RECORDING-corrected, or -corrupted with --inverse, here")
-def apply(
-    recording: Path, known: Path, inverse: bool, output: Output,
-) -> None:  # fmt: skip
+def apply(recording: Path, known: Path, inverse: bool, output: Output) -> None:
     """Correct the readings of RECORDING by a calibration, into a new recording."""
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.recording import read, write
@@ -114,9 +112,7 @@ class ImportCommand(click.Command):
 @click.argument("files", nargs=-1, required=True, type=FilePath())
 @click.option("--set", "settings", multiple=True, metavar="NAME=VALUE", help="What the importer of this kind asks for.")
 @output_options("the recording", "the name of the first of FILES without its ending, here")
-def import_(
-    kind: str, files: tuple[Path, ...], settings: tuple[str, ...], output: Output,
-) -> None:  # fmt: skip
+def import_(kind: str, files: tuple[Path, ...], settings: tuple[str, ...], output: Output) -> None:
     """Convert FILES of another rig or program into a recording; KIND is the rig or the type of file.
 
     All kinds take --set title=... and means=yes (one row for each dwell). docs/recording-format.md describes them;
@@ -219,8 +215,9 @@ def new(
         size += f" over {clocked(r)}"
     description = f"a {r.kind} recording of {size}"
     correct = f"look at {folder / page} and correct {folder / 'recording.toml'} where a guess is wrong"
-    columns = {n: {"quantity": g.quantity, "axis": g.axis, "unit": g.unit, "why": g.why}
-               for n, g in proposal.guesses.items()}  # fmt: skip
+    columns = {
+        n: {"quantity": g.quantity, "axis": g.axis, "unit": g.unit, "why": g.why} for n, g in proposal.guesses.items()
+    }
     result = {"folder": str(folder), "kind": r.kind, "rests": intervals, "rows": len(r.time), "columns": columns,
               "left_out": list(proposal.left_out), "notes": dict(proposal.notes)}  # fmt: skip
     calibrates = visited_positions(r) > 1 and r.has("specific_force")

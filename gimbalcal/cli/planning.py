@@ -97,8 +97,8 @@ def observe(
 
     target = output.folder([schedule], "observability", (OBSERVABILITY, "report.html"))
     result = run(
-        schedule, angle_sigma, force_sigma, latitude, candidates, states, rate_noise, force_noise, velocity_sigma,
-    )  # fmt: skip
+        schedule, angle_sigma, force_sigma, latitude, candidates, states, rate_noise, force_noise, velocity_sigma
+    )
     output.deliver(target, OBSERVABILITY, result.to_dict(), partial(schedule_report, result), str(result))
 
 

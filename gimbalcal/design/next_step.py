@@ -424,8 +424,9 @@ class _Bench:
         up = DIRECTIONS / np.linalg.norm(DIRECTIONS, axis=1)[:, None]
         n = len(up)
         channels = {(FORCE, a): self.like.site.gravity * up[:, i] for i, a in enumerate("xyz")}
-        plan = replace(self.like, time=600.0 * np.arange(n), position=np.arange(1, n + 1), channels=channels,
-                       weight=np.ones(n))  # fmt: skip
+        plan = replace(
+            self.like, time=600.0 * np.arange(n), position=np.arange(1, n + 1), channels=channels, weight=np.ones(n)
+        )
         words = [" and ".join(f"{'+' if x > 0 else '−'}{a}" for a, x in zip("xyz", d, strict=True) if x) + " up"
                  for d in DIRECTIONS]  # fmt: skip
         return plan, words, ({},) * n, tuple(tuple(map(float, d)) for d in up), np.full(n, TURN_BY_HAND_S)

@@ -146,9 +146,10 @@ class ScheduleComparison:
     def in_words(self) -> str:
         """The comparison in one sentence."""
         quantity = {
-            "D": "the mean radius of the remaining uncertainty", "A": "the rms of the remaining uncertainty",
+            "D": "the mean radius of the remaining uncertainty",
+            "A": "the rms of the remaining uncertainty",
             "position": "the error of position",
-        }[self.criterion]  # fmt: skip
+        }[self.criterion]
         return (
             f"for equal time {quantity} is {self.criterion_ratio:.3g} times as much; sigma is {self.sigma_ratio:.3g} "
             f"of its sigma in the geometric mean over parameters, between {self.smallest:.3g} and {self.largest:.3g}"

@@ -79,9 +79,8 @@ def extra_effects(
 
 
 def _one(
-    said: str, effect: str, axis: str, settings: Mapping[str, str], recordings: Sequence[Recording],
-    held: Sequence[str],
-) -> ExtraEffect:  # fmt: skip
+    said: str, effect: str, axis: str, settings: Mapping[str, str], recordings: Sequence[Recording], held: Sequence[str]
+) -> ExtraEffect:
     cls = known_effect(effect, f"--with {said}")
     if effect in held:
         raise InputError(f"--with {said}: {effect} is in the model of this method anyway; leave it out")

@@ -501,8 +501,9 @@ def _row_sigma(views: Sequence[View], excesses: Sequence[Array] | None = None) -
     """Return one sigma (q,) of all rows, those that are whitened one; excesses: none of a stated noise."""
     parts = map(_variances, views)
     each = [np.zeros(1)] * len(views) if excesses is None else excesses
-    return np.sqrt(np.concatenate([known + w * np.resize(e, len(known)) ** 2
-                                   for (known, w), e in zip(parts, each, strict=True)]))  # fmt: skip
+    return np.sqrt(
+        np.concatenate([known + w * np.resize(e, len(known)) ** 2 for (known, w), e in zip(parts, each, strict=True)])
+    )
 
 
 def _prior_rows(every: Sequence[Parameter]) -> tuple[Array, Array]:

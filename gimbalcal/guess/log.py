@@ -91,8 +91,9 @@ class Log:
         if size <= 1:
             return self
         means = {name: _means(self.columns[name], size) for name in self.names(FORCE, RATE)}
-        return replace(self, columns={name: means.get(name, x[: n // size * size : size])
-                                      for name, x in self.columns.items()})  # fmt: skip
+        return replace(
+            self, columns={name: means.get(name, x[: n // size * size : size]) for name, x in self.columns.items()}
+        )
 
     def shortened(self, dwells: Iterable[Dwell], rows: int) -> Log:
         """Return the log with `rows` rows of each dwell at either end, without those between them and their time."""

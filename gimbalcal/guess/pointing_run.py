@@ -126,13 +126,15 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     named = [n for n in growing if (g := by_name(n)) and g.quantity == "time"]
     clock = next(iter([*named, *(n for n, x in growing.items() if clocks.unit_of_epoch(x))]), "")
     angles = {
-        n: x for n, x in table.columns.items()
+        n: x
+        for n, x in table.columns.items()
         if n != clock and (is_anonymous(n) or _is_readout(n)) and np.all(np.isfinite(x)) and np.ptp(x) > 0
-    }  # fmt: skip
+    }
     pairs = [
-        (a, b) for a, b in combinations(angles, 2)
+        (a, b)
+        for a, b in combinations(angles, 2)
         if len(table.columns) <= MAX_COLUMNS and abs(np.corrcoef(angles[a], angles[b])[0, 1]) > MIN_CORRELATION
-    ]  # fmt: skip
+    ]
     even = {n for n, x in angles.items() if len(angles) > 2 and _is_count(x)}
     pairs = [p for p in pairs if not even.intersection(p)]
     if len(pairs) != 1:

@@ -163,14 +163,15 @@ class UnitComparison:
             common_gravity_sigma_ppm=1e6 * self.gravity,
             due=None if self.due is None else self.due.date().isoformat(),
             calibrations=tuple(
-                ComparedCalibration(d.name, d.date.isoformat(), d.calibration.method, d.calibration.outcome,
-                                    tuple(sorted(d.hashes)))
+                ComparedCalibration(
+                    d.name, d.date.isoformat(), d.calibration.method, d.calibration.outcome, tuple(sorted(d.hashes))
+                )
                 for d in self.calibrations
             ),
             steps=self.steps,
             parameters=tuple(_printed(c) for c in self.histories),
             readout=self.readout.to_dict(),
-        )  # fmt: skip
+        )
 
 
 def compare(

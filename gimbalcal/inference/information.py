@@ -125,8 +125,9 @@ def mean_information(each: Sequence[Information], weights: Array) -> Information
     x = weights @ np.array(estimates)
     spread = np.array(estimates) - x
     P = np.einsum("k,kij->ij", weights, np.array(covariances)) + (spread.T * weights) @ spread
-    chi2 = sum(w * ((info.rows[:, -1] - info.rows[:, :-1] @ (U @ x)) ** 2).sum()
-               for w, info in zip(weights, each, strict=True))  # fmt: skip
+    chi2 = sum(
+        w * ((info.rows[:, -1] - info.rows[:, :-1] @ (U @ x)) ** 2).sum() for w, info in zip(weights, each, strict=True)
+    )
     scale = np.sqrt(np.diag(P))
     root = np.linalg.cholesky(np.linalg.inv(P / np.outer(scale, scale))).T / scale
     rows = np.column_stack([root @ U.T, root @ x])

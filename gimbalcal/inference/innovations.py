@@ -43,9 +43,7 @@ def innovations(Phi: Array, Psi: Array, Q: Array, index: Array, R: Array, P: Arr
 
 
 @compiled
-def _innovations(
-    Phi: Array, Psi: Array, Q: Array, R: Array, index: Array, rows: Array, D: Array, P: Array
-) -> None:  # fmt: skip
+def _innovations(Phi: Array, Psi: Array, Q: Array, R: Array, index: Array, rows: Array, D: Array, P: Array) -> None:
     K, m, p = Psi.shape
     A, B, T, g = np.empty((m, p)), np.empty((m, m)), np.empty((m, m)), np.empty(m)
     for k in range(K):

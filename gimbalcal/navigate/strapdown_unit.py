@@ -124,8 +124,9 @@ def _as_means(recording: Recording) -> Recording:
     """Convert instantaneous rates to means over the interval before, by linear interpolation."""
     if not recording.instant:
         return recording
-    channels = {k: np.append(v[:1], (v[1:] + v[:-1]) / 2) if k[0] in (FORCE, RATE) else v
-                for k, v in recording.channels.items()}  # fmt: skip
+    channels = {
+        k: np.append(v[:1], (v[1:] + v[:-1]) / 2) if k[0] in (FORCE, RATE) else v for k, v in recording.channels.items()
+    }
     return replace(recording, channels=channels, instant=False)
 
 

@@ -54,7 +54,7 @@ def join(sessions: Sequence[Recording]) -> Recording:
         scatter=_shared([r.scatter for r in sessions]),
         remarks=(*(remark for r in sessions for remark in r.remarks), *remarks, remark),
         restarts=restarts,
-    )  # fmt: skip
+    )
 
 
 def refuse_twice(sessions: Sequence[Recording]) -> None:

@@ -99,7 +99,7 @@ def _matrices(c: Calibration) -> list[Context]:
         latex = r", \quad ".join(name + _matrix(M, digits) for name, M, digits in parts)
         units = f"K in {unit} per count, b in counts" if counts else f"K without unit, b in {unit}"
         out.append({"name": triad, "equation": formula(latex) or latex, "units": units})
-    return out  # fmt: skip
+    return out
 
 
 def _matrix(M: Array, digits: str) -> str:

@@ -92,10 +92,11 @@ def _picture(rows: Sequence[ParameterErrors]) -> Picture:
         {"more than chance": np.where(odd, ratio, np.nan)} if odd.any() else {}
     )
     return picture(
-        dots_by_name([naming.label_in_words(r.parameter) for r in rows], series, "RMS error / σ", "times σ", marks,
-                     log=False),
+        dots_by_name(
+            [naming.label_in_words(r.parameter) for r in rows], series, "RMS error / σ", "times σ", marks, log=False
+        ),
         f"Error over sigma of {amount(len(rows), 'parameter')}, from {ratio.min():.2f} to {ratio.max():.2f}; chance "
         f"gives {low:.2f} to {high:.2f}.",
         "RMS error in units of the σ that each run stated. Right of the band σ is too small, left of it too large, as "
         "where it is partly the prior’s.",
-    )  # fmt: skip
+    )

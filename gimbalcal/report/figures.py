@@ -191,8 +191,7 @@ def _hemisphere(labels: Sequence[str], gravity: Array, side: int, of: str, by: s
     at = np.array(list(places), dtype=float)
     who = [",".join(w[:3]) + ("…" if len(w) > 3 else "") for w in places.values()]
     every = [f"{by} {', '.join(w)}" for w in places.values()]
-    marks = (*rings, Points(at[:, 0], at[:, 1], BLUE, size=4, names=every),
-             Words(at[:, 0] + 0.1, at[:, 1] + 0.1, who))  # fmt: skip
+    marks = (*rings, Points(at[:, 0], at[:, 1], BLUE, size=4, names=every), Words(at[:, 0] + 0.1, at[:, 1] + 0.1, who))
     title = f"gravity in {of} axes, {'+' if side > 0 else '−'}z side"
     return Chart(marks, title, "x [g]", "y [g]", square=True, height=260)
 
@@ -265,8 +264,7 @@ def dots_by_name(
                names=[f"{name}: {v:.2g} {means}" for name, v in zip(names, values, strict=True)])
         for k, (label, values) in enumerate(series.items())
     ]  # fmt: skip
-    return Chart((*marks, *dots), x_label=x_label, y_names=list(names)[::-1], log_x=log,
-                 height=14.0 * len(names) + 14)  # fmt: skip
+    return Chart((*marks, *dots), x_label=x_label, y_names=list(names)[::-1], log_x=log, height=14.0 * len(names) + 14)
 
 
 AS_BEFORE = Rule(1.0, "grey", upright=True, dashed=True)  # where a sigma is as large as that of its prior
@@ -296,8 +294,9 @@ def correlation(labels: Sequence[str], matrix: Array) -> Markup:
         if i != j and abs(r) >= MIN_WRITTEN:
             text = f"{r:.1f}".replace("0.", ".").replace("1.0", "1").replace("-", "−")
             where = f'x="{x + cell / 2:.1f}" y="{y + cell / 2 + letter / 3:.1f}"'
-            parts.append(f'<text class="in" style="font-size:{0.82 * letter:.1f}px" {where} '
-                         f'text-anchor="middle">{text}</text>')  # fmt: skip
+            parts.append(
+                f'<text class="in" style="font-size:{0.82 * letter:.1f}px" {where} text-anchor="middle">{text}</text>'
+            )
     whole = edge + p * cell + 4
     frame = f'<path class="axis" d="M{edge:.1f} {edge:.1f}h{p * cell:.1f}v{p * cell:.1f}h{-p * cell:.1f}z"/>'
     wide = f'style="max-width:{min(whole, 640):.0f}px" viewBox="0 0 {whole:.0f} {whole:.0f}"'

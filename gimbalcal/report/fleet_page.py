@@ -102,8 +102,9 @@ def _histogram(p: FleetParameter, value: np.ndarray, inside: np.ndarray, names: 
     density = len(own) * wide * np.exp(-(((x - p.mean) / scatter) ** 2) / 2) / (np.sqrt(2 * np.pi) * scatter)
     marks: list[Mark] = [
         Bars((edges[1:] + edges[:-1]) / 2, np.zeros(bins), count.astype(float), "pale", 0.92 * wide),
-        Line(x, density, BLUE), Rule(0.0),
-    ]  # fmt: skip
+        Line(x, density, BLUE),
+        Rule(0.0),
+    ]
     if names:
         marks.append(Points(value[~inside], np.zeros(len(names)), VERMILION, "diamond", 4.5, names=names))
     return Chart(tuple(marks), title, "", "units", height=150)

@@ -34,9 +34,8 @@ def history_report(c: PrintedComparison, diagnoses: Sequence[tuple[str, str]] = 
             {"date": _day(one.date), "name": one.name, "method": one.method, "outcome": naming.typeset(one.outcome)}
             for one in calibrations
         ],
-        "diagnoses": [{"date": _day(date), "words": naming.typeset(words)}
-                      for date, words in diagnoses],
-    }  # fmt: skip
+        "diagnoses": [{"date": _day(date), "words": naming.typeset(words)} for date, words in diagnoses],
+    }
     return render("compare.html", context)
 
 
@@ -63,9 +62,8 @@ def _facts(c: PrintedComparison) -> list[tuple[str, str]]:
     facts = [
         (str(len(dates)), "calibrations"),
         (f"{significant(seconds / YEAR, 2)} years" if days > 365 else lasting(seconds), "from first to last"),
-        (f"{sum(bool(p.jumps) for p in c.parameters)} of {len(c.parameters)}",
-         "parameters that jumped"),
-    ]  # fmt: skip
+        (f"{sum(bool(p.jumps) for p in c.parameters)} of {len(c.parameters)}", "parameters that jumped"),
+    ]
     if p_values:
         facts.append((p_value(min(p_values)), "smallest p-value of a step"))
     if c.due:
@@ -80,11 +78,12 @@ def _history_row(p: PrintedHistory, names: Sequence[str]) -> dict[str, str]:
     due = [f"due {p.due}"] if p.due else []
     return {
         **estimate(p.name, p.axis, p.values[-1], p.sigmas[-1], p.unit),
-        "change": plus_minus(change, spread), "in_sigmas": minus(f"{change / spread:+.1f}"),
+        "change": plus_minus(change, spread),
+        "in_sigmas": minus(f"{change / spread:+.1f}"),
         "drift": "" if isnan(p.drift_per_year) else plus_minus(p.drift_per_year, p.drift_sigma),
         "scatter": significant(p.scatter, 2) if p.scatter else "none",
         "remark": "; ".join([*jumps, *outliers, *due]),
-    }  # fmt: skip
+    }
 
 
 def _step(s: CalibrationStep, names: Sequence[str]) -> dict[str, str]:
@@ -114,8 +113,9 @@ def _course(p: PrintedHistory, dates: Sequence[datetime], words: str) -> Chart:
     t, x, sigma = days[list(p.calibrations)], np.array(p.values), np.array(p.sigmas)
     odd = np.isin(p.calibrations, [*p.jumps, *p.outliers])
     unit = naming.unit_in_print(p.unit)
-    names = [f"{dates[k]:%Y-%m-%d}: {plus_minus(v, s)} {unit}"
-             for k, v, s in zip(p.calibrations, x, sigma, strict=True)]  # fmt: skip
+    names = [
+        f"{dates[k]:%Y-%m-%d}: {plus_minus(v, s)} {unit}" for k, v, s in zip(p.calibrations, x, sigma, strict=True)
+    ]
     marks: list[Mark] = [Rule(float(x[0]), "pale")]
     for chosen, colour, shape in ((~odd, BLUE, "dot"), (odd, VERMILION, "diamond")):
         own = [n for n, c in zip(names, chosen, strict=True) if c]

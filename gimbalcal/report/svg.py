@@ -233,8 +233,7 @@ def _shape(shape: str, x: float, y: float, r: float, colour: str, name: str) -> 
         start = f'<circle class="{colour}{hollow}" cx="{_n(x)}" cy="{_n(y)}" r="{_n(r)}"'
     elif shape == "square":
         kind = "rect"
-        start = (f'<rect class="{colour}" x="{_n(x - r)}" y="{_n(y - r)}" width="{_n(2 * r)}" '
-                 f'height="{_n(2 * r)}"')  # fmt: skip
+        start = f'<rect class="{colour}" x="{_n(x - r)}" y="{_n(y - r)}" width="{_n(2 * r)}" height="{_n(2 * r)}"'
     else:
         kind, s = "path", r * 1.35
         d = f"l{_n(s)} {_n(s)}l{_n(-s)} {_n(s)}l{_n(-s)} {_n(-s)}z" if shape == "diamond" else (

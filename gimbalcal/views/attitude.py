@@ -211,9 +211,10 @@ def intervals(time: Array, known: Reference, lag: float) -> tuple[NDArray[np.int
     step = float(np.median(dt))
     n = max(2, round(max(INTERVAL_S, 2 * known.step, (time[-1] - time[0]) / MAX_INTERVALS) / step))
     start = [
-        k for k in range(0, len(time) - n, n)
+        k
+        for k in range(0, len(time) - n, n)
         if dt[k : k + n].max() <= PAUSED * step and known.covers(time[k] + lag, time[k + n] + lag)
-    ]  # fmt: skip
+    ]
     return np.array(start, dtype=np.int64), n
 
 

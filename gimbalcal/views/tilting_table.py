@@ -28,7 +28,7 @@ COARSE_STEP_S, FINE_STEP_S = 0.04, 0.01  # s; steps at which the physics is eval
 SIZE_EFFECT = "accelerometer_lever_arm"  # of which a table that tilts about one axis shows what lever_arm is
 TABLE = Measurement(
     "table", "ug", "stretches of ten seconds", channels="the force", channel="the force along {axis}", acts_on=(FORCE,)
-)  # fmt: skip
+)
 
 
 def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: float = COARSE_STEP_S) -> View:

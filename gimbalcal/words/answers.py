@@ -77,8 +77,9 @@ def positions_answer(d: PositionsDesign) -> str:
     text += f" {sentence(d.law.in_words)}" if d.law else ""
     what, which = ("that error", "") if d.position_error else ("σ", ", on average")
     ratios = {n: a.criterion_ratio if d.position_error else a.sigma_ratio for n, a in d.against.items()}
-    compared = [answered(f"In the time that {n} takes, {what} is {x:.2f} times that of {n}{which}")
-                for n, x in ratios.items()]  # fmt: skip
+    compared = [
+        answered(f"In the time that {n} takes, {what} is {x:.2f} times that of {n}{which}") for n, x in ratios.items()
+    ]
     return " ".join([text, *compared, RECORD_IT])
 
 

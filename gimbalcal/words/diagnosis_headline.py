@@ -172,9 +172,10 @@ def size_in_words(f: Finding) -> str:
     sizes = [_one(p) + (f" ({spaced(p.axis)})" if several and p.axis else "") for p in ranked[:2]]
     smaller = f" and {counted(len(parts) - 2, 'smaller', 'smaller')}" if len(ranked) > 2 else ""
     with_constants = "".join(
-        f", {CONSTANTS[_own_name(p)]} {_one(p, counts=True)}" for p in f.parameters
+        f", {CONSTANTS[_own_name(p)]} {_one(p, counts=True)}"
+        for p in f.parameters
         if _own_name(p) in fixed & CONSTANTS.keys() and distinct_from_zero(p.value, p.sigma)
-    )  # fmt: skip
+    )
     return f"{(', ' if smaller else ' and ').join(sizes)}{smaller}{with_constants}" or "of unknown size"
 
 

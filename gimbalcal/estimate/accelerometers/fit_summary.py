@@ -156,10 +156,7 @@ def lost(p: Positions) -> str:
     if schedule is None or not missing:
         return ""
     extra = planned(schedule, float(np.median(recording.weight))).select(np.array(missing) - 1)
-    logged = {
-        key: np.full(len(missing), x.mean()) for key, x in recording.channels.items()
-        if key[0] in FOLLOWED
-    }  # fmt: skip
+    logged = {key: np.full(len(missing), x.mean()) for key, x in recording.channels.items() if key[0] in FOLLOWED}
     extra = extra.with_channels(logged)  # of effects that follow them
     views = [p.view, view_of_positions(extra, p.noise, sorted(p.view.acting or ()))]
     full = solve(information_of(views, fit.effects, fit.parameters))

@@ -248,7 +248,7 @@ def _calibration(fits: Fits, declined: Sequence[tuple[str, str]], own: float) ->
         outcome=outcome,
         provenance=Provenance(recordings=source.source, noise=assumed_noise(noise), options=options),
         stages=tuple(_stage(terms, fitted) for terms, fitted in fits),
-    )  # fmt: skip
+    )
 
 
 def _stage(terms: Sequence[str], fitted: ViewsFit) -> StageResult:

@@ -209,8 +209,9 @@ def _calibration(
         f"misalignments hold how the unit is mounted on the table, which is taken to be good to "
         f"{from_si(MOUNTING_SIGMA_RAD, 'deg'):.2g} deg"
     )
-    options = Options(direction=DIRECTION, frame="the table's axes", in_words=words, stretches=tuple(stretches),
-                      declined=declined)  # fmt: skip
+    options = Options(
+        direction=DIRECTION, frame="the table's axes", in_words=words, stretches=tuple(stretches), declined=declined
+    )
     rate = best.views[0].stimulus.rate
     still = " and ".join(a for a, w in zip("xyz", rate.T, strict=True) if np.abs(w).max() < MIN_RATE)
     seldom = "no recording turns the unit about every axis" + (f", none about {still}" if still else "")

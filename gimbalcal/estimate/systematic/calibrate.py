@@ -198,11 +198,12 @@ def calibrate_jointly(
         parameters=wanted,
         covariance=solution.covariance,
         unobservable=solution.unobservable,
-        residual=Residual(sum(n["sum"] for n in nis), sum(n["dof"] for n in nis), worst.residual.rms,
-                          worst.residual.navigation),
+        residual=Residual(
+            sum(n["sum"] for n in nis), sum(n["dof"] for n in nis), worst.residual.rms, worst.residual.navigation
+        ),
         outcome=". ".join(words),
         provenance=Provenance(options=Options(states=asked, sessions=sessions), limits=limits),
-    )  # fmt: skip
+    )
 
 
 def _common(each: Sequence[tuple[Parameter, ...]]) -> tuple[Parameter, ...]:

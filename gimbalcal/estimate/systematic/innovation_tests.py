@@ -37,8 +37,9 @@ def innovation_statistics(
     n = int(np.count_nonzero(~np.isnan(z)))
     nis, used = float(np.nansum(z**2)), max(n - len(wanted) - 3, 1)
     legs = _legs(segments)
-    by_leg = np.array([np.nansum(z[leg], axis=0) / np.sqrt(np.maximum((~np.isnan(z[leg])).sum(axis=0), 1))
-                       for _, leg in legs])  # fmt: skip
+    by_leg = np.array(
+        [np.nansum(z[leg], axis=0) / np.sqrt(np.maximum((~np.isnan(z[leg])).sum(axis=0), 1)) for _, leg in legs]
+    )
     sum_of_legs, legs_used = float((by_leg**2).sum()), by_leg.size  # degrees of freedom of the fit are not subtracted
     lag = float(np.nansum(z[1:] * z[:-1]) / max(np.nansum(z**2), 1e-300))
     # the unit stays in its place, so the computed displacement is an error

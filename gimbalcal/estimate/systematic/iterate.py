@@ -101,6 +101,5 @@ def iterate(
         converged = move < CONVERGED_SIGMAS and passes > 1 and np.array_equal(excluded_before, excluded)
     assert last is not None  # there is always a first pass
     return SystematicFit(
-        segments, wanted, base_effects, start, prior_mean, theta, unregularised, u, C, excluded, last, passes,
-        converged,
-    )  # fmt: skip
+        segments, wanted, base_effects, start, prior_mean, theta, unregularised, u, C, excluded, last, passes, converged
+    )

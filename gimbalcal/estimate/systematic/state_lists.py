@@ -21,9 +21,8 @@ KEPT: Mapping[str, tuple[str, ...]] = {
 }
 SAME = {"scale_nonlinearity": "quadratic_nonlinearity", "frame_misalignment": "misalignment"}
 UNESTIMATED = frozenset(
-    (i, p.axis)
-    for i in (*KEPT, *SAME) for p in parameters(CATALOGUE[i]) if p.axis not in KEPT.get(i, ())
-)  # fmt: skip
+    (i, p.axis) for i in (*KEPT, *SAME) for p in parameters(CATALOGUE[i]) if p.axis not in KEPT.get(i, ())
+)
 """(Effect, axis) that no filter estimates: the axes are defined so, or another effect is the same."""
 
 
