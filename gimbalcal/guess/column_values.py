@@ -30,6 +30,7 @@ UNLIKE_COUNTS_COST, POSSIBLE_COUNTS_COST = 12.0, 5.0  # nats, of counts; small w
 LSB_DEG_S = (1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 16, 0.07, 0.035, 0.0175, 0.00875, 1 / 14.375, 0.05, 0.02)
 ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are printed, whatever they are
 MAX_UNEVENNESS = 3.0  # nats, between the scatter of the axes of one triad
+MIN_FILLED = 0.9  # of the rows of a column that is looked at
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbers
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
@@ -41,9 +42,12 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     """Return guesses for columns without names: a first column that grows is the time, then forces, then rates.
 
     Forces are three columns whose length is gravity in some unit, or large enough for counts. hint: the quantity that
-    the log is called after.
+    the log is called after. Rows that lack a value, as lines that were cut do, are not looked at.
     """
     out = {}
+    columns = {name: x for name, x in columns.items() if np.mean(np.isfinite(x)) > MIN_FILLED}
+    filled = np.isfinite(np.stack([*columns.values()])).all(axis=0) if columns else np.zeros(0, dtype=bool)
+    columns = {name: x[filled] for name, x in columns.items()} if filled.any() else {}
     growing = [name for name, x in columns.items() if len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]]
     names = [name for name, x in columns.items() if name not in growing and np.nanmin(x) < np.nanmax(x)]
     if growing:

@@ -128,7 +128,10 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     angles = {
         n: x
         for n, x in table.columns.items()
-        if n != clock and (is_anonymous(n) or _is_readout(n)) and np.all(np.isfinite(x)) and np.ptp(x) > 0
+        if n not in (clock, *table.dates)
+        and (is_anonymous(n) or _is_readout(n))
+        and np.all(np.isfinite(x))
+        and np.ptp(x) > 0
     }
     pairs = [
         (a, b)

@@ -180,7 +180,7 @@ def _json(path: Path) -> Mapping[str, Any]:
 
 
 def _columns(path: Path, variables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return vectors and components of matrices of the length that most have, by name, and scalars.
+    """Return vectors and components of matrices of one length, that of most sensors and numbers, by name, and scalars.
 
     Three components are x, y, z, four of them w, x, y, z; a matrix that alone makes the table has columns by number.
     """
@@ -188,10 +188,12 @@ def _columns(path: Path, variables: Mapping[str, Any]) -> dict[str, Any]:
     tall = {
         name: x.T if x.ndim == 2 and x.shape[0] < x.shape[1] else x for name, x in arrays.items() if x.ndim in (1, 2)
     }
-    lengths = Counter({len(x): 0 for x in tall.values()})
-    for x in tall.values():
-        lengths[len(x)] += 1 if x.ndim == 1 else x.shape[1]
-    rows = max((n for n in lengths if n >= MIN_ROWS), key=lambda n: (lengths[n] >= MIN_COLUMNS, n), default=0)
+    width, sensors = Counter[int](), Counter[int]()
+    for name, x in tall.items():
+        width[len(x)] += 1 if x.ndim == 1 else x.shape[1]
+        sensors[len(x)] += bool(quantity_of_log(name))
+    enough = [n for n in width if n >= MIN_ROWS]
+    rows = max(enough, key=lambda n: (width[n] >= MIN_COLUMNS, sensors[n], n * width[n]), default=0)
     if not rows:
         listed = ", ".join(f"{name} {np.shape(x)}" for name, x in list(arrays.items())[:8]) or "nothing"
         raise InputError(f"{path} holds no array with a row for each reading; it has {listed}")

@@ -23,6 +23,7 @@ from gimbalcal.views.noise import NoiseModel
 BLOCK_S = 1.0  # s; a table is tilted over seconds, what is faster shakes building and floor
 HELD_OUT_S = 10.0  # s; rows closer than this are held out together, the table moves as slowly
 MIN_BLOCKS = 3  # means that can differ from one another in more than a trend
+MAX_TILT = 0.2  # of gravity, from the mean force to that of any block: beyond it a table is no longer nearly level
 PRIOR_FACTOR = 3.0  # times the sizes of one unit: sensors of different makers, bolted together
 COARSE_STEP_S, FINE_STEP_S = 0.04, 0.01  # s; steps at which the physics is evaluated, for search and last fit
 SIZE_EFFECT = "accelerometer_lever_arm"  # of which a table that tilts about one axis shows what lever_arm is
@@ -36,7 +37,7 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
 
     What a lever arm makes of a block's mean is the change of rate between its ends: means of the rate over `step` blur
     these, so that the sizes come from fine steps, while coarse ones distinguish the causes. Raises InputError for a
-    table that is logged too shortly, or in counts.
+    table that is logged too shortly or in counts, and for a unit that turns or accelerates far more than a table.
     """
     _refuse(recording)
     fine = averaged(recording, step)
@@ -53,6 +54,13 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
         return linearise(fine.platform, s, effects, channels=channels, read=y, stages=stages).reduced(centred_means)
 
     blocks = averaged(fine, BLOCK_S)
+    change = float(np.linalg.norm(centred_means(y), axis=1).max()) / recording.site.gravity
+    if change > MAX_TILT:
+        raise InputError(
+            f"{recording.title!r}: the force changes by {change:.2g} g, and that of a tilting table by {MAX_TILT:g} g "
+            "at most; hold a unit that is turned further at rest in between, at a stated latitude, or calibrate it "
+            "beside a logged attitude (--method attitude)"
+        )
     in_group = max(1, round(HELD_OUT_S / blocks.step))
     return View(
         TABLE, channels=channels, **recording_fields(blocks), stimulus=s, evaluate=rows, stages=stages,

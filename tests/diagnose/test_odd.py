@@ -219,6 +219,7 @@ REFUSED = {
     "by hand, six positions": (lambda: by_hand(6), ()),
     "one star": (lambda: few_stars(1), ()),
     "a short table": (lambda: tilted(150), ()),
+    "a table turned far": (lambda: changed(tilted(900), {("specific_force", "x"): np.linspace(-3, 3, 900)}), ()),
     "a table in counts": (lambda: tilted(900, specific_force="count"), ()),
     "another kind": (lambda: CLEAN, ("refraction",)),
     "no thermometer": (lambda: changed(CLEAN, without=["temperature"]), ("bias", "bias_temperature")),

@@ -169,6 +169,14 @@ def test_arrays_are_read_by_what_a_file_begins_with(tmp_path, kind):
     np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-6)
 
 
+def test_arrays_of_sensors_make_the_table_whatever_else_is_longer(tmp_path):
+    t, f, w = turned()
+    longer = np.zeros((len(t) + 1, 4))
+    scipy.io.savemat(tmp_path / "log.mat", {"q_reference": longer, "time": t, "Accelerometer": f, "Gyroscope": w})
+    r = propose([tmp_path / "log.mat"]).recording
+    np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-6)
+
+
 def test_what_is_nested_deep_in_json_is_read_with_its_row(tmp_path):
     t, f, w = turned()
     names = ("t", "ax", "ay", "az", "gx", "gy", "gz")
@@ -230,6 +238,16 @@ def test_gyroscopes_alone_are_a_recording_for_their_noise(tmp_path):
     assert {g.quantity for g in by_order(table, "angular_rate").values()} == {"angular_rate"}
 
 
+def test_faces_in_logs_that_begin_with_a_line_cut_off_are_parts_of_one_run(tmp_path):
+    rng, paths = np.random.default_rng(11), []
+    for k, face in enumerate(np.eye(3)):
+        f = np.round(rng.normal(face, 0.01, (300, 3)), 2)
+        paths.append(rows(tmp_path / f"{k}.csv", ",-0.06\n", 52 * np.arange(300), *f.T))
+    r = propose(paths, rate=19.0).recording
+    assert len(r.time) > 890
+    assert [d.position for d in dwells(r)] == [1, 2, 3]
+
+
 def test_a_vehicle_that_never_stops_has_no_rests(tmp_path):
     rng = np.random.default_rng(7)
     t = 0.01 * np.arange(6000)
@@ -280,6 +298,9 @@ def test_columns_below_a_block_of_settings_are_one_axis(tmp_path):
     np.testing.assert_allclose(np.degrees(r.channels["gimbal_angle", "table"]), a, atol=1e-9)
     with_none = rows(tmp_path / "b.csv", "0,0.5", np.arange(1.0, 90), 0.5 + 0.9 * np.arange(1.0, 90))
     assert str(propose([with_none]).recording.kind) == "pointing"
+    stamp = [f"2020-12-08 16:17:{33 + k // 100:02d}.{10 * (k % 100):03d}" for k in range(500)]
+    with refused():  # a time of day that grows as a position does is no angle
+        propose([rows(tmp_path / "c.log", "", stamp, np.arange(500) * 0.01 + 1, mark=" ")])
 
 
 def test_places_on_the_sky_that_stand_once_are_refused_for_that(tmp_path):
