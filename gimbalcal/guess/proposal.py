@@ -300,7 +300,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     """
     refused: list[tuple[float, InputError]] = []
     best: tuple[float, Proposal, Log] | None = None
-    runner_up, of_means, at_rest = (np.inf, "", log), False, tuple[Dwell, ...]()
+    runner_up, of_means, at_rest = (np.inf, log), False, tuple[Dwell, ...]()
     whole: Log | None = None  # whose means are those of candidates with the same columns
     means = log
     candidates = unit_candidates(log, above)
@@ -323,10 +323,10 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
             at_rest = dwells(proposal.recording)
         cost += _physical_cost(proposal, log.has_open_unit("time"))
         if best is None or cost < best[0]:
-            runner_up = (best[0], _units_in_words(best[2]), best[2]) if best else runner_up
+            runner_up = (best[0], best[2]) if best else runner_up
             best, of_means = (cost, proposal, candidate.log), used is not candidate.log
         elif cost < runner_up[0]:
-            runner_up = cost, _units_in_words(candidate.log), candidate.log
+            runner_up = cost, candidate.log
     least, likeliest = min(refused, key=lambda each: each[0], default=(np.inf, InputError("")))
     if best is None or best[0] > least + MAX_EXCESS:
         if "the clock jumps back" in str(likeliest) or "the clock stands still" in str(likeliest):
@@ -337,7 +337,10 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         proposal = _in_units(chosen, context)
     notes = dict(proposal.notes)
     if runner_up[0] < cost + MIN_MARGIN:
-        notes["unit"] = f"the numbers hardly distinguish it from {runner_up[1]}: state it, {_as_options(runner_up[2])}"
+        units = {g.quantity: g.unit for g in runner_up[1].guesses.values() if g.quantity in ("time", RATE)}
+        words = " and ".join(f"{quantity.replace('_', ' ')} in {unit}" for quantity, unit in units.items())
+        options = " ".join(f"--unit {quantity}={unit}" for quantity, unit in units.items())
+        notes["unit"] = f"the numbers hardly distinguish it from {words}: state it, {options}"
     explained = turns_explained(proposal.recording, proposal.turns)
     if explained and explained[0] < MIN_AGREEMENT * explained[1] and not proposal.recording.counted(FORCE):
         well, turns = explained
@@ -375,16 +378,6 @@ def _physical_cost(proposal: Proposal, clock_is_open: bool) -> float:
     if clock_is_open and len(dwells(recording)) < 2 and recording.has(FORCE):  # a single rest shows no unit of a clock
         return 4.0 if changes_direction([recording.channels[FORCE, axis] for axis in "xyz"]) else 0.0
     return 0.0
-
-
-def _units_in_words(log: Log) -> str:
-    units = {g.quantity: g.unit for g in log.guesses.values() if g.quantity in ("time", RATE)}
-    return " and ".join(f"{quantity.replace('_', ' ')} in {unit}" for quantity, unit in units.items())
-
-
-def _as_options(log: Log) -> str:
-    units = {g.quantity: g.unit for g in log.guesses.values() if g.quantity in ("time", RATE)}
-    return " ".join(f"--unit {quantity}={unit}" for quantity, unit in units.items())
 
 
 def common_factor(turns: MeasuredTurns | None) -> str:
