@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from gimbalcal.diagnose.search.refit import with_constants
 from gimbalcal.diagnose.search.relinearise import about_first_cause
 from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
 from gimbalcal.diagnose.search.stepwise import SearchResult, refined, result_of, stepwise
-from gimbalcal.diagnose.verdict.decide import reported_probability
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.mismatch import view_mismatches
@@ -34,7 +34,6 @@ from gimbalcal.diagnose.verdict.random_walk import PartOfWalk, RandomWalkFinding
 from gimbalcal.diagnose.verdict.threshold import detection_limits
 from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
 from gimbalcal.diagnose.view_result import ViewDiagnosis
-from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.units import from_si
@@ -58,43 +57,40 @@ def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
     tell(f"again, as {diagnosis_sentences.walk_in_words(walk).partition(' wanders')[0]} may wander")
     again = judged_diagnosis(stepwise(walking, tell), tell)
     part = part_of_walk(ln_odds, bool(again.findings), bool(again.unexplained), bool(steady.findings))
-    if part is PartOfWalk.NONE:
-        return again
-    if part is PartOfWalk.BESIDE:  # a drift may be the walk itself
-        drifts = any(CATALOGUE[f.effect].role.time_drift for f in again.findings)
-        return (replace(again, verdict="not-identifiable") if drifts else again).with_walk(walk, only=False)
-    if part is PartOfWalk.SHARED:
-        shared = tuple(
-            replace(f, probability=reported_probability(walk.share_of(f.probability))) for f in steady.findings
-        )
-        return replace(steady, verdict="not-identifiable", findings=shared).with_walk(walk, only=False)
-    return diagnosis_with(result_of(c.start, (), refused=True), (), tell, walk)
+    if part is PartOfWalk.INSTEAD:
+        return _view_diagnosis(result_of(c.start, (), refused=True), (), tell, walk)
+    return (steady if part is PartOfWalk.SHARED else again).beside(replace(walk, part=part))
 
 
 def judged_diagnosis(c: SearchResult, tell: Tell) -> ViewDiagnosis:
     """Return the diagnosis that a search through a view ends in."""
-    return diagnosis_with(*confirmed(c, tell), tell)
+    c, verdicts = confirmed(c, tell)
+    formulas = partial(_by_formulas, c, verdicts, tell) if verdicts and not c.start.exact else None
+    return _view_diagnosis(c, verdicts, tell).challenged(formulas)
 
 
-def diagnosis_with(
+def _by_formulas(c: SearchResult, verdicts: Sequence[Judgement], tell: Tell) -> tuple[ViewDiagnosis | None, bool]:
+    """Return the diagnosis by a formula in the place of causes that it is much likelier than, if there are any."""
+    tell("comparing the causes with formulas in what was recorded")
+    names = {cause.key for cause in causes_replaced_by_a_formula(c, [j.cause for j in verdicts])}
+    rest = [this for this in c.causes if this[0].key not in names]
+    if not names:
+        return None, False
+    without = result_of(c.start, rest, [x for x in c.standard if x in rest], refused=True)
+    kept = [j for j in verdicts if j.cause.key not in names]
+    formulas = _view_diagnosis(without, kept, tell, refused=True).challenged(None)
+    return (formulas if formulas.laws else None), True
+
+
+def _view_diagnosis(
     c: SearchResult, verdicts: Sequence[Judgement], tell: Tell, walk: RandomWalkFinding | None = None,
     refused: bool = False,
 ) -> ViewDiagnosis:  # fmt: skip
     """Return the diagnosis of a search whose causes have been judged, with formulas for what has no known cause.
 
-    A cause gives way to a formula that is much likelier. walk: that of a sensor which the formulas compete with; then
-    something is missing even if it has no shape. refused: whether a cause has been removed for a formula.
+    walk: that of a sensor which the formulas compete with; then something is missing even if it has no shape. refused:
+    whether a cause has been removed for a formula.
     """
-    doubted = False
-    if verdicts and not refused and walk is None and not c.start.exact:
-        tell("comparing the causes with formulas in what was recorded")
-        if names := {cause.key for cause in causes_replaced_by_a_formula(c, [j.cause for j in verdicts])}:
-            rest = [this for this in c.causes if this[0].key not in names]
-            without = result_of(c.start, rest, [x for x in c.standard if x in rest], refused=True)
-            kept = [j for j in verdicts if j.cause.key not in names]
-            if (by_formula := diagnosis_with(without, kept, tell, refused=True)).laws:
-                return by_formula
-            doubted = True
     v = c.start.view
     if v.finer is not None:
         tell("refitting at the full resolution")
@@ -117,7 +113,7 @@ def diagnosis_with(
         fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
         if lawful.known and not findings and not refused and walk is None:
             with_known = result_of(c.start, lawful.known, refused=True)
-            perhaps = diagnosis_with(with_known, judged_in_turn(with_known), tell, refused=True)
+            perhaps = _view_diagnosis(with_known, judged_in_turn(with_known), tell, refused=True).challenged(None)
             return replace(perhaps.doubted(), unexplained=shapes)
         lawful = with_heldout(lawful, fit_law)
         if walk is not None:
@@ -137,16 +133,11 @@ def diagnosis_with(
     if verdict == "adequate" and not c.start.exact:
         remaining = library(c.end)
         fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
-    if verdict in ("missing-physics", "not-identifiable"):  # what was named may make rows that took no part worse
-        most = max(fit.heldout_rms_before, diagnosis_sentences.MAX_HELDOUT_RATIO * fit.rms_after)
-        if fit.heldout_rms_after > most:
-            doubted, outcome = True, diagnosis_sentences.WORSE_HELD_OUT
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
         recommend=recommend, outcome=outcome,
     )  # fmt: skip
-    diagnosis = diagnosis.doubted() if doubted else diagnosis
     return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
 
 

@@ -30,6 +30,7 @@ from gimbalcal.diagnose.laws.law_claims import (
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import (
     Evidence,
+    FitSummary,
     Mismatch,
     RecordingFit,
     SeparateVerdict,
@@ -46,7 +47,12 @@ from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.findings import findings_of_recordings
 from gimbalcal.diagnose.verdict.joint_fit import JointFit, RecordingPart, joint_fit, parts_of
 from gimbalcal.diagnose.verdict.mismatch import LEFT, MAX_CELLS, Scan, scan, scanned_mismatches
-from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
+from gimbalcal.diagnose.verdict.random_walk import (
+    PartOfWalk,
+    RandomWalkFinding,
+    decide_with_walk,
+    without_single_walks,
+)
 from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limits
 from gimbalcal.diagnose.verdict.verify import known_noise_shifts, residual_rows, verify
 from gimbalcal.diagnose.view_result import Contradiction, ViewDiagnosis
@@ -117,29 +123,28 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
         for s, x in (zip(searches, each, strict=True) if len(views) > 1 else ())
     ]
     case = _Case(clean, tuple(alone), known, rng, seed, tell)
-    if walk is not None and d.verdict == "adequate":  # unless a deterministic law is as probable as the random walk
+    if walk is not None and walk.part is PartOfWalk.INSTEAD:  # unless a deterministic law is as probable as the walk
         none, law, odds = beyond_walk(without_walks, walk, seed, tell)
         return _view_diagnosis(case, without_walks, none, law).against_walk(walk, odds)
     diagnosis = _view_diagnosis(case, c, d)
-    if walk is not None:
-        return diagnosis.with_walk(walk, only=False)
-    assert isinstance(diagnosis.fit, StatedNoiseFit)
-    if d.hypothesis is None:
-        return diagnosis
-    worse = diagnosis.fit.heldout_after > diagnosis.fit.heldout_before
-    if not worse and not _challenged(c, d.hypothesis.members, diagnosis.fit):
-        return diagnosis
+    formulas = partial(_by_formulas, case, c, d, diagnosis.fit) if walk is None else None
+    return diagnosis.challenged(formulas).beside(walk)
+
+
+def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple[ViewDiagnosis | None, bool]:
+    """Return the diagnosis by a formula where causes leave something, and whether the causes are doubtful."""
+    assert isinstance(fit, StatedNoiseFit)
+    assert d.hypothesis is not None
+    if not fit.predicts_worse and not _leave_something(c, d.hypothesis.members, fit):
+        return None, False
     none = unnamed(c)
-    law = lawful(c, none, seed, tell, instead=True)
+    law = lawful(c, none, case.seed, case.tell, instead=True)
     if law.laws:
-        return _view_diagnosis(case, c, none, law)
-    if worse:
-        return replace(diagnosis.doubted(), outcome=diagnosis_sentences.WORSE_HELD_OUT)
-    doubted = law.formula_is_likelier or diagnosis.fit.explained < MIN_EXPLAINED
-    return diagnosis.doubted() if doubted else diagnosis
+        return _view_diagnosis(case, c, none, law), False
+    return None, law.formula_is_likelier or fit.explained < MIN_EXPLAINED
 
 
-def _challenged(c: Ranking, members: Sequence[int], fit: StatedNoiseFit) -> bool:
+def _leave_something(c: Ranking, members: Sequence[int], fit: StatedNoiseFit) -> bool:
     """Return whether causes leave something that a formula may explain: more than noise, or what a formula follows."""
     if fit.scan_p_after < LEFT or strained(c, members) >= CLAIM:
         return True
@@ -313,7 +318,7 @@ def _mean_fit(answers: Sequence[RecordingAnswer], lead: int) -> StatedNoiseFit:
 def _recording_entry(c: Ranking, k: int, x: RecordingAnswer, alone: SeparateDecision) -> RecordingFit:
     """Return one recording in `fit`: what it is, its numbers, and what it alone would have said."""
     s = c.searches[k]
-    walks = alone.walk is not None and alone.decision.verdict == "adequate"
+    walks = alone.walk is not None and alone.walk.part is PartOfWalk.INSTEAD
     verdict = "unexplained" if walks else alone.decision.verdict
     separate = SeparateVerdict(verdict, _verdict_in_words(alone), round(s.ln_total, 3), round(alone.needed, 3))
     return RecordingFit(k + 1, s.fit.view.title, s.fit.view.kind, x.fit, separate)

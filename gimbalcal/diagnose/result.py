@@ -15,6 +15,8 @@ from gimbalcal.entries import Entry, Json
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, to_si
 
+MAX_HELDOUT_RATIO = 5.0  # of held-out rms to fitted rms; above it the data do not test the model
+
 
 @dataclass(frozen=True)
 class Estimate(Entry):
@@ -276,6 +278,11 @@ class FitSummary(Entry):
         """Return the residual of a view over the noise of its samples, and the view; 0 where that noise is unknown."""
         return 0.0, ""
 
+    @property
+    def predicts_worse(self) -> bool:
+        """Return whether rows held out are predicted worse with what was found than without it."""
+        return self.heldout_after > self.heldout_before
+
 
 @dataclass(frozen=True, kw_only=True)
 class StatedNoiseFit(FitSummary):
@@ -319,6 +326,16 @@ class ViewFit(FitSummary):
         """The rms residual over the standard error from the scatter of the samples, and the view."""
         chi2 = list((self.chi2_of_samples_after or {}).values())
         return (sum(chi2) / max(len(chi2), 1)) ** 0.5, self.noise.of
+
+    @property
+    def predicts_worse(self) -> bool:
+        """Return whether rows held out are predicted worse with what was found, and far worse than fitted rows."""
+        return self.untested and self.heldout_rms_after > self.heldout_rms_before
+
+    @property
+    def untested(self) -> bool:
+        """Return whether rows held out are off far more than fitted ones: a parameter depends on one of them."""
+        return self.heldout_rms_after >= MAX_HELDOUT_RATIO * self.rms_after
 
 
 @dataclass(frozen=True)

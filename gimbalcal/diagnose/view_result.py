@@ -9,7 +9,9 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.result import Evidence, Finding, FitSummary, LawResult, Mismatch, Shape
-from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
+from gimbalcal.diagnose.verdict.decide import reported_probability
+from gimbalcal.diagnose.verdict.random_walk import PartOfWalk, RandomWalkFinding
+from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import Fit, View
@@ -80,6 +82,32 @@ class ViewDiagnosis:
             outcome=diagnosis_sentences.walk_as_explanation(walk, only),
         )
 
+    def beside(self, walk: RandomWalkFinding | None) -> ViewDiagnosis:
+        """Return the diagnosis of causes beside the walk of a sensor, which has its share of them or none."""
+        if walk is None or walk.part is PartOfWalk.NONE:
+            return self
+        d = self
+        if walk.part is PartOfWalk.SHARED:
+            shared = (replace(f, probability=reported_probability(walk.share_of(f.probability))) for f in d.findings)
+            d = replace(d, verdict="not-identifiable", findings=tuple(shared))
+        elif any(CATALOGUE[f.effect].role.time_drift for f in d.findings):  # a drift may be the walk itself
+            d = replace(d, verdict="not-identifiable")
+        return d.with_walk(walk, only=False)
+
     def against_walk(self, walk: RandomWalkFinding, ln_odds: float) -> ViewDiagnosis:
         """Return the diagnosis, the walk of a sensor beside its formulas, which are so much likelier than the walk."""
         return self if ln_odds > CLAIM else self.with_walk(walk, only=ln_odds < -CLAIM)
+
+    def challenged(self, by_formulas: Callable[[], tuple[ViewDiagnosis | None, bool]] | None) -> ViewDiagnosis:
+        """Return the diagnosis after formulas and rows held out have been asked whether its causes stand.
+
+        by_formulas: the diagnosis by formulas in the place of causes, if there is one, and whether causes are doubtful.
+        """
+        if not self.findings:
+            return self
+        formulas, doubtful = by_formulas() if by_formulas else (None, False)
+        if formulas is not None:
+            return formulas
+        if self.fit.predicts_worse:
+            return replace(self.doubted(), outcome=diagnosis_sentences.WORSE_HELD_OUT)
+        return self.doubted() if doubtful else self

@@ -31,7 +31,6 @@ MAX_ALTERNATIVES = 3  # confounded causes up to which each of them may be named
 GYROSCOPES_NOT_ANALYSED = "The gyroscopes were not analysed"
 MAX_TIMES = 3  # of omitted frames that are named
 MAX_EXCESS_SCATTER = 1.5  # of residuals over the standard error from their samples; more has a reason
-MAX_HELDOUT_RATIO = 5.0  # of held-out rms to fitted rms; above it the data do not test the model
 
 
 # --- an effect --------------------------------------------------------------------------------------------------------
@@ -306,7 +305,7 @@ def omitted_frames(times: Array, size: float) -> str:
 
 def untested(v: View, fit: ViewFit) -> str:
     """Return that held-out rows are off far more than fitted ones, as for too few rows; empty otherwise."""
-    if fit.heldout_rms_after < MAX_HELDOUT_RATIO * fit.rms_after:
+    if not fit.untested:
         return ""
     rows = v.measurement.rows
     return (

@@ -32,11 +32,20 @@ UNITS = {"specific_force": "ug/sqrt(h)", "angular_rate": "deg/h/sqrt(h)"}  # of 
 STEP = float(np.log(SINGLE_WALK[1] / SINGLE_WALK[0]))
 
 
+class PartOfWalk(Enum):
+    """The part that the random walk of one sensor has in a verdict."""
+
+    NONE = "causes or a shape stand without it"
+    BESIDE = "causes stand, and the walk as well"
+    SHARED = "a cause that is named without it is about as likely"
+    INSTEAD = "no cause is as likely; it competes with formulas"
+
+
 @dataclass(frozen=True)
 class RandomWalkFinding:
     """A sensor, its random walk with one sigma in its unit of print, and ln of the odds to causes without it.
 
-    ln_total: ln Bayes factor of the walk against nothing, to weigh formulas by.
+    ln_total: ln Bayes factor of the walk against nothing, to weigh formulas by; part: that of the walk in the verdict.
     """
 
     axis: str
@@ -46,6 +55,7 @@ class RandomWalkFinding:
     ln_total: float
     quantity: str = "specific_force"
     recording: int = 0  # the number of the one of several that shows it, else 0
+    part: PartOfWalk = PartOfWalk.NONE
 
     @property
     def unit(self) -> str:
@@ -63,15 +73,6 @@ class RandomWalkFinding:
     def share_of(self, probability: float) -> float:
         """Return what the walk leaves of the probability of a cause."""
         return float(probability / (1 + np.exp(self.ln_odds)))
-
-
-class PartOfWalk(Enum):
-    """The part that the random walk of one sensor has in a verdict."""
-
-    NONE = "causes or a shape stand without it"
-    BESIDE = "causes stand, and the walk as well"
-    SHARED = "a cause that is named without it is about as likely"
-    INSTEAD = "no cause is as likely; it competes with formulas"
 
 
 def part_of_walk(ln_odds: float, named: bool, shaped: bool, named_without: bool) -> PartOfWalk:
@@ -96,8 +97,9 @@ def decide_with_walk(s: Ranking, without_walks: Ranking, needed: float) -> tuple
         return d, None
     other = decide(without_walks, needed)
     part = part_of_walk(walk.ln_odds, False, d.verdict != "adequate", other.hypothesis is not None)
+    walk = replace(walk, part=part)
     if part is PartOfWalk.SHARED:
-        return replace(other.scaled(walk.share_of), verdict="not-identifiable"), walk
+        return replace(other, verdict="not-identifiable"), walk
     return (d, None) if part is PartOfWalk.NONE else (replace(d, verdict="adequate"), walk)
 
 
