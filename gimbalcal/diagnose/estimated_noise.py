@@ -44,7 +44,7 @@ MIN_SETTINGS = 20  # whose residuals show a correlation
 SERIAL_SIGMAS = 5.0  # of a correlation of successive residuals that is none by chance
 
 
-def diagnose_view(v: View, tell: Tell) -> ViewDiagnosis:
+def diagnose_estimated_noise(v: View, tell: Tell) -> ViewDiagnosis:
     """Return the diagnosis of a view whose scale of noise is fitted, in which one sensor may walk alone."""
     c = about_first_cause(stepwise(v, tell), tell)
     steady = judged_diagnosis(c, tell)

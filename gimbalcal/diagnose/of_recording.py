@@ -20,7 +20,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.estimated_noise import diagnose_view
+from gimbalcal.diagnose.estimated_noise import diagnose_estimated_noise
 from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.search.refit import start
@@ -108,7 +108,7 @@ def diagnose_recording(request: DiagnosisRequest) -> Diagnosis:
     """Diagnose every view of a recording, and return one diagnosis. Raises InputError where nothing is to compare."""
     recording, notes = request.recording, list[str]()
     if recording.kind.stabilised:
-        parts = [_known(request, request.baseline)]
+        parts = [diagnose_views(request, known_view(request, request.baseline))]
     elif recording.kind.view or (recording.kind.rotating and lacks_known_attitude(recording)):
         parts, notes = of_single_view(request)
     elif not lacks_known_attitude(recording):
@@ -131,9 +131,12 @@ def known_view(request: DiagnosisRequest, baseline: Sequence[str]) -> View:
     return replace(v, misheld=cache(partial(misheld_positions, recording))) if recording.kind.in_positions else v
 
 
-def _known(request: DiagnosisRequest, baseline: Sequence[str]) -> ViewDiagnosis:
-    """Diagnose the forces at known attitude of one recording."""
-    return diagnose_known_noise([known_view(request, baseline)], request.calibration, request.seed, request.tell)
+def diagnose_views(request: DiagnosisRequest, *views: View) -> ViewDiagnosis:
+    """Diagnose a view, or views of several recordings that share the unit, by what is known of their noise."""
+    if views[0].noise.scale_known:
+        return diagnose_known_noise(views, request.calibration, request.seed, request.tell)
+    (v,) = views
+    return diagnose_estimated_noise(v, request.tell)
 
 
 def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
@@ -151,7 +154,7 @@ def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
             request.tell(f"{r.title}: {alone}")
     ids = [baseline_of(r, request.recordings, request.baseline) for r in request.recordings]
     views = [known_view(request.of(r), own) for r, own in zip(request.recordings, ids, strict=True)]
-    diagnosis = diagnose_known_noise(views, request.calibration, request.seed, request.tell)
+    diagnosis = diagnose_views(request, *views)
     return joint_diagnosis([diagnosis], [], [list(own) for own in ids], request.seed)
 
 
@@ -196,7 +199,7 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
         request = request.of(request.recording.select(np.flatnonzero(frames == 0)))
     while True:
         v = single_view(request)
-        d = diagnose_view(v, request.tell)
+        d = diagnose_views(request, v)
         n = len(v)
         sought = v.kind.sighting and not v.noise.own_memories and n <= MAX_FILTERED_STARS and rounds < ROUNDS
         off = outliers(d.curves.after) if sought else []
@@ -240,7 +243,7 @@ def of_triads(request: DiagnosisRequest) -> Parts:
         recording = _at_one_attitude(recording)
     diagnoses: list[ViewDiagnosis] = []
     if recording.has(FORCE) and (mine or not request.baseline):
-        diagnoses.append(diagnose_view(norm(recording, mine), tell))
+        diagnoses.append(diagnose_views(request, norm(recording, mine)))
     if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not request.baseline)):
         return diagnoses, []
     calibration = calibration_of(diagnoses, "") if diagnoses else request.calibration
@@ -249,7 +252,7 @@ def of_triads(request: DiagnosisRequest) -> Parts:
         note = diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)
         tell(note)
         return diagnoses, [note]
-    still = diagnose_view(at_rest, tell)
+    still = diagnose_views(request, at_rest)
     diagnoses.append(still)
     if gyro:
         return diagnoses, []
@@ -260,7 +263,7 @@ def of_triads(request: DiagnosisRequest) -> Parts:
         return diagnoses, [
             diagnosis_sentences.motion_not_analysed("too few turns were logged to say how the unit turned")
         ]
-    diagnoses.append(diagnose_view(moving, tell))
+    diagnoses.append(diagnose_views(request, moving))
     turns = diagnoses[-1].model
     late, notes = of_slews(request, calibration, turns.effects if turns else ())
     return [*diagnoses, *late], notes
@@ -286,7 +289,7 @@ def of_slews(request: DiagnosisRequest, calibration: Calibration, gyro: Sequence
     if isinstance(v, str):
         return [], [diagnosis_sentences.motion_not_analysed(v)]
     request.tell("the slews: do all channels agree in time")
-    return [diagnose_view(v, request.tell)], []
+    return [diagnose_views(request, v)], []
 
 
 def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
@@ -335,7 +338,7 @@ def _on_table(request: DiagnosisRequest, table: View) -> Parts:
             "gyroscope effect, or record rests in several attitudes"
         )
     request.tell(f"the gyroscopes: {table.measurement.channels}")
-    part = diagnose_view(replace(table, baseline=tuple(gyro) or table.baseline), request.tell)
+    part = diagnose_views(request, replace(table, baseline=tuple(gyro) or table.baseline))
     together = tuple(replace(table, source=r) for r in request.recordings) if len(request.recordings) > 1 else ()
     notes = [diagnosis_sentences.FORCES_NOT_ANALYSED] if any(r.has(FORCE) for r in request.recordings) else []
     return [replace(part, together=together)], notes
@@ -350,7 +353,7 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool = False) -> Parts:
     mine, gyro = by_triad(request.baseline)
     parts, notes = list[ViewDiagnosis](), list[str]()
     if (recording.has(FORCE) or not recording.has(RATE)) and (mine or not request.baseline):
-        parts.append(_known(request, mine))
+        parts.append(diagnose_views(request, known_view(request, mine)))
     forces = parts[0].calibration if parts else None
     if recording.has(RATE) and not (mine and not gyro):
         calibration = request.calibration if forces is None else _accelerometers(forces)
@@ -401,7 +404,7 @@ def _gyroscopes(
 
     def looked(v: View) -> ViewDiagnosis:
         request.tell(f"the gyroscopes: {v.measurement.channels}")
-        return diagnose_view(v, request.tell)
+        return diagnose_views(request, v)
 
     diagnoses = [looked(replace(still, missed_by_turns=None))]
     if turning and (at_rest := found_at_rest(diagnoses[0])):
