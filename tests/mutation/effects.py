@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Stimulus, accelerometer, gyroscope, parameters, values, with_values
 from gimbalcal.effects.effect import Stage
 from gimbalcal.number import Array
 from tests.effects.stimulus import GIMBALS, example, given
@@ -17,10 +17,8 @@ Contribution = Callable[[Effect, Stimulus], Array]
 QUANTITIES = (
     "force", "rate", "angle", "move_force", "earlier_move_force", "move_angle", "temperature", "load", "attitude",
 )  # fmt: skip
-MODULES = (
-    "accelerometer", "covariate", "drift", "false_rate", "gimbal", "ground", "gyroscope", "history", "memory", "motion",
-    "nonlinearity", "pointing", "thermal",
-)  # fmt: skip
+SHARED = ("accelerometer", "false_rate", "history")  # modules whose functions other modules call
+MODULES = sorted({cls.__module__.rsplit(".", 1)[1] for cls in CATALOGUE.values()} | set(SHARED))
 NOTICED = 1e-12
 
 
@@ -92,15 +90,15 @@ def rewritten(terms: int = 1) -> Iterator[Mutant]:
 
 def users(mutant: Mutant) -> list[str]:
     """The effects that can show a change of a module: its own, and all where others use it."""
-    shared = mutant.module.rsplit(".", 1)[1] in {"history", "accelerometer", "false_rate"}
+    shared = mutant.module.rsplit(".", 1)[1] in SHARED
     return [n for n, cls in sorted(CATALOGUE.items()) if shared or cls.__module__ == mutant.module]
 
 
 def is_noticed(mutant: Mutant) -> bool:
-    """Whether any effect's number leaves its law while the mutant is in place."""
+    """Whether any effect's number leaves its law while the mutant is in place, or a matrix of a triad its inverse."""
     before = mutant.install()
     try:
-        return any(not _holds(name) for name in users(mutant))
+        return any(not _holds(name) for name in users(mutant)) or not _matrices_agree()
     finally:
         before()
 
@@ -108,5 +106,16 @@ def is_noticed(mutant: Mutant) -> bool:
 def _holds(name: str) -> bool:
     try:
         return off_its_law(name) <= NOTICED and (name not in REMEMBER or off_its_states(name) <= EXACT)
+    except Exception:  # noqa: BLE001 - a mutant that cannot even be evaluated is noticed
+        return False
+
+
+def _matrices_agree() -> bool:
+    """Whether the matrix of a triad leans as a misalignment does, and its inverse gives the constants back."""
+    s, beta, rate = 1e-3 * np.arange(1.0, 4.0), 1e-3 * np.arange(1.0, 7.0), np.array([0.3, -0.5, 0.7])
+    try:
+        M = gyroscope.rate_matrix(s, beta)
+        leans = np.abs((1 + s) * (M @ rate) - rate - accelerometer.lean(beta, rate)).max() < NOTICED
+        return bool(leans and np.abs(np.concatenate(gyroscope.of_rate_matrix(M)) - np.append(s, beta)).max() < NOTICED)
     except Exception:  # noqa: BLE001 - a mutant that cannot even be evaluated is noticed
         return False
