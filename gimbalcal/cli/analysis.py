@@ -145,7 +145,6 @@ def diagnose(
     """Find where the data differ from the model, which physics was omitted, and what it changes."""
     from gimbalcal.calibration.exchange import read_calibration
     from gimbalcal.diagnose import diagnose as run
-    from gimbalcal.diagnose.cost import with_cost
     from gimbalcal.methods import by_sensor, cross_checks
     from gimbalcal.pipeline import load
     from gimbalcal.report.console import findings_table, headline_and_numbers
@@ -157,7 +156,6 @@ def diagnose(
     start = read_calibration(known) if known else None
     tell, groups = output.tell, by_sensor(load(recordings, output.tell))
     diagnoses = [run(each, calibration=start, baseline=baseline, seed=seed, tell=tell, grade=grade) for each in groups]
-    diagnoses = [with_cost(each, d, tell) for each, d in zip(groups, diagnoses, strict=True)]
     if target is not None:
         own = sensor_folders(groups)
         titles = [" and ".join(dict.fromkeys(r.title for r in loaded)) for loaded in groups]

@@ -13,6 +13,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.calibration.correction import refuse_other_gimbals
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.diagnose.answer import Diagnosis
+from gimbalcal.diagnose.cost import with_cost
 from gimbalcal.diagnose.law_calibration import with_laws
 from gimbalcal.diagnose.of_recording import (
     DiagnosisRequest,
@@ -84,7 +85,8 @@ def diagnose(
     if known is not None and diagnosis.calibration is not None:
         diagnosis = replace(diagnosis, calibration=with_fleet(diagnosis.calibration, known, recordings))
     diagnosis = with_laws(diagnosis, request, known or grade)
-    return _with_effect_files(replace(diagnosis, provenance={**diagnosis.provenance, **provenance}))
+    diagnosis = _with_effect_files(replace(diagnosis, provenance={**diagnosis.provenance, **provenance}))
+    return with_cost(recordings, diagnosis, tell)
 
 
 def _with_effect_files(diagnosis: Diagnosis) -> Diagnosis:
