@@ -83,9 +83,8 @@ def calibrate_in_three_stages(request: Request) -> Calibration:
 
 
 def three_stage(
-    recordings: Sequence[Recording], tell: Tell = silent, more: Sequence[ExtraEffect] = (), grade: str = "",
-    judged: bool = True,
-) -> Calibration:  # fmt: skip
+    recordings: Sequence[Recording], tell: Tell = silent, more: Sequence[ExtraEffect] = (), grade: str = ""
+) -> Calibration:
     """Calibrate the accelerometers of a space-stable platform from a multi-position recording, a static run, or both.
 
     1. coarse: faces give scale factors and biases, tilted positions gimbal zeros and misalignments (section 3);
@@ -94,19 +93,16 @@ def three_stage(
     3. system level: force, gimbals and attitude error of the static run (section 5), added as information.
 
     `more` joins the fits of stage 2 and 3; `grade` is that of the unit, by which sizes are expected (else it is
-    estimated from the noise); not `judged`, its outcome does not say which larger noise would explain a misfit. Raises
-    InputError when there is neither kind of recording, or two of a kind.
+    estimated from the noise). Raises InputError when there is neither kind of recording, or two of a kind.
     """
     recordings = [completed(r) for r in recordings]
     unit = graded(recordings, grade)
     tell(unit.in_words)
-    calibration = _three_stages(unit.of(recordings), tell, more, judged)
+    calibration = _three_stages(unit.of(recordings), tell, more)
     return replace(calibration, provenance=calibration.provenance.with_options(grade=unit.origin))
 
 
-def _three_stages(
-    recordings: Sequence[Recording], tell: Tell, more: Sequence[ExtraEffect], judged: bool
-) -> Calibration:
+def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[ExtraEffect]) -> Calibration:
     device, run = _one_of_each(recordings)
     at_rest = static_readings(run) if run is not None else None
     if device is None and at_rest is not None:
@@ -133,7 +129,7 @@ def _three_stages(
         extra = fit(views, wanted).extension(more)
         shown = extra.shown(device.why_not_shown)
         positions = trusted_positions(device, shown.effects, shown.parameters)
-    both = joint(positions, second, judged)
+    both = joint(positions, second)
     stages = (*first.stages, *second.stages, *both.stages)
     if at_rest is None:
         return extra.complete(replace(both, method="three-stage", stages=stages))

@@ -80,8 +80,8 @@ def _card(text: str) -> str:
     """Return a card as plain text, with formulas in letters."""
     import re
 
-    from gimbalcal.report.formulas import plain_formula
     from gimbalcal.words.naming import typeset
+    from gimbalcal.words.plain_formula import plain_formula
 
     text = re.sub(
         r"^\.\. math::((?:.+\n?)(?:[ \t]+.*\n?)*)",

@@ -27,7 +27,6 @@ from gimbalcal.diagnose.laws.law_claims import (
     ln_evidence_of_formula,
     misheld,
 )
-from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.result import (
     Evidence,
     FitSummary,
@@ -161,15 +160,15 @@ def searched(view: View, known: Calibration | None, tell: Tell) -> Search:
         o = scale_to_scatter(fit_baseline(view, start, steps=0))
     o = about_settings(o)
     tell("comparing every cause of the catalogue, alone and in pairs")
-    s = search(o, library(o), noises(o))
+    s = search(o)
     if nominal:
         tell("again, about the constants that belong to what was found")
         o = about_causes(s)
-        s = search(o, library(o), noises(o))
+        s = search(o)
     if more := wandering(s):
         who = f"accelerometer {more[0].single_walk}" if more[0].single_walk else "all accelerometers"
         tell(f"again, as {who} may wander")
-        s = search(o, library(o), (*noises(o), *more))
+        s = search(o, nodes=(*noises(o), *more))
     return s
 
 
@@ -250,8 +249,8 @@ def _recording_answer(c: Ranking, d: Decision, k: int, joint: JointFit, rng: np.
     physical, node = part.columns, with_shape.projection.node
     before = scan(s.fit, s.rows, node, rng)
     after = scan(s.fit, s.rows, node, rng, s.fit.reduced(physical)) if f.index else before
-    fitted = verify(s, f if f.index else with_shape, physical, before.p_value, after.p_value)
-    fitted = replace(fitted, calibration_moved=known_noise_shifts(s, f) if f.index else ())
+    fitted = verify(f if f.index else with_shape, physical, before.p_value, after.p_value)
+    fitted = replace(fitted, calibration_moved=known_noise_shifts(f) if f.index else ())
     v = s.fit.view
     remainder, rest = residual_rows(s.fit, physical @ joint.sizes(part))
     sigma, units = in_print(v.channels, np.broadcast_to(s.fit.sigma, remainder.shape))

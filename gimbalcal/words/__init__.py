@@ -1,1 +1,1 @@
-"""Generate what a person reads: names, numbers and units as printed, and sentences on fits, findings and laws."""
+"""Generate what a person reads as text: names, numbers, formulas and units as printed, and sentences on all results."""

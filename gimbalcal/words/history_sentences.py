@@ -24,7 +24,7 @@ def comparison_in_words(c: UnitComparison) -> str:
     """Return a summary: whether the unit changed, which parameters most, and when to calibrate."""
     n, of = len(c.calibrations), f" of {c.unit}" if c.unit else ""
     ordered = c.calibrations
-    first, last = (day_of(d.date, ordered) for d in (ordered[0], ordered[-1]))
+    first, last = (day_in_words(d.date, ordered) for d in (ordered[0], ordered[-1]))
     start = f"{n} calibrations{of} from {first} to {last}"
     moved = sorted((h for h in c.histories if h.moved), key=lambda h: -h.clear)
     if not moved and not c.significant:
@@ -69,8 +69,8 @@ def _dates_in_words(c: UnitComparison) -> str:
     return ""
 
 
-def day_of(date: datetime, among: Sequence[DatedCalibration]) -> str:
-    """Return a date, with its time where another calibration is of the same day."""
+def day_in_words(date: datetime, among: Sequence[DatedCalibration]) -> str:
+    """Return a date in words, with its time where another calibration is of the same day."""
     alone = sum(d.date.date() == date.date() for d in among) == 1
     return f"{date:%Y-%m-%d}" if alone else f"{date:%Y-%m-%d %H:%M:%S}"
 
@@ -78,7 +78,7 @@ def day_of(date: datetime, among: Sequence[DatedCalibration]) -> str:
 def _change(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
     """Describe the change of one parameter."""
     unit, name = c.parameter.unit, _parameter_name(c.parameter)
-    days = [day_of(ordered[k].date, ordered) for k in c.at]
+    days = [day_in_words(ordered[k].date, ordered) for k in c.at]
     when = [f" between {days[k - 1]} and {days[k]}" if len(ordered) > 2 else "" for k in c.jumps]
     parts = [f"jumped by {_sized(size, unit)}{w}" for size, w in zip(c.sizes, when, strict=False)]
     if c.drifts:
@@ -96,12 +96,12 @@ def _change(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
 def _next_step(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
     """Return what to do about a parameter that changed."""
     if c.jumps:
-        after = day_of(ordered[c.at[c.jumps[-1]]].date, ordered)
+        after = day_in_words(ordered[c.at[c.jumps[-1]]].date, ordered)
         return f"use the calibration of {after} and later for what was recorded since, and look for what happened then"
     if c.drifts:
         return "use the last one, as long as it holds"
     if c.outliers:
-        return f"look at the report of {day_of(ordered[c.at[c.outliers[0]]].date, ordered)}, and leave it out"
+        return f"look at the report of {day_in_words(ordered[c.at[c.outliers[0]]].date, ordered)}, and leave it out"
     return "count on this scatter from one switching-on to the next, not on the sigmas"
 
 

@@ -42,7 +42,7 @@ def diagnosed(recording, *words):
 
     def without(effect):
         others = [w for w, e in zip(words, effects, strict=True) if e != effect]
-        return three_stage([recording], more=extra_effects(others, [recording], ()), judged=False)
+        return three_stage([recording], more=extra_effects(others, [recording], ()))
 
     findings = tuple(named(e, "x") for e in effects)
     return Diagnosis("missing-physics", (), findings, (), FIT, calibration=made, without=without)

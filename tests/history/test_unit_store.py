@@ -18,7 +18,7 @@ import pytest
 from gimbalcal.errors import InputError
 from gimbalcal.history import DatedCalibration, StoredResult, keep, kept, of_store
 from gimbalcal.history.unit_store import when
-from gimbalcal.words.history_sentences import day_of
+from gimbalcal.words.history_sentences import day_in_words
 from tests.golden import refused
 from tests.history.calibrations import SIGMA, START, calibration, history
 
@@ -103,8 +103,8 @@ def test_a_date_without_a_zone_is_in_utc_and_two_of_a_day_have_their_time(monkey
         monkeypatch.undo()
         time.tzset()
     assert evening.date == datetime(2024, 2, 3, 20, tzinfo=UTC)
-    assert day_of(evening.date, [evening]) == "2024-02-03"
-    assert day_of(evening.date, [morning, evening]) == "2024-02-03 20:00:00"
+    assert day_in_words(evening.date, [evening]) == "2024-02-03"
+    assert day_in_words(evening.date, [morning, evening]) == "2024-02-03 20:00:00"
 
 
 def test_units_and_strange_files_are_told_apart(tmp_path):

@@ -34,7 +34,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("history.fleet", "fleet_of_store", "not rests_on_fleet(c)", "True"),
     ),
     "history/test_unit_store.py": (
-        ("words.history_sentences", "day_of", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
+        ("words.history_sentences", "day_in_words", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
         ("history.unit_store", "dated", 'e.content.get("provenance", {}).get("created") or e.date', "e.date"),
         ("history.unit_store", "when", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
         ("history.unit_store", "_digest", 'k != "created"', 'k != "recordings"'),

@@ -21,13 +21,12 @@ from gimbalcal.diagnose.laws.law_curve import curves_of
 from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
 from gimbalcal.diagnose.laws.law_search import ABSORBED, RARE, Ground, Law, aliases, laws_of, same, trimmed
 from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared, with_cause
-from gimbalcal.diagnose.library.assemble import library
-from gimbalcal.diagnose.library.candidates import Candidate, Library
+from gimbalcal.diagnose.library.candidates import Candidate, Library, SelectedCause
 from gimbalcal.diagnose.result import LawCurve, LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
-from gimbalcal.diagnose.search.ranking import Ranking, Search, is_usual, likeliest_variants, search
+from gimbalcal.diagnose.search.ranking import Ranking, Search, is_usual, search, selected_causes
 from gimbalcal.diagnose.search.refit import fitted_columns, with_columns
-from gimbalcal.diagnose.search.stepwise import Key, SearchResult, SelectedCause, with_causes
+from gimbalcal.diagnose.search.stepwise import Key, SearchResult, with_causes
 from gimbalcal.diagnose.verdict.agreement import against, inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
 from gimbalcal.diagnose.verdict.mismatch import LEFT, scan
@@ -208,8 +207,7 @@ def ln_evidence_of_formula(ranked: Ranking, members: Sequence[int]) -> float:
         own.append(with_cause(s, f.members))
         nodes.append(f.projection.node)
         dof = len(s.rows.Q) - s.rows.q - len(f.index)
-        chi2 = float(f.projection.misfit[0]) - f.projection.explained(f.index)
-        excess.append((chi2 - dof) / np.sqrt(2 * max(dof, 1)))
+        excess.append((f.misfit - dof) / np.sqrt(2 * max(dof, 1)))
     each = [g for s, node in zip(own, nodes, strict=True) if (g := ground(s, node)) is not None]
     if not each or max(excess) < MIN_EXCESS_SIGMAS:
         return -np.inf
@@ -242,7 +240,7 @@ def _cancels(law: Law, x: Array) -> bool:
 def _known(ranked: Ranking, ln_evidence: float) -> str:
     """Known causes that are as likely as a law of this evidence, by name; empty where none are."""
     every = ranked.library.candidates
-    h = next((h for h in ranked.hypotheses if not h.unknown(every)), None)
+    h = ranked.best_known
     if h is None or h.ln_weight < ln_evidence:
         return ""
     return " and ".join(f"{spaced(every[m].effect)} {every[m].axis}".strip() for m in h.members)
@@ -250,10 +248,8 @@ def _known(ranked: Ranking, ln_evidence: float) -> str:
 
 def likeliest_known(s: Search) -> tuple[SelectedCause, ...]:
     """Return the causes of the likeliest hypothesis without a shape, each with its likeliest constants."""
-    every = s.library.candidates
-    h = next(h for h in s.hypotheses if not h.unknown(every))
-    chosen_of = likeliest_variants(s, h.members)
-    return tuple((every[i], every[i].variants[n]) for i, n in zip(h.members, chosen_of, strict=True))
+    assert s.best_known is not None
+    return selected_causes(s, s.best_known.members)
 
 
 @dataclass(frozen=True)
@@ -283,10 +279,10 @@ def _law_in_recording(bare: Search, s: Search, columns: Array, rng: np.random.Ge
     f = fit_causes(extended, (0,))
     explained = extended.library.X if columns.any() else None
     p_value = scan(s.fit, s.rows, f.projection.node, rng, explained)
-    checked = verify(extended, f, physical)
+    checked = verify(f, physical)
     if s is not bare:
         same = next(p for p in bare.projections if p.node is f.projection.node)
-        none = verify(bare, replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.fit.residual.shape, 0)))
+        none = verify(replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.fit.residual.shape, 0)))
         checked = replace(checked, chi2_reduced_before=none.chi2_reduced_before, heldout_before=none.heldout_before)
     weight = inverse_of(f.covariance * np.outer(scale, scale))
     return LawFit(f.x * scale, weight, p_value.p_value, strained(extended, (0,)), checked)
@@ -304,7 +300,7 @@ def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -
     for own in dict.fromkeys([special, *((cause,) for cause in special)]):
         names = {cause.key for cause in own}
         without = with_causes(c.start, [this for this in c.causes if this[0].key not in names])
-        s = search(without, library(without), noises(without))
+        s = search(without)
         b = _compared_in(without, s)
         if b is None or not b.laws or b.laws[0].evidence < max(h.ln_weight for h in s.hypotheses) + CLAIM:
             continue
@@ -356,7 +352,7 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
     shapes shows nothing missing, a formula also needs the prior odds of an unknown cause. The caller states the
     held-out misfit, as it has the numbers of the view. known: causes in the model, as --with takes them.
     """
-    v, laws, with_them, remaining = m.view, list[LawResult](), m, search(m, library(m), noises(m))
+    v, laws, with_them, remaining = m.view, list[LawResult](), m, search(m)
     one = float(np.sqrt(np.mean(v.noise.weighted(sigma) ** 2)))
     hidden = remaining.ln_total < CLAIM
     while not laws or (remaining.ln_total >= 2 * CLAIM and len({o.effect for o in laws}) < MOST):
@@ -382,7 +378,7 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
         ids = [o.effect for o in laws]
         new = found(best, x, covariance, (0.0, 0.0), others, v.title, ids, v, (*known, *b.name))
         laws += _with_curves(new, curves_of(best, x, covariance, with_them.residual, g, others))
-        remaining = search(with_them, library(with_them), noises(with_them))
+        remaining = search(with_them)
     return Lawful(tuple(laws)), with_them
 
 

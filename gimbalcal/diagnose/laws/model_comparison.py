@@ -19,7 +19,7 @@ from gimbalcal.diagnose.evidence.projection import projected
 from gimbalcal.diagnose.laws.grounds import ground, together
 from gimbalcal.diagnose.laws.law_search import Ground, Law, laws_of
 from gimbalcal.diagnose.library.candidates import Candidate, Library
-from gimbalcal.diagnose.search.fitted_causes import columns_of_causes, fit_causes
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, log_evidence, reduced
 from gimbalcal.diagnose.search.refit import with_columns
 
@@ -106,7 +106,7 @@ def with_cause(s: Search, members: Sequence[int]) -> Search:
     """The search with these causes, at their likeliest constants, as part of its model and nothing in its library."""
     if not members:
         return s
-    X = columns_of_causes(s, fit_causes(s, members))
+    X = fit_causes(s, members).columns()
     known = s.fit.view.noise.scale_known
     fit = replace(s.fit, jacobian=np.concatenate([s.fit.jacobian, X], axis=2)) if known else with_columns(s.fit, X)
     none, nodes = Library((), np.zeros((len(s.rows.Q), 0))), [p.node for p in s.projections]

@@ -222,10 +222,10 @@ def _scanned(
         level = np.array([np.median(power[max(i - NEAR, 0) : i + NEAR + 1]) for i in range(len(power))])
         power = power / np.maximum(level, 1e-300)
     step = float(every[1] - every[0])
-    chosen = set(between_scanned(every[peaks(power, PEAKS)], step))
+    chosen = set(between_scanned(every[_peaks(power, PEAKS)], step))
     if orders > 1:
         numbers, of_series = power_of_harmonics(power, every, orders)
-        chosen |= set(between_scanned(numbers[peaks(of_series, PEAKS)], 1 + np.ceil(step / orders)))
+        chosen |= set(between_scanned(numbers[_peaks(of_series, PEAKS)], 1 + np.ceil(step / orders)))
     return [((whole.name, m),) for m in sorted(chosen)], len(every)
 
 
@@ -275,8 +275,8 @@ def power_of_harmonics(power: Array, every: Array, orders: int) -> tuple[Array, 
     return numbers, np.asarray(padded[np.minimum(at, len(power))].sum(axis=1))
 
 
-def peaks(power: Array, count: int) -> list[int]:
-    """Ordinals of the highest local maxima, in order."""
+def _peaks(power: Array, count: int) -> list[int]:
+    """Return the ordinals of the highest local maxima of a scan over whole numbers, in order."""
     padded = np.concatenate([[-np.inf], power, [-np.inf]])
     top = np.flatnonzero((power >= padded[:-2]) & (power >= padded[2:]))
     return sorted(int(i) for i in top[np.argsort(-power[top])][:count])

@@ -80,6 +80,10 @@ class Candidate:
         return not self.rival and any(kind(f).once for f in constants(CATALOGUE[self.effect]))
 
 
+SelectedCause = tuple[Candidate, Variant]
+"""A cause with one choice of its nonlinear constants."""
+
+
 @dataclass(frozen=True)
 class Library:
     """All candidates and their columns X (R, P) as reduced rows, in units of prior sigmas."""

@@ -28,7 +28,8 @@ from gimbalcal.diagnose.evidence.projection import (
 )
 from gimbalcal.diagnose.evidence.scale import Free
 from gimbalcal.diagnose.evidence.stated_noise import coloured
-from gimbalcal.diagnose.library.candidates import Candidate, Layout, Library
+from gimbalcal.diagnose.library.assemble import library as library_of
+from gimbalcal.diagnose.library.candidates import Candidate, Layout, Library, SelectedCause
 from gimbalcal.diagnose.search.refine import refine
 from gimbalcal.diagnose.search.refit import channels_of
 from gimbalcal.effects import CATALOGUE
@@ -118,6 +119,11 @@ class Ranking:
     def unknown(self) -> float:
         """Probability that no cause of the catalogue explains all of it, given that something is missing."""
         return float(self.posterior()[[h.unknown(self.library.candidates) for h in self.hypotheses]].sum())
+
+    @property
+    def best_known(self) -> Hypothesis | None:
+        """The likeliest hypothesis without a shape, if there is one."""
+        return next((h for h in self.hypotheses if not h.unknown(self.library.candidates)), None)
 
     def posterior(self) -> Array:
         """Probability of each hypothesis given that something is missing."""
@@ -216,12 +222,14 @@ def rms_misfit(fit: Fit) -> float:
     return max(float(np.sqrt(np.mean(fit.view.noise.weighted(fit.residual) ** 2))), 1e-300)
 
 
-def search(fit: Fit, library: Library, nodes: Sequence[Node]) -> Search:
+def search(fit: Fit, candidates: Library | None = None, nodes: Sequence[Node] = ()) -> Search:
     """Compare what may be missing from a model: singles, and pairs where one is found wanting or none is found.
 
-    In a noise of known scale constants are refined here, and candidates that the calibration takes up are left out;
-    else a fit with all constants follows each round.
+    The candidates are those of the catalogue and the noises those of the view, if no others are given. In a noise of
+    known scale constants are refined here, and candidates that the calibration takes up are left out; else a fit with
+    all constants follows each round.
     """
+    library, nodes = candidates or library_of(fit), nodes or noises(fit)
     rows = reduced(fit, library.X, nodes)
     projections = projected(nodes, rows, layout=library.layout)
     if fit.view.noise.scale_known:
@@ -338,10 +346,7 @@ def beside(
     weighty = weightiest(projections, joint[:, members[0]], keep - 1) | {nominal}
     hypotheses, gains = [], []
     for k, looser in itertools.product(sorted(weighty), projections[0].scale.looser):
-        p, ln = projections[k], float(null[k])
-        for i in members:
-            p, gained = given(p, library.candidates[i], looser)
-            ln += gained
+        p, ln = given_all(projections[k], [library.candidates[i] for i in members], float(null[k]), looser)
         hypotheses.append(p)
         gains.append(ln)
     rows = gather(hypotheses, library.layout)[:, seconds] + np.array(gains)[:, None]
@@ -357,6 +362,14 @@ def weightiest(projections: Sequence[Projection], ln: Array, keep: int) -> set[i
     return {int(k) for k in best[:keep] if ln[k] > ln[best[0]] - CLOSE}
 
 
+def given_all(p: Projection, causes: Sequence[Candidate], ln: float, looser: int = 0) -> tuple[Projection, float]:
+    """Return the projection with all causes in the model, and `ln` with the ln BF that they gained."""
+    for c in causes:
+        p, gained = given(p, c, looser)
+        ln += gained
+    return p, ln
+
+
 def given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, float]:
     """The projection with a cause in the model (its best variant and size), and the ln BF it gained.
 
@@ -370,20 +383,19 @@ def given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, flo
     return condition(p, np.array(c.variants[best].index), float(p.scale.sizes[size])), ln
 
 
-def likeliest_variants(s: Search, members: Sequence[int]) -> tuple[int, ...]:
-    """The variants of the members that are likeliest in any one noise, chosen one after the other."""
+def selected_causes(s: Search, members: Sequence[int]) -> tuple[SelectedCause, ...]:
+    """Return the members, each with the constants that are likeliest in any one noise, chosen one after the other."""
     every = s.library.candidates
-    best: tuple[float, tuple[int, ...]] = (-np.inf, ())
+    best: tuple[float, tuple[SelectedCause, ...]] = (-np.inf, ())
     weight = s.joint[:, members[0]] if len(members) and s.joint.size else s.null  # none was ranked
     for k in sorted(weightiest(s.projections, weight, len(s.null))):
         p, null = s.projections[k], s.null[k]
-        chosen: list[int] = [0] * len(members)
+        chosen = [(every[m], every[m].variants[0]) for m in members]
         for _ in range(2):
-            for j, m in enumerate(members):
-                at = zip(members, chosen, strict=True)
-                others = [i for n, (o, v) in enumerate(at) if n != j for i in every[o].variants[v].index]
-                chosen[j] = int(np.argmax([p.explained(v.index, others) for v in every[m].variants]))
-        index = [i for m, v in zip(members, chosen, strict=True) for i in every[m].variants[v].index]
+            for j, (c, _) in enumerate(chosen):
+                others = [i for n, (_, variant) in enumerate(chosen) if n != j for i in variant.index]
+                chosen[j] = c, c.variants[int(np.argmax([p.explained(v.index, others) for v in c.variants]))]
+        index = [i for _, variant in chosen for i in variant.index]
         ln = float(p.scale.gained(p.misfit[0], np.array(p.explained(index)))) + float(null)
         best = max(best, (ln, tuple(chosen)), key=lambda b: b[0])
     return best[1]

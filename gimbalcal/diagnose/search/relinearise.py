@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.stated_noise import curved, scale_to_scatter
-from gimbalcal.diagnose.search.fitted_causes import calibration_fit, fit_causes, fitted_effects
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.search.stepwise import SearchResult, stepwise
 from gimbalcal.effects import Effect, Stage, values, with_values
@@ -83,11 +83,11 @@ def _at(o: Fit, x: Array, delta: Array, remaining: float) -> Fit:
 
 def about_causes(s: Search) -> Fit:
     """Return the rows linearised about the best known cause and the constants that go with it."""
-    f = fit_causes(s, next((h.members for h in s.hypotheses if not h.unknown(s.library.candidates)), ()))
-    _, shift, _ = calibration_fit(s, f)
+    f = fit_causes(s, s.best_known.members if s.best_known else ())
+    _, shift, _ = f.calibration()
     names = s.fit.view.stimulus.axis_names
     causes = []
-    for effect, c in fitted_effects(s, f):
+    for effect, (c, _) in zip(f.effects(), f.causes, strict=True):
         (none,) = with_values((effect,), c.parameters, np.zeros(len(c.parameters)), names)
         causes.append((none, c.parameters, values((effect,), c.parameters)))
     bare = linearised_at(s.fit, shift, causes)

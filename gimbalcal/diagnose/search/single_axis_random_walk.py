@@ -106,8 +106,8 @@ def with_single_walks(v: View, walks: Sequence[SingleWalk]) -> View:
 def found_in(c: SearchResult) -> float:
     """Return the ln Bayes factor of all that a search found, and of what its last model leaves, against nothing."""
     known = library(c.start)
-    anything = search(c.start, known, noises(c.start)).ln_total
+    anything = search(c.start, known).ln_total
     if not c.steps:
         return anything
     named = ln_odds(c.start, c.causes, log_shares(c.start.view, known))
-    return max(anything, named + max(search(c.end, library(c.end), noises(c.end)).ln_total, 0.0))
+    return max(anything, named + max(search(c.end).ln_total, 0.0))

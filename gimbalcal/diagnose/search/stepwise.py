@@ -12,15 +12,15 @@ from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
 from gimbalcal.diagnose.evidence.scale import NEAR_PRIOR, NEAR_SIZES, Free
 from gimbalcal.diagnose.library.assemble import constants_of, library
-from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
+from gimbalcal.diagnose.library.candidates import Candidate, Library, SelectedCause, Variant
 from gimbalcal.diagnose.search.ranking import (
     bayes_factors,
     is_usual,
-    likeliest_variants,
     log_priors,
     projections_of,
     rms_misfit,
     search,
+    selected_causes,
     total,
 )
 from gimbalcal.diagnose.search.refit import refit, start, with_columns, with_constants
@@ -35,8 +35,6 @@ MAX_ROUNDS = 8
 RANK = 1e-12  # of the information about a parameter of the baseline: less is rounding
 SWAP = 1.0  # ln of odds by which another cause must be likelier to take a place
 Key = tuple[str, str, str, str]
-SelectedCause = tuple[Candidate, Variant]
-"""A cause with one choice of its nonlinear constants."""
 
 
 @dataclass(frozen=True)
@@ -316,7 +314,7 @@ def likeliest_missing(model: Fit, memory: bool = False, against: Candidate | Non
     claim: together they may mimic what one shape says. With a shape in the model almost any cause seems needed, as it
     resembles a part of what the shape only sketches.
     """
-    s = search(model, library(model), noises(model, memory))
+    s = search(model, nodes=noises(model, memory))
     every = s.library.candidates
     shapes = [h for h in s.hypotheses if all(every[i].rival for i in h.members)]
     known = [
@@ -327,9 +325,8 @@ def likeliest_missing(model: Fit, memory: bool = False, against: Candidate | Non
     best = known[0] if named else shapes[0]
     rival = [h.ln_weight for h in known if against and any(every[i].key == against.key for i in h.members)]
     lead = best.ln_weight - max(rival) if rival and named else 0.0
-    variants = [every[i].variants[n] for i, n in zip(best.members, likeliest_variants(s, best.members), strict=True)]
-    causes = tuple((every[i], variant) for i, variant in zip(best.members, variants, strict=True))
-    columns = model.expanded(s.library.X[:, [k for variant in variants for k in variant.index]])
+    causes = selected_causes(s, best.members)
+    columns = model.expanded(s.library.X[:, [k for _, variant in causes for k in variant.index]])
     return Round(causes, best.ln_bayes, s.ln_total, named, columns, lead)
 
 

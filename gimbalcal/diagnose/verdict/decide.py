@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
-from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, given, needed
+from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, given_all, needed
 from gimbalcal.diagnose.verdict.judgement import Judgement, best_evidence, judgement
 from gimbalcal.number import Array
 
@@ -94,11 +94,8 @@ def _gain_of_other_noise(s: Search, members: Sequence[int]) -> float:
     """Return the same of one view."""
     likelihood = []
     for p, ln in zip(s.projections, s.null, strict=True):
-        here, total = p, float(ln) - float(np.log(p.node.prior))
-        for i in members:
-            here, gained = given(here, s.library.candidates[i])
-            total += gained
-        likelihood.append(total)
+        causes = [s.library.candidates[i] for i in members]
+        likelihood.append(given_all(p, causes, float(ln) - float(np.log(p.node.prior)))[1])
     stated = int(np.argmax([p.node.prior for p in s.projections]))
     return max(likelihood) - likelihood[stated]
 

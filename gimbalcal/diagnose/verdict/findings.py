@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
-from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
 from gimbalcal.diagnose.result import Estimate, Finding, RecordingSize, SizeAgreement
 from gimbalcal.diagnose.search.ranking import Ranking, is_usual
 from gimbalcal.diagnose.search.refit import constants_with_sigma
 from gimbalcal.diagnose.search.stepwise import (
     Key,
     SearchResult,
-    SelectedCause,
     likeliest_missing,
     result_of,
     with_causes,
@@ -24,7 +23,7 @@ from gimbalcal.diagnose.verdict.agreement import against
 from gimbalcal.diagnose.verdict.decide import Decision, reported_probability
 from gimbalcal.diagnose.verdict.joint_fit import JointFit
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
-from gimbalcal.diagnose.verdict.separation import advice_in_words, advise
+from gimbalcal.diagnose.verdict.separation import advise
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, row_sigma
 from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
@@ -34,7 +33,7 @@ from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
 from gimbalcal.pipeline import Tell
 from gimbalcal.views.core import Fit
-from gimbalcal.words.diagnosis_sentences import cause_in_words
+from gimbalcal.words.diagnosis_sentences import cause_in_words, separation_advice
 from gimbalcal.words.naming import spaced
 
 SERIES = 3.0  # times the whole misfit, that one of several causes may be
@@ -203,11 +202,12 @@ def _experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int) -> str:
         both = [k for k in c.sees(alike) if ordinal in joint.parts[k].ordinals]
         for k in sorted(both, key=lambda k: -joint.parts[k].significance(ordinal))[:1]:
             part, s = joint.parts[k], c.searches[k]
-            cause, variant = part.cause(ordinal), part.fit.variants[part.ordinals.index(ordinal)]
-            size = joint.size(ordinal)[0] / np.array([p.sigma for p in cause.parameters])
+            cause = part.fit.causes[part.ordinals.index(ordinal)]
+            size = joint.size(ordinal)[0] / np.array([p.sigma for p in cause[0].parameters])
             (at,) = c.within((alike,), k)
             other = s.library.candidates[at]
-            return advice_in_words(advise(s.fit, cause, variant, size, other), cause, other)
+            a = advise(s.fit, cause, size, other)
+            return separation_advice(a.words, a.hours, a.ln_bayes, spaced(cause[0].effect), spaced(other.effect))
     return ""
 
 

@@ -33,9 +33,6 @@ from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Constants
 from gimbalcal.diagnose.search.fitted_causes import (
     FittedCauses,
-    calibration_fit,
-    columns_of_causes,
-    constant_value,
     fit_causes,
 )
 from gimbalcal.diagnose.search.ranking import Ranking, Search
@@ -69,20 +66,24 @@ WIDE = 30.0  # sigmas that the prior of a cause spans at least: what rows know l
 
 @dataclass(frozen=True, eq=False)
 class RecordingPart:
-    """One recording: its search, the causes that it shows fitted to it alone, and their ordinals among all causes.
+    """One recording: the causes that it shows fitted to it alone, and their ordinals among all causes.
 
     constants: of each of these causes, common to all recordings.
     """
 
-    search: Search
     fit: FittedCauses
     ordinals: tuple[int, ...]
     constants: tuple[Constants, ...]
 
     @property
+    def search(self) -> Search:
+        """The search of this recording."""
+        return self.fit.search
+
+    @property
     def causes(self) -> tuple[Candidate, ...]:
         """The causes that the recording shows."""
-        return tuple(self.search.library.candidates[m] for m in self.fit.members)
+        return tuple(c for c, _ in self.fit.causes)
 
     def cause(self, ordinal: int) -> Candidate:
         """Return a cause as the recording shows it."""
@@ -90,17 +91,16 @@ class RecordingPart:
 
     def significance(self, ordinal: int) -> float:
         """Return the significance [sigma] of a cause beyond all else; zero where it is not shown."""
-        return self.fit.significance[self.ordinals.index(ordinal)] if ordinal in self.ordinals else 0.0
+        return self.fit.significance(self.ordinals.index(ordinal)) if ordinal in self.ordinals else 0.0
 
     def spread(self, ordinal: int) -> dict[str, float]:
         """Return how far each constant of a cause that is shown may be off among the values that were tried, SI."""
-        each = constant_value(self.search, self.fit, self.ordinals.index(ordinal))
-        return {name: sigma for name, _, sigma in each}
+        return {name: sigma for name, _, sigma in self.fit.constants(self.ordinals.index(ordinal))}
 
     @property
     def columns(self) -> Array:
         """The columns (n, C, p) of the causes per prior sigma."""
-        return columns_of_causes(self.search, self.fit, self.constants)
+        return self.fit.columns(self.constants)
 
     @cached_property
     def wanted(self) -> tuple[Parameter, ...]:
@@ -121,21 +121,20 @@ class RecordingPart:
         fit = fit_causes(self.search, [self.fit.members[n] for n in kept])
         fit = replace(fit, weights=self.fit.weights, projection=self.fit.projection)
         named = tuple(ordinals[self.ordinals[n]] for n in kept)
-        return RecordingPart(self.search, fit, named, tuple(self.constants[n] for n in kept))
+        return RecordingPart(fit, named, tuple(self.constants[n] for n in kept))
 
     @cached_property
     def start(self) -> tuple[Effect, ...]:
         """The model and the causes as this recording alone shows them, fitted together."""
-        fit, s, at = self.search.fit, self.search.fit.view.stimulus, 0
-        _, with_causes, _ = calibration_fit(self.search, self.fit)
+        fit, s = self.search.fit, self.search.fit.view.stimulus
+        _, with_causes, _ = self.fit.calibration()
         x = values(fit.effects, fit.parameters) + with_causes * [p.sigma for p in fit.parameters]
         effects = with_values(fit.effects, fit.parameters, x, s.axis_names)
-        for c, own in zip(self.causes, self.constants, strict=True):
-            size = self.fit.x[at : at + len(c.parameters)] * [p.sigma for p in c.parameters]
-            at += len(c.parameters)
+        for n, (c, own) in enumerate(zip(self.causes, self.constants, strict=True)):
             if c.effect not in {e.id for e in effects}:
                 effects = (*effects, c.absent(s, own))
-            effects = with_values(effects, c.parameters, values(effects, c.parameters) + size, s.axis_names)
+            x = values(effects, c.parameters) + self.fit.size(n)
+            effects = with_values(effects, c.parameters, x, s.axis_names)
         return effects
 
     def information(self, effects: Sequence[Effect], wide: Mapping[Parameter, Parameter]) -> Information:
@@ -162,19 +161,15 @@ def parts_of(c: Ranking, members: Sequence[int]) -> tuple[RecordingPart, ...]:
     own = [fit_causes(s, c.within(members, k)) for k, s in enumerate(c.searches)]
     common = [_common(c, members, j, own) for j in range(len(members))]
     out = []
-    for k, s in enumerate(c.searches):
+    for k in range(len(c.searches)):
         ordinals = _ordinals(c, members, k)
-        shared = tuple(common[j] or _variant(s, own[k], n) for n, j in enumerate(ordinals))
-        out.append(RecordingPart(s, own[k], ordinals, shared))
+        shared = (common[j] or chosen.constants for j, (_, chosen) in zip(ordinals, own[k].causes, strict=True))
+        out.append(RecordingPart(own[k], ordinals, tuple(shared)))
     return tuple(out)
 
 
 def _ordinals(c: Ranking, members: Sequence[int], recording: int) -> tuple[int, ...]:
     return tuple(j for j, m in enumerate(members) if recording in c.sees(m))
-
-
-def _variant(s: Search, f: FittedCauses, n: int) -> Constants:
-    return s.library.candidates[f.members[n]].variants[f.variants[n]].constants
 
 
 def _common(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCauses]) -> Constants:
@@ -190,7 +185,7 @@ def _common(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCaus
     total = np.zeros(len(tried))
     for k, one in candidates.items():
         s, n = c.searches[k], _ordinals(c, members, k).index(j)
-        rest = [i for o in range(len(own[k].members)) if o != n for i in own[k].columns_of(s, o)]
+        rest = own[k].columns_beside(n)
         columns = [columns_at(s.fit, one, at) for at in tried]
         X = np.concatenate([s.library.X[:, rest], *columns], axis=1)
         p = project(own[k].projection.node, rows_like(s.rows, X))
@@ -233,9 +228,7 @@ class JointFit:
         part, wanted = self.parts[recording], self.causes[ordinal].parameters
         if self.causes[ordinal].effect in self.differing:
             n, scale = part.ordinals.index(ordinal), np.array([p.sigma for p in wanted])
-            first = sum(len(c.parameters) for c in part.causes[:n])
-            at = list(range(first, first + len(wanted)))
-            return part.fit.x[at] * scale, np.sqrt(np.diag(part.fit.covariance)[at]) * scale
+            return part.fit.size(n), np.sqrt(np.diag(part.fit.covariance)[part.fit.own(n)]) * scale
         keep = [self.wide[p] for p in wanted]
         info = self._of_sizes(recording)
         solution = solve(info.without([p for p in info.parameters if p not in keep], flat=True))
@@ -259,9 +252,7 @@ class JointFit:
         twice = frozenset(effect for effect, each in chosen.items() if len(each) > 1)
         if not twice or len(self.parts) > 1:
             return twice
-        f = self.parts[0].fit
-        chi2_with_own = float(f.projection.misfit[0]) - f.projection.explained(f.index)
-        return twice if self.solution.chi2 > chi2_with_own + MIN_CHI2_DIFFERENCE else frozenset()
+        return twice if self.solution.chi2 > self.parts[0].fit.misfit + MIN_CHI2_DIFFERENCE else frozenset()
 
     def sizes(self, part: RecordingPart) -> Array:
         """Return the sizes (p,) of the causes that a recording shows, in prior sigmas."""

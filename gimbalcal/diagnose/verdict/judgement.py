@@ -11,21 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import LIKELY, SURE, TOGETHER, UNSURE
 from gimbalcal.diagnose.evidence.projection import Projection, any_size, at_best, log_bayes, project
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
-from gimbalcal.diagnose.library.assemble import every_number, library
+from gimbalcal.diagnose.library.assemble import every_number
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.ranking import (
     Ranking,
     Search,
-    given,
-    likeliest_variants,
+    given_all,
     projections_of,
     reduced,
     rms_misfit,
     search,
+    selected_causes,
     weightiest,
 )
 from gimbalcal.diagnose.search.refit import refit
@@ -146,12 +145,8 @@ def _evidence_of_any_size(s: Search, others: Sequence[int]) -> Array:
     """Return the same of one recording, noise integrated over."""
     rows = []
     for k in sorted(weightiest(s.projections, np.maximum(s.joint.max(axis=1), s.null), len(s.null))):
-        p, ln = s.projections[k], s.null[k]
-        here, gained = p, 0.0
-        for i in others:
-            here, more = given(here, s.library.candidates[i])
-            gained += more
-        rows.append(at_best(here, s.library.layout) + ln + gained)
+        here, gained = given_all(s.projections[k], [s.library.candidates[i] for i in others], 0.0)
+        rows.append(at_best(here, s.library.layout) + s.null[k] + gained)
     return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
 
 
@@ -164,10 +159,7 @@ def _evidence_of_common_size(c: Ranking, others: Sequence[int]) -> Array:
     for k, s in enumerate(c.searches):
         rows, base = [], []
         for p, ln in zip(s.projections, s.null, strict=True):
-            here, gained = p, float(ln)
-            for i in c.within(others, k):
-                here, more = given(here, s.library.candidates[i])
-                gained += more
+            here, gained = given_all(p, [s.library.candidates[i] for i in c.within(others, k)], float(ln))
             rows.append(_by_size(here, s.library.candidates) + gained)
             base.append(gained)
         values.append(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
@@ -200,13 +192,13 @@ def judged_without(end: Fit, taken: Candidate) -> Judgement:
     if number and taken.effect not in {p.effect for p in wanted}:  # it is open again
         none = tuple(e for e in none if e.id != taken.effect)
     without = refit(end.view, none, wanted)
-    s = search(without, library(without), noises(without))
+    s = search(without)
     known = s.library.candidates
     at = next(i for i, c in enumerate(known) if c.key == taken.key)
     j = judgement(s, at, (), best_evidence(s), s.unknown > 0.5)
     probability = 0.0 if s.ln_total < needed_evidence(end, taken) else j.probability
-    (variant,) = likeliest_variants(s, (at,))
-    sigma = _significance(without, end, s.library.X[:, list(known[at].variants[variant].index)])
+    ((_, variant),) = selected_causes(s, (at,))
+    sigma = _significance(without, end, s.library.X[:, list(variant.index)])
     return Judgement(taken, probability, j.alike, sigma, spread_of_number(s, known[at]) if number else 0.0)
 
 

@@ -17,13 +17,11 @@ import numpy as np
 from gimbalcal.design.manoeuvres import menu
 from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.library.assemble import columns_at
-from gimbalcal.diagnose.library.candidates import Candidate
+from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
-from gimbalcal.words.diagnosis_sentences import separation_advice
-from gimbalcal.words.naming import spaced
 
 TRIED = 12  # variants of the other cause: the grid of its constants
 ENOUGH = 720  # rows of a static run that a planned one is laid out with
@@ -39,9 +37,9 @@ class Advice:
     hours: float
 
 
-def advise(o: Fit, cause: Candidate, variant: int, size: Array, other: Candidate) -> Advice:
-    """The manoeuvre that separates `cause`, at its fitted size in prior sigmas, from `other` fastest."""
-    return fastest(o, lambda planned: separation(planned, cause, variant, size, other))
+def advise(o: Fit, cause: SelectedCause, size: Array, other: Candidate) -> Advice:
+    """Return the manoeuvre that separates a cause, at its fitted size in prior sigmas, from another one fastest."""
+    return fastest(o, lambda planned: separation(planned, cause, size, other))
 
 
 def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
@@ -58,14 +56,9 @@ def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
     return best
 
 
-def advice_in_words(a: Advice, cause: Candidate, other: Candidate) -> str:
-    """Return the advice as one sentence."""
-    return separation_advice(a.words, a.hours, a.ln_bayes, spaced(cause.effect), spaced(other.effect))
-
-
-def separation(o: Fit, cause: Candidate, variant: int, size: Array, other: Candidate) -> float:
-    """Expected log Bayes factor between the two causes in the nominal noise."""
-    signal = columns_at(o, cause, cause.variants[variant].constants) @ size[:, None]
+def separation(o: Fit, cause: SelectedCause, size: Array, other: Candidate) -> float:
+    """Return the expected log Bayes factor between the two causes in the nominal noise."""
+    signal = columns_at(o, cause[0], cause[1].constants) @ size[:, None]
     return expected_ln_bayes(o, signal, [columns_at(o, other, v.constants) for v in other.variants[:TRIED]])
 
 

@@ -14,8 +14,7 @@ from contextlib import suppress
 import numpy as np
 
 from gimbalcal.diagnose.result import Delay, RmsMisfit, RowNoise, SearchStep, Shift, StatedNoiseFit, ViewFit
-from gimbalcal.diagnose.search.fitted_causes import FittedCauses, calibration_fit
-from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.search.fitted_causes import FittedCauses
 from gimbalcal.diagnose.search.stepwise import SearchResult
 from gimbalcal.effects import Parameter, values
 from gimbalcal.errors import InputError
@@ -29,15 +28,13 @@ SAME_WEIGHT = 1e-9  # of ln(sigma x weight), within which rows were fitted in th
 SHOWN = 1e-6  # share of a direction that the rows outside a group show; less is fitted by the group itself
 
 
-def verify(
-    s: Search, f: FittedCauses, physical: Array, scan_p_before: float = 1.0, scan_p_after: float = 1.0
-) -> StatedNoiseFit:
+def verify(f: FittedCauses, physical: Array, scan_p_before: float = 1.0, scan_p_after: float = 1.0) -> StatedNoiseFit:
     """Return fit and prediction in the noise of the final model; `physical` (n, C, p) are its columns, row by row.
 
     scan_p_before, scan_p_after: p-values of the scans for a mismatch.
     """
-    Z, X, y, fold, by = _whitened(s, f, physical)
-    C = s.fit.residual.shape[1]
+    Z, X, y, fold, by = _whitened(f, physical)
+    C = f.search.fit.residual.shape[1]
     A = np.concatenate([Z, X], axis=1)
     (residual, q, out), (rest, qx, out_with) = ((*_residual(B, y), held_out(B, y, fold)) for B in (Z, A))
     series = rest.reshape(-1, C)
@@ -58,9 +55,9 @@ def verify(
     )
 
 
-def _whitened(s: Search, f: FittedCauses, physical: Array) -> tuple[Array, Array, Array, Array, str]:
+def _whitened(f: FittedCauses, physical: Array) -> tuple[Array, Array, Array, Array, str]:
     """Whitened Z, X, y and the fold of each row: in visits of the reduced rows, or in stretches of the raw ones."""
-    o = s.fit
+    o = f.search.fit
     C = o.residual.shape[1]
     if o.view.kind.stabilised:
         fold = np.repeat(o.view.groups, C)
@@ -68,15 +65,10 @@ def _whitened(s: Search, f: FittedCauses, physical: Array) -> tuple[Array, Array
         return rows[0], rows[1], rows[2][:, 0], fold, "time"
     node = f.projection.node
     visits = o.view.stimulus.visit[o.view.noise.starts]
-    inside = _inside_dwell(s, f)
+    inside = any(c.once for c, _ in f.causes)  # at one place or instant, which no other position can predict
     ordinal = np.array([np.sum(visits[:i] == v) for i, v in enumerate(visits)]) if inside else visits
     rows = [node.whiten(A) for A in (o.reduced(o.Z), o.reduced(physical), o.reduced(o.residual[:, :, None]))]
     return rows[0], rows[1], rows[2][:, 0], np.repeat(ordinal, C), "parts of each dwell" if inside else "position"
-
-
-def _inside_dwell(s: Search, f: FittedCauses) -> bool:
-    """Return whether a finding is at one place or instant, which no other position can predict."""
-    return any(s.library.candidates[m].once for m in f.members)
 
 
 def held_out(A: Array, y: Array, group: Array) -> Array:
@@ -121,11 +113,12 @@ def _refitted(o: Fit, Z: Array, y: Array) -> Array:
     )
 
 
-def known_noise_shifts(s: Search, f: FittedCauses) -> tuple[Shift, ...]:
+def known_noise_shifts(f: FittedCauses) -> tuple[Shift, ...]:
     """Return how far each calibration constant moves once the findings are in the model."""
-    before, after, sigma = calibration_fit(s, f)
-    scale = np.array([p.sigma for p in s.fit.parameters])
-    return shifts_of(s.fit.parameters, (after - before) * scale, sigma * scale)
+    before, after, sigma = f.calibration()
+    wanted = f.search.fit.parameters
+    scale = np.array([p.sigma for p in wanted])
+    return shifts_of(wanted, (after - before) * scale, sigma * scale)
 
 
 def shifts_of(parameters: Sequence[Parameter], change: Array, sigma: Array) -> tuple[Shift, ...]:

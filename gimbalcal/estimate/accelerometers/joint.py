@@ -21,12 +21,12 @@ from gimbalcal.estimate.accelerometers.position_fit import Positions, fit_in_noi
 from gimbalcal.units import from_si
 
 
-def joint(positions: Positions, start: Calibration | None = None, judged: bool = True) -> Calibration:
+def joint(positions: Positions, start: Calibration | None = None) -> Calibration:
     """Calibrate from the vector at every dwell, with the setting error of every visit as an unknown.
 
     `start` is where the iteration begins; it adds no information, so the fine result of the same data may be given.
-    Positions that do not belong where the readouts say are named in `outcome`, and if it is to be `judged` which larger
-    noise would explain a misfit: that takes as long as the fit.
+    Positions that do not belong where the readouts say are named in `outcome`, and which larger noise would explain a
+    misfit.
     """
     before = positions.fit
     first = values(start.effects, before.parameters) if start else before.x
@@ -37,7 +37,7 @@ def joint(positions: Positions, start: Calibration | None = None, judged: bool =
     return p.fit.calibration(
         "joint",
         Residual(p.fit.solution.chi2, p.fit.solution.dof, rms(p)),
-        outcome=outcome(p, larger_noise_in_words(p) if judged else ""),
+        outcome=outcome(p, larger_noise_in_words(p)),
         provenance=origin,
         stages=(stage("joint", p, words),),
     )

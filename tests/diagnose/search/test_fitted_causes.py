@@ -6,8 +6,6 @@ from scipy.stats import multivariate_normal
 
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.search.fitted_causes import (
-    calibration_fit,
-    constant_value,
     fit_causes,
 )
 from gimbalcal.inference.algebra import orthonormal
@@ -68,7 +66,7 @@ def test_significance_is_what_a_member_takes_away_beside_the_others():
         x, C, q = dense(S, list(f.index), k)
         at = [q + f.index.index(i) for i in own]
         wald = x[at] @ np.linalg.solve(C[np.ix_(at, at)], x[at])  # equal to the fall of chi^2
-        assert f.significance[j] == pytest.approx(np.sqrt(wald), rel=1e-6)
+        assert f.significance(j) == pytest.approx(np.sqrt(wald), rel=1e-6)
 
 
 def test_drawn_sizes_scatter_as_stated():
@@ -90,14 +88,14 @@ def test_drawn_sizes_scatter_as_stated():
 
 def test_nothing_found_is_the_calibration_alone():
     f = fit_causes(S, ())
-    assert (f.members, f.index, f.significance) == ((), (), ())
+    assert (f.members, f.index, f.causes) == ((), (), ())
     assert f.x.shape == (0,)
     assert f.projection.node == S.projections[int(np.argmax(S.null))].node
 
 
 def test_constants_of_the_calibration_move_as_a_joint_fit_moves_them():
     f = fit_causes(S, (0,))
-    before, after, sigma = calibration_fit(S, f)
+    before, after, sigma = f.calibration()
     Z, y = rows_of(S.fit)
     V = covariance(f.projection.node, len(y))
     root = np.linalg.inv(np.linalg.cholesky(V))
@@ -125,7 +123,7 @@ def test_a_lag_has_the_mean_and_spread_of_its_variants():
     w = np.array([v.weight for v in c.variants]) * np.exp(-(np.array(chi2) - min(chi2)) / 2)
     tau = np.array([v.constants[0][1] for v in c.variants])
     mean = w @ tau / w.sum()
-    ((name, value, sigma),) = constant_value(LAGGED, f, 0)
+    ((name, value, sigma),) = f.constants(0)
     assert name == "tau"
     assert value == tau[int(np.argmin(chi2))]  # the variant that was fitted: the likeliest
     assert sigma == pytest.approx(np.sqrt(w @ (tau - mean) ** 2 / w.sum()), rel=1e-4)

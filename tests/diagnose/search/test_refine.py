@@ -7,7 +7,7 @@ from scipy.optimize import minimize_scalar
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.projection import any_size, extended
 from gimbalcal.diagnose.library.candidates import layout_of
-from gimbalcal.diagnose.search.fitted_causes import constant_value, fit_causes
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.simulate import simulate
@@ -31,7 +31,7 @@ def test_a_lag_between_the_values_of_the_grid_is_found():
     o = FOUND.fit
     tried = np.array([v.constants[0][1] for v in few(o, LAGGED).candidates[0].variants])
     f = fit_causes(FOUND, (0,))
-    ((name, tau, sigma),) = constant_value(FOUND, f, 0)
+    ((name, tau, sigma),) = f.constants(0)
     assert name == "tau"
     assert abs(tau - TAU) < 3 * sigma
     assert abs(tau - TAU) < 0.5 * np.abs(tried - TAU).min()  # nearer than the grid has it
@@ -96,7 +96,7 @@ def test_a_dead_zone_is_taken_at_its_size():
     f = fit_causes(s, (0,))
     (p,) = c.parameters
     assert f.x[0] * p.sigma == pytest.approx(size, abs=4 * np.sqrt(f.covariance[0, 0]) * p.sigma)
-    made = c.variants[f.variants[0]].column
+    made = f.causes[0][1].column
     change = (with_it.triad("specific_force") - without.triad("specific_force")) / s.fit.sigma
     # the calibrated model's force differs from the true one by its misalignments: at null by some of the zone itself
     near = made * size / p.sigma

@@ -42,10 +42,11 @@ def weighed(monkeypatch, hypotheses, **more):
     every = (cause("a"), cause("b"), cause("c"), cause("shape", rival="sine"))
     s = SimpleNamespace(hypotheses=tuple(hypotheses), ln_total=9.0,
                         library=SimpleNamespace(candidates=every, X=np.zeros((2, 1))))  # fmt: skip
-    for name in ("library", "noises"):
-        monkeypatch.setattr(stepwise, name, lambda *_: None)
-    monkeypatch.setattr(stepwise, "search", lambda *_: s)
-    monkeypatch.setattr(stepwise, "likeliest_variants", lambda _, members: [0] * len(members))
+    monkeypatch.setattr(stepwise, "noises", lambda *_: None)
+    monkeypatch.setattr(stepwise, "search", lambda *_, **_nodes: s)
+    monkeypatch.setattr(
+        stepwise, "selected_causes", lambda _, members: [(every[i], every[i].variants[0]) for i in members]
+    )
     return stepwise.likeliest_missing(FIRST, **more)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.search.fitted_causes import columns_of_causes, fit_causes
+from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.verify import residual_rows, verify
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.forward import jacobian
@@ -30,8 +30,8 @@ def refitted_without_each(A, y, fold):
 def test_held_out_positions_are_refits_without_each():
     s = searched(PLANTED, LABEL)
     f = fit_causes(s, (0,))
-    X = columns_of_causes(s, f)
-    v = verify(s, f, X)
+    X = f.columns()
+    v = verify(f, X)
     node, o = f.projection.node, s.fit
     Z, y = (node.whiten(A) for A in (rows_of(o)[0], rows_of(o)[1][:, None]))
     both = np.concatenate([Z, node.whiten(o.reduced(X))], axis=1)
@@ -56,7 +56,7 @@ def test_prediction_of_clean_noise_is_as_good_as_stated():
     for _ in range(24):
         s = again(design, clean(PLANTED, node, rng))
         f = fit_causes(s, ())
-        out.append(verify(s, f, columns_of_causes(s, f)))
+        out.append(verify(f, f.columns()))
     four_sigmas = 4 * np.sqrt(2 / (24 * 324))
     assert np.mean([v.chi2_reduced_before for v in out]) == pytest.approx(1.0, abs=four_sigmas)
     assert np.mean([v.heldout_before for v in out]) == pytest.approx(1.0, abs=four_sigmas)
@@ -65,12 +65,12 @@ def test_prediction_of_clean_noise_is_as_good_as_stated():
 def test_prediction_is_as_good_as_noise_once_the_missing_cause_is_in():
     s = searched(PLANTED, LABEL)
     f = fit_causes(s, (0,))
-    v = verify(s, f, columns_of_causes(s, f))
+    v = verify(f, f.columns())
     assert v.chi2_reduced_before > 1.5
     assert v.heldout_before > 1.5
     assert v.chi2_reduced_after == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300))
     assert v.heldout_after == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300))
-    fit = verify(s, f, columns_of_causes(s, f), 0.1, 0.2)
+    fit = verify(f, f.columns(), 0.1, 0.2)
     assert (fit.heldout_after, fit.scan_p_before, fit.scan_p_after) == (v.heldout_after, 0.1, 0.2)
 
 
@@ -82,8 +82,8 @@ def test_what_happens_at_one_place_or_moment_is_held_out_within_dwells(name, lab
     """
     s = searched(observed(5, known(0)[name][0], 100.0), label)
     f = fit_causes(s, (0,))
-    X = columns_of_causes(s, f)
-    v = verify(s, f, X)
+    X = f.columns()
+    v = verify(f, X)
     node, o = f.projection.node, s.fit
     A = node.whiten(np.concatenate([o.reduced(o.Z), o.reduced(X)], axis=1))
     y = node.whiten(rows_of(o)[1][:, None])[:, 0]
@@ -97,8 +97,8 @@ def test_a_static_run_is_held_out_in_stretches_of_time():
     o = at_rest(6)
     s = searched(o, "bias_drift:x", count=1)
     f = fit_causes(s, (0,))
-    X = columns_of_causes(s, f)
-    v = verify(s, f, X)
+    X = f.columns()
+    v = verify(f, X)
     n, C = o.residual.shape
     fold = np.repeat(np.arange(n) * FOLDS // n, C)
     assert v.heldout_by == "time"
@@ -115,13 +115,13 @@ def test_columns_of_a_finding_are_derivatives_of_the_forward_model(label):
     wanted = [p for p in parameters(CATALOGUE[c.effect], o.view.stimulus.axis_names) if p.axis == c.axis]
     J = jacobian(o.view.source.platform, o.view.stimulus, o.effects, wanted, o.view.kind)["specific_force"]
     whole = J * np.array([p.sigma for p in wanted]) / o.sigma[:, None]
-    np.testing.assert_allclose(columns_of_causes(s, f), whole, atol=1e-6 * np.abs(whole).max())
+    np.testing.assert_allclose(f.columns(), whole, atol=1e-6 * np.abs(whole).max())
 
 
 def test_residual_rows_are_what_calibration_cannot_follow():
     s = searched(PLANTED, LABEL)
     f = fit_causes(s, (0,))
-    X = columns_of_causes(s, f)
+    X = f.columns()
     before, after = residual_rows(s.fit, X @ f.x)
     Z = s.fit.Z.reshape(before.size, -1)
     scale = np.linalg.norm(Z, axis=0) * np.linalg.norm(before)
