@@ -10,15 +10,14 @@ directions that they reach.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.effects import Effect, Parameter
+from gimbalcal.effects import Effect
 from gimbalcal.forward import Rows
-from gimbalcal.inference.information import Information, information
 from gimbalcal.number import Array, apply_matrix
 
 if TYPE_CHECKING:
@@ -125,11 +124,6 @@ class Whitened:
     def dependent(self) -> int:
         """Return how many rows hold nothing: dropped directions, and one deviation of each visit from its mean."""
         return int(np.isinf(self.sigma).sum()) + (self.r.size if self.r_inside.size else 0)
-
-    def information(self, wanted: Sequence[Parameter]) -> Information:
-        """All rows as information."""
-        rows = information(*self.rows, wanted)
-        return replace(rows, count=rows.count - self.dependent)
 
 
 def eliminate(linear: VisitRows, variance: float, spread: float) -> Whitened:

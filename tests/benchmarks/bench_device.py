@@ -21,7 +21,7 @@ from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, PAIRS, fine
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
-from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, information
 from gimbalcal.views.local import eliminate
 from gimbalcal.views.positions import Noise, by_visit, view_of_positions
 from tests.benchmarks.collecting import say
@@ -47,7 +47,7 @@ def bound(truth: np.ndarray, setting: float) -> Bound:
     """From the whitened Jacobian at the truth."""
     view = view_of_positions(measured(truth, np.random.default_rng(0), setting), Noise(SAMPLE, setting))
     w = eliminate(by_visit(view, effects(truth), PARAMETERS, truth), 1.0, setting**2)
-    _, S, Vt = np.linalg.svd(w.information(PARAMETERS).rows[:, :-1])
+    _, S, Vt = np.linalg.svd(information(*w.rows, PARAMETERS).rows[:, :-1])
     V, S = Vt[S >= MIN_SIGNAL_TO_NOISE].T, S[S >= MIN_SIGNAL_TO_NOISE]
     covariance = (V / S**2) @ V.T * np.outer(SCALE, SCALE)
     return Bound(covariance, SCALE[:, None] * (V @ V.T) / SCALE, len(S))

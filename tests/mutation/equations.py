@@ -17,6 +17,7 @@ TESTS: Mapping[str, tuple[str, ...]] = {  # of each module, the ones that end so
     ),
     "views.local": (
         "accelerometers/test_errors_in_variables.py", "accelerometers/test_terms.py", "accelerometers/test_noise.py",
+        "accelerometers/test_position_outliers.py",
     ),
     "views.positions": (
         "accelerometers/test_terms.py", "accelerometers/test_errors_in_variables.py", "accelerometers/test_joint.py",

@@ -5,8 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.estimate.accelerometers.position_fit import HEADER, RESIDUAL, SAMPLES, fit_with_noise, noise_of_positions
-from gimbalcal.views.positions import view_of_positions
+from gimbalcal.estimate.accelerometers.position_fit import (
+    HEADER,
+    RESIDUAL,
+    SAMPLES,
+    deviance,
+    fit_in_noise,
+    fit_with_noise,
+    noise_of_positions,
+)
+from gimbalcal.views.positions import Noise, view_of_positions
 from tests.estimate.device import ARCSEC, NOISE, PARAMETERS, SAMPLE, STATED, draw, measured
 
 
@@ -54,3 +62,31 @@ def test_both_noises_are_told_apart_by_the_norm():
         found.append((fit.noise.accelerometer / SAMPLE, fit.noise.setting / ARCSEC / 10))
     # the norm has 6 degrees of freedom a run, 24 together: 14 %; the angles have more
     np.testing.assert_allclose(np.sqrt(np.mean(np.square(found), axis=0)), 1, atol=0.4)
+
+
+def dense_deviance(p, noise):
+    """-2 ln of the density of all rows, setting errors and parameters under their priors integrated out."""
+    w, group = p.rows, p.view.local.group
+    sigma = np.broadcast_to(np.asarray(p.view.noise.sigma), (len(group), 3))
+    inside = (w.J_inside * sigma[..., None], w.r_inside * sigma) if len(w.r_inside) else (0.0, 0.0)
+    J, r = w.J[group] + inside[0], w.r[group] + inside[1]
+    own = (np.arange(len(w.r)) == group[:, None])[:, None, :, None] * w.G[group][:, :, None, :]
+    G, A = own.reshape(r.size, -1), J.reshape(r.size, -1)
+    mean, scale = (np.array([getattr(q, what) for q in p.fit.parameters]) for what in ("mean", "sigma"))
+    white = (sigma.ravel() * noise.accelerometer / p.noise.accelerometer) ** 2
+    V = np.diag(white) + noise.setting**2 * G @ G.T + (A * scale**2) @ A.T
+    off = r.ravel() - A @ mean
+    return np.linalg.slogdet(V)[1] + off @ np.linalg.solve(V, off)
+
+
+@pytest.mark.parametrize("each", [1, 3])
+def test_the_likelihood_of_a_noise_is_that_of_all_rows_together(each):
+    rng = np.random.default_rng(5)
+    means = measured(draw(rng), rng)
+    rows = means.select(np.repeat(np.arange(len(means.time)), each))
+    shaken = {k: v + SAMPLE * rng.normal(size=v.shape) * (k[0] == "specific_force") for k, v in rows.channels.items()}
+    wanted = [replace(q, mean=0.3 * q.sigma) for q in PARAMETERS]
+    p = fit_in_noise(view_of_positions(replace(rows, channels=shaken), NOISE), NOISE, wanted)
+    others = [Noise(SAMPLE * a, ARCSEC * b) for a, b in ((1.0, 1.0), (2.0, 1.0), (1.0, 30.0), (0.3, 4.0))]
+    here, dense = (np.array([of(p, noise) for noise in others]) for of in (deviance, dense_deviance))
+    np.testing.assert_allclose(here - here[0], dense - dense[0], rtol=1e-6, atol=1e-4)
