@@ -141,6 +141,15 @@ def test_the_squares_of_eq_20_are_counted_and_a_disagreement_is_said(monkeypatch
     assert "filter and closed form disagree" in convergence(time, departure, u, sigma, G).in_words
 
 
+def test_the_mean_that_noise_gives_to_eq_20_is_taken_off():
+    """Of so much noise in each row its square would be five sigmas of a state."""
+    u = static(48.0, 15.0).force / G
+    time, sigma = 15.0 * np.arange(len(u)), np.full((len(u), 3), 0.3)
+    noise = np.random.default_rng(13).normal(size=u.shape) * sigma
+    stage = convergence(time, departures(X, u, noise), u, sigma, G)
+    assert np.abs((stage.values - X) / stage.sigmas).max() < 4
+
+
 def test_minute_means_keep_the_information_of_their_rows():
     z, H, variance = rows(10.0, 10.0)
     time, mean, mean_H, mean_variance = minute_means(10.0 * np.arange(len(z)), z, H, variance)
