@@ -144,10 +144,11 @@ def test_the_squares_of_eq_20_are_counted_and_a_disagreement_is_said(monkeypatch
 def test_the_mean_that_noise_gives_to_eq_20_is_taken_off():
     """Of so much noise in each row its square would be five sigmas of a state."""
     u = static(48.0, 15.0).force / G
-    time, sigma = 15.0 * np.arange(len(u)), np.full((len(u), 3), 0.3)
+    time, sigma = 1e5 + 15.0 * np.arange(len(u)), np.full((len(u), 3), 0.3)
     noise = np.random.default_rng(13).normal(size=u.shape) * sigma
     stage = convergence(time, departures(X, u, noise), u, sigma, G)
     assert np.abs((stage.values - X) / stage.sigmas).max() < 4
+    assert 0 < stage.history.time[0] < 60  # from the first row on
 
 
 def test_minute_means_keep_the_information_of_their_rows():
