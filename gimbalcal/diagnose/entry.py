@@ -20,7 +20,7 @@ from gimbalcal.diagnose.of_recording import (
     diagnose_jointly,
     diagnose_recording,
     lacks_known_attitude,
-    unfit,
+    why_not_in_model,
 )
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.effects import CATALOGUE
@@ -233,7 +233,7 @@ def _with_agreement(d: Diagnosis, each: str, alike: str, compare: Callable[[], C
 def check_baseline(ids: Sequence[str], recordings: Sequence[Recording]) -> None:
     """Raise InputError for an effect that none of the recordings can hold in its model."""
     for effect_id in ids:
-        reasons = [unfit(effect_id, r) for r in recordings]
+        reasons = [why_not_in_model(effect_id, r) for r in recordings]
         if all(reasons):
             raise InputError(f"the baseline names {effect_id!r}, which {reasons[0]}; leave it out of --baseline")
 

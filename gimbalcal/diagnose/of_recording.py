@@ -180,7 +180,7 @@ def baseline_of(r: Recording, recordings: Sequence[Recording], wanted: Sequence[
     A constant of the sensors that any of the recordings calibrates is part of the model in all of them.
     """
     if wanted:
-        return tuple(i for i in wanted if not unfit(i, r)) or BASELINE[r.kind]
+        return tuple(i for i in wanted if not why_not_in_model(i, r)) or BASELINE[r.kind]
     every = [i for other in recordings for i in BASELINE[other.kind] if CATALOGUE[i].stage in SENSOR_STAGES]
     return tuple(dict.fromkeys([*BASELINE[r.kind], *(i for i in every if CATALOGUE[i].shows_in(r.kind))]))
 
@@ -412,7 +412,7 @@ def _gyroscopes(
     return [*diagnoses, *([looked(turning)] if turning else [])], notes
 
 
-def unfit(effect_id: str, recording: Recording) -> str:
+def why_not_in_model(effect_id: str, recording: Recording) -> str:
     """Return why the model of a recording cannot hold an effect, to follow "which"; empty where it can."""
     cls, logs = known_effect(effect_id, "baseline"), recording.axes("covariate")
     reason = recording.why_not_shown(cls)

@@ -182,11 +182,11 @@ def is_usual(c: Candidate, recording_kind: str) -> bool:
     return not c.rival and recording_kind in CATALOGUE[c.effect].role.textbook_kinds
 
 
-def needed(s: Ranking, best: Hypothesis) -> Hypothesis:
+def without_unclaimed(s: Ranking, best: Hypothesis) -> Hypothesis:
     """Return the hypothesis without members that are not claimed: each must make the others 20 times likelier."""
     for h in sorted(s.hypotheses, key=lambda h: -h.ln_weight):
         if set(h.members) < set(best.members) and h.ln_weight > best.ln_weight - CLAIM:
-            return needed(s, h)
+            return without_unclaimed(s, h)
     return best
 
 
@@ -304,7 +304,7 @@ def pairs(candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float
     for i in known[:FIRST] if detected else known:
         values = gained((i,), seconds, KEEP if detected else KEEP_FEW)
         for j, value in zip(seconds, values, strict=True):
-            if j != i and not same(candidates, i, j):
+            if j != i and not overlap(candidates, i, j):
                 members = (i, j) if rival[j] else (min(i, j), max(i, j))
                 best[members] = max(best.get(members, -np.inf), float(value))
     out = []
@@ -314,7 +314,7 @@ def pairs(candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float
     return out + _thirds(candidates, prior, floor, gained, out) if detected else out
 
 
-def same(candidates: Sequence[Candidate], i: int, j: int) -> bool:
+def overlap(candidates: Sequence[Candidate], i: int, j: int) -> bool:
     """Return whether two candidates are one effect on all its axes and on one of them, or with more and fewer terms."""
     one, other = candidates[i], candidates[j]
     shared = {p.label for p in one.parameters} & {p.label for p in other.parameters}
@@ -333,7 +333,7 @@ def _thirds(
     return [
         Hypothesis((*top.members, j), float(ln[j]), float(ln[j] + share[j]))
         for j in range(len(ln))
-        if not any(j == i or same(candidates, i, j) for i in top.members)
+        if not any(j == i or overlap(candidates, i, j) for i in top.members)
     ]
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
-from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, given_all, needed
+from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, given_all, without_unclaimed
 from gimbalcal.diagnose.verdict.judgement import Judgement, best_evidence, judgement
 from gimbalcal.number import Array
 
@@ -52,7 +52,7 @@ def decide(s: Ranking, threshold: float = CLAIM) -> Decision:
     known = next(named, None)
     if known is None or (rest and known.ln_bayes < NEARLY * max(h.ln_bayes for h in s.hypotheses)):
         return Decision("unexplained", shapes=rest, unknown=s.unknown)
-    best = _simplest(s, needed(s, known))
+    best = _simplest(s, without_unclaimed(s, known))
     judgements = tuple(
         judgement(s, member, others, best_evidence(s, others), bool(rest))
         for member in best.members

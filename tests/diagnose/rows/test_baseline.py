@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.entry import check_baseline, check_finite
-from gimbalcal.diagnose.of_recording import unfit
+from gimbalcal.diagnose.of_recording import why_not_in_model
 from gimbalcal.effects import CATALOGUE, known_effect
 from gimbalcal.platform import BENCH
 from gimbalcal.views.core import by_triad
@@ -37,7 +37,7 @@ ONE = replace(TABLE, channels={**TABLE.channels, ("covariate", "fan"): TABLE.tim
     ],
 )
 def test_a_sentence_says_why_not(effect, recording, why):
-    said = unfit(effect, recording)
+    said = why_not_in_model(effect, recording)
     assert said.startswith(why)
     assert bool(said) is bool(why)
 

@@ -8,7 +8,7 @@ from gimbalcal.diagnose.evidence.odds import BESIDE, PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.candidates import Library
-from gimbalcal.diagnose.search.ranking import beside, given, log_priors, pairs, same, search
+from gimbalcal.diagnose.search.ranking import beside, given, log_priors, overlap, pairs, search
 from gimbalcal.inference.algebra import logsumexp
 from tests.diagnose.plant import known
 from tests.diagnose.small import candidate, covariance, few, noises, observed, rows_of, searched
@@ -118,10 +118,10 @@ def test_pairs_share_what_is_theirs():
 def test_an_effect_on_all_axes_is_no_second_beside_one_of_them():
     o = observed(1, dwell=2)
     c = few(o, "bias_drift:x", "bias_drift:y", "bias_drift:x, y, z", "warm_up:x").candidates
-    assert same(c, 0, 2)
-    assert same(c, 2, 1)
-    assert not same(c, 0, 1)
-    assert not same(c, 0, 3)
+    assert overlap(c, 0, 2)
+    assert overlap(c, 2, 1)
+    assert not overlap(c, 0, 1)
+    assert not overlap(c, 0, 3)
 
 
 def test_what_the_recording_cannot_show_is_not_asked():
