@@ -31,7 +31,7 @@ def campaign_report(c: CampaignSummary) -> str:
         "verdict": "reserved" if doubtful else "fits",
         "facts": _facts(c, rows),
         "picture": _picture(rows) if rows else None,
-        "rows": [_errors_row(r, before) for r, before in zip(rows, [None, *rows], strict=False)],
+        "rows": [*map(_errors_row, rows)],
         "reasons": [(words, amount(count, "run")) for words, count in c.outcomes.items()],
         "provenance": [
             ("method", str(identity.method)), ("seed", str(identity.seed)), ("kind", str(identity.kind)),
@@ -52,11 +52,11 @@ def _facts(c: CampaignSummary, rows: Sequence[ParameterErrors]) -> list[tuple[st
     return facts
 
 
-def _errors_row(r: ParameterErrors, before: ParameterErrors | None) -> Context:
+def _errors_row(r: ParameterErrors) -> Context:
     rms, sigma, unit = _printed(r)
     return {
         "words": naming.label_in_words(r.parameter),
-        "first": before is None or before.parameter.partition(":")[0] != r.parameter.partition(":")[0],
+        "group": r.parameter.partition(":")[0],
         "mean": in_sigmas(offset_sigmas(r), 1),
         "rms": significant(rms, 3),
         "sigma": significant(sigma, 3),

@@ -34,7 +34,7 @@ def fleet_report(f: FleetSummary, known: Fleet) -> str:
         "prior": prior_in_words(f),
         "nominal": common_nominal_in_words(f.to_dict()),
         "pictures": [_picture(p, distributions[p.name, p.axis]) for p in ordered],
-        "rows": [_row(p, before) for p, before in zip(f.parameters, [None, *f.parameters], strict=False)],
+        "rows": [*map(_row, f.parameters)],
         "outside": [
             {"unit": o.unit, "words": naming.named(o.name, o.axis), "value": plus_minus(o.value, o.sigma),
              "value_unit": naming.unit_in_print(o.value_unit), "fleet": _of_others(f, o.name, o.axis),
@@ -54,12 +54,12 @@ def _facts(f: FleetSummary) -> list[tuple[str, str]]:
     return [*facts, (str(len({o.unit for o in f.outside})), "units outside the distribution")]
 
 
-def _row(p: FleetParameter, before: FleetParameter | None) -> Context:
+def _row(p: FleetParameter) -> Context:
     trend = ""
     if p.drifts and p.trend_per_year is not None and p.trend_sigma is not None:
         trend = plus_minus(p.trend_per_year, p.trend_sigma)
     return {
-        "words": naming.named(p.name, p.axis), "first": before is None or before.name != p.name,
+        "group": p.name, "words": naming.named(p.name, p.axis),
         "mean": plus_minus(p.mean, p.mean_sigma), "spread": significant(p.spread, 2),
         "own": significant(p.own_sigma, 2), "unit": naming.unit_in_print(p.unit), "trend": trend,
         "outside": str(len(p.outside)) if p.outside else "none", "units": str(p.units),

@@ -51,18 +51,16 @@ def estimates(parameters: Sequence[Estimate]) -> list[dict[str, str]]:
 
 
 def rows(c: Calibration, truth: Mapping[str, float] | None) -> list[Context]:
-    """Return the rows; `first` opens a group, `below` the parameters that the data do not determine one by one."""
+    """Return the rows by group; `below` opens the parameters that the data do not determine one by one."""
     c, in_null_direction = c.in_printed_units, naming.unobservable_leading(c.null_directions)
     determined = [e for e in c.estimates if e.parameter.label not in in_null_direction]
     others = [e for e in c.estimates if e.parameter.label in in_null_direction]
     nominal = c.readout.accelerometers
-    out: list[Context] = []
-    for part in (determined, others):
-        for i, e in enumerate(part):
-            new = not i or e.parameter.name != part[i - 1].parameter.name
-            out.append({**_parameter_row(e, nominal, truth), "first": new, "unobservable": part is others,
-                        "below": part is others and not i})  # fmt: skip
-    return out
+    return [
+        {**_parameter_row(e, nominal, truth), "unobservable": part is others, "below": part is others and not i}
+        for part in (determined, others)
+        for i, e in enumerate(part)
+    ]
 
 
 def _parameter_row(e: ParameterEstimate, nominal: Counts | None, truth: Mapping[str, float] | None) -> Context:
@@ -74,6 +72,7 @@ def _parameter_row(e: ParameterEstimate, nominal: Counts | None, truth: Mapping[
         error = in_sigmas((e.value - float(from_si(truth[p.label], p.unit))) / e.sigma, 1)
     own = unit == naming.unit_in_print(p.unit)  # else counted from a nominal value that the same data gave
     return {
+        "group": p.name,
         "words": naming.named(p.name, p.axis) + (", as stated" if e.sigma == 0 else ""),
         "means": naming.typeset(e.in_words) if own and distinct_from_zero(e.value, e.sigma) else "",
         "value": value,
@@ -161,8 +160,7 @@ def stages(c: Calibration, truth: Mapping[str, float] | None) -> Context:
     return {
         "stages": [_stage(s, c) for s in c.stages],
         "stage_names": [_short(s.name) for s in ours] if several else [],
-        "stage_rows": [_stage_row(p, c, ours, truth) | {"first": not i or staged[i - 1].name != p.name}
-                       for i, p in enumerate(staged)],
+        "stage_rows": [_stage_row(p, c, ours, truth) for p in staged],
         "stage_figure": _stage_picture(staged, ours) if several else None,
         "stage_rest": _elsewhere(p for p in c.parameters if p not in staged) if several else "",
         "coefficients": [_coefficients(s) for s in c.stages if s.labels and s not in ours],
@@ -246,4 +244,4 @@ def _stage_row(
     known = (
         "" if truth is None or p.label not in truth else minus(f"{float(from_si(truth[p.label], p.unit)):.{places}f}")
     )
-    return {"words": naming.named(p.name, p.axis), "cells": cells, "truth": known, "unit": printed}
+    return {"group": p.name, "words": naming.named(p.name, p.axis), "cells": cells, "truth": known, "unit": printed}

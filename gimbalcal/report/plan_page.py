@@ -59,7 +59,7 @@ def next_report(plan: NextPlan, title: str) -> str:
             for s in plan.steps
         ],
         "rows": [
-            {"words": naming.named(p.name, p.axis), "first": not i or p.name != plan.parameters[i - 1].name,
+            {"group": p.name, "words": naming.named(p.name, p.axis),
              "sigma": significant(float(from_si(s, p.unit)), 3), "unit": unit_in_print(p.unit),
              "target": "" if plan.target is None else significant(float(from_si(plan.target[i], p.unit)), 3),
              "prior": significant(float(from_si(p.sigma, p.unit)), 2)}
@@ -99,14 +99,14 @@ def _rows(rows: Sequence[PredictedSigma], others: Sequence[str]) -> list[Context
     return [
         {
             "words": naming.named(r.parameter.name, r.parameter.axis),
-            "first": not i or r.parameter.name != rows[i - 1].parameter.name,
+            "group": r.parameter.name,
             "sigma": significant(r.sigma, 3),
             "unit": unit_in_print(r.parameter.unit),
             "prior": significant(r.prior_sigma, 2),
             "better": _better(r.sigma / r.prior_sigma),
             "others": [significant(r.others[n], 3) for n in others],
         }
-        for i, r in enumerate(rows)
+        for r in rows
     ]
 
 
@@ -155,7 +155,7 @@ def _positions(d: PositionsDesign) -> Context:
 
 def _turns(d: TurnsDesign) -> Context:
     turns = str(len(d.schedule.moves))
-    rows = [{"words": naming.named(g.group), "sigma": significant(g.sigma, 3), "first": True, "prior": "",
+    rows = [{"group": g.group, "words": naming.named(g.group), "sigma": significant(g.sigma, 3), "prior": "",
              "unit": unit_in_print(g.unit), "better": _better(g.ratio),
              "others": [significant(v, 3) for v in g.against.values()]} for g in d.groups]  # fmt: skip
     return {
