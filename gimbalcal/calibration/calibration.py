@@ -375,9 +375,7 @@ class Calibration(Displayed):
             e.to_dict() | ({"covariate": name} if (name := covariates.get(e.parameter.effect)) else {})
             for e in self.estimates
         ]
-        residual: Json = {
-            "chi2": self.residual.chi2, "dof": self.residual.dof, "rms": dict(self.residual.rms),
-        }  # fmt: skip
+        residual: Json = {"chi2": self.residual.chi2, "dof": self.residual.dof, "rms": dict(self.residual.rms)}
         if self.residual.navigation:
             residual["navigation"] = dict(self.residual.navigation)
         return {

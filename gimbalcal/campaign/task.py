@@ -28,7 +28,7 @@ SOLVED = 100  # runs of a share of pulses, which are solved as one array
 SHIPPED = Path(__file__).parent
 
 
-class Pulses(NamedTuple):
+class PulseTriad(NamedTuple):
     """A triad that counts pulses: its name in `trials`, the SI unit that it senses, its scale orders, and the dof."""
 
     triad: str
@@ -38,8 +38,8 @@ class Pulses(NamedTuple):
 
 
 PULSES = {
-    "accelerometer-pulses": Pulses("accelerometers", "m/s^2", 3, 0),  # 15 norms for 15 unknowns
-    "gyroscope-pulses": Pulses("gyroscopes", "rad/s", 2, 9 * 3 + 15 - 12),  # 9 turns of 3 and 15 norms for 12
+    "accelerometer-pulses": PulseTriad("accelerometers", "m/s^2", 3, 0),  # 15 norms for 15 unknowns
+    "gyroscope-pulses": PulseTriad("gyroscopes", "rad/s", 2, 9 * 3 + 15 - 12),  # 9 turns of 3 and 15 norms for 12
 }
 
 
@@ -73,7 +73,7 @@ class Task:
     effects: tuple[tuple[str, str], ...] = ()
 
     @property
-    def pulses(self) -> Pulses | None:
+    def pulses(self) -> PulseTriad | None:
         """Return the triad whose pulses are counted in its runs; None where they are simulated recordings."""
         return PULSES.get(self.kind)
 
@@ -169,7 +169,7 @@ def compute(what: Task, runs: range) -> dict[str, list[Any]]:
         return columns
 
 
-def _pulses(what: Task, pulses: Pulses, runs: range) -> dict[str, list[Any]]:
+def _pulses(what: Task, pulses: PulseTriad, runs: range) -> dict[str, list[Any]]:
     from gimbalcal.campaign import trials as simulated
 
     trials = getattr(simulated, pulses.triad)(what.seed, runs, _turntable(tomllib.loads(what.text), what.name))

@@ -260,8 +260,8 @@ def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Pa
 )
 @output_options("compare.json, report.html, and all values as history.csv and history.parquet", "NAME-history, here")
 def compare(
-    calibrations: tuple[Path, ...], store: Path | None, unit: str, allow: tuple[str, ...], output: Output,
-) -> None:  # fmt: skip
+    calibrations: tuple[Path, ...], store: Path | None, unit: str, allow: tuple[str, ...], output: Output
+) -> None:
     """Compare the parameters of a unit over time: CALIBRATIONS in files, those of a --store, or both."""
     from gimbalcal.history import compare as run
     from gimbalcal.history import dated_file, of_store

@@ -302,8 +302,8 @@ def simulate(scenario: Path, seed: int | None, output: Output) -> None:
 @click.option("--seed", type=SEED, default=None, help="Instead of the scenario's own.")
 @output_options("campaign.json, campaign.parquet and report.html", "SCENARIO-campaign, here")
 def campaign(
-    scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None, output: Output,
-) -> None:  # fmt: skip
+    scenario: Path, runs: int, workers: int | None, scheduler: str, method: str, seed: int | None, output: Output
+) -> None:
     """Repeat the simulation and the calibration of SCENARIO many times (Monte Carlo).
 
     The digits do not depend on the number of workers; an interrupted campaign continues where it stopped.

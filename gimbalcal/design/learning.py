@@ -100,8 +100,8 @@ def _share(rig: PositioningRig, angles: Array, T: Array, learn: Sequence[str], w
     """Return the share of a law that no confounder imitates in positions of these angles (n, k), in order."""
     rows, law, confounders = _rows(rig, angles, T, learn, wanted)
     own = rows[np.arange(len(angles)), np.arange(len(angles))]
-    beside, alone = (value(own[..., kept], "D", law[kept]) for kept in (np.ones_like(law), ~confounders))
-    return float(np.exp((beside - alone) / law.sum()))
+    joint, alone = (value(own[..., kept], "D", law[kept]) for kept in (np.ones_like(law), ~confounders))
+    return float(np.exp((joint - alone) / law.sum()))
 
 
 def _rows(

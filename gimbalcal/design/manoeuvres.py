@@ -45,10 +45,8 @@ def repeated(
     warmer: float = 0.0,
 ) -> Recording:  # fmt: skip
     """The recording followed by a second pass: in reverse order, over part of the angles, flipped, or warmer."""
-    n = len(r.time)
-    step = r.step
-    order = np.arange(n)[::-1] if reverse else np.arange(n)
-    channels = {key: np.concatenate([v, v[order]]) for key, v in r.channels.items()}
+    order = np.arange(len(r.time))[:: -1 if reverse else 1]
+    channels = {}
     for (quantity, axis), v in r.channels.items():
         second = v[order] * (share if quantity == "gimbal_angle" else 1.0)
         second = second + (warmer if quantity == "temperature" else 0.0)
@@ -56,19 +54,17 @@ def repeated(
             second = second + np.pi if axis == "inner" else np.pi - second
         channels[quantity, axis] = np.concatenate([v, second])
     moved = r.time[-1] - r.time[order] if reverse else r.time - r.time[0]
-    time = np.concatenate([r.time, r.time[-1] + step + pause + moved])
+    time = np.concatenate([r.time, r.time[-1] + r.step + pause + moved])
     position = None if r.position is None else np.concatenate([r.position, r.position[order]])
     return replace(r, time=time, position=position, channels=channels, weight=np.concatenate([r.weight, r.weight]))
 
 
 def _extended(r: Recording) -> Recording:
     """A static run of twice the length; readouts go on as the Earth turns."""
-    step = r.step
-    shift = float(r.time[-1] - r.time[0]) + step
-    channels = {}
-    for (quantity, axis), v in r.channels.items():
-        turn = EARTH_RATE * shift if (quantity, axis) == ("gimbal_angle", "platform") else 0.0
-        channels[quantity, axis] = np.concatenate([v, v + turn])
-    position = None if r.position is None else np.concatenate([r.position, r.position])
-    return replace(r, time=np.concatenate([r.time, r.time + shift]), position=position, channels=channels,
-                   weight=np.concatenate([r.weight, r.weight]))  # fmt: skip
+    twice, platform = repeated(r, pause=0.0), ("gimbal_angle", "platform")
+    if platform not in r.channels:
+        return twice
+    turn = EARTH_RATE * (twice.time[len(r.time)] - r.time[0])
+    return twice.with_channels(
+        {platform: twice.channels[platform] + turn * (np.arange(len(twice.time)) >= len(r.time))}
+    )

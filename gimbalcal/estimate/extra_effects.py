@@ -51,8 +51,7 @@ class ExtraEffect:
     @property
     def free(self) -> tuple[Constant, ...]:
         """The constants that nobody stated."""
-        said = dict(self.stated)
-        return tuple(f for f in constants(CATALOGUE[self.effect]) if f.name not in said)
+        return tuple(f for f in constants(CATALOGUE[self.effect]) if f.name not in dict(self.stated))
 
 
 def extra_effects(
@@ -139,15 +138,15 @@ def _belongs(p: Parameter, axes: Sequence[str]) -> bool:
 
 @dataclass(frozen=True)
 class Extension:
-    """The extension of a fit by extra effects: effects with starting constants, free parameters, and held constants.
+    """The extension of a fit by extra effects: effects with starting constants, free parameters, and fixed constants.
 
     parameters: the sizes, and of the constants those that a fit can follow, whose prior mean is where the fit starts.
-    held: constants that were stated, or that have no derivative (a whole number, a position, an instant), in SI.
+    fixed: constants that were stated, or that have no derivative (a whole number, a position, an instant), in SI.
     """
 
     effects: tuple[Effect, ...] = ()
     parameters: tuple[Parameter, ...] = ()
-    held: Mapping[Parameter, float] = field(default_factory=dict)
+    fixed: Mapping[Parameter, float] = field(default_factory=dict)
 
     @property
     def constants(self) -> tuple[Parameter, ...]:
@@ -159,11 +158,11 @@ class Extension:
         """The part that a recording can show."""
         shown = tuple(e for e in self.effects if not why_not(type(e)))
         ids = {e.id for e in shown}
-        return Extension(shown, tuple(p for p in self.parameters if p.effect in ids), self.held)
+        return Extension(shown, tuple(p for p in self.parameters if p.effect in ids), self.fixed)
 
     def complete(self, result: Calibration) -> Calibration:
-        """The calibration with the held constants among its parameters; a held constant has sigma zero."""
-        parameters = tuple(replace(p, mean=0.0) for p in (*result.parameters, *self.held))
+        """The calibration with the fixed constants among its parameters; a fixed constant has sigma zero."""
+        parameters = tuple(replace(p, mean=0.0) for p in (*result.parameters, *self.fixed))
         P = np.zeros((len(parameters),) * 2)
         n = len(result.parameters)
         P[:n, :n] = result.covariance

@@ -171,12 +171,12 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
     long = length >= MIN_HELD_ROWS
     others = np.repeat(~long, length)
     p = float(np.mean(alike[others])) if others.any() else 1.0
-    held = np.repeat(long & (len(alike) * p ** (length - 1.0) < MIN_PROBABILITY), length) & alike
-    if not held.any() or 2 * np.count_nonzero(held) > len(held):
+    repeated = np.repeat(long & (len(alike) * p ** (length - 1.0) < MIN_PROBABILITY), length) & alike
+    if not repeated.any() or 2 * np.count_nonzero(repeated) > len(repeated):
         return log, ""
-    count = int(np.count_nonzero(np.diff(held.astype(int)) > 0))
+    count = int(np.count_nonzero(np.diff(repeated.astype(int)) > 0))
     where = f"{amount(count, 'stretch', 'stretches')} in which the recorder held a row"
-    return log.rows(~held), f"{amount(int(np.count_nonzero(held)), 'row')} are left out, {where}"
+    return log.rows(~repeated), f"{amount(int(np.count_nonzero(repeated)), 'row')} are left out, {where}"
 
 
 def _rows_are_dwells(log: Log) -> bool:

@@ -450,10 +450,10 @@ def _in_units(log: Log, context: _Context) -> Proposal:
             else "; they are taken as at rest"
         )
     positions = visited_positions(recording)
-    found = amount(rests, "rest") + (f" at {amount(positions, 'position')}" if 0 < positions < rests else "")
-    found += " is found" if rests == 1 else " are found"
-    single = f"{found}: enough for `gimbalcal noise`; a calibration takes six or more in different attitudes"
-    several = f"multi-position, for {found}; rotation is for turns that are navigated sample by sample"
+    where = f" at {amount(positions, 'position')}" if 0 < positions < rests else ""
+    are_found = f"{amount(rests, 'rest')}{where} {'is' if rests == 1 else 'are'} found"
+    single = f"{are_found}: enough for `gimbalcal noise`; a calibration takes six or more in different attitudes"
+    several = f"multi-position, for {are_found}; rotation is for turns that are navigated sample by sample"
     notes.setdefault("kind", single if positions < 2 else several)
     notes["noise"] = _noise_note(rests == len(recording.time) and not log.has("sigma"), log.has("gimbal_angle"))
     recording = replace(recording, remarks=(*recording.remarks, *examine(examined, CHECKS)))

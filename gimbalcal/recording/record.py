@@ -156,10 +156,7 @@ class Recording(Displayed):
     @property
     def elapsed(self) -> Array:
         """Return the time (n,) [s] since the first row, or the first of the session where the separation is unknown."""
-        if not self.restarts:
-            return np.asarray(self.time - self.time[0])
-        _, first, session = np.unique(self.session, return_index=True, return_inverse=True)
-        return np.asarray(self.time - self.time[first][session])
+        return since_power_up(self.time, self.session) if self.restarts else np.asarray(self.time - self.time[0])
 
     @property
     def session(self) -> NDArray[np.int64]:
@@ -288,6 +285,12 @@ class Recording(Displayed):
     def sensors(self) -> tuple[Recording, ...]:
         """Return itself and those of other sensors in the same rows, each alone."""
         return (replace(self, other_sensors=()), *self.other_sensors)
+
+
+def since_power_up(time: Array, session: Array) -> Array:
+    """Return the time (n,) [s] since the first row of the session of each row."""
+    _, first, ordinal = np.unique(session, return_index=True, return_inverse=True)
+    return np.asarray(time - time[first][ordinal])
 
 
 def when_recorded(recordings: Iterable[Recording]) -> str | None:

@@ -139,9 +139,7 @@ def formula_over_variable(c: LawCurve, title: str, unit: str) -> Chart:
     points = [Points(x, y, "ink", size=2.4, label="observed")] if groups else []
     others = [Line(c.x[line], other[line], "grey", text, DASHES[k + 1]) for k, (text, other) in enumerate(c.others)]
     band = Band(c.x[line], (c.law - c.sigma)[line], (c.law + c.sigma)[line], BLUE, "one σ")
-    return Chart(
-        (band, *others, Line(c.x[line], c.law[line], BLUE, "formula"), *points), title, c.x_label, f"[{unit}]",
-    )  # fmt: skip
+    return Chart((band, *others, Line(c.x[line], c.law[line], BLUE, "formula"), *points), title, c.x_label, f"[{unit}]")
 
 
 def over_time(time: Array, curves: Sequence[Curve], unit: str = "h") -> list[Chart]:

@@ -164,7 +164,7 @@ def stages(c: Calibration, truth: Mapping[str, float] | None) -> Context:
         "stage_figure": _stage_picture(staged, ours) if several else None,
         "stage_rest": _elsewhere(p for p in c.parameters if p not in staged) if several else "",
         "coefficients": [_coefficients(s) for s in c.stages if s.labels and s not in ours],
-    }  # fmt: skip
+    }
 
 
 def _elsewhere(parameters: Iterable[Parameter]) -> str:
@@ -208,9 +208,10 @@ def _convergence(s: StageResult, h: StageHistory) -> Picture:
             naming.spaced(name), "time [h]", "[µrad]", height=170,
         ))  # fmt: skip
     return picture(
-        charts, f"The {len(s.labels)} states of the {_short(s.name)} over time, with one sigma.",
+        charts,
+        f"The {len(s.labels)} states of the {_short(s.name)} over time, with one sigma.",
         f"The states from where their σ is below {MAX_SHOWN_SIGMA:g} times its last value; line: the last estimate.",
-    )  # fmt: skip
+    )
 
 
 def _stage(s: StageResult, c: Calibration) -> dict[str, str]:

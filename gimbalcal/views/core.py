@@ -29,7 +29,7 @@ from gimbalcal.forward import Rows
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.kinds import Kind
-from gimbalcal.recording.record import FORCE, RATE, Key
+from gimbalcal.recording.record import FORCE, RATE, Key, since_power_up
 from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
@@ -122,10 +122,7 @@ class View:
     @property
     def elapsed(self) -> Array:
         """Time (n,) [s] since the first row, or since the first of its power-up where pauses are unknown."""
-        if self.session is None:
-            return self.time
-        _, first, session = np.unique(self.session, return_index=True, return_inverse=True)
-        return np.asarray(self.time - self.time[first][session])
+        return self.time if self.session is None else since_power_up(self.time, self.session)
 
     @property
     def weight(self) -> Array:

@@ -110,10 +110,10 @@ def segment(recording: Recording) -> Segments:
     paused = dt > MISSED * step
     stop_dwells = stops(recording)
     if len(stop_dwells) < 2:
-        held = "no stop" if not stop_dwells else "one stop"
         raise InputError(
-            f"{recording.label} has {held}: systematic calibration compares what the unit reads at rest before and "
-            "after it was turned; turn it through a dozen stops or more, each axis up and down"
+            f"{recording.label} has {'one' if stop_dwells else 'no'} stop: systematic calibration compares what the "
+            "unit reads at rest before and after it was turned; turn it through a dozen stops or more, each axis up "
+            "and down"
         )
     _refuse_lost_turns(recording, stop_dwells, paused)
     sigma, shown, stated = _noise(recording, stop_dwells)

@@ -98,14 +98,14 @@ def gyroscopes_between_rests(
             )
     if why:
         declined[G_SENSITIVITY] = why
-    said = rests_in_words(level) + doubt
+    sentences = rests_in_words(level) + doubt
     if fits:
         fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, accelerometers)
         fit = fits[-1][1]
-        said += singular_in_words(fit.condition) or (
+        sentences += singular_in_words(fit.condition) or (
             turns_in_words(turns, accelerometers, level.residual[0], fit.rms) + sizes_in_words(turns, fit)
         )
-    calibration = replace(_calibration(level, fits, declined, turns.scale), outcome=joined(said))
+    calibration = replace(_calibration(level, fits, declined, turns.scale), outcome=joined(sentences))
     return extra.complete(calibration)
 
 

@@ -110,8 +110,8 @@ def filter_and_smooth(
     constants = constants - own @ (own.T @ after[m:])
     corrected = model._replace(Psi=np.zeros((len(z), m, 0)), d=model.d + model.Psi @ constants)
     calibrated = _filter(
-        segments, corrected, z, x, constants[:0], np.diag(initial_sigma(segments, start.sigma)), 0, GATE_NIS,
-    )  # fmt: skip
+        segments, corrected, z, x, constants[:0], np.diag(initial_sigma(segments, start.sigma)), 0, GATE_NIS
+    )
     return Pass(
         step, regularised, sigma, factor, own[-3:] @ own[-3:].T * STATE_SCALE[0] ** 2,
         model.d[:, 3:6] * STATE_SCALE[3], filtered, estimates, smoothed, model, calibrated,
