@@ -173,17 +173,17 @@ def _pulses(what: Task, pulses: PulseTriad, runs: range) -> dict[str, list[Any]]
     from gimbalcal.campaign import trials as simulated
 
     trials = getattr(simulated, pulses.triad)(what.seed, runs, _turntable(tomllib.loads(what.text), what.name))
-    scale = [f"{pulses.unit}/(pulse/s)" + (f"^{k}" if k > 1 else "") for k in (1, 2, 3)]
-    pairs = [(f"K{k + 1}:{a}", scale[k]) for k in range(3) for a in "xyz"] + [(f"bias:{a}", pulses.unit) for a in "xyz"]
-    pairs += [(f"E:{a}", "rad") for a in ("yx", "zx", "zy")]
-    kept = [*range(3 * pulses.orders), *range(9, len(pairs))]
+    scale = [f"{pulses.unit}/(pulse/s)" + (f"^{k}" if k > 1 else "") for k in (1, 2, 3)[: pulses.orders]]
+    pairs = [(f"K{k}:{a}", unit) for k, unit in enumerate(scale, 1) for a in "xyz"]
+    pairs += [*((f"bias:{a}", pulses.unit) for a in "xyz"), *((f"E:{a}", "rad") for a in ("yx", "zx", "zy"))]
+    kept = [*range(3 * pulses.orders), *range(9, 15)]
     truth, x, sigma = trials.truth.vector(), trials.fit.pulses.vector(), trials.fit.sigma
     n = len(runs)
     outcome = ["" if ok else "the fit did not settle" for ok in trials.fit.converged]
     return {
         "run": np.repeat(np.array(runs), len(kept)).tolist(),
-        "parameter": [pairs[i][0] for i in kept] * n,
-        "unit": [pairs[i][1] for i in kept] * n,
+        "parameter": [name for name, _ in pairs] * n,
+        "unit": [unit for _, unit in pairs] * n,
         "truth": truth[:, kept].ravel().tolist(),
         "estimate": x[:, kept].ravel().tolist(),
         "sigma": sigma[:, kept].ravel().tolist(),

@@ -89,7 +89,7 @@ def design_learning(
     usual = {
         s.name: _share(replace(rig, platform=s.platform), s.angles, np.linspace(-1, 1, len(s.holds)), learn, wanted)
         for s in published(rig)
-        if s.platform.name == rig.platform.name or not set(learn) & set(rig.platform.axis_names)
+        if s.platform == rig.platform or not set(learn) & set(rig.platform.axis_names)
     }
     sine = (sum(RANGE_C) / 2, span / 2, hours * HOUR / cycles) if warm else (0.0, 0.0, 0.0)
     plan = assessed_design(schedule, rig, wanted, "D", published(rig), len(settings))

@@ -83,7 +83,7 @@ def position_response(
 
     Raises InputError for a rig that is no space-stable platform, and for effects to separate.
     """
-    if rig.platform.name != SPACE_STABLE.name or separate:
+    if rig.platform != SPACE_STABLE or separate:
         raise InputError(
             "--criterion position is for a space-stable platform, whose navigator it asks, and takes no --separate; "
             "choose D or A"
@@ -111,7 +111,7 @@ def _visiting_order(settings: Array) -> list[int]:
 
 def published(rig: PositioningRig) -> tuple[Schedule, ...]:
     """Return published schedules of the rig's platform; without angles all of them, as only directions matter."""
-    return tuple(s for s in SCHEDULES.values() if np.isinf(rig.setting) or s.platform.name == rig.platform.name)
+    return tuple(s for s in SCHEDULES.values() if np.isinf(rig.setting) or s.platform == rig.platform)
 
 
 def assess(

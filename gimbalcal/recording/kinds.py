@@ -95,17 +95,13 @@ MULTI_POSITION = Kind(
 """A unit on gimbals that is held in one position after the other."""
 
 
-def _without_gimbals(platform: Platform, _: Container[Key]) -> bool:
-    return not platform.axes
-
-
 HAND_TURNED = Kind(
     "multi-position",
     methods=("multiposition", "three-stage"),
     baseline=ACCELEROMETER_TERMS,
     predicted=("specific_force",),
     in_positions=True,
-    when=_without_gimbals,
+    when=lambda platform, _: not platform.axes,
 )
 """A unit without gimbals that is laid down in one position after the other: only the norm of gravity is known."""
 
