@@ -327,11 +327,11 @@ seconds at a time for the table. The panels show the misfit before (grey) and af
 UNSEEN = """
 ## Recordings of other repositories
 
-90 recordings, two of them simulated, taken from public repositories after the program was written. Sixteen, from
-Mansha-Ajmani/imu-noise-analysis on, were looked at once, when everything else had been measured, and the last eighteen
-after further changes. Each was examined independently in plain numpy and then run through `new`, `calibrate`,
-`diagnose` or `noise` as a user would. The first run is that of the program as it was; the verdicts compare it with the
-independent fit, by hand:
+137 recordings, five of them simulated, taken from public repositories after the program was written. Sixteen, from
+Mansha-Ajmani/imu-noise-analysis on, were looked at once, when everything else had been measured, and those that follow
+after further changes, the last thirteen at once. Each was examined independently in plain numpy and then run
+through `new`, `calibrate`, `diagnose` or `noise` as a user would. The first run is that of the program as it was;
+the verdicts compare it with the independent fit, by hand:
 
 * *right*: as the independent fit;
 * *half right*: usable after a correction by the user, or with one wrong statement;

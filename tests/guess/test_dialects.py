@@ -287,6 +287,12 @@ def test_lines_of_other_kinds_are_skipped_and_counted(tmp_path):
     golden_text(found.notes["lines"])
 
 
+def test_names_between_dashes_are_those_of_the_columns(tmp_path):
+    above = "/\tCG-5 SURVEY\nLine\t   0.000S\n/------LINE-----STATION-----GRAV.---SD.--TILTX-TEMP"
+    path = rows(tmp_path / "a.txt", above, np.zeros(9), np.ones(9), 2639.2 + 0.001 * np.arange(9), *np.ones((3, 9)))
+    assert list(table_of(path).columns) == ["LINE", "STATION", "GRAV.", "SD.", "TILTX", "TEMP"]
+
+
 def test_columns_below_a_block_of_settings_are_one_axis(tmp_path):
     a = np.concatenate([np.arange(0.0, 360, 2), np.arange(360.0, 0, -2)])
     head = "Name;run 2;\n\nName;position (Counter);velocity;position (Resolver)\nSampleTime;10;10;10\nUnit;(None);-;-"
