@@ -25,7 +25,7 @@ from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording.columns import ROW_STEP_S
-from gimbalcal.recording.record import Recording, Site
+from gimbalcal.recording.record import ANYWHERE, Recording
 from gimbalcal.recording.site import with_normal_gravity
 from gimbalcal.units import to_si
 
@@ -151,7 +151,7 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     read, true = (np.asarray(to_si(angles[n], u or usual)) for n, u in zip((first, second), units, strict=True))
     time, remarks = (_seconds(clock, table), ()) if clock else in_order(path, len(read))
     axis = KNOWN["rate-table"].axes[0].name
-    run = pointing_run(path, KNOWN["rate-table"], Site(), time, {axis: read}, {axis: true})
+    run = pointing_run(path, KNOWN["rate-table"], ANYWHERE, time, {axis: read}, {axis: true})
     why = {
         ("gimbal_angle", axis): (first, "its place before the other, or its name: what was commanded or read"),
         ("true_angle", axis): (second, "the other column that goes with it: what was measured"),

@@ -124,7 +124,7 @@ def _site(site: Site) -> list[str]:
     lines = ["[site]"]
     if site.latitude is not None:
         lines.append(f"latitude = {_number(from_si(site.latitude, 'deg'), 'deg')}")
-    if site not in (Site(), ANYWHERE):  # nobody has said where it is: better to say so again on reading
+    if site != ANYWHERE:  # nobody has said where it is: better to say so again on reading
         sigma = f", sigma = {site.gravity_sigma!r}" if site.gravity_sigma else ""
         g = _number(site.gravity, "m/s^2").replace(", unit", f"{sigma}, unit")
         lines += [f"height = {_number(site.height, 'm')}", f"gravity = {g}"]

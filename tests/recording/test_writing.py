@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
 from gimbalcal.recording import Recording, Site, join, read, write
+from gimbalcal.recording.record import ANYWHERE
 from tests.golden import refused
 from tests.recording.folders import HEADER, folder
 
@@ -70,6 +71,15 @@ def test_what_is_written_is_read(tmp_path, recording, samples):
     assert set(again.channels) == set(recording.channels)
     for key, values in recording.channels.items():
         close(again.channels[key], values)
+
+
+@pytest.mark.parametrize("site", [Site(), ANYWHERE], ids=["stated", "anywhere"])
+def test_gravity_that_was_stated_stays_exact_and_that_of_anywhere_uncertain(tmp_path, site):
+    rest = Recording("multi-position", "rests", BENCH, site, {}, np.arange(3.0), np.arange(3) + 1, {
+        ("specific_force", axis): np.full(3, 5.0) for axis in "xyz"
+    })  # fmt: skip
+    again = read(write(rest, tmp_path / "round")).site
+    assert (again.gravity, again.gravity_sigma) == (site.gravity, pytest.approx(site.gravity_sigma, abs=1e-12))
 
 
 def test_nothing_is_left_when_writing_fails(tmp_path, monkeypatch):
