@@ -120,6 +120,24 @@ def test_what_is_added_and_what_it_lacks_are_found():
     assert diagnose([recorded(np.random.default_rng(3))]).verdict == "adequate"
 
 
+def of_known_scale(recording, baseline=()):
+    """Return the view in a noise that the data sheet states."""
+    bare = inclined(recording, baseline)
+    noise = NoiseModel(np.full(3, SIGMA), scale_known=True, block=np.arange(len(bare)))
+    return replace(bare, noise=noise)
+
+
+def test_its_noise_may_be_of_a_known_scale(monkeypatch):
+    known_scale = replace_view(INCLINED, f"{__name__}:of_known_scale")
+    monkeypatch.setattr(recording_kinds, "EVERY", [known_scale, *recording_kinds.EVERY])
+    clean = recorded(np.random.default_rng(2))
+    assert methods.calibrate([clean])[0].residual.chi2 == pytest.approx(108, rel=0.3)
+    assert diagnose([clean]).verdict == "adequate"
+    (cubic,) = with_values((), parameters(CATALOGUE["cubic_nonlinearity"])[1:2], np.array([4e-5]))
+    d = diagnose([recorded(np.random.default_rng(2), [cubic])])
+    assert (d.verdict, d.findings[0].effect, d.findings[0].axis) == ("missing-physics", "cubic_nonlinearity", "y")
+
+
 def with_zeros(recording, baseline=()):
     """Return the view with the zeros of the inclinometer as nuisances."""
     bare = inclined(recording, baseline)
