@@ -169,8 +169,8 @@ def stops(recording: Recording) -> list[Dwell]:
     out: list[Dwell] = []
     for d in dwells(with_rests(recording)):
         ends = (
-            force[d.start : d.start + PAUSE_EDGE_ROWS].mean(axis=0),
-            force[max(d.stop - PAUSE_EDGE_ROWS, d.start) : d.stop].mean(axis=0),
+            force[d.rows][:PAUSE_EDGE_ROWS].mean(axis=0),
+            force[d.rows][-PAUSE_EDGE_ROWS:].mean(axis=0),
         )
         if float(np.linalg.norm(ends[1] - ends[0])) > MAX_DWELL_TURN_G * recording.site.gravity:
             continue  # a steady turn
