@@ -143,7 +143,7 @@ def test_a_static_run_from_end_to_end():
         "truth": {"draw": True, "factor": 0.2, "case_rotation_residue": {"A": {"polar": 1.5}, "period": 8.0}},
         "schedule": {"duration": {"value": 10.0, "unit": "h"}, "rate": {"value": 1 / 150, "unit": "Hz"}},
     }, 5)[0]  # fmt: skip
-    told = with_cost([run], diagnose([run]))
+    told = diagnose([run])
     assert told.verdict == "missing-physics"
     assert any("period of 8" in m["in_words"] for m in told.mismatch)
     (found,) = told.findings

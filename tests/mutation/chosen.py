@@ -195,7 +195,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ): (
         ("diagnose.cost", "_costs", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
     ),
-    "diagnose/test_cost.py::test_a_static_run_from_end_to_end": (
+    "diagnose/verdict/test_joint_fit.py::test_without_a_cause_the_others_take_up_what_they_can": (
         ("diagnose.verdict.joint_fit", "JointFit.without", " if c.effect != effect_id]", "]"),
     ),
     "diagnose/verdict/test_agreement.py": (
