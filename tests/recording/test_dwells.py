@@ -306,6 +306,11 @@ def test_a_knock_does_not_end_a_stay_and_a_turn_does():
     assert (position[:1900] == 1).all()
     assert (position[2150:3900] == 1).all()
     assert (position[4500:] == 2).all()
+    moved = np.array([0.0, 0.0, 1.0]) + 1e-3 * rng.standard_normal((6000, 3))
+    moved[2000:2020, 1] += 0.2 * (-1.0) ** np.arange(20)
+    assert detect(time, dict(zip("xyz", moved.T, strict=True))).max() == 1
+    moved[2020:, 0] += 2.6e-3  # 1.5 times the noise of a row
+    assert detect(time, dict(zip("xyz", moved.T, strict=True))).max() == 2
     rate = 1e-3 * rng.standard_normal((6000, 3))
     rate[2000:2050, 2] += np.radians(90.0) / 0.5  # about the vertical
     position = detect(time, dict(zip("xyz", force.T, strict=True)), dict(zip("xyz", rate.T, strict=True)))
