@@ -9,10 +9,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from gimbalcal.errors import InputError, shortened
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 Json = dict[str, Any]  # the content of a JSON file, or of an object in it
 E = TypeVar("E")
@@ -54,15 +58,22 @@ def plain(value: Any) -> Any:
     return [plain(one) for one in value] if isinstance(value, (tuple, list)) else value
 
 
+@cache
+def _adapter(cls: type[E]) -> TypeAdapter[E]:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(cls)
+
+
 def entry_from(cls: type[E], content: object, where: str) -> E:
     """Return the entry in the content of a file; keys that it does not have are ignored.
 
     where: place of the content in the file. Raises InputError, which names the place of a value of another type.
     """
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     try:
-        return TypeAdapter(cls).validate_python(content)
+        return _adapter(cls).validate_python(content)
     except ValidationError as problem:
         first = problem.errors()[0]
         steps = (step + 1 if isinstance(step, int) else step for step in first["loc"])
@@ -95,7 +106,7 @@ def read_json(path: Path, wanted: str) -> Any:
     if path.stat().st_size > MAX_BYTES:
         raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, more than any result; give {wanted}")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
         json.dumps(content, ensure_ascii=False).encode()
     except UnicodeDecodeError as problem:
         raise InputError(f"{path} is not text in UTF-8 (byte {problem.start}); give {wanted}") from None

@@ -1,9 +1,17 @@
 """A few inputs of the fuzzer, in this process: 0, 1, or one sentence and 2. For more: `python -m tests.fuzz`."""
 
+import shutil
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
+from gimbalcal import units
+from gimbalcal.calibration.exchange import FORMATS
+from gimbalcal.cli import gimbalcal
+from gimbalcal.importers import KINDS, imu_tk
 from tests.fuzzing import seeds
-from tests.fuzzing.documented import fuzz
+from tests.fuzzing.documented import CHEAP, FITS, TIERS, fuzzer, input_of
 from tests.fuzzing.targets import TARGETS
 from tests.fuzzing.worker import run
 
@@ -47,7 +55,50 @@ def test_what_was_wrong_once_is_right(folder, name, seed, number):
     assert not found["wrong"], found
 
 
-def test_inputs_from_the_documents_are_answered_and_nothing_is_wrong_in_silence():
-    counts, finds = fuzz(range(40), 9, quick=True)
-    assert counts.total() == 40
-    assert not finds
+@pytest.fixture(scope="module")
+def documented():
+    with fuzzer() as runs:
+        yield runs
+
+
+def test_what_the_documented_fuzzer_damages_is_sound_before(documented):
+    for command in (*CHEAP, *FITS):
+        assert documented.reference(command)[0].status in (0, 1), command
+
+
+def test_the_documented_fuzzer_takes_every_command_and_kind():
+    taken = {command[:2] for commands, _ in TIERS for command in commands}
+    assert {command for command, *_ in taken} == set(gimbalcal.commands)
+    assert {kind for command, kind in ((*t, "")[:2] for t in taken) if command == "import"} == set(KINDS)
+    assert {kind for command, kind in ((*t, "")[:2] for t in taken) if command == "export"} == {*FORMATS}
+
+
+def test_inputs_from_the_documents_are_answered_and_nothing_is_wrong_in_silence(documented):
+    assert not [find for n in range(60) if (find := documented.one(9, n, TIERS[:1]))]
+
+
+def test_the_oracle_notices_a_falsified_unit_and_rows_that_go(documented, monkeypatch):
+    hand, table = [((("calibrate", "hand"),), 1.0)], [((("import", "imu-tk", "acc.txt", "gyr.txt"),), 1.0)]
+    n = next(n for n in range(1000) if '"mg"' in rewritten(documented, n, hand))
+    assert documented.one(3, n, hand) is None
+    milli_g = units.ATOMS["mg"]
+    with monkeypatch.context() as falsified:
+        falsified.setattr(units, "ATOMS", {**units.ATOMS, "mg": replace(milli_g, factor=1.0005 * milli_g.factor)})
+        units._parse.cache_clear()
+        find = documented.one(3, n, hand)
+    units._parse.cache_clear()
+    assert find is not None
+    assert "scale_factor" in find["wrong"]
+    documented.reference(table[0][0][0])
+    matrix = imu_tk.text_matrix
+    monkeypatch.setattr(imu_tk, "text_matrix", lambda *given: matrix(*given)[:-6])
+    assert any(documented.one(3, n, table) for n in range(20))
+
+
+def rewritten(documented, n, commands):
+    """The header of the hand-turned recording if input n rewrites it."""
+    place = documented.folder / "looked-at"
+    given = input_of(np.random.default_rng([3, n]), place, documented.base, documented.recordings, commands)
+    text = (place / "hand" / "recording.toml").read_text() if given.what == "rewrite" else ""
+    shutil.rmtree(place)
+    return text

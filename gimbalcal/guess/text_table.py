@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import polars as pl
 
 HEAD_LINES, MIN_COLUMNS = 400, 2  # lines that show how a log is written, and columns of a table
+MAX_NUMBER = 1e30  # beyond any reading, time and counter, in any unit
 MIN_SHARE = 0.4  # of the lines below the first row that are rows of the table
 SEXAGESIMAL = re.compile(
     r"\s*[-+]?\d{1,3}\s*[°hd]\s*\d{1,2}([.,]\d*)?\s*['′m]\s*|"
@@ -173,13 +174,14 @@ def _called(frame: pl.DataFrame, headings: Sequence[str]) -> pl.DataFrame:
 def table_of_columns(columns_of_text: Iterable[tuple[str, Array, str]]) -> Table:
     """Return the table of columns (n,) by name and form, see `values_of`; cells that hold hardly a number make none.
 
-    What was stored as a "number" is a column however few there are.
+    What was stored as a "number" is a column however few there are, if any. Numbers beyond `MAX_NUMBER` are NaN.
     """
     columns: dict[str, Array] = {}
     forms: dict[str, set[str]] = {"angle": set(), "date": set()}
     others = []
-    for name, values, form in columns_of_text:
-        if form != "number" and np.count_nonzero(np.isfinite(values)) <= 0.4 * len(values):
+    for name, numbers, form in columns_of_text:
+        values = np.where(np.abs(numbers) < MAX_NUMBER, numbers, np.nan)
+        if np.count_nonzero(np.isfinite(values)) <= (0.0 if form == "number" else 0.4) * len(values):
             others.append(name)
             continue
         columns[name] = values

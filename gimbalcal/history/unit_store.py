@@ -150,6 +150,7 @@ def refuse_unusable(path: Path) -> None:
     if path.exists():
         with _open(path, make=False) as base:
             base.execute("begin immediate")
+            _insert(base, StoredResult("", "", CALIBRATION, {"parameters": ()}))
             base.execute("rollback")
         return
     folder = next(p for p in path.absolute().parents if p.exists() or p.is_symlink())

@@ -28,7 +28,7 @@ def import_mmt(files: Sequence[Path], _options: Mapping[str, str]) -> Recording:
     """One .dat file of the MMT: blocks of CAT, RAA (raw), TAA (true altitude, azimuth [deg]) and LST lines."""
     (path,) = files
     numbers_of: dict[str, list[list[float]]] = {"RAA": [], "TAA": [], "LST": []}
-    for line, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+    for line, text in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), start=1):
         name, colon, rest = text.partition(":")
         if not colon or name not in numbers_of:
             continue

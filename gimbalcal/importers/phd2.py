@@ -202,7 +202,7 @@ def _stretches(path: Path) -> list[_Stretch]:
     names: list[str] = []
     session = 0
     before = 0  # number of the last frame
-    for number, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+    for number, text in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), start=1):
         if text.startswith(_BEGINS):
             header, names, session = [], [], session + 1
         elif text.startswith(_HEADING):

@@ -164,7 +164,7 @@ def _joined(words: Array) -> Array:
 
 def _read(path: Path) -> _File:
     site, air, upright, rows = None, 0.0, False, []
-    for line, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+    for line, text in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), start=1):
         words = text.replace(",", " ").split()
         if words and words[0] == "END":
             break

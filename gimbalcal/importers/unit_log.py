@@ -21,7 +21,7 @@ TRIAD = ("x", "y", "z")
 def text_matrix(path: Path, columns: int) -> Array:
     """Return numbers separated by blanks or commas, `columns` to a line; a missing one is a NaN."""
     rows = []
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
         for line, text in enumerate(file, start=1):
             cells = text.replace(",", " ").replace(";", " ").split()
             if not cells:

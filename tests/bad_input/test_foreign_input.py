@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -18,7 +19,7 @@ from gimbalcal.cli.options import _as_printed
 from gimbalcal.entries import read_json
 from gimbalcal.errors import InputError
 from gimbalcal.history import StoredResult, keep, kept
-from gimbalcal.history.unit_store import WAIT_S
+from gimbalcal.history.unit_store import WAIT_S, refuse_unusable
 from gimbalcal.importers import import_files
 from gimbalcal.recording import read
 from gimbalcal.simulate.scenario import check_content
@@ -94,10 +95,18 @@ def test_a_store_that_cannot_be_written_is_compared():
         assert sorted(p.name for p in Path(name).iterdir()) == ["unit.sqlite"]
 
 
+def test_a_store_with_damaged_tables_is_refused_before_anything_is_computed(tmp_path):
+    path = tmp_path / "unit.sqlite"
+    keep(path, entry())
+    with sqlite3.connect(path, timeout=WAIT_S) as base:
+        base.execute("pragma wal_checkpoint(truncate)")
+    path.write_bytes(path.read_bytes().replace(b"CREATE TABLE entries (", b"CREATE TAB\x14E entries ("))
+    with pytest.raises(InputError, match="cannot be used as a store"):
+        refuse_unusable(path)
+
+
 @pytest.mark.parametrize("column", ["unit", "date", "kind"])
 def test_a_store_notices_what_stands_outside_the_content(tmp_path, column):
-    import sqlite3
-
     path = tmp_path / "unit.sqlite"
     assert keep(path, entry())
     assert not keep(path, entry())

@@ -130,7 +130,7 @@ def test_foreign_yaml_in_block_style_is_read(tmp_path):
   rostopic: /imu0
   update_rate: 200.0
 """
-    (tmp_path / "k.yaml").write_text(text)
+    (tmp_path / "k.yaml").write_bytes("# 20 °C\n".encode("latin-1") + text.encode())
     m = matrices(read_exchange("kalibr", tmp_path / "k.yaml").effects)
     np.testing.assert_allclose(m["Ma"], [[1.01, 0, 0], [0.002, 0.99, 0], [0.003, -0.001, 1.02]], atol=1e-15)
     assert m["A"][0, 2] == 1e-5

@@ -84,15 +84,17 @@ def _called(arguments: list[str], progress: Path) -> tuple[int, str, str]:
 
 @contextlib.contextmanager
 def _of_engines(err: io.StringIO) -> Iterator[None]:
-    """What compiled code writes to the real stderr is seen by the user too."""
-    kept = os.dup(2)
+    """What compiled code writes to the real stdout and stderr is seen by the user too."""
+    kept = [(fd, os.dup(fd)) for fd in (1, 2)]
     with tempfile.TemporaryFile() as written:
-        os.dup2(written.fileno(), 2)
+        for fd, _ in kept:
+            os.dup2(written.fileno(), fd)
         try:
             yield
         finally:
-            os.dup2(kept, 2)
-            os.close(kept)
+            for fd, copy in kept:
+                os.dup2(copy, fd)
+                os.close(copy)
             written.seek(0)
             err.write(written.read().decode(errors="replace"))
 
@@ -111,6 +113,8 @@ def _judged(status: int, out: str, err: str, place: Path, given: set[Path]) -> d
         wrong = "panic"
     elif status not in (0, 1, 2):
         wrong = f"exit {status}"
+    elif "** On entry to" in err:
+        wrong = "LAPACK was given what is no number"
     elif "Traceback" in err:
         wrong = "traceback"
     elif status == 2 and len(lines) != 1:

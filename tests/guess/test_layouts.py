@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gimbalcal.errors import InputError
 from gimbalcal.guess.clocks import unwrapped
 from gimbalcal.guess.column_names import by_name, plain
 from gimbalcal.guess.column_values import signed_counts
@@ -44,6 +45,19 @@ def test_rows_that_the_recorder_held_are_left_out(tmp_path):
     found = propose([rows(tmp_path / "held.csv", "time,ax,ay,az,gx,gy,gz", t, *f.T, *w.T)])
     assert found.notes["held"] == "118 rows are left out, 2 stretches in which the recorder held a row"
     assert len(found.recording.time) == len(t) - 118
+
+
+@pytest.mark.parametrize("column", range(7))
+def test_numbers_that_no_sensor_reads_are_missing(tmp_path, column):
+    """A cell of 1e308 in a log without names, be it time, force or rate: its square is not finite."""
+    t, f, w = turned()
+    columns = [t, *f.T.copy(), *w.T.copy()]
+    columns[column][40] = 1e308
+    log = rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", *columns)
+    same(propose([log]), *(np.delete(x, 40, axis=0) for x in (t, f, w)))
+    np.save(tmp_path / "a.npy", 1e300 * np.random.default_rng(column).standard_normal((200, 7)))
+    with pytest.raises(InputError):
+        propose([tmp_path / "a.npy"])
 
 
 def test_a_scale_that_a_remark_tells_is_taken_where_gravity_and_the_turns_agree(tmp_path):

@@ -439,11 +439,13 @@ def test_text_of_a_logger_that_missed_some_values(tmp_path):
     golden_text(recording.remarks[1])
 
 
-def test_mikoff_log(tmp_path):
+@pytest.mark.parametrize("mark", ["", "\ufeff"])  # Windows writes one in front of UTF-8
+def test_mikoff_log(tmp_path, mark):
     rng = np.random.default_rng(3)
     rows = np.column_stack([rng.normal([0, 0, -9.8], 0.05, (400, 3)), rng.normal(0, 1e-3, (400, 3))])
     rows[180:220, :3] += rng.standard_normal((40, 3))
     np.savetxt(tmp_path / "imu0.log", rows, fmt="%.5f")
+    (tmp_path / "imu0.log").write_text(mark + (tmp_path / "imu0.log").read_text(), encoding="utf-8")
     recording = import_files("mikoff", [tmp_path / "imu0.log"])
     assert recording.time[1] == 0.01
     assert recording.units["angular_rate", "x"] == "rad/s"

@@ -63,8 +63,8 @@ def read(path: Path) -> Imported:
     import yaml
 
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, ValueError, RecursionError) as problem:  # no UTF-8, integers of thousands of digits
+        document = yaml.safe_load(path.read_text(encoding="utf-8-sig", errors="replace"))
+    except (yaml.YAMLError, ValueError, RecursionError) as problem:  # integers of thousands of digits
         raise InputError(f"{path} is not YAML: {' '.join(str(problem).split())}") from None
     sections = document.values() if isinstance(document, dict) else ()
     units = [u for u in sections if isinstance(u, dict) and KEYS.keys() & u]

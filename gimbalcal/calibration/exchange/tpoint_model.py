@@ -229,7 +229,7 @@ def _parameters(mount: MountAxes, terms: Mapping[str, TpointTerm]) -> ParameterT
 
 def _terms(path: Path) -> tuple[dict[str, TpointTerm], str]:
     """Return terms by name in the order of the file, and its caption."""
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     out: dict[str, TpointTerm] = {}
     for number, line in enumerate(lines, start=1):
         if line.strip() == "END":
