@@ -59,7 +59,7 @@ def plain(value: Any) -> Any:
 
 
 @cache
-def _adapter(cls: type[E]) -> TypeAdapter[E]:
+def _adapter(cls: Any) -> TypeAdapter[Any]:
     from pydantic import TypeAdapter
 
     return TypeAdapter(cls)
@@ -72,8 +72,9 @@ def entry_from(cls: type[E], content: object, where: str) -> E:
     """
     from pydantic import ValidationError
 
+    kind: Any = cls
     try:
-        return _adapter(cls).validate_python(content)
+        entry: E = _adapter(kind).validate_python(content)
     except ValidationError as problem:
         first = problem.errors()[0]
         steps = (step + 1 if isinstance(step, int) else step for step in first["loc"])
@@ -81,6 +82,7 @@ def entry_from(cls: type[E], content: object, where: str) -> E:
         if first["type"] == "missing":
             raise InputError(f"{place} is missing") from None
         raise InputError(f"{place} cannot be {shortened(repr(first['input']), MAX_SHOWN)}: {expected(first)}") from None
+    return entry
 
 
 def expected(problem: Mapping[str, Any]) -> str:

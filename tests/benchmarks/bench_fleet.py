@@ -1,27 +1,35 @@
-"""A batch of simulated units: processor time of a unit and of the parent, and what the fleet is worth as a prior.
+"""A batch of simulated units: processor times, killed workers and schedulers, and what the fleet is worth as a prior.
 
-    python -m tests.benchmarks.bench_fleet [--units N]
+    python -m tests.benchmarks.bench_fleet [--units 1000] [--batch 40]
 
 Processor times do not depend on what else the machine does: the work of a unit is done by a worker, that of the parent,
 which gives out the work and keeps the results, cannot be shared and bounds how many workers are of use. The units are
 drawn with a tenth of the catalogue's sigmas; the gain is the ratio of the sigmas without the fleet and with it.
+A cluster loses a worker after a quarter of the batch and its scheduler after half; another one continues.
 """
 
 import argparse
 import os
+import re
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from gimbalcal.campaign.workers import connect
 from gimbalcal.effects import values
-from gimbalcal.history import DatedCalibration
+from gimbalcal.errors import InputError
+from gimbalcal.fleet import run_batch
+from gimbalcal.history import DatedCalibration, kept
 from gimbalcal.history.fleet import Fleet, fleet
 from gimbalcal.methods import calibrate
 from tests.benchmarks.collecting import say
+from tests.campaign.test_campaign import dask_cluster
+from tests.fleet.test_batch import digits
 from tests.fleet.units import unit, write_units
 from tests.history.calibrations import START
 
@@ -39,19 +47,62 @@ def processor_seconds(rigs: Path, store: Path, workers: int) -> float:
 
 
 def batches(count: int) -> None:
-    """The time of a unit, and that of the process that gives out the work and keeps the results."""
+    """The time of a unit, that of the process that gives out the work and keeps the results, and what kills do."""
     with tempfile.TemporaryDirectory(prefix="fleet-") as name:
         rigs = Path(name) / "rigs"
         write_units(rigs, count)
         one = processor_seconds(rigs, Path(name) / "one.sqlite", 1)
+        began = time.perf_counter()
         parent = processor_seconds(rigs, Path(name) / "two.sqlite", 2)
+        took = time.perf_counter() - began
         again = processor_seconds(rigs, Path(name) / "one.sqlite", 1)
+        kills = killed(rigs, Path(name), count)
+        stores = [digits(Path(name) / f"{store}.sqlite", *units_of(count)) for store in ("one", "two", "killed")]
     own = (parent - again) / count
     say(f"{count} units of 18 positions, calibrated and diagnosed: processor seconds")
     say(f"in one process           {one:8.1f}   {one / count:.2f} a unit")
     say(f"parent of two workers    {parent:8.1f}   {own:.3f} a unit beyond a batch without work")
     say(f"all results in the store {again:8.1f}")
     say(f"the parent keeps up with {one / count / max(own, 1e-3):.0f} workers")
+    say(f"two workers took {took:.1f} s by the clock on {os.cpu_count()} cores in use: {one / 2 / took:.0%} efficiency")
+    say(kills)
+    same = all(store == stores[0] for store in stores)
+    say(f"digits of one process, two workers and the batch with kills: {'the same' if same else 'DIFFERENT'}")
+
+
+def units_of(count: int) -> list[str]:
+    """The units of a batch."""
+    return [f"rig-{k:03d}" for k in range(count)]
+
+
+def killed(rigs: Path, folder: Path, count: int) -> str:
+    """Kill a worker after a quarter and the scheduler after half, then continue on another cluster."""
+    store, ends, kept_then = folder / "killed.sqlite", [], 0
+
+    def run(address: str, processes: Sequence[subprocess.Popen[bytes]], kills: bool) -> None:
+        left = {count // 4: processes[0], count // 2: processes[-1]} if kills else {}
+
+        def tell(line: str) -> None:
+            match = re.match(r"(\d+) of \d+ recordings", line)
+            for number in [n for n in left if match and int(match[1]) >= n]:
+                left.pop(number).kill()
+
+        with connect(address) as client:
+            client.wait_for_workers(2, timeout=30)
+        run_batch([f"{rigs}/*"], store, scheduler=address, tell=tell)
+
+    (folder / "first").mkdir()
+    with dask_cluster(folder / "first") as (address, processes):
+        try:
+            run(address, processes, kills=True)
+        except InputError as problem:
+            ends.append(str(problem))
+    kept_then = len({e.unit for e in kept(store)})
+    (folder / "second").mkdir()
+    with dask_cluster(folder / "second") as (address, processes):
+        run(address, processes, kills=False)
+    ended = re.sub(r"tcp://[\d.:]+", "tcp://...", ends[0]) if ends else "the batch ended without a word"
+    return f"a worker killed, then the scheduler: {ended!r}; {kept_then} units kept, {count} after the second cluster"
 
 
 def gain(known: Fleet, positions: int) -> None:
@@ -75,9 +126,11 @@ def gain(known: Fleet, positions: int) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print both tables."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--units", type=int, default=40)
-    count = options.parse_args(arguments).units
-    batches(count)
+    options.add_argument("--units", type=int, default=1000, help="of the fleet that is the prior")
+    options.add_argument("--batch", type=int, default=40, help="units that are calibrated and diagnosed by batch")
+    count, batch = (options.parse_args(arguments).__dict__[name] for name in ("units", "batch"))
+    if batch:
+        batches(batch)
     made = {f"u{k}": DatedCalibration(f"u{k}", START, calibrate([unit(k)[0]])[0]) for k in range(count)}
     say("")
     say(f"gain in sigma by a fleet of {count} units in 18 positions, {TESTED} further units (geometric mean)")

@@ -106,7 +106,7 @@ def wait_for(condition, seconds=30.0):
 
 @contextmanager
 def dask_cluster(folder):
-    """A scheduler and two workers, each a process of its own on loopback."""
+    """The address of a scheduler on loopback, and the processes of two workers and of the scheduler."""
     contact = folder / "scheduler.json"
     env = os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path.cwd())}
 
@@ -120,7 +120,7 @@ def dask_cluster(folder):
         wait_for(contact.is_file)
         plain = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder))
         workers += [start("dask_worker", *plain) for _ in range(2)]
-        yield json.loads(contact.read_text())["address"], workers
+        yield json.loads(contact.read_text())["address"], (*workers, scheduler)
     finally:
         for process in (*workers, scheduler):
             process.kill()
