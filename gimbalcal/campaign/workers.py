@@ -147,7 +147,7 @@ def connect(address: str, timeout: float = 10.0) -> Any:
         from distributed import Client
     except ImportError:
         raise InputError("--scheduler needs Dask: pip install 'gimbalcal[cluster]'") from None
-    for name in ("distributed", "asyncio"):  # they log tracebacks of what we say in a sentence
+    for name in ("distributed", "distributed.client", "asyncio"):  # they log tracebacks of what we say in a sentence
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         return Client(address, timeout=timeout)
