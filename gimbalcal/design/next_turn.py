@@ -81,7 +81,8 @@ def _experiment(m: SystematicFit, wanted: tuple[Parameter, ...]) -> TurningExper
     site, step = segments.rows.site, float(np.median(segments.dt / segments.rows.weight))
     force, rate = (float(segments.sigma[k : k + 3].max() * np.sqrt(step)) for k in (0, 3))
     there = unrecorded(segments.latitude, site.height)
-    return TurningExperiment(replace(there, site=site), wanted, TurningNoise(force, rate, segments.velocity))
+    noise = TurningNoise(force, rate, float(segments.velocity.min()))
+    return TurningExperiment(replace(there, site=site), wanted, noise)
 
 
 Session = tuple[str, str, float, Trajectory]  # which axis is down and which is level, axis, angle [deg], the motion

@@ -35,7 +35,7 @@ MAX_DWELL_TURN_G = 0.1  # change of the force over a stop; the Earth turns it by
 MIN_STOPS = 2  # of a unit that is turned in its place
 HAND_FORCE_RMS_G = 0.02  # of gravity, rms, which no lever arm on a table makes
 HAND_FORCE_RATIO = 2.0  # times what sensors make of rests
-DEFAULT_VELOCITY_SIGMA_M_S = 1e-3  # of the place, where it is not stated
+DEFAULT_VELOCITY_SIGMA_M_S = 1e-3  # of the place while the unit turns, where it is not stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,8 @@ class Segments:
     intervals is a pause of the clock in a stop. stop (K,): ordinal of the stop, -1 while turning; time (K + 1,) s of
     the updates, the first at the start. group (n,): group of each interval, for which the model is linearised once;
     groups: their means. sigma (6,): one sample of each channel, stated or estimated; shown (6,): estimated from the
-    stops; velocity: one sigma of that of the place [m/s]; stated: whether the header states the noise of both triads;
-    source: the recording as it was read; handled: whether a hand turned the unit, and so moved it.
+    stops; velocity (K,): one sigma of that of the place [m/s]; stated: whether the header states the noise of both
+    triads; source: the recording as it was read; handled: whether a hand turned the unit, and so moved it.
     """
 
     rows: Recording
@@ -61,7 +61,7 @@ class Segments:
     groups: Recording
     sigma: Array
     shown: Array
-    velocity: float
+    velocity: Array
     stated: bool
     source: Recording
     handled: bool = False
@@ -141,12 +141,33 @@ def segment(recording: Recording) -> Segments:
     for j in np.flatnonzero(np.diff(first) == 0):  # what begins after a pause begins one step before its first row
         time[j + 1] = recording.time[at[j + 1]] - step
     joined = ~paused[edge[:-1]] & (edge[:-1] > 0)
-    velocity = recording.noise.get("velocity", DEFAULT_VELOCITY_SIGMA_M_S)
+    still = velocity_at_stops(rows, length, np.array(first), np.array(stop))
+    velocity = np.where(np.array(stop) < 0, max(still, DEFAULT_VELOCITY_SIGMA_M_S), still)
+    velocity = np.full(len(stop), recording.noise["velocity"]) if "velocity" in recording.noise else velocity
     handled = "velocity" not in recording.noise and _handled(recording, stop_dwells)
     return Segments(
         rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated,
         source, handled,
     )  # fmt: skip
+
+
+def velocity_at_stops(rows: Recording, length: Array, first: NDArray[np.int64], stop: NDArray[np.int64]) -> float:
+    r"""Return one sigma [m/s] of the velocity of the place by the means of the force over the seconds of each stop.
+
+    The gain of velocity from one second to the next is :math:`u_k = w_k + \nu_k - \nu_{k-1}` about a line, as the Earth
+    turns: w white noise of the accelerometers, :math:`\nu` the velocity of the place at the updates. Second differences
+    z of u show :math:`s^2 = (6 \operatorname{cov}(z_k, z_{k+2}) - \operatorname{var} z) / 16`. It is at least what
+    chance leaves, and the default where no stop lasts for some seconds.
+    """
+    each_stretch, of = first[:-1][np.diff(first) > 0], stop[np.diff(first) > 0]
+    gained = rows.triad(FORCE)[each_stretch] * float(np.median(length[each_stretch[of >= 0]]))
+    z = [np.diff(gained[of == k], 2, axis=0) for k in range(stop.max() + 1)]
+    count = sum(each[2:].size for each in z)
+    if not count:
+        return DEFAULT_VELOCITY_SIGMA_M_S
+    variance = sum(float(np.sum(each[2:] ** 2)) for each in z) / count
+    covariance = sum(float(np.sum(each[2:] * each[:-2])) for each in z) / count
+    return float(np.sqrt(max((6 * covariance - variance) / 16, variance / 6 / np.sqrt(count))))
 
 
 def turned_in_place(recording: Recording) -> bool:

@@ -1,29 +1,37 @@
-"""Clean recordings of six kinds, in noise that is not Gaussian: how often something is said to be missing.
+"""Clean recordings of ten kinds, in noise that is not Gaussian: how often something is said to be missing.
 
-    python -m tests.benchmarks.bench_clean [--seconds S] [--kinds KIND,...]
+    python -m tests.benchmarks.bench_clean [--quick] [--jobs 2] [KIND ...]
 
 Nothing is concealed in these recordings. Every fourth has heavy tails, every fourth a random walk (positions: of the
 accelerometers; hand-turned units: of a second grade; stars: more tilt and sag, which the baseline has), every fourth
 settings looser than its header states or a noise that is not stated, and every fourth outliers. A false alarm is a
-named cause, a formula, or a shape without a cause; larger noise that is reported as such is none. Each kind is
-diagnosed one recording after the other until it has taken so many seconds of processor time.
+named cause, a formula, or a shape without a cause; of gyroscopes against an attitude, which are calibrated and not
+diagnosed, thirds of the record that are said to differ. Larger noise that is reported as such is none. Every result is
+appended to out/bench_clean-<digest of the sources>.jsonl as it comes: stopped and started again it goes on.
 """
 
-import argparse
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
 from time import process_time
 
 import numpy as np
 
+import gimbalcal
 from gimbalcal.diagnose import diagnose
+from gimbalcal.estimate.gyroscopes.rate_table import MOUNTING_SIGMA_RAD
+from gimbalcal.methods import calibrate
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, Site
 from tests.benchmarks import unknown_hand, unknown_mount, unknown_table
-from tests.benchmarks.collecting import say
+from tests.benchmarks.collecting import asked, collect, results_file, say
+from tests.benchmarks.diagnose_tables import Row
 from tests.benchmarks.unknown_runs import TERMS, hand, mount, setup
 from tests.benchmarks.unknown_runs import Run as UnknownRun
 from tests.diagnose import plant, static_plant
+from tests.estimate.gyroscopes import test_against_attitude as attitude_plant
+from tests.estimate.gyroscopes import test_rate_table as table_plant
+from tests.estimate.systematic.table import turning_unit
 
 ARCSEC = np.pi / 648000
 G = 9.80665
@@ -120,38 +128,111 @@ def guide_log(seed: int) -> CleanRecording:
     return r, ("gimbal_zero", "gimbal_zero_drift")
 
 
+def rate_table(seed: int) -> CleanRecording:
+    """Return gyroscopes on a rate table in one mounting, bolted on as well as its sigma says."""
+    rng, how = np.random.default_rng(70_000 + seed), seed % 4
+    tilt = (2.0 if how == LOOSE else 1.0) * MOUNTING_SIGMA_RAD * rng.standard_normal(3)
+    r = table_plant.run("xyz"[seed % 3], 70_000 + seed, tilt=tilt)
+    return _with_noise(r, "angular_rate", rng, how, 0.02 * table_plant.DEG), ()
+
+
+def rotation(seed: int, stated: bool = True) -> CleanRecording:
+    """Return a unit that is turned in its place, with a noise that its header states; every fourth is twice as loud."""
+    rng, how = np.random.default_rng(80_000 + seed), seed % 4
+    r = turning_unit(seed=80_000 + seed)
+    sizes = {"specific_force": r.noise["accelerometer"], "angular_rate": r.noise["gyroscope"]}
+    for quantity, sigma in sizes.items():
+        r = _with_noise(r, quantity, rng, how, sigma)
+    if how == LOOSE:
+        r = r.with_channels({k: x + sizes[k[0]] * 3**0.5 * rng.standard_normal(len(x)) for k, x in r.channels.items()})
+    return (r if stated else replace(r, noise={})), ()
+
+
+def _with_noise(r: Recording, quantity: str, rng: np.random.Generator, how: int, sigma: float) -> Recording:
+    """Return the recording with heavy tails, a random walk that adds up to a tenth of a sample, or outliers."""
+    if how == OUTLIERS:
+        return _disturbed(r, quantity, rng, 1e-3, 8.0)
+    if how not in (TAILS, WALK):
+        return r
+    n = len(r.time)
+    noise = rng.standard_t(3, (3, n)) if how == TAILS else np.cumsum(rng.standard_normal((3, n)), axis=1) / n**0.5 / 10
+    return r.with_channels({(quantity, a): r.channels[quantity, a] + sigma * noise[i] for i, a in enumerate("xyz")})
+
+
+def attitude(seed: int) -> CleanRecording:
+    """Return gyroscopes of a unit in the hand beside an attitude, whose reference every fourth time wanders."""
+    rng, how = np.random.default_rng(90_000 + seed), seed % 4
+    r = attitude_plant.recording(seed=90_000 + seed, walk=np.radians(0.5) / 60**0.5 if how == LOOSE else 0.0)
+    return _with_noise(r, "angular_rate", rng, how, 1e-3), ()
+
+
 PRESENT = {"gravity_leakage"}  # of every tilting table here: a cause that is found and no false alarm
 KINDS: dict[str, Callable[[int], CleanRecording]] = {
     "positions": positions,
     "static": static,
     "hand": turned_by_hand,
+    "rate table": rate_table,
+    "rotation": rotation,
+    "rotation of unknown noise": lambda seed: rotation(seed, stated=False),
     "tilting table": tilting_table,
     "stars": stars,
     "guide log": guide_log,
+    "attitude": attitude,
 }
+RUNS, QUICK = 100, 8  # recordings of a kind
+
+
+@dataclass(frozen=True)
+class CleanRun:
+    """A recording of a kind, by its number."""
+
+    arm: str
+    number: int
+
+    @property
+    def key(self) -> str:
+        """What tells it from every other run."""
+        return f"{self.arm}|{self.number}"
+
+
+def runs(quick: bool) -> Iterator[CleanRun]:
+    """Yield the first recordings of each kind, then the second ones, and so on."""
+    yield from (CleanRun(kind, k) for k in range(QUICK if quick else RUNS) for kind in KINDS)
+
+
+def answer(run: CleanRun) -> Row:
+    """Return what is said to be missing of a recording, and the processor time that it took."""
+    begin = process_time()
+    recording, baseline = KINDS[run.arm](run.number)
+    if run.arm == "attitude":
+        outcome = calibrate([recording], method="attitude")[0].outcome
+        alarm = outcome if "The thirds of the record differ" in outcome else ""
+    else:
+        d = diagnose([recording], baseline=baseline)
+        named = [f"{f.effect} {f.axis} {f.probability:.2f}" for f in d.findings if f.effect not in PRESENT]
+        shapes = [f"{u.shape} in {u.channel}" for u in d.unexplained]
+        alarm = f"{d.verdict}, {'; '.join([*named, *shapes])}" if named or shapes or d.laws else ""
+    return {"key": run.key, "kind": run.arm, "number": run.number, "alarm": alarm, "seconds": process_time() - begin}
+
+
+def sources() -> Iterator[Path]:
+    """What the results depend on: the package, the plants, and how they are judged."""
+    here = Path(__file__).parent
+    yield from sorted(Path(gimbalcal.__file__).parent.rglob("*.py"))
+    yield from (here / f"{name}.py" for name in ("bench_clean", "unknown_hand", "unknown_mount", "unknown_table"))
 
 
 def main() -> None:
     """Print the number of recordings of each kind, and each false alarm."""
-    ap = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    ap.add_argument("--seconds", type=float, default=600.0)
-    ap.add_argument("--kinds", default=",".join(KINDS))
-    a = ap.parse_args()
-    say("clean recordings        number   false alarms   processor time of one")
-    for kind in a.kinds.split(","):
-        lines, begin, count = list[str](), process_time(), 0
-        while process_time() - begin < a.seconds:
-            recording, baseline = KINDS[kind](count)
-            d = diagnose([recording], baseline=baseline)
-            named = [f"{f.effect} {f.axis} {f.probability:.2f}" for f in d.findings if f.effect not in PRESENT]
-            shapes = [f"{u.shape} in {u.channel}" for u in d.unexplained]
-            if named or shapes or d.laws:
-                lines.append(f"    number {count}: {d.verdict}, {'; '.join([*named, *shapes])}")
-            count += 1
-        each = (process_time() - begin) / count
-        say(f"{kind:<22} {count:7} {len(lines):14} {each:15.1f} s")
-        for line in lines:
-            say(line)
+    wanted, jobs, _ = asked(__doc__, f"{QUICK} of a kind", runs)
+    rows = collect(wanted, results_file("bench_clean", sources()), jobs, answer)
+    say("clean recordings           number   false alarms   processor time of one")
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        of = [row for row in rows if row["kind"] == kind]
+        alarms = sorted((row for row in of if row["alarm"]), key=lambda row: row["number"])
+        say(f"{kind:<26}{len(of):7} {len(alarms):14} {np.mean([row['seconds'] for row in of]):15.1f} s")
+        for row in alarms:
+            say(f"    number {row['number']}: {row['alarm']}")
 
 
 if __name__ == "__main__":

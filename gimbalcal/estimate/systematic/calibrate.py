@@ -111,7 +111,7 @@ def calibrated(m: SystematicFit) -> Calibration:
         residual=Residual(navigation["nis"]["sum"], navigation["nis"]["dof"], rms, navigation),
         outcome=words,
         provenance=Provenance(
-            options=Options(velocity_m_per_s=segments.velocity, stops=int(segments.stop.max()) + 1),
+            options=Options(velocity_m_per_s=float(segments.velocity.min()), stops=int(segments.stop.max()) + 1),
             limits=tuple(limitations(m, solution.sigma)),
         ),
     )

@@ -195,7 +195,7 @@ def stretch_model(
     for k in np.flatnonzero(segments.pauses):
         Phi[k, 3:6, 3:6] = 0.0
         Q[k, :3, :3] = (PAUSE_ATTITUDE_SIGMA_RAD / STATE_SCALE[0]) ** 2 * np.eye(3)
-        Q[k, 3:6, 3:6] = (segments.velocity / STATE_SCALE[3]) ** 2 * np.eye(3)
+        Q[k, 3:6, 3:6] = (segments.velocity[k] / STATE_SCALE[3]) ** 2 * np.eye(3)
     return Phi, Psi, Q, d / STATE_SCALE
 
 

@@ -130,7 +130,7 @@ def _filter(
     """Filter the velocities z (K, 3) of a unit in its place; beyond the gate the velocity starts anew."""
     Phi, Psi, root, d = model
     jump = JUMP_SIGMA_M_S / STATE_SCALE[3] if np.isfinite(gate) else 0.0
-    R = velocity_variance(segments, len(Phi))
+    R = velocity_variance(segments)
     return square_root_filter.filter(Phi, Psi, root, d, z, VELOCITY_STATES, R, x, theta, S, gate, jump, smoothed)
 
 
@@ -180,7 +180,7 @@ def initial_errors(segments: Segments, start: Alignment, C: Array) -> Array:
 def initial_sigma(segments: Segments, attitude: Array) -> Array:
     """Return one sigma (m,) of the moving states at the start, in units of the states; attitude: its (3,) in rad."""
     processes = bias_processes(segments)
-    navigation = np.concatenate([attitude, np.full(3, segments.velocity), np.full(3, POSITION_SIGMA_M)]) / STATE_SCALE
+    navigation = np.concatenate([attitude, *np.full((3, 2), [segments.velocity[0], POSITION_SIGMA_M]).T]) / STATE_SCALE
     return np.concatenate([navigation, np.sqrt(processes.P_0) / processes.scale])
 
 
@@ -198,9 +198,9 @@ def _initial_factor(segments: Segments, attitude: Array, p: int, known: Array | 
     return S
 
 
-def velocity_variance(segments: Segments, K: int) -> Array:
+def velocity_variance(segments: Segments) -> Array:
     """Return the variances (K, 3) of the velocity, which is zero, in units of the states."""
-    return np.full((K, 3), segments.velocity**2) / STATE_SCALE[VELOCITY_STATES] ** 2
+    return np.repeat(segments.velocity[:, None] ** 2, 3, axis=1) / STATE_SCALE[VELOCITY_STATES] ** 2
 
 
 def with_velocity_jumps(root: Array, excluded: NDArray[np.bool_]) -> Array:

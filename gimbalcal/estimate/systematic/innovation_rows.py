@@ -58,7 +58,7 @@ def innovation_rows(m: SystematicFit) -> InnovationRows:
     rows = linearise(BENCH, s, effects, KIND, CHANNELS)
     Phi, Psi, root, d = error_model(segments, (), effects, u, m.C)
     x, S = initial_errors(segments, m.start, m.C), np.diag(initial_sigma(segments, m.start.sigma))
-    R, root = velocity_variance(segments, len(Phi)), with_velocity_jumps(root, m.excluded)
+    R, root = velocity_variance(segments), with_velocity_jumps(root, m.excluded)
     z = np.where((m.excluded | ~segments.believed)[:, None], np.nan, 0 * R)
     f = square_root_filter.filter(Phi, Psi[:, :, :0], root, d, z, VELOCITY_STATES, R, x, np.zeros(0), S, smoothed=0)
     sigma, block = np.sqrt(f.variance), _blocks(segments.stop)

@@ -278,6 +278,22 @@ def _by_hand(t, stop=10.0, turn=4.0):
     return a[:, None] * np.stack([np.cos(k), np.sin(k), np.cos(2 * k)], axis=1) / 2
 
 
+@pytest.mark.parametrize(("moves", "most"), [(0.0, 1e-5), (5e-5, 6e-5), (2e-4, 2.4e-4)])
+def test_the_velocity_of_the_place_is_what_the_stops_show(moves, most):
+    """One sigma [m/s] from second to second at the stops, and 1 mm/s at least in turns, whose motion no stop shows."""
+    r = turning_unit(seed=4)
+    update = segment(r).time
+    velocity = moves * np.random.default_rng(4).standard_normal((len(update), 3))
+    k = np.searchsorted(update, r.time - 1e-6)  # the update that ends the second of each sample
+    gained = (velocity[k] - velocity[k - 1]) / np.diff(update)[k - 1, None]
+    force = {("specific_force", a): r.channels["specific_force", a] + gained[:, i] for i, a in enumerate("xyz")}
+    found = segment(replace(r.with_channels(force), noise={}))
+    still = found.velocity[found.stop >= 0]
+    assert 0.8 * moves <= still[0] <= most
+    assert np.all(still == still[0])
+    assert np.all(found.velocity[found.stop < 0] == max(1e-3, still[0]))
+
+
 def test_a_hand_that_carries_the_unit_along_is_no_velocity_of_its_place():
     truth = 0.3 * SCALE
     noise = {"accelerometer": 1e-3, "gyroscope": 1e-5}
