@@ -1,1 +1,4 @@
-"""Estimators: functions from a recording to what it says about the parameters."""
+"""Estimators: which views of a recording a method fits, in which noise, beside which nuisances, and what that says.
+
+Residuals and how rows are cut into dwells, turns and stretches are those of `gimbalcal.views`.
+"""
