@@ -26,7 +26,7 @@ what is left is what at least one of the calibrations does not describe.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import nan
@@ -72,6 +72,14 @@ def scope_of(effect_id: str) -> Scope:
     if effect_id in GYROSCOPE_BIAS:
         return Scope.POWER_UP
     return Scope.UNIT if cls.stage in UNIT_STAGES else Scope.INSTALLATION
+
+
+def with_widest_priors(parameters: Iterable[Parameter]) -> tuple[Parameter, ...]:
+    """Return the parameters of several recordings or views once each, with the widest prior that one of them has."""
+    widest: dict[str, Parameter] = {}
+    for p in parameters:
+        widest[p.label] = max(widest.get(p.label, p), p, key=lambda q: q.sigma)
+    return tuple(widest.values())
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from gimbalcal.diagnose.verdict.joint_fit import origin
 from gimbalcal.effects import Effect, Parameter, parameters, values, with_values
 from gimbalcal.estimate.accelerometers.fit_summary import rotations_of_the_triad
 from gimbalcal.estimate.fit import fit
+from gimbalcal.estimate.sharing import with_widest_priors
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.information import Unobservable, keeps_prior
 from gimbalcal.number import Array
@@ -83,9 +84,7 @@ def _model(group: Sequence[Fit], gimbals: Sequence[str]) -> Block:
     """
     effects, wanted, covariance = group[-1].effects, group[-1].parameters, group[-1].covariance
     if len(group) > 1:
-        every = [p for m in group for p in m.parameters]
-        sigma = {p.label: max(q.sigma for q in every if q.label == p.label) for p in every}
-        wanted = tuple({p.label: replace(p, sigma=sigma[p.label]) for p in every}.values())
+        wanted = with_widest_priors(p for m in group for p in m.parameters)
         effects = tuple({e.id: e for m in group for e in m.effects}.values())
         last = {p.label: x for m in group for p, x in zip(m.parameters, values(m.effects, m.parameters), strict=True)}
         start = with_values(effects, wanted, np.array([last[p.label] for p in wanted]), gimbals)

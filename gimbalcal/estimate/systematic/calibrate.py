@@ -25,7 +25,13 @@ from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.errors import amount
 from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
-from gimbalcal.estimate.sharing import Comparison, agreement, disagreeing, largest_difference
+from gimbalcal.estimate.sharing import (
+    Comparison,
+    agreement,
+    disagreeing,
+    largest_difference,
+    with_widest_priors,
+)
 from gimbalcal.estimate.systematic.error_model import invert_readings, rotated
 from gimbalcal.estimate.systematic.filter_pass import (
     WIDE_PRIOR_SIGMAS,
@@ -173,7 +179,7 @@ def calibrate_jointly(
         base = tuple(a.absent((), dict(a.stated)) for a in more)
         wanted = states(asked, r.why_not_shown, more)
         each.append(iterate(segment(r), wanted, base, tell))
-    wanted = _common([m.wanted for m in each])
+    wanted = with_widest_priors(p for m in each for p in m.wanted)
     theta = solve(_joint(wanted, each, np.zeros(len(wanted)))).x
     for _ in range(MAX_ROUNDS):
         each = [_relinearised(wanted, each, k, theta) for k in range(len(each))]
@@ -204,14 +210,6 @@ def calibrate_jointly(
         outcome=". ".join(words),
         provenance=Provenance(options=Options(states=asked, sessions=sessions), limits=limits),
     )
-
-
-def _common(each: Sequence[tuple[Parameter, ...]]) -> tuple[Parameter, ...]:
-    """Return the parameters of all, each with the largest prior sigma of any recording."""
-    sigma: dict[str, float] = {}
-    for p in (p for wanted in each for p in wanted):
-        sigma[p.label] = max(p.sigma, sigma.get(p.label, 0.0))
-    return tuple(replace(p, sigma=sigma[p.label]) for p in each[0])
 
 
 def _joint(wanted: Sequence[Parameter], each: Sequence[SystematicFit], about: Array) -> Information:
