@@ -25,20 +25,20 @@ EQUIVALENT: Mapping[tuple[str, str], str] = {
     (
         "estimate.accelerometers.position_fit.residual_noise",
         (
-            "minima = [minimize(cost, start + shift, method='Nelder-Mead', options={'xatol': 0.001}) "
+            "minima = [minimize(cost, start - shift, method='Nelder-Mead', options={'xatol': 0.001}) "
             "for shift in (0.0, 4.0)]"
         ),
     ): "another start of the same search",
     (
         "estimate.accelerometers.position_fit.residual_noise",
-        "{'xatol': 0.001}",
+        "{'xatol': -0.001}",
     ): "the search ends later, at the same minimum",
     (
         "estimate.accelerometers.position_fit._with",
-        "return replace(noise, **dict(zip(names, np.exp(np.clip(logs, -28, 0)).tolist(), strict=True)))",
+        "return replace(noise, **dict(zip(names, np.exp(np.clip(logs, -56, 0)).tolist(), strict=True)))",
     ): "no noise is as small as either bound",
     (
         "views.local.Local.start",
-        "e = apply_matrix(eliminate(linear, 1.0, self.sigma ** 2).gain, linear.r)",
+        "e = apply_matrix(eliminate(linear, 2.0, self.sigma ** 2).gain, linear.r)",
     ): "where the fit begins",
 }

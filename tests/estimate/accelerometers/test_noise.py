@@ -86,7 +86,9 @@ def test_the_likelihood_of_a_noise_is_that_of_all_rows_together(each):
     rows = means.select(np.repeat(np.arange(len(means.time)), each))
     shaken = {k: v + SAMPLE * rng.normal(size=v.shape) * (k[0] == "specific_force") for k, v in rows.channels.items()}
     wanted = [replace(q, mean=0.3 * q.sigma) for q in PARAMETERS]
-    p = fit_in_noise(view_of_positions(replace(rows, channels=shaken), NOISE), NOISE, wanted)
+    view = view_of_positions(replace(rows, channels=shaken), NOISE, averaged=each == 1)
+    p = fit_in_noise(view, NOISE, wanted)
+    assert len(p.rows.r_inside) == len(view) * (each > 1)
     others = [Noise(SAMPLE * a, ARCSEC * b) for a, b in ((1.0, 1.0), (2.0, 1.0), (1.0, 30.0), (0.3, 4.0))]
     here, dense = (np.array([of(p, noise) for noise in others]) for of in (deviance, dense_deviance))
     np.testing.assert_allclose(here - here[0], dense - dense[0], rtol=1e-6, atol=1e-4)
