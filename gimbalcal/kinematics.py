@@ -59,13 +59,11 @@ def stimulus_from_truth(recording: Recording, force: Array, rate: Array) -> Stim
     readout = recording.angles()
     position = recording.position if recording.position is not None else np.ones(n, dtype=int)
     visit, since = np.zeros(n, dtype=int), np.asarray(recording.time - recording.time[0], dtype=float)
-    starts = [0]
-    if recording.position is not None:
-        visits = dwells(recording)
-        starts = [d.start for d in visits]
-        for i, d in enumerate(visits):
-            visit[d.start :] = i
-            since[d.start :] = recording.time[d.start :] - recording.time[d.start]
+    visits = dwells(recording) if recording.position is not None else ()
+    for i, d in enumerate(visits):
+        visit[d.start :] = i
+        since[d.start :] = recording.time[d.start :] - recording.time[d.start]
+    starts = [d.start for d in visits] or [0]  # a unit that is never at rest has none
     return Stimulus(
         time=recording.elapsed,
         running=recording.time - recording.time[0] if recording.restarts else None,

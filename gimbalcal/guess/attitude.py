@@ -79,7 +79,7 @@ def motion_cost(log: Log) -> float:
         q = np.stack(attitude)
         reference_angle, spread = 2 * np.arccos(np.minimum(np.abs(np.sum(q[:, 1:] * q[:, :-1], axis=0)), 1.0)), 1 / 3
     elif len(log.values(FORCE)) == 3:
-        size = max(1, int(SMOOTHED_S / float(np.median(dt))))
+        size = min(max(1, int(SMOOTHED_S / float(np.median(dt)))), len(dt))
         f = np.stack([np.convolve(x, np.ones(size) / size, "same") for x in log.values(FORCE)])[:, size:-size:size]
         f = f / np.maximum(np.linalg.norm(f, axis=0), 1e-300)
         reference_angle, spread = np.arccos(np.clip(np.sum(f[:, 1:] * f[:, :-1], axis=0), -1, 1)), 1.4

@@ -87,6 +87,14 @@ def test_corrupt_moves_every_kind_of_reading():
     )  # rounding of 9.8 against a bias of 1e-3
 
 
+def test_a_recording_without_a_dwell_is_corrected_as_one_of_a_single_dwell():
+    true = table_recording(1)
+    nowhere, once = (replace(true, position=p * np.ones(18, dtype=int)) for p in (0, 1))
+    effects = (drawn("bias", 1), drawn("gimbal_zero", 1))
+    for key, corrected in calibration(effects).apply(once).channels.items():
+        np.testing.assert_array_equal(calibration(effects).apply(nowhere).channels[key], corrected)
+
+
 def test_counts_become_force_and_back():
     rng = np.random.default_rng(4)
     v = rng.standard_normal((25, 3))

@@ -207,7 +207,7 @@ def _by(text: str) -> tuple[tuple[str, ...], ...]:
 
 
 CHEAP = (
-    *(("new", name) for name in LOGS),
+    *(("new", name) for name in LOGS if name != "log.mat"),
     *_by("""
 new unit.log --rate 20
 new part1.csv part2.csv part3.csv
@@ -219,7 +219,6 @@ new guide.txt --latitude 51
 import csv log.csv --set header=header.toml
 import csv log.csv --set header=header.toml --set separator=comma
 import hdf5 log.h5 --set header=h5.toml
-import mat log.mat --set header=mat.toml
 import imu-tk acc.txt gyr.txt
 import imu-tk acc.txt --set means=yes
 import mikoff unit.log --set rate=20
@@ -233,7 +232,6 @@ import tpoint scope.dat --set refraction=yes
 apply rig --calibration rig.json
 apply rig --calibration rig.json --inverse
 apply rig --calibration imu.yaml
-apply rig --calibration clbt.mat
 apply rig --calibration calibration.csv
 apply stars --calibration stars.json
 apply stars --calibration mount.mod
@@ -243,7 +241,6 @@ export psins --calibration rig.json
 export csv --calibration rig.json
 export json --calibration rig.json
 export json --calibration imu.yaml
-export json --calibration clbt.mat
 export json --calibration calibration.csv
 export json --calibration mount.mod
 export tpoint --calibration stars.json
@@ -262,7 +259,12 @@ catalogue --check law.py
 design -n 4 --step 90
 """),
 )  # fmt: skip
+# those that estimate, and those that read MATLAB, which is done in a process of its own
 FITS = _by("""
+new log.mat
+import mat log.mat --set header=mat.toml
+apply rig --calibration clbt.mat
+export json --calibration clbt.mat
 calibrate rig
 calibrate hand
 calibrate stars
@@ -297,7 +299,7 @@ design --kind rotation --states 30 --tries 1
 demo
 """)
 Tiers = Sequence[tuple[Sequence[tuple[str, ...]], float]]  # commands, and how often one of them is taken
-TIERS: Tiers = ((CHEAP, 0.9), (FITS, 0.09), (SLOW, 0.009), (SLOWEST, 0.001))
+TIERS: Tiers = ((CHEAP, 0.95), (FITS, 0.045), (SLOW, 0.0045), (SLOWEST, 0.0005))
 VALUES = (
     "", "-1", "0", "1", "3", "nan", "1e400", "x", "bias", "bias:x", "30", "K2", "rig", "rig.json", "..", "/dev/null",
     "é", "a,b", "tcp://127.0.0.1:1", "navigation", "consumer", "multiposition", "bias='5 ug'", "9" * 30, "\x1b[1m",

@@ -60,6 +60,12 @@ def test_numbers_that_no_sensor_reads_are_missing(tmp_path, column):
         propose([tmp_path / "a.npy"])
 
 
+def test_a_rate_at_which_the_log_lasts_a_microsecond_is_answered(tmp_path):
+    _, f, w = turned()
+    with pytest.raises(InputError, match="this is no rest"):
+        propose([rows(tmp_path / "a.csv", "ax,ay,az,gx,gy,gz", *f.T, *w.T)], rate=1e9)
+
+
 def test_a_scale_that_a_remark_tells_is_taken_where_gravity_and_the_turns_agree(tmp_path):
     t, f, w = turned()
     counts = [np.round(x * 16384 / G) for x in f.T] + [np.round(x * D * 65.5) for x in w.T]
