@@ -180,13 +180,13 @@ def next_step(
         )
     bench = _Bench.of(dwelling, at_rest, tuple(dict.fromkeys((*more, *(s.partition(":")[0] for s in separate)))))
     bench = replace(bench, wanted=tuple(replace(p, sigma=(prior or {}).get(p.label, p.sigma)) for p in bench.wanted))
-    F = np.eye(len(bench.wanted)) + _squared(bench.rows_of(dwelling))
+    F = np.eye(len(bench.wanted)) + _squared(bench.recorded_rows)
     for run in at_rest:
         F += _squared(bench.rows_of_run(run))
     refuse_axes(separate, bench.wanted)
     interest = np.array([not separate or named(p, separate) for p in bench.wanted])
     target = None if reach is None else bench.sigmas_of(reach)
-    candidates = bench.candidates(dwelling, step)
+    candidates = bench.candidates(dwelling[-1].time[-1], step)
     if at_rest:
         candidates = _with(candidates, bench.longer_runs(at_rest[-1]))
     return plan_of(bench.wanted, np.linalg.inv(F), candidates, interest, target, tuple(separate), most)
@@ -268,13 +268,18 @@ _Settings = tuple[Recording, list[str], tuple[Mapping[str, float], ...], tuple[t
 
 @dataclass(frozen=True, eq=False)
 class _Bench:
-    """What plans need of a unit and its rig: parameters, usual dwells, and the last recording with its noise."""
+    """What plans need of a unit and its rig: parameters, usual dwells, and the means of the dwells that exist."""
 
     wanted: tuple[Parameter, ...]
     known: bool  # whether gimbals determine the attitude
     seconds: float  # of a dwell
     weight: float  # samples of a dwell
-    like: Recording  # means of the dwells of the last recording
+    means: tuple[Recording, ...]  # of each recording, in SI
+
+    @property
+    def like(self) -> Recording:
+        """Return the means of the last recording, in whose noise and place more dwells are planned."""
+        return self.means[-1]
 
     @classmethod
     def of(cls, recordings: Sequence[Recording], at_rest: Sequence[Recording], more: Sequence[str]) -> _Bench:
@@ -285,7 +290,8 @@ class _Bench:
         last = recordings[-1]
         known = bool(last.platform.axes) and last.has(ANGLE)
         _refuse_other_platforms(recordings, at_rest)
-        means = dwell_means(last) if known else scaled_by_gravity(dwell_means(last))[0]
+        every = tuple(dwell_means(r) if known else scaled_by_gravity(dwell_means(r))[0] for r in recordings)
+        means = every[-1]
         for added in map(known_effect, more):
             needs = [need for need in added.requires if need != "temperature" or not means.has("temperature")]
             if added.channel != "specific_force" or needs:
@@ -300,7 +306,7 @@ class _Bench:
         step = last.step if len(last.time) > len(means.time) else 0.0
         lasting = np.median(np.diff(means.time)) if len(means.time) > 1 else 600.0
         seconds = weight * step / float(np.median(last.weight)) if step else float(lasting)
-        return cls(wanted, known, max(seconds, 1.0), weight, means)
+        return cls(wanted, known, max(seconds, 1.0), weight, every)
 
     def rows(self, s: Stimulus, weight: Array, like: Recording) -> Array:
         """Return the rows (n, 3, p) of dwells, whitened by the noise of a recording."""
@@ -311,15 +317,10 @@ class _Bench:
         setting = (SETTING_RAD if setting is None else setting) if self.known else np.inf
         return rows_at_rest(s, self.like.platform, self.wanted, sample, setting, weight)
 
-    def rows_of(self, recordings: Sequence[Recording]) -> Array:
+    @property
+    def recorded_rows(self) -> Array:
         """Return the rows of the dwells that exist."""
-        out = []
-        for r in recordings:
-            means = dwell_means(r)
-            if not self.known:
-                means = scaled_by_gravity(means)[0]
-            out.append(self.rows(self.stimulus(means), means.weight, means))
-        return np.concatenate(out)
+        return np.concatenate([self.rows(self.stimulus(m), m.weight, m) for m in self.means])
 
     def stimulus(self, means: Recording) -> Stimulus:
         """Return what dwells feel: by their angles, or as they read, as long as gravity."""
@@ -381,15 +382,15 @@ class _Bench:
         none: tuple[Any, ...] = ((),) * len(words)
         return Candidates(words, HOUR * np.array(STATIC_HOURS), np.array(rows), ({},) * len(words), none)
 
-    def candidates(self, recordings: Sequence[Recording], step: float) -> Candidates:
-        """Return the positions of the rig, or attitudes by hand, for each duration and temperature."""
+    def candidates(self, end: float, step: float) -> Candidates:
+        """Return the positions of the rig, or attitudes by hand, for each duration and temperature, after `end` [s]."""
         plan, words, angles, towards, turning = self._by_angles(step) if self.known else self._by_hand()
         out: Candidates | None = None
         needed = any("temperature" in CATALOGUE[p.effect].requires for p in self.wanted)
         changes = (0.0, WARMER_K) if needed and self._temperature() else (0.0,)
         for warmer, duration in product(changes, DURATIONS):
             felt = {key: np.full(len(plan.time), value + warmer) for key, value in self._temperature().items()}
-            warm = replace(plan.with_channels(felt), time=plan.time + recordings[-1].time[-1])
+            warm = replace(plan.with_channels(felt), time=plan.time + end)
             rows = self.rows(self.stimulus(warm), np.full(len(plan.time), self.weight * duration), self.like)
             waiting = WARMING_S if warmer else 0.0
             extra = f" for {lasting(self.seconds * duration)}" + (f", {warmer:+g} K warmer" if warmer else "")

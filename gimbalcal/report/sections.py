@@ -1,11 +1,11 @@
 """Sections of the page of a calibration that depend on the kind of its recordings: pictures, nights, the navigator.
 
-`PICTURES` and `JOINT_PICTURES` are the only places that know which kind shows what.
+`pictures` is the only place that knows which kind shows what.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -35,14 +35,14 @@ Pictures = tuple[list[Picture], list[Picture]]  # of the first screen; of the se
 
 def pictures(c: Calibration, recordings: Sequence[Recording]) -> Pictures:
     """Return the pictures of the residuals, for the first screen, and of the data behind them."""
-    kinds = {r.kind for r in recordings}
-    joint = JOINT_PICTURES.get(c.method) or JOINT_PICTURES.get(kinds.pop() if len(kinds) == 1 else "")
-    if joint and recordings:
-        return [joint(recordings, c)], []
+    if recordings and c.method == "rate-table":
+        return [rate_table_picture(recordings, c)], []
+    if recordings and all(r.kind.sighting for r in recordings):
+        return [pointing_picture(recordings, c)], []
     leading: list[Picture] = []
     others: list[Picture] = []
     for r in recordings:
-        first, more = PICTURES.get(r.kind, position_pictures)(r, c)
+        first, more = (run_pictures if r.kind.stabilised else position_pictures)(r, c)
         leading, others = leading + first, others + more
     others += navigation_pictures(c)
     return (leading, others) if leading else (others[:2], others[2:])
@@ -323,12 +323,3 @@ def sigma_over_time(seconds: Array, groups: Mapping[tuple[str, str], Mapping[str
     time, unit = sensible_time(seconds)
     lines = [(f"{name}  [{of}]", [(axis, np.asarray(s)) for axis, s in c.items()]) for (name, of), c in groups.items()]
     return figures.curves_by_group(time, lines, f"time [{unit}]")
-
-
-# --- which kind shows what --------------------------------------------------------------------------------------------
-
-PICTURES: dict[str, Callable[[Recording, Calibration], Pictures]] = {"static-run": run_pictures}  # else positions
-JOINT_PICTURES: dict[str, Callable[[Sequence[Recording], Calibration], Picture]] = {
-    "pointing": pointing_picture,  # a kind
-    "rate-table": rate_table_picture,  # a method
-}

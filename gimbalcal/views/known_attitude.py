@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 
 from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
-from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.effects.process import SettingError
 from gimbalcal.errors import InputError
@@ -82,7 +81,7 @@ def view_of_readings(
     return View(
         STATIC_RUN if recording.kind.stabilised else POSITIONS, channels=read.channels, **recording_fields(recording),
         stimulus=s, evaluate=partial(read.rows, stages=stages), stages=frozenset(stages), noise=noise, label=s.position,
-        baseline=tuple(baseline) or BASELINE[recording.kind],
+        baseline=tuple(baseline) or recording.kind.baseline,
         groups=np.arange(n) * FOLDS // n if recording.kind.stabilised else s.visit,
         local=local,
     )  # fmt: skip
