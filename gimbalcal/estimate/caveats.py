@@ -105,7 +105,4 @@ def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[s
 
 def misheld_positions(recording: Recording) -> tuple[str, ...]:
     """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
-    try:
-        return tuple(f.in_words for f in trusted_positions(recording).faults)
-    except InputError:  # too few positions or accelerometers to tell one that was not held
-        return ()
+    return tuple(_reported(lambda: [f.in_words for f in trusted_positions(recording).faults]))

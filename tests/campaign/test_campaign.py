@@ -117,7 +117,7 @@ def dask_cluster(folder):
     scheduler = start("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     workers: list[subprocess.Popen[bytes]] = []
     try:
-        wait_for(contact.is_file)
+        wait_for(lambda: contact.is_file() and contact.read_text())  # it exists before it is written
         plain = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder))
         workers += [start("dask_worker", *plain) for _ in range(2)]
         yield json.loads(contact.read_text())["address"], (*workers, scheduler)
