@@ -277,8 +277,8 @@ class Calibration(Displayed):
             return self.printer(self)
         names = [f"{p.name} {p.axis}".strip() for p in self.parameters]
         wide = max(map(len, names), default=0)
-        table = [f"{n:{wide}s} {_rounded(e.value, e.sigma)} {e.parameter.unit}"
-                 for n, e in zip(names, self.estimates, strict=True)]  # fmt: skip
+        lines = zip(names, self.estimates, strict=True)
+        table = [f"{n:{wide}s} {_rounded(e.value, e.sigma)} {e.parameter.unit}" for n, e in lines]
         labels = {p.label for p in self.parameters}
         fixed: dict[str, list[str]] = {}
         for label in (label for u in self.unobservable for label in u.direction if label not in labels):

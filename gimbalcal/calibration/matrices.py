@@ -21,11 +21,11 @@ from numpy.typing import ArrayLike
 
 from gimbalcal.calibration.provenance import MountAxes
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
+from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.number import Array
 
-LINEAR = ("bias", "scale_factor", "misalignment", "gyro_bias", "gyro_scale_factor", "gyro_misalignment",
-          "gyro_g_sensitivity_rate")  # fmt: skip
+LINEAR = (*ACCELEROMETER_TERMS, *GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS, "gyro_g_sensitivity_rate")
 QUADRATIC = ("scale_nonlinearity",)
 ParameterTable = dict[Parameter, tuple[float, float]]
 """Value and sigma [SI] of each parameter that a file holds."""

@@ -238,9 +238,8 @@ def _calibrated(method: str, recording: Recording) -> Calibration:
 
 def _failed(run: int, why: str) -> dict[str, list[Any]]:
     nan = float("nan")
-    row = {"run": run, "parameter": "", "unit": "SI", "truth": nan, "estimate": nan, "sigma": nan, "chi2": nan,
-           "dof": 0, "outcome": why}  # fmt: skip
-    return {name: [value] for name, value in row.items()}
+    row = (run, "", "SI", nan, nan, nan, nan, 0, why)
+    return {name: [value] for name, value in zip(COLUMNS, row, strict=True)}
 
 
 def _on_the_clock(truth: Array, wanted: Sequence[Parameter], recording: Recording, start: float) -> Array:

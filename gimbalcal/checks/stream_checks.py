@@ -85,8 +85,8 @@ class StreamChecks:
         self.angles = [c for c in header.columns if c.quantity == "gimbal_angle"]
         # gimbals that must not stand still once they have moved
         self.turning = self.angles if header.kind.stabilised else []
-        self.values = [(c, check) for check in VALUE_CHECKS for c in header.columns if c.quantity in check.quantities
-                       and not (c.quantity == "temperature" and is_raw(c.unit))]  # fmt: skip
+        physical = [c for c in header.columns if not (c.quantity == "temperature" and is_raw(c.unit))]
+        self.values = [(c, check) for check in VALUE_CHECKS for c in physical if c.quantity in check.quantities]
         self.scatter: dict[str, float] = {}  # one sigma by column, once all rows went by
         self.n = 0
         self.step = 0.0  # usual step in time

@@ -316,8 +316,8 @@ def batch(
     from gimbalcal.report.html import marked
     from gimbalcal.words.naming import answered
 
-    target = output.folder([Path(patterns[0]).parent if "*" in patterns[0] else patterns[0]], "fleet",
-                           ("fleet.json", "fleet.parquet", "report.html"))  # fmt: skip
+    named = Path(patterns[0]).parent if "*" in patterns[0] else patterns[0]
+    target = output.folder([named], "fleet", ("fleet.json", "fleet.parquet", "report.html"))
     question = target.question if target else ""
     try:
         summary = run_batch(

@@ -428,8 +428,8 @@ class _Bench:
         plan = replace(
             self.like, time=600.0 * np.arange(n), position=np.arange(1, n + 1), channels=channels, weight=np.ones(n)
         )
-        words = [" and ".join(f"{'+' if x > 0 else '−'}{a}" for a, x in zip("xyz", d, strict=True) if x) + " up"
-                 for d in DIRECTIONS]  # fmt: skip
+        axes = ([f"{'+' if x > 0 else '−'}{a}" for a, x in zip("xyz", d, strict=True) if x] for d in DIRECTIONS)
+        words = [" and ".join(each) + " up" for each in axes]
         return plan, words, ({},) * n, tuple(tuple(map(float, d)) for d in up), np.full(n, TURN_BY_HAND_S)
 
 

@@ -42,8 +42,8 @@ DEGREE_ROUNDING = 1e-6
 MAX_WEAK_DIRECTIONS = 3
 MIN_TERM = 0.1  # of the largest term of a direction
 MAX_CURVE_POINTS = 240
-NAVIGATION = tuple((f"{what}:{axis}", unit) for what, unit in (("attitude", "arcsec"), ("velocity", "m/s"),
-                   ("place", "m")) for axis in ("north", "east", "down"))  # fmt: skip
+STATE_UNITS = {"attitude": "arcsec", "velocity": "m/s", "place": "m"}
+NAVIGATION = tuple((f"{what}:{a}", unit) for what, unit in STATE_UNITS.items() for a in ("north", "east", "down"))
 TABLE_2: Mapping[str, tuple[float, float]] = {  # Wei et al. (2022): degree with 18 and with 30 positions
     "gyro_bias:x": (22.37, 79.94), "gyro_bias:y": (23.08, 69.69), "gyro_bias:z": (25.05, 75.55),
     "bias:x": (181.52, 251.99), "bias:y": (197.31, 263.65), "bias:z": (170.47, 247.22),

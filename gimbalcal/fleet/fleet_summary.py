@@ -95,8 +95,8 @@ class FleetSummary(Entry):
     @property
     def ordinary(self) -> bool:
         """Return whether every recording has a result and an adequate model, and no unit is outside."""
-        return not self.failed and not self.outside and not any(r.outcome for r in self.reports) and (
-            set(self.verdicts) <= {"adequate"})  # fmt: skip
+        adequate = set(self.verdicts) <= {"adequate"} and not any(r.outcome for r in self.reports)
+        return not self.failed and not self.outside and adequate
 
 
 def fleet_summary(each: Mapping[str, Sequence[StoredResult]]) -> tuple[FleetSummary, Fleet, pl.DataFrame]:

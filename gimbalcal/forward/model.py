@@ -150,9 +150,9 @@ def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]
     force = accelerometers(-apply_matrix(C_np, np.broadcast_to(gravity, s.force.shape)), s, effects)
     C_nb = _rotation(effects, Stage.BASE, s)
     s = s.at(angle=ideal_angles(platform, phase, L))
-    tilts = _total(effects, Stage.AXIS_TILT, s)
-    angle = gimbal_angles(platform, C_np @ np.swapaxes(C_nb, -1, -2), s.angle, _total(effects, Stage.ENCODER, s),
-                          None if isinstance(tilts, float) else tilts)  # fmt: skip
+    tilts, off = _total(effects, Stage.AXIS_TILT, s), _total(effects, Stage.ENCODER, s)
+    tilted = None if isinstance(tilts, float) else tilts
+    angle = gimbal_angles(platform, C_np @ np.swapaxes(C_nb, -1, -2), s.angle, off, tilted)
     s = s.at(angle=angle)
     readout = angle - _total(effects, Stage.ENCODER, s)
     attitude = navigator_attitude_error(platform, force, readout) + _total(effects, Stage.ATTITUDE, s)

@@ -88,8 +88,8 @@ def _insert(base: sqlite3.Connection, entry: StoredResult) -> bool:
     answer = str(content.get("outcome") or content.get("verdict", ""))
     recordings = [r.get("sha256", "") for r in content.get("provenance", {}).get("recordings", ())]
     of_content = _digest(content)
-    row = (entry.unit, entry.date, entry.kind, method, answer, json.dumps(recordings), json.dumps(content),
-           f"{of_content} {_seal(entry, of_content)}")  # fmt: skip
+    texts = json.dumps(recordings), json.dumps(content), f"{of_content} {_seal(entry, of_content)}"
+    row = (entry.unit, entry.date, entry.kind, method, answer, *texts)
     columns = "(unit, date, kind, method, answer, recordings, content, digest)"
     same = "select 1 from entries where unit = ? and kind = ? and substr(digest, 1, 64) = ?"
     cursor = base.execute(

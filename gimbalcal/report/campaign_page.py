@@ -47,8 +47,8 @@ def _facts(c: CampaignSummary, rows: Sequence[ParameterErrors]) -> list[tuple[st
     if rows:
         middle = sqrt(float(np.mean([r.ratio**2 for r in rows])))
         worst = max(rows, key=lambda r: r.ratio)
-        facts += [(f"{middle:.2f}", "RMS error over σ, all parameters"),
-                  (f"{worst.ratio:.2f}", f"the largest, {naming.label_in_words(worst.parameter)}")]  # fmt: skip
+        facts.append((f"{middle:.2f}", "RMS error over σ, all parameters"))
+        facts.append((f"{worst.ratio:.2f}", f"the largest, {naming.label_in_words(worst.parameter)}"))
     return facts
 
 
@@ -85,8 +85,8 @@ def _picture(rows: Sequence[ParameterErrors]) -> Picture:
     ratio = np.array([r.ratio for r in rows])
     low, high = chance(min(r.runs for r in rows), len(rows))
     ends = np.array([-0.5, len(rows) - 0.5])
-    marks: list[Mark] = [Band(np.array([low, high]), ends[[0, 0]], ends[[1, 1]], "grey", "chance"),
-             Rule(1.0, "ink", upright=True)]  # fmt: skip
+    band = Band(np.array([low, high]), ends[[0, 0]], ends[[1, 1]], "grey", "chance")
+    marks: list[Mark] = [band, Rule(1.0, "ink", upright=True)]
     odd = ratio > high
     series = {"": np.where(odd, np.nan, ratio)} | (
         {"more than chance": np.where(odd, ratio, np.nan)} if odd.any() else {}

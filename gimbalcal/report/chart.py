@@ -191,8 +191,8 @@ def tick_words(values: Sequence[float]) -> list[str]:
 def date_ticks(first: float, last: float) -> list[tuple[float, str]]:
     """Return a few dates between two days, counted since 1970, in words."""
     days = np.linspace(first, last, 4 if last - first >= 3 else 2)
-    form = next(f for least, f in ((300, "%Y-%m"), (3, "%Y-%m-%d"), (0.05, "%m-%d %H:%M"), (-1, "%H:%M:%S"))
-                if last - first > least)  # fmt: skip
+    forms = ((300, "%Y-%m"), (3, "%Y-%m-%d"), (0.05, "%m-%d %H:%M"), (-1, "%H:%M:%S"))
+    form = next(f for least, f in forms if last - first > least)
     return [(float(d), datetime.fromtimestamp(SOLAR_DAY * float(d), UTC).strftime(form)) for d in days]
 
 

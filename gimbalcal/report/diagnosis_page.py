@@ -128,8 +128,8 @@ def _moved(m: Shift) -> dict[str, str]:
 def _law(law: LawResult) -> Context:
     """Return a formula that no catalogue holds: as it is written, its parameters, and the domain of the data."""
     units = {v: naming.unit_in_print(unit) for v, unit in law.units.items()}
-    domain = (f"{naming.spaced(v)} from {significant(low, 3)} to {significant(high, 3)} {units[v]}"
-              for v, (low, high) in law.domain.items())  # fmt: skip
+    ranges = ((v, *(significant(end, 3) for end in ends)) for v, ends in law.domain.items())
+    domain = (f"{naming.spaced(v)} from {low} to {high} {units[v]}" for v, low, high in ranges)
     return {
         "where": naming.spaced(f"{law.channel} {law.axis}"),
         "equation": formula(law.latex), "form": law.form, "domain": minus("; ".join(domain)),
@@ -267,8 +267,8 @@ def on_the_sky(curves: Curves) -> list[Chart]:
     """Draw misfits of stars as arrows on the sky, before and after the findings; none for other recordings."""
     if {("pointing", "across"), ("pointing", "along")} - set(curves.channels):
         return []
-    axes = next((a for a in (("azimuth [°]", "elevation [°]"), ("hour angle [°]", "declination [°]"))
-                 if a[0] in curves.against and a[1] in curves.against), None)  # fmt: skip
+    mounts = (("azimuth [°]", "elevation [°]"), ("hour angle [°]", "declination [°]"))
+    axes = next((a for a in mounts if a[0] in curves.against and a[1] in curves.against), None)
     if axes is None or curves.sigma is None:
         return []
     around, up = (np.asarray(curves.against[a]) for a in axes)
@@ -294,8 +294,8 @@ def _before_after(
         : MAX_PANELS - len(skies) - len(laws)
     ]
     changed = any(p.changed for p in panels)
-    sizes = "; ".join(f"{p.name} by {p.x_label}: " + (f"{rms(p.before)} to " if p.changed else "")
-                     + f"{rms(p.after)} {p.unit}" for p in panels)  # fmt: skip
+    each = ((p, f"{rms(p.before)} to " if p.changed else "") for p in panels)
+    sizes = "; ".join(f"{p.name} by {p.x_label}: {before}{rms(p.after)} {p.unit}" for p, before in each)
     what = "as calibrated (grey squares) and with the findings added (blue dots)" if changed else "as calibrated"
     return picture(
         [*laws, *before_after(panels), *skies],

@@ -109,8 +109,8 @@ def before_after(panels: Sequence[Panel]) -> list[Chart]:
 def _before_after(p: Panel) -> Chart:
     few = p.x.size <= MAX_BARS
     size, order = (3.2 if few else 1.8), np.argsort(p.x, kind="stable")
-    points = [tuple(f"{n}: {signed(v)} {p.unit}{when}" for n, v in zip(p.names, y, strict=False))
-            for y, when in ((p.before, " before"), (p.after, " after" if p.changed else ""))]  # fmt: skip
+    both = ((p.before, " before"), (p.after, " after" if p.changed else ""))
+    points = [tuple(f"{n}: {signed(v)} {p.unit}{w}" for n, v in zip(p.names, y, strict=False)) for y, w in both]
     sigma = _in_view(p)
     band = [Band(p.x[order], -sigma[order], sigma[order], BLUE, "one σ")] if sigma is not None and not few else []
     first = [Points(p.x, p.before, "grey", "square", size, names=points[0], label="before")] if p.changed else []
@@ -287,8 +287,8 @@ def correlation(labels: Sequence[str], matrix: Array) -> Markup:
         r, x, y = float(matrix[i, j]), edge + j * cell, edge + i * cell
         pair = escape(f"{labels[i]} with {labels[j]}: {r:+.2f}".replace("-", "−"))
         side, strength = ("c1" if r < 0 else "c0"), min(abs(r), 1.0) * (0.35 if i == j else 0.9)
-        parts.append(f'<rect class="{side}" fill-opacity="{strength:.2f}" x="{x + 0.5:.1f}" y="{y + 0.5:.1f}" '
-                     f'width="{cell - 1:.1f}" height="{cell - 1:.1f}"><title>{pair}</title></rect>')  # fmt: skip
+        box = f'x="{x + 0.5:.1f}" y="{y + 0.5:.1f}" width="{cell - 1:.1f}" height="{cell - 1:.1f}"'
+        parts.append(f'<rect class="{side}" fill-opacity="{strength:.2f}" {box}><title>{pair}</title></rect>')
         if i != j and abs(r) >= MIN_WRITTEN:
             text = f"{r:.1f}".replace("0.", ".").replace("1.0", "1").replace("-", "−")
             where = f'x="{x + cell / 2:.1f}" y="{y + cell / 2 + letter / 3:.1f}"'

@@ -77,8 +77,8 @@ def clocked(r: Recording) -> str:
 def _answer(proposal: Proposal, count: int) -> str:
     r = proposal.recording
     if r.kind.stabilised:
-        return (f"A static run of {clocked(r)}. Next: correct recording.toml where a guess below is wrong, then "
-                "`gimbalcal calibrate` this folder, best together with positions of the same unit.")  # fmt: skip
+        then = "`gimbalcal calibrate` this folder, best together with positions of the same unit."
+        return f"A static run of {clocked(r)}. Next: correct recording.toml where a guess below is wrong, then {then}"
     if r.kind.rotating:
         return f"Gyroscopes on a table, {clocked(r)}. {NEXT[:-1]} together with those of the other mountings."
     few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if count < 9 else ""
@@ -110,8 +110,8 @@ def _offsets(r: Recording) -> list[Chart]:
     for axis in axes:
         off = from_si(r.channels["gimbal_angle", axis] - r.channels["true_angle", axis], "arcsec")
         around = np.degrees(r.channels["true_angle", outer])
-        charts.append(Chart((Points(around, off, COLOURS[0]),), f"{axis.replace('_', ' ')} read minus true  [arcsec]",
-                            f"{outer.replace('_', ' ')} [°]"))  # fmt: skip
+        title = f"{axis.replace('_', ' ')} read minus true  [arcsec]"
+        charts.append(Chart((Points(around, off, COLOURS[0]),), title, f"{outer.replace('_', ' ')} [°]"))
     return charts
 
 

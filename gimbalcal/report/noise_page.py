@@ -62,11 +62,10 @@ def _chart(channels: Sequence[ChannelNoise], quantity: str) -> Chart:
             f"{label}, {lasting(t)}: {significant(v)} {unit_in_print(c.unit)}" for t, v in zip(tau, y, strict=True)
         ]
         spread = np.array(c.sigma)
-        marks += [Line(tau, np.array(c.model), colour, dash=DASHES[k % 6]),
-                  Points(tau, y, colour, SHAPES[k % 4], 3.0, spread, names, label)]  # fmt: skip
-    unit = unit_in_print(mine[0].unit)
-    return Chart(tuple(marks), TITLES[quantity], "averaging time [s]", f"Allan deviation [{unit}]", log_x=True,
-                 log_y=True, height=300)  # fmt: skip
+        marks.append(Line(tau, np.array(c.model), colour, dash=DASHES[k % 6]))
+        marks.append(Points(tau, y, colour, SHAPES[k % 4], 3.0, spread, names, label))
+    labels = "averaging time [s]", f"Allan deviation [{unit_in_print(mine[0].unit)}]"
+    return Chart(tuple(marks), TITLES[quantity], *labels, log_x=True, log_y=True, height=300)
 
 
 def _noise_row(c: ChannelNoise) -> Context:

@@ -77,8 +77,8 @@ def plan_report(o: Observability) -> str:
     """Return the page of the observability of a schedule of positions or a static run."""
     total, unseen = len(o.rows), o.unobservable
     noise = ((key.rpartition("_"), v) for key, v in o.noise.items())
-    facts = [(f"{significant(v, 3)} {NOISE_UNITS[unit]}", f"noise: {naming.spaced(sensor)}")
-             for (sensor, _, unit), v in noise if unit in NOISE_UNITS]  # fmt: skip
+    known = ((v, NOISE_UNITS[unit], sensor) for (sensor, _, unit), v in noise if unit in NOISE_UNITS)
+    facts = [(f"{significant(v, 3)} {unit}", f"noise: {naming.spaced(sensor)}") for v, unit, sensor in known]
     hidden = [c.effect for c in o.candidates if c.strength < MIN_SIGNAL_TO_NOISE]
     return render("plan.html", {
         "kind": "Observability of a schedule", "title": naming.typeset(o.schedule), "answer": plan_answer(o),

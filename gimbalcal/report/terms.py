@@ -34,8 +34,8 @@ def terms_in_text(c: Calibration) -> str:
     parts = []
     if table := _tpoint_rows(c):
         rows = [("", "coeff", "change", "value", "sigma"), *table]
-        parts += [*("{:>3s}  {:<8s}{:>11s} {:>11s} {:>9s}".format(*row) for row in rows),
-                  "", *(f"  {name} = {x:6.2f}" for name, x in _tpoint_rms(c)), ""]  # fmt: skip
+        parts += ["{:>3s}  {:<8s}{:>11s} {:>11s} {:>9s}".format(*row) for row in rows]
+        parts += ["", *(f"  {name} = {x:6.2f}" for name, x in _tpoint_rms(c)), ""]
     tests = c.provenance.term_tests or ()
     chosen = [t for t in tests if t.in_model], candidate_terms(c)[:CANDIDATES_PRINTED]
     if any(chosen):

@@ -167,8 +167,8 @@ class View:
         """
         names, known = self.stimulus.axis_names, self.measurement.known_attitude
         cls = known_effect(effect_id, "baseline")
-        candidates = (p for p in parameters(cls, names) if (known or p.axis not in names or p.axis in self.read_gimbals)
-                and (p.effect, p.axis) not in self.gauge)  # fmt: skip
+        shown = (p for p in parameters(cls, names) if (p.effect, p.axis) not in self.gauge)
+        candidates = (p for p in shown if known or p.axis not in names or p.axis in self.read_gimbals)
         drift_factor = 1.0 if known else drift_rate_factor(cls, float(np.ptp(self.stimulus.time)))
         usual = (self.grade.usual(p) for p in candidates)
         factors = ((p, self.prior_factor * (drift_factor if p.unit.endswith("/h") else 1.0)) for p in usual)

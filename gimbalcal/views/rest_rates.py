@@ -105,8 +105,8 @@ def rest_rates_on_gimbals(recording: Recording, sigma: Array) -> View:
     def about(x: Array) -> View:
         horizontal = north * np.cos(x[0]) - east * np.sin(x[0])
         slope = -north * np.sin(x[0]) - east * np.cos(x[0])
-        return _view(means, s, y - horizontal, slope[..., None], noise=NoiseModel(sigma, scale_known=True), about=about,
-                     nuisances=(nuisance(HEADING, "", "rad", np.inf),))  # fmt: skip
+        noise, free = NoiseModel(sigma, scale_known=True), (nuisance(HEADING, "", "rad", np.inf),)
+        return _view(means, s, y - horizontal, slope[..., None], noise=noise, about=about, nuisances=free)
 
     return about(np.zeros(1))
 
@@ -123,9 +123,8 @@ def _view(means: Recording, s: Stimulus, y: Array, N: Array | None, **fields: An
 def sigma_of_means(recording: Recording) -> Array:
     """One sigma (m, 3) of the mean rates of dwells by the scatter of the samples, in the unit of the readings."""
     y, root, means = recording.triad(RATE), np.sqrt(recording.weight)[:, None], dwell_means(recording)
-    inside = np.concatenate([  # rows may be means themselves
-        (y[d.rows] - m) * root[d.rows] for d, m in zip(dwells(recording), means.triad(RATE), strict=True)
-    ])  # fmt: skip
+    each = zip(dwells(recording), means.triad(RATE), strict=True)
+    inside = np.concatenate([(y[d.rows] - m) * root[d.rows] for d, m in each])  # rows may be means themselves
     return np.asarray(np.sqrt((inside**2).mean(0)) / np.sqrt(means.weight)[:, None])
 
 
@@ -162,8 +161,8 @@ def without_earth_rate(recording: Recording, gyro: Sequence[Effect] = ()) -> Rec
     rest = dwell_means(recording)
     A = EARTH_RATE * rest.platform.attitude(rest.angles())
     u = rest.triad(FORCE) / rest.site.gravity
-    level = np.concatenate([np.einsum("ij,n->nij", np.eye(3), np.ones(len(u))), np.einsum("ij,nk->nijk", np.eye(3), u)
-                            .reshape(len(u), 3, 9)], axis=-1)  # fmt: skip
+    by_force = np.einsum("ij,nk->nijk", np.eye(3), u).reshape(len(u), 3, 9)
+    level = np.concatenate([np.einsum("ij,n->nij", np.eye(3), np.ones(len(u))), by_force], axis=-1)
     columns = np.concatenate([np.cos(L) * A[..., :2], EARTH_RATE * level], axis=-1).reshape(3 * len(u), -1)
     north = np.linalg.lstsq(columns, rest.triad(RATE).ravel(), rcond=1e-9)[0][:2]
     size = float(np.hypot(*north))

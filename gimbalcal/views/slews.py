@@ -111,8 +111,8 @@ def view_of_slews(
 
     ends = dwell_means(recording).select(np.array([moves[k][1] for k in onto.kept]))
     channels = tuple((q, "force" if q == FORCE else "rate") for q in late)
-    others = ((i, p.axis) for i, cls in CATALOGUE.items() if i not in LATENCIES
-              for p in parameters(cls, recording.platform.axis_names))  # fmt: skip
+    names = recording.platform.axis_names
+    others = ((i, p.axis) for i, cls in CATALOGUE.items() if i not in LATENCIES for p in parameters(cls, names))
     s = stimulus_from_readings(ends)
     return View(
         SLEWS, channels=channels, **recording_fields(replace(ends, kind=ROTATION)), stimulus=s,
@@ -203,9 +203,8 @@ class _Onto:
         out = []
         for i in self.kept:
             responses = [self._along(q, spans[i]) for q in self.late]
-            parts = self._misfits(X[spans[i]], spans[i])
-            out.append([np.tensordot(p, x, 2) / max(float((p * p).sum()), 1e-300)
-                        for (p, _, _), x in zip(responses, parts, strict=True)])  # fmt: skip
+            parts = zip(responses, self._misfits(X[spans[i]], spans[i]), strict=True)
+            out.append([np.tensordot(p, x, 2) / max(float((p * p).sum()), 1e-300) for (p, _, _), x in parts])
         return np.array(out)
 
     def _misfits(self, X: Array, span: slice) -> list[Array]:
@@ -252,8 +251,8 @@ class _Onto:
 
     def usable(self) -> NDArray[np.bool_]:
         """Return which slews determine a delay: the unit turned, and not only as other causes would have it."""
-        power = np.array([[np.linalg.norm(p) * (share > KEPT) for p, _, share in (
-            self._along(q, s) for q in self.late)] for s in self.motion.spans])  # fmt: skip
+        along = ([self._along(q, s) for q in self.late] for s in self.motion.spans)
+        power = np.array([[np.linalg.norm(p) * (share > KEPT) for p, _, share in each] for each in along])
         return np.asarray(np.all(power > FAINT * power.max(axis=0), axis=1))
 
     def scatter(self, residual: Array) -> Array:

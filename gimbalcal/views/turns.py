@@ -112,9 +112,9 @@ def turns_between_rests(recording: Recording, accelerometers: Calibration) -> Tu
     s = _stimulus_of(recording, spans, flat, force.reshape(-1, 3))
     read = there.angles()
     angles = np.array([read[d.rows].mean(0) for d in visits])
-    turns = Turns(reading, step, s, down[ends - 1], down[ends], ends, dwell_means(recording), level, 1.0,
-                  there.platform.attitude(angles) if there.platform.axes else None, len(logged) - len(whole),
-                  len(logged))  # fmt: skip
+    attitude = there.platform.attitude(angles) if there.platform.axes else None
+    means, lost, n = dwell_means(recording), len(logged) - len(whole), len(logged)
+    turns = Turns(reading, step, s, down[ends - 1], down[ends], ends, means, level, 1.0, attitude, lost, n)
     scale = _rough_scale(turns) if recording.counted(RATE) else 1.0
     return replace(turns, reading=scale * (reading + bend) + scale**2 * swing, level=scale * level, scale=scale)
 

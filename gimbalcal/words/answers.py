@@ -165,8 +165,8 @@ def campaign_answer(c: CampaignSummary) -> str:
     size = f"{min(ratios):.2f} to {max(ratios):.2f} times their σ over {amount(len(rows), 'parameter')}"
     text = f"In {runs} errors are {size}; chance alone gives {low:.2f} to {high:.2f}."
     if large:
-        text += f" The errors of {_names(large)} exceed their σ." if len(large) > 1 else (
-            f" The error of {_names(large)} exceeds its σ.")  # fmt: skip
+        errors, exceed = ("errors", "exceed their") if len(large) > 1 else ("error", "exceeds its")
+        text += f" The {errors} of {_names(large)} {exceed} σ."
     if off:
         text += f" The mean error of {_names(off)} is not zero."
     if c.failed:

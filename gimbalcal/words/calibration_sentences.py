@@ -88,8 +88,8 @@ def _determined(c: Calibration) -> str:
     more = [f"{len(confounded) - 4} more"] if len(confounded) > 4 else []
     names = listed([*map(label_in_words, confounded[:4]), *more])
     separately = " separately" if len(confounded) > 1 else ""
-    return (f"{len(parameters) - len(confounded)} of {len(parameters)} parameters are determined; these data do not "
-            f"determine {names}{separately} (the report gives the reason).")  # fmt: skip
+    determined = f"{len(parameters) - len(confounded)} of {len(parameters)} parameters are determined"
+    return f"{determined}; these data do not determine {names}{separately} (the report gives the reason)."
 
 
 def _residual(c: Calibration) -> str:
@@ -104,12 +104,11 @@ def _residual(c: Calibration) -> str:
     if judgement == "fits":
         return f"the calibration explains these data: the residuals are {size}"
     if judgement == "overstated":
-        reference = "stated" if stated else "the samples suggest"
-        return (f"the residuals are {size}: the noise, and with it every sigma, is smaller than {reference}; "
-                "state it in [noise]")  # fmt: skip
-    noise = "is larger than stated" if stated else "is correlated from sample to sample"
-    return (f"the residuals are {size}, more than chance allows: the model is incomplete, or the noise {noise}; "
-            "`gimbalcal diagnose` decides which")  # fmt: skip
+        smaller = f"smaller than {'stated' if stated else 'the samples suggest'}; state it in [noise]"
+        return f"the residuals are {size}: the noise, and with it every sigma, is {smaller}"
+    or_noise = f"or the noise {'is larger than stated' if stated else 'is correlated from sample to sample'}"
+    incomplete = f"the model is incomplete, {or_noise}; `gimbalcal diagnose` decides which"
+    return f"the residuals are {size}, more than chance allows: {incomplete}"
 
 
 def sky_rms(c: Calibration) -> float:
@@ -132,8 +131,8 @@ def _scaled(c: Calibration) -> str:
         size = float(f"{star:.3g}")
         text = f"the residuals of the stars are {size:g} arcsec rms on the sky, and every sigma is scaled to them"
         if pattern := c.provenance.pattern:
-            text += (f"; but they are not noise: the residual {pattern.channel} follows the "
-                     f"{spaced(pattern.axis)}, and `gimbalcal diagnose` looks for the cause")  # fmt: skip
+            follows = f"the residual {pattern.channel} follows the {spaced(pattern.axis)}"
+            text += f"; but they are not noise: {follows}, and `gimbalcal diagnose` looks for the cause"
         for best in candidate_terms(c)[:1]:
             reduced = f"{significant(best.rms_with_arcsec, 3)} arcsec (`--with {best.tpoint or best.term}`)"
             text += f". Of the terms outside the model, {label_in_words(best.term)} reduces this most, to {reduced}"
@@ -143,8 +142,8 @@ def _scaled(c: Calibration) -> str:
         ug = float(from_si(force / sqrt(sum(channel.startswith("specific_force") for channel in rms)), "ug"))
         size_of_force = f" by {ug / 1e3:.3g} mg" if ug >= 1e3 else f" by {ug:.3g} ug"
     excess = c.provenance.options.excess_over_noise or 0.0
-    wandering = (f", {excess:.2g} times what the noise of the samples explains: the outputs change from position to "
-                 "position") if excess >= MIN_EXCESS_SCATTER else ""  # fmt: skip
+    beyond = "times what the noise of the samples explains: the outputs change from position to position"
+    wandering = f", {excess:.2g} {beyond}" if excess >= MIN_EXCESS_SCATTER else ""
     return f"the readings scatter{size_of_force} about the calibration, and every sigma is scaled to that{wandering}"
 
 

@@ -59,8 +59,8 @@ def headline(d: Diagnosis) -> str:
         stated = d.provenance.get("noise_stated", True)
         noise = "their noise as stated" if stated else "the noise of their samples explains"
         step = "state the actual noise in [noise] of recording.toml, or record again" if stated else "record again"
-        return (f"No known physics is missing, but these data scatter more than {noise}. {as_sentence(d.outcome)} "
-                f"Next: {step}.")  # fmt: skip
+        scatter = f"No known physics is missing, but these data scatter more than {noise}."
+        return f"{scatter} {as_sentence(d.outcome)} Next: {step}."
     different = [u.shape.startswith(DIFFERENT_UNITS) for u in d.unexplained]
     if d.verdict == "unexplained" and different and all(different):
         return f"{as_sentence(d.outcome)} Otherwise no known physics is missing."
@@ -94,11 +94,11 @@ def _adequate(d: Diagnosis) -> str:
     """Return what an adequate fit shows, of the sensors that were analysed, and an unexplained scatter."""
     for start, analysed in ((GYROSCOPES_NOT_ANALYSED, "accelerometers"), (FORCES_NOT_ANALYSED, "gyroscopes")):
         if omitted := next((n for n in d.provenance.get("notes", ()) if n.startswith(start)), ""):
-            return (f"Nothing is missing in the model of the {analysed}{_residuals(d.fit)}, whose calibration can be "
-                    f"used. {omitted}")  # fmt: skip
+            fits = f"Nothing is missing in the model of the {analysed}{_residuals(d.fit)}"
+            return f"{fits}, whose calibration can be used. {omitted}"
     if excess := _excess_scatter(d.fit):
-        return (f"No known physics is missing, but outputs change from one position to the next: {excess}. The sigmas "
-                "of the calibration include that scatter.")  # fmt: skip
+        change = f"outputs change from one position to the next: {excess}"
+        return f"No known physics is missing, but {change}. The sigmas of the calibration include that scatter."
     return f"Nothing is missing: the model explains these data{_residuals(d.fit)}. The calibration can be used."
 
 
@@ -274,14 +274,13 @@ def _next_of_findings(findings: Sequence[Finding]) -> str:
 def _unexplained(d: Diagnosis) -> str:
     size = _size_in_readings(d)
     if d.laws:
-        return (f"{as_sentence(laws_in_words(d.laws))} No known effect does that; a formula fits these data.{size} "
-                f"{next_of_laws(d.laws, d.recommend)}")  # fmt: skip
+        formula = f"{as_sentence(laws_in_words(d.laws))} No known effect does that; a formula fits these data."
+        return f"{formula}{size} {next_of_laws(d.laws, d.recommend)}"
     shape = next(iter(d.unexplained), None)
     follows = f" It {_follows(shape.shape)}, in {spaced(shape.channel)}." if shape else ""
     usual = "look at the chart below, and record again while that quantity is varied deliberately"
-    return (f"Something is missing that no known effect explains.{size}{follows} "
-            f"Next: {typeset((d.recommend or usual).rstrip('.'))}. Do not trust the calibration beyond "
-            "that.")  # fmt: skip
+    step = f"Next: {typeset((d.recommend or usual).rstrip('.'))}. Do not trust the calibration beyond that."
+    return f"Something is missing that no known effect explains.{size}{follows} {step}"
 
 
 def _follows(shape: str) -> str:

@@ -389,8 +389,8 @@ def limits_in_words(limits: Sequence[DetectionLimit]) -> str:
 def separation_advice(manoeuvre: str, hours: float, ln_bayes: float, one: str, other: str) -> str:
     """Return which manoeuvre distinguishes one thing from another, and how well; that none does where it is empty."""
     if manoeuvre:
-        return (f"To distinguish {one} from {other}: {manoeuvre}, {hours:.2g} h, with an expected log Bayes factor of "
-                f"{ln_bayes:.0f}.")  # fmt: skip
+        expected = f"{hours:.2g} h, with an expected log Bayes factor of {ln_bayes:.0f}"
+        return f"To distinguish {one} from {other}: {manoeuvre}, {expected}."
     return (
         f"No manoeuvre of the menu would distinguish {one} from {other} at this size: it takes another kind of input."
     )

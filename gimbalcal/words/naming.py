@@ -229,8 +229,8 @@ def as_text(value: Any) -> str:
 def files(provenance: Mapping[str, Any], read: Sequence[Mapping[str, Any]] = ()) -> list[dict[str, str]]:
     """Return path and SHA-256 of the files behind a result: recordings (or those `read`), then files of effects."""
     rows = [{"path": str(f["path"]), "sha256": str(f["sha256"])} for f in provenance.get("recordings") or read]
-    return rows + [{"path": f"{f['path']}, which defines {', '.join(f['effects'])}", "sha256": str(f["sha256"])}
-                   for f in provenance.get("effects", ())]  # fmt: skip
+    defining = ((f"{f['path']}, which defines {', '.join(f['effects'])}", f) for f in provenance.get("effects", ()))
+    return rows + [{"path": words, "sha256": str(f["sha256"])} for words, f in defining]
 
 
 MAX_KINDS = 4  # of parameters that a sentence names
@@ -249,7 +249,7 @@ def precision(sigmas: Iterable[tuple[str, float, str]]) -> str:
         worst[kind] = max(worst.get(kind, (0.0, unit)), (sigma, unit))
     if not worst:
         return ""
-    parts = [f"{named(kind)} {significant(sigma, 2)} {unit_in_print(unit)}"
-             for kind, (sigma, unit) in list(worst.items())[:MAX_KINDS]]  # fmt: skip
+    shown = list(worst.items())[:MAX_KINDS]
+    parts = [f"{named(kind)} {significant(sigma, 2)} {unit_in_print(unit)}" for kind, (sigma, unit) in shown]
     more = f"; {len(worst) - MAX_KINDS} more in the report" if len(worst) > MAX_KINDS else ""
     return f" One σ at worst: {', '.join(parts)}{more}."

@@ -130,6 +130,6 @@ def sensible_time(seconds: Array) -> tuple[Array, str]:
     ('h', 's')
     """
     long = float(np.ptp(seconds)) if np.size(seconds) else 0.0
-    unit, size = next((u, s) for u, s, least in (("days", 86400.0, 4 * 86400.0), ("h", 3600.0, 5400.0),
-                                                 ("min", 60.0, 150.0), ("s", 1.0, -1.0)) if long > least)  # fmt: skip
+    units = (("days", 86400.0, 4 * 86400.0), ("h", 3600.0, 5400.0), ("min", 60.0, 150.0), ("s", 1.0, -1.0))
+    unit, size = next((u, s) for u, s, least in units if long > least)
     return np.asarray(seconds) / size, unit

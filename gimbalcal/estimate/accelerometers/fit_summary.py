@@ -58,9 +58,8 @@ def outliers_in_words(faults: Sequence[Fault]) -> list[str]:
 
 def misfit_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
     """One sentence, in a list, where a residual this large is not due to chance; empty where it may be."""
-    so = "; else" if larger else ", so"
-    return [f"{words}{so} the model misses something: `gimbalcal diagnose` looks for it"
-            for words in excess_in_words(chi2, dof, larger)]  # fmt: skip
+    so = f"{'; else' if larger else ', so'} the model misses something: `gimbalcal diagnose` looks for it"
+    return [words + so for words in excess_in_words(chi2, dof, larger)]
 
 
 def excess_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:

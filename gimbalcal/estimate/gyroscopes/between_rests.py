@@ -159,9 +159,8 @@ def _calibration(level: ViewsFit, fits: Fits, declined: dict[str, str], scale: f
     options = Options(direction=DIRECTION, declined=declined, frame="accelerometers", nominal=nominal)
     rms = {"rate_at_rest": level.rms}
     if fit:
-        angles = _inter_triad(dict(zip(fit.parameters, fit.x, strict=True)))
-        options = replace(options, condition=fit.condition, leave_one_out_rms=fit.left_out_rms,
-                          inter_triad_arcsec=tuple(float(from_si(a, "arcsec")) for a in angles))  # fmt: skip
+        turn = tuple(float(from_si(a, "arcsec")) for a in _inter_triad(dict(zip(fit.parameters, fit.x, strict=True))))
+        options = replace(options, condition=fit.condition, leave_one_out_rms=fit.left_out_rms, inter_triad_arcsec=turn)
         rms["gravity_direction"] = fit.rms
     readout = Readout(gyroscopes=Counts((scale,) * 3) if scale != 1.0 else None, gimbals=source.platform.axis_names)
     stages = tuple(

@@ -24,6 +24,7 @@ from gimbalcal.calibration import (
 )
 from gimbalcal.checks.driven_rates import refuse_unlike_table
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.position_fit import SAMPLES
@@ -50,8 +51,8 @@ from gimbalcal.views.rate_table import (
 )
 from gimbalcal.views.rest_rates import MIN_RATE_SIGMA
 
-BASE, FURTHER = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment"), (
-    "gyro_scale_asymmetry", "gyro_scale_nonlinearity")  # fmt: skip
+BASE = (*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS)
+FURTHER = ("gyro_scale_asymmetry", "gyro_scale_nonlinearity")
 MIN_NUMBERS_LEFT = 6  # numbers that must be left to tell the scatter of stretches about a linear model
 MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some cannot be distinguished
 
@@ -128,7 +129,7 @@ def on_a_table(recordings: Sequence[Recording]) -> OnTable:
     wanted, unseen = _seen(view)
     first = _fit(view, wanted)
     own = dict(zip(first.parameters, first.x, strict=True))
-    M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in BASE[1:]))
+    M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in GYROSCOPE_INPUT_TERMS))
     view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
     return OnTable(view, _fit(view, wanted), unseen, scale, tuple(len(s.time) for s in each))
 

@@ -61,8 +61,8 @@ def gyroscopes_from_revolutions(recording: Recording) -> Calibration:
         fit = gyroscope_pulses(revolutions)
         bias = fit.pulses.bias[0]
     calibration = _calibration(revolutions, fit, used, recording.sigma("gyroscope") is not None)
-    return replace(calibration, provenance=replace(calibration.provenance, recordings=recording.source),
-                   readout=Readout(gimbals=recording.platform.axis_names))  # fmt: skip
+    origin = replace(calibration.provenance, recordings=recording.source)
+    return replace(calibration, provenance=origin, readout=Readout(gimbals=recording.platform.axis_names))
 
 
 def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Revolutions, int]:
@@ -92,8 +92,8 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
     angle = float(np.mean([a for _, _, a in first]))
     shortest = min(d.stop - d.start for d in visits)
     scaled = [np.stack([_scaled(moved[k], angle, duration) for k in side]) for side in zip(*pairs, strict=True)]
-    return Revolutions(scaled[0][None], scaled[1][None], rest[None], duration, angle,
-                 sigma * np.sqrt(duration * step), sigma / np.sqrt(shortest)), len(pairs)  # fmt: skip
+    noise = sigma * np.sqrt(duration * step), sigma / np.sqrt(shortest)
+    return Revolutions(scaled[0][None], scaled[1][None], rest[None], duration, angle, *noise), len(pairs)
 
 
 Moved = tuple[Array, float, float]

@@ -39,9 +39,10 @@ def far_off(fitted: ViewsFit, before: Sequence[int]) -> tuple[FarStar, ...]:
 
     before: how many stars of the same recording come before each run, which is one night of it.
     """
-    every = [(v.title, k + n + 1, d) for v, k, residual in zip(fitted.views, before, weighted(fitted), strict=True)
-             for n, d in enumerate(np.linalg.norm(residual, axis=1).tolist())]  # fmt: skip
-    residual, axes = np.concatenate(weighted(fitted)), fitted.views[0].stimulus.axis_names
+    parts, axes = weighted(fitted), fitted.views[0].stimulus.axis_names
+    runs = zip(fitted.views, before, parts, strict=True)
+    every = [(v.title, k + n, d) for v, k, r in runs for n, d in enumerate(np.linalg.norm(r, axis=1).tolist(), 1)]
+    residual = np.concatenate(parts)
     at = np.concatenate([_true_angles(v)[:, : residual.shape[1]] for v in fitted.views])
     far = outliers(residual)
     why = why_far(residual, at, far, axes[0])
