@@ -36,10 +36,9 @@ class Gram:
 
     def grown(self, more: Array) -> Gram:
         """Return the matrix with further columns, whose products (p, P + p) with all are put behind its own."""
-        P = len(self.taken)
-        for i, row in enumerate(more, P):
-            self.triangle[size(i) : size(i + 1)] = row[: i + 1]
-        return Gram(self.triangle, np.zeros((P + len(more), 0)))
+        P, p = len(self.taken), len(more)
+        self.triangle[size(P) : size(P + p)] = more[np.tri(p, P + p, P, dtype=bool)]
+        return Gram(self.triangle, np.zeros((P + p, 0)))
 
     def products(self, i: Array, j: Array) -> Array:
         """Products (..., v, w) of columns i (..., v) with columns j (..., w)."""

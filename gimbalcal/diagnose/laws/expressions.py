@@ -13,7 +13,8 @@ and whatever the unit. Constants inside a term (an order, a time constant, a thr
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -230,7 +231,9 @@ class Expression:
     @cached_property
     def columns(self) -> Array:
         """Columns (n, m) of which each has a coefficient."""
-        X = multiplied(*(t.factors if len(self.terms) > 1 else t.columns for t in self.terms))
+        X = np.ones((len(self.terms[0].variable.x), 1))
+        for t in self.terms:
+            X = (X[:, :, None] * (t.factors if len(self.terms) > 1 else t.columns)[:, None]).reshape(len(X), -1)
         X = X[:, int(all(self._ones)) :]
         return X if self.kept is None else X[:, list(self.kept)]
 
@@ -265,7 +268,7 @@ class Expression:
     @property
     def tried(self) -> int:
         """Among how many choices of its constants it was chosen."""
-        return int(np.prod([t.tried for t in self.terms]))
+        return math.prod(t.tried for t in self.terms)
 
     @property
     def variables(self) -> tuple[Variable, ...]:
@@ -311,11 +314,24 @@ class Expression:
         return Expression(tuple(terms), self.kept)
 
 
-def multiplied(A: Array, *others: Array) -> Array:
-    """Products (n, a b ...) of each column of A (n, a) with each of the others (n, b)."""
-    for B in others:
-        A = (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
-    return A
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Terms of one family and of as many columns (n, m each), and these of all T of them."""
+
+    terms: tuple[Term, ...]
+
+    @cached_property
+    def columns(self) -> Array:
+        """The columns (n, m, T)."""
+        return np.stack([t.columns for t in self.terms], axis=-1)
+
+    @cached_property
+    def factors(self) -> Array:
+        """The columns (n, m, T) as they stand in a product."""
+        return np.stack([t.factors for t in self.terms], axis=-1)
+
+
+Family = tuple[Grid, ...]  # expressions that differ in constants alone: any term of one times any of the next
 
 
 def terms(v: Variable, s: Stimulus, keys: Sequence[str], rows: Array | slice = slice(None)) -> list[Term]:
@@ -333,11 +349,15 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
     """Constants from which a search starts, SI."""
     low, high = float(v.x.min()), float(v.x.max())
     span, places = high - low, np.linspace(low, high, PLACES + 2)[1:-1]
-    levels = len(np.unique(np.round((v.x - low) / (span or 1.0), 3)))
-    waves = min(FAST, len(v.x) // 4) if v.group == "time" else min(SLOW_WAVES, levels // 2)
+
+    def waves() -> int:
+        if v.group == "time":
+            return min(FAST, len(v.x) // 4)
+        return min(SLOW_WAVES, len(np.unique(np.round((v.x - low) / (span or 1.0), 3))) // 2)
+
     grids: dict[str, Callable[[], Sequence[tuple[float, ...]]]] = {
         "harmonic": lambda: [(float(n),) for n in range(1, max(1, min(ORDERS, int(highest_order(s)))) + 1)],
-        "wave": lambda: [(np.pi * k / span,) for k in range(1, waves + 1)],
+        "wave": lambda: [(np.pi * k / span,) for k in range(1, waves() + 1)],
         "ring": lambda: [(np.pi * k / span, span * part) for k in range(2, CYCLES + 1) for part in (0.08, 0.2, 0.5)],
         "fade": lambda: [(tau,) for tau in np.geomspace(max(2 * _spacing(v.x), span / 50), 1.5 * span, 7)],
         "log": lambda: [(tau,) for tau in np.geomspace(span / 300, span, 6)],
@@ -368,59 +388,56 @@ def _levels(v: Variable, s: Stimulus) -> list[float]:
     return list(middle[np.unique(np.linspace(0, len(middle) - 1, min(len(middle), LEVELS)).round().astype(int))])
 
 
-def singles(every: Sequence[Sequence[Term]]) -> list[Expression]:
-    """Laws of one term."""
-    return [Expression((t,)) for own in every for t in own]
+def grids(own: Iterable[Term]) -> list[Grid]:
+    """Return successive terms of one family together."""
+    return [Grid(tuple(alike)) for _, alike in itertools.groupby(own, key=lambda t: t.family)]
 
 
-def partners(every: Sequence[Sequence[Term]]) -> list[tuple[Term, list[Term]]]:
-    """Each term with all terms of the variables behind its own: products of two, each once.
+def pairs(every: Sequence[Sequence[Term]]) -> list[Family]:
+    """Return the products of each term with all terms of the variables behind its own.
 
     Fast waves are multiplied by the variables themselves alone.
     """
-    slow = [[t for t in own if not _fast(t)] for own in every]
-    out = [(t, list(itertools.chain(*slow[i + 1 :]))) for i, own in enumerate(slow) for t in own]
+    slow, out = [grids(t for t in own if not _fast(t)) for own in every], list[Family]()
     for i, own in enumerate(every):
-        plain = [t for k, other in enumerate(slow) if k != i for t in other if t.form.key == "x"]
-        out += [(t, plain) for t in own if _fast(t)]
+        plain = [o for k, other in enumerate(slow) if k != i for o in other if o.terms[0].form.key == "x"]
+        out += [(grid, o) for grid in slow[i] for o in itertools.chain(*slow[i + 1 :])]
+        out += [(grid, o) for grid in grids(t for t in own if _fast(t)) for o in plain]
     return out
 
 
-def triples(every: Sequence[Sequence[Term]]) -> list[Expression]:
+def triples(every: Sequence[Sequence[Term]]) -> list[Family]:
     """Products of three variables as they are, of angles the first harmonic."""
-    plain = [t for own in every for t in own if t.variable.group != "move"
+    plain = [Grid((t,)) for own in every for t in own if t.variable.group != "move"
              and (t.form.key == "x" or (t.form.key == "harmonic" and t.constants == (1,)))]  # fmt: skip
-    return [Expression(three) for three in itertools.combinations(plain, 3)]
+    return list(itertools.combinations(plain, 3))
 
 
-def tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[Expression]:
+def tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[Family]:
     """Return free functions of each variable, as tables between knots; where asked for, times a force or a rate too.
 
     They stand for what no closed form says. Knots are even in the ranks of the values, so that each has data.
     """
-    out = list[Expression]()
-    for v in vs:
-        if v.group == "move":
-            continue
+    out = list[Family]()
+    plain = [Grid((Term(replace(u, x=u.x[rows]), FORMS["x"], (), 1),)) for u in vs if u.group in ("force", "rate")]
+    for v in (v for v in vs if v.group != "move"):
         here = replace(v, x=v.x[rows])
-        own = []
         for n in KNOTS:
             knots = np.unique(np.quantile(v.x, np.linspace(0, 1, n)))
             if len(knots) == n and np.diff(knots).min() > 1e-3 * np.ptp(v.x):
-                own.append(Term(here, FORMS["table"], tuple(knots.tolist()), len(KNOTS)))
-        out += [Expression((t,)) for t in own]
-        if products and v.group in CENTRED:
-            plain = [Term(replace(u, x=u.x[rows]), FORMS["x"], (), 1) for u in vs if u.group in ("force", "rate")]
-            out += [Expression((t, u)) for t in own if len(t.constants) < KNOTS[-1] for u in plain]
+                table = Grid((Term(here, FORMS["table"], tuple(knots.tolist()), len(KNOTS)),))
+                out.append((table,))
+                if products and v.group in CENTRED and n < KNOTS[-1]:
+                    out += [(table, u) for u in plain]
     return out
 
 
-def relatives(e: Expression, several: bool) -> list[Expression]:
+def relatives(e: Expression, several: bool) -> list[Family]:
     """Return laws with a richer form in the place of one of a law: what a wave, a threshold or a size may really be.
 
     Beside a free origin, and at `several` axes, a wave may also have one phase in common.
     """
-    out = []
+    out = list[Family]()
     for i, t in enumerate(e.terms):
         span = float(np.ptp(t.variable.x))
         variants = list[Term]()
@@ -431,12 +448,12 @@ def relatives(e: Expression, several: bool) -> list[Expression]:
             if several or any(other.free_origin for other in e.terms if other is not t):
                 variants += [Term(t.variable, FORMS["phased"], (k, p), PHASES) for p in phases[: PHASES // 2]]
             variants += [Term(t.variable, FORMS["sawtooth"], (k, p), PHASES) for p in phases]
-            variants += [Term(t.variable, FORMS["rectified"], (k / n, p), PHASES) for p in phases for n in (1, 2)]
+            variants += [Term(t.variable, FORMS["rectified"], (k / n, p), PHASES) for n in (1, 2) for p in phases]
         elif t.form.key == "above" and t.variable.group != "course":
             variants += [Term(t.variable, FORMS["step"], (*t.constants, span * w), t.tried * 3) for w in WIDTHS]
         elif t.form.key == "|x|" and t.variable.group in ("force", "rate"):
             variants += [Term(t.variable, FORMS["power"], (p,), 4) for p in (0.5, 1.5, 2.5)]
-        out += [Expression((*e.terms[:i], m, *e.terms[i + 1 :])) for m in variants]
+        out += [tuple(grid if k == i else Grid((o,)) for k, o in enumerate(e.terms)) for grid in grids(variants)]
     return out
 
 

@@ -17,12 +17,12 @@ from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER, UNKNOWN
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.grounds import ground, together, with_law
-from gimbalcal.diagnose.laws.law_curve import curves_of
+from gimbalcal.diagnose.laws.law_curve import with_curves
 from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
 from gimbalcal.diagnose.laws.law_search import ABSORBED, RARE, Ground, Law, aliases, laws_of, same, trimmed
 from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared, with_cause
 from gimbalcal.diagnose.library.candidates import Candidate, Library, SelectedCause
-from gimbalcal.diagnose.result import LawCurve, LawResult, StatedNoiseFit, ViewFit
+from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, is_usual, search, selected_causes
 from gimbalcal.diagnose.search.refit import fitted_columns, with_columns
@@ -72,7 +72,7 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
         return None, []
     equivalent = [trimmed(g, law) for law in laws if law.evidence > laws[0].evidence - TOGETHER]
     equivalent = [law for law in equivalent if not law.expression.simpler] or equivalent
-    first = [law for law in equivalent if not law.table] or equivalent
+    first = [law for law in equivalent if "table of" not in law.expression.family] or equivalent
     first = [law for law in first if law.evidence > first[0].evidence - NEARLY_BEST_NATS]
     best = min(first, key=lambda law: (free(law), len(printed(law)), -law.evidence))
     equivalent = [law for law in equivalent if law.places != best.places or printed(law) != printed(best)]
@@ -191,12 +191,8 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     parts = g.parts(best.columns)
     remainders = [residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, parts, strict=True)]
     joint = np.concatenate([r.reshape(-1, *g.shape[1:]) for r in remainders])  # rows of one channel, of several
-    laws = _with_curves(laws, curves_of(best, x, C, joint, g, others))
+    laws = with_curves(laws, best, x, C, joint, g, others)
     return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)))
-
-
-def _with_curves(laws: Sequence[LawResult], curves: Sequence[LawCurve]) -> tuple[LawResult, ...]:
-    return tuple(replace(law, curve=curve) for law, curve in zip(laws, curves, strict=True))
 
 
 def ln_evidence_of_formula(ranked: Ranking, members: Sequence[int]) -> float:
@@ -377,7 +373,7 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
         with_them = with_law_too
         ids = [o.effect for o in laws]
         new = found(best, x, covariance, (0.0, 0.0), others, v.title, ids, v, (*known, *b.name))
-        laws += _with_curves(new, curves_of(best, x, covariance, with_them.residual, g, others))
+        laws += with_curves(new, best, x, covariance, with_them.residual, g, others)
         remaining = search(with_them)
     return Lawful(tuple(laws)), with_them
 

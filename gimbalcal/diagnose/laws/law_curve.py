@@ -11,13 +11,14 @@ and the partial residual, the law plus that, scatters about the law as the noise
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from gimbalcal.diagnose.answer import PRINTED
 from gimbalcal.diagnose.laws.law_file import printed
 from gimbalcal.diagnose.laws.law_search import ABSORBED, Ground, Law
-from gimbalcal.diagnose.result import LawCurve
+from gimbalcal.diagnose.result import LawCurve, LawResult
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -25,10 +26,10 @@ MAX_OTHERS = 2  # laws that fit as well, in a picture
 MIN_RESPONSE = 0.2  # of the largest response of a row: less shows mostly noise of the sensor
 
 
-def curves_of(
-    law: Law, x: Array, covariance: Array, remainder: Array, g: Ground, others: Sequence[Law]
-) -> tuple[LawCurve, ...]:
-    """Return the curve of a law at each of its q places, with coefficients x (q m,) and their covariance, SI.
+def with_curves(
+    laws: Sequence[LawResult], law: Law, x: Array, covariance: Array, remainder: Array, g: Ground, others: Sequence[Law]
+) -> tuple[LawResult, ...]:
+    """Return the results of a law at its q places with their curves, of coefficients x (q m,) and their covariance, SI.
 
     remainder (n', C): what the rows leave with the law in the model, in the unit of the columns of the law's place.
     """
@@ -41,7 +42,7 @@ def curves_of(
         return np.asarray(from_si(y, unit))
 
     out = []
-    for k, place in enumerate(law.places):
+    for k, (result, place) in enumerate(zip(laws, law.places, strict=True)):
         own = slice(k * B.shape[1], (k + 1) * B.shape[1])
         value, sigma = B @ x[own], np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", B, covariance[own, own], B), 0.0))
         response = place.columns(np.ones((len(B), 1)))[..., 0]
@@ -51,14 +52,14 @@ def curves_of(
             shown = size > MIN_RESPONSE**2 * size.max(initial=0.0)
             part = (response * remainder).sum(axis=1)
             observed[shown] = value[shown] + part[shown] / size[shown]
-        out.append(LawCurve(
+        out.append(replace(result, curve=LawCurve(
             x=np.asarray(v.printed(v.x)) if alone else in_print(value),
             x_label=name if alone else f"the formula [{unit}]",
             law=in_print(value),
             sigma=in_print(sigma),
             observed=in_print(observed),
             others=tuple((printed(o), in_print(_aligned(o, law, k, value, g))) for o in others),
-        ))  # fmt: skip
+        )))  # fmt: skip
     return tuple(out)
 
 

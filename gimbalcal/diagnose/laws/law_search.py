@@ -16,9 +16,10 @@ evidence is that of all outputs together, so that a law too weak in each of them
 
 from __future__ import annotations
 
-import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -28,11 +29,11 @@ from gimbalcal.diagnose.laws.expressions import (
     MULTIPLIED,
     ORDERS,
     Expression,
-    Term,
+    Family,
     between,
-    partners,
+    grids,
+    pairs,
     relatives,
-    singles,
     tables,
     terms,
     triples,
@@ -47,7 +48,7 @@ REFINED = 10  # of these, the best of one, two and three terms are refined in th
 EXTENDED = 6  # of these, richer forms are tried in the place of theirs
 SHARE_OF_TRIADS = 3  # by which these numbers are divided for laws of all axes
 ROUNDS = 70  # steps of a refinement for each constant
-CHUNK = 400  # columns at a time
+CHUNK = 100  # families at a time
 ROWS = 900  # rows of a recording on which expressions are compared
 ABSORBED = 3e-2  # of a column: less left by the calibration is nothing to speak of
 MIN_RESPONSE = 1.0  # sigmas that one m/s^2, rad/s or rad makes: rows that respond less are those of no fit
@@ -103,61 +104,86 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class BlockResponse:
-    """Response of rows to additions at a place that are even over blocks.
+    """Response of rows to additions at some places, each by itself, that are even over blocks.
 
-    A column b (blocks,) takes away (v.b)^2 / 2 b'K b, of b'K0 b before calibration. rows (m,): of the variables where
-    expressions are evaluated; block (m,): the block of each. root (r, blocks) and before (s, blocks): K = root' root,
-    K0 = before' before; y (r,): root' y = v.
+    A column b (blocks,) at a place takes away (v.b)^2 / 2 b'K b, of b'K b + |absorbed b|^2 before calibration. rows
+    (blocks k,): of the variables where expressions are evaluated, k of each block; weight (blocks, k): of these in the
+    mean of the block. Of each place, root (p, r, blocks): K = root' root; y (p, r): root' y = v; absorbed
+    (p, q, blocks): in the columns of calibration.
     """
 
     rows: Array
-    block: Array
-    count: Array
+    weight: Array
     root: Array
-    before: Array
+    absorbed: Array
     y: Array
 
-    def block_means(self, columns: Array) -> Array:
-        """Means (blocks, q) of columns (m, q)."""
-        return np.asarray(np.add.reduceat(columns, np.flatnonzero(np.diff(self.block, prepend=-1))) / self.count)
+    def means_of(self, e: Expression) -> Array:
+        """Means (blocks, m) of the columns of one expression."""
+        return np.asarray(np.einsum("bk,bkm->bm", self.weight, e.columns.reshape(*self.weight.shape, -1)))
+
+    def means(self, family: Family) -> Array:
+        """Means (blocks, m, K) of the columns of the K expressions of a family, which are never formed themselves."""
+        blocks, k = self.weight.shape
+        *first, last = (own.factors if len(family) > 1 else own.columns for own in family)
+        X = self.weight[:, :, None, None]
+        for F in (F.reshape(blocks, k, 1, F.shape[1], 1, F.shape[2]) for F in first):
+            X = (X[:, :, :, None, :, None] * F).reshape(blocks, k, -1, X.shape[3] * F.shape[5])
+        (a, T), (b, S) = X.shape[2:], last.shape[1:]
+        B = np.swapaxes(X.reshape(blocks, k, a * T), 1, 2) @ last.reshape(blocks, k, b * S)
+        B = B.reshape(blocks, a, T, b, S).transpose(0, 1, 3, 2, 4).reshape(blocks, a * b, T * S)
+        return np.asarray(B[:, int(len(family) > 1 and all(own.terms[0].free_origin for own in family)) :])
+
+    def at(self, places: list[int]) -> BlockResponse:
+        """Return the response to additions at some of the places."""
+        return replace(self, root=self.root[places], absorbed=self.absorbed[places], y=self.y[places])
 
 
-def block_response(g: Ground, place: Place) -> BlockResponse:
-    """Return the response of the whitened rows, calibration removed, to even additions over blocks."""
-    blocks = int(place.block[-1]) + 1
-    M = g.whiten(place.columns((place.block[:, None] == np.arange(blocks)).astype(float)))
-    remainder = g.remainder(M)
+def block_response(g: Ground, places: Sequence[Place]) -> BlockResponse:
+    """Return the response of the whitened rows, calibration removed, to even additions over blocks of like places."""
+    block, blocks = places[0].block, int(places[0].block[-1]) + 1
+    even = (block[:, None] == np.arange(blocks)).astype(float)
+    each = [_roots(g, g.whiten(place.columns(even))) for place in places]
+    root, absorbed, y = (np.stack(part) for part in zip(*each, strict=True))
+    first = int(np.argmax(root.any(axis=(0, 2))))  # what shows at no place stands first
+    return BlockResponse(*_thinned(block, blocks), root[:, first:], absorbed, y[:, first:])
+
+
+def _roots(g: Ground, M: Array) -> tuple[Array, Array, Array]:
+    """Return root, absorbed and y of the response M (R, blocks) of whitened rows at one place."""
+    absorbed = g.Q.T @ M
+    remainder = M - g.Q @ absorbed
     lam, V = np.linalg.eigh(remainder.T @ remainder)
-    keep = lam > 1e-12 * max(float(lam.max(initial=0.0)), 1e-300)
-    root = np.sqrt(lam[keep])[:, None] * V[:, keep].T
-    lam0, V0 = np.linalg.eigh(M.T @ M)
-    shown = lam0 > 1e-12 * max(float(lam0.max(initial=0.0)), 1e-300)  # fewer than blocks, where rows are few
-    before = np.sqrt(lam0[shown])[:, None] * V0[:, shown].T
-    y = (V[:, keep].T @ (remainder.T @ g.y)) / np.sqrt(lam[keep])
-    rows = _thinned(place.block, blocks)
-    return BlockResponse(rows, place.block[rows], np.bincount(place.block[rows])[:, None], root, before, y)
+    size = np.sqrt(np.where(lam > 1e-12 * max(float(lam.max(initial=0.0)), 1e-300), lam, 0.0))
+    y = (V.T @ (remainder.T @ g.y)) / np.where(size > 0, size, np.inf)
+    return size[:, None] * V.T, absorbed, y
 
 
-def _thinned(block: Array, blocks: int) -> Array:
-    """Return the ordinals of at most some `ROWS` rows, evenly within each block."""
-    each = max(ROWS // blocks, 1)
-    ends = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
-    spans = itertools.pairwise(ends)
-    return np.concatenate([np.arange(i, j) if j - i <= each else np.linspace(i, j - 1, each).round().astype(int)
-                           for i, j in spans])  # fmt: skip
+def _thinned(block: Array, blocks: int) -> tuple[Array, Array]:
+    """Return ordinals of some `ROWS` rows, as many evenly in each block, with their weights in its mean.
+
+    A short block has its last row several times, once with a weight.
+    """
+    starts = np.flatnonzero(np.diff(block, prepend=-1))[:, None]
+    size = np.diff(np.append(starts, len(block)))[:, None]
+    most = min(max(ROWS // blocks, 1), int(size.max()))
+    k = np.arange(most)
+    even = np.round(k * ((size - 1) / max(most - 1, 1)) + starts).astype(int)
+    rows = np.where(size > most, even, starts + np.minimum(k, size - 1))
+    return rows.ravel(), (k < size) / np.minimum(size, most)
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
     """An expression at one place, or at all of a channel with sizes of its own at each, and its evidence.
 
-    The evidence is the ln Bayes factor less what the choice among others costs. responses: of each place.
+    The evidence is the ln Bayes factor less what the choice among others costs. response: to additions at the places.
     """
 
     places: tuple[Place, ...]
     expression: Expression
     evidence: float
-    responses: tuple[BlockResponse, ...]
+    response: BlockResponse
 
     @property
     def columns(self) -> Array:
@@ -174,22 +200,17 @@ class Law:
         """The axes of its places."""
         return ", ".join(p.axis for p in self.places)
 
-    @property
-    def table(self) -> bool:
-        """Return whether the law is no closed form."""
-        return any(t.form.key == "table" for t in self.expression.terms)
-
     def spreads(self) -> dict[tuple[int, int], float]:
         """One sigma [SI] of each constant that was refined, by the curvature of the likelihood in all of them.
 
         By ordinals of term and constant; the value, or the range of the variable, where the data do not determine it.
         """
-        e = _at_rows(self.expression, self.responses[0])
+        e = _at_rows(self.expression, self.response)
         moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
         h = np.array([m.step / 4 for m in moves])
 
         def at(u: Array) -> float:
-            return _worth(self.responses, _moved(e, moves, u * h))
+            return _worth(self.response, _moved(e, moves, u * h))
 
         H, one = np.zeros((len(h), len(h))), np.eye(len(h))
         for a in range(len(h)):
@@ -225,7 +246,7 @@ def laws_of(g: Ground, products: bool = True) -> list[Law]:
     laws = []
     for (target, e), gained in zip(chosen, ln, strict=True):
         cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _unusual(target.places[0], e)
-        laws.append(Law(target.places, e, float(gained - cost), target.responses))
+        laws.append(Law(target.places, e, float(gained - cost), target.response))
     return sorted(laws, key=lambda law: -law.evidence)
 
 
@@ -238,15 +259,15 @@ def _extended_and_refined(
     """Return the expressions to be weighed: of the best, richer forms too, and the best of each length refined."""
     scored.sort(key=lambda f: -f[0])
     for _, target, e in scored[:extended]:
-        scored += _best([(target, _explained([target], relatives(e, len(target.places) > 1))[0])])
+        scored += _best([target], relatives(e, len(target.places) > 1))
     scored.sort(key=lambda f: -f[0])
     out, number_of = list[tuple[Target, Expression]](), [0, 0, 0]
     for _, target, e in scored:
         number_of[len(e.terms) - 1] += 1
         best = number_of[len(e.terms) - 1] <= refined
         if best or len(out) < weighed:
-            out.append((target, _refined(target.responses, e) if best else e))
-    return [(target, e) for target, e in out if _carried(target.responses, e)]
+            out.append((target, _refined(target.response, e) if best else e))
+    return [(target, e) for target, e in out if _carried(target.response, e)]
 
 
 def _columns_at(places: Sequence[Place], X: Array) -> Array:
@@ -256,51 +277,52 @@ def _columns_at(places: Sequence[Place], X: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """One place with its response, or all places of a channel in which the same variables stand.
+    """One place, or all places of a channel, of those with the same variables: their ordinals in the response of all.
 
     Between outputs that the rows show together, what they explain together is taken as the sum of what each explains:
     good enough to choose what is weighed.
     """
 
     places: tuple[Place, ...]
-    responses: tuple[BlockResponse, ...]
+    at: list[int]
+    of_all: BlockResponse
+
+    @cached_property
+    def response(self) -> BlockResponse:
+        """The response to additions at these places."""
+        return self.of_all.at(self.at)
 
 
 def _alike(g: Ground) -> list[list[Target]]:
-    """Return the places with their responses, those together in which the same variables stand."""
-    out: dict[tuple[int, int, int], list[Target]] = {}
+    """Return the places that show additions, those together in which the same variables stand."""
+    alike: dict[tuple[int, int, int], list[Place]] = {}
     for place in g.places:
-        if np.abs((response := block_response(g, place)).before).max() > MIN_RESPONSE:
-            key = id(place.stimulus), len(place.block), len(place.variables)
-            out.setdefault(key, []).append(Target((place,), (response,)))
-    return [[*targets, *_all_of_a_channel(targets)] for targets in out.values()]
+        alike.setdefault((id(place.stimulus), len(place.block), len(place.variables)), []).append(place)
+    return [own for places in alike.values() if (own := _targets(places, block_response(g, places)))]
 
 
-def _all_of_a_channel(targets: Sequence[Target]) -> list[Target]:
-    of_channel: dict[str, list[Target]] = {}
-    for target in targets:
-        of_channel.setdefault(target.places[0].channel, []).append(target)
-    return [
-        Target(tuple(t.places[0] for t in own), tuple(t.responses[0] for t in own))
-        for own in of_channel.values()
-        if len(own) > 1
-    ]
+def _targets(places: Sequence[Place], response: BlockResponse) -> list[Target]:
+    """Return each place that responds to additions, and all of a channel together where they are several."""
+    size = np.sqrt((response.root**2).sum(axis=1) + (response.absorbed**2).sum(axis=1)).max(axis=1)
+    shown = np.flatnonzero(size > MIN_RESPONSE).tolist()
+    places, response = [places[k] for k in shown], response.at(shown)
+    of_channel: dict[str, list[int]] = {}
+    for k, place in enumerate(places):
+        of_channel.setdefault(place.channel, []).append(k)
+    each = [[k] for k in range(len(places))] + [own for own in of_channel.values() if len(own) > 1]
+    return [Target(tuple(places[k] for k in own), own, response) for own in each]
 
 
 def _compared(targets: Sequence[Target], products: bool) -> tuple[list[Scored], Array]:
     """Return the best expressions at places of the same variables, and the number of families of each length (3,)."""
-    place, rows = targets[0].places[0], targets[0].responses[0].rows
+    place, rows = targets[0].places[0], targets[0].of_all.rows
     every = [terms(v, place.stimulus, ALONE[v.group], rows) for v in place.variables]
-    ones = [*singles(every), *tables(place.variables, rows, products)]
-    count, pairs = np.zeros(3), list[tuple[Term, list[Term]]]()
+    laws = [*((grid,) for own in every for grid in grids(own)), *tables(place.variables, rows, products)]
     if products:
         slow = [terms(v, place.stimulus, MULTIPLIED[v.group], rows) for v in place.variables]
-        ones, pairs = [*ones, *triples(slow)], partners(slow)
-    for e in {e.family: e for e in ones}.values():
-        count[len(e.terms) - 1] += 1
-    count[1] += len({(t.family, o.family) for t, others in pairs for o in others})
-    each = zip(targets, _explained(targets, ones), _explained_by_pairs(targets, pairs), strict=True)
-    return _best([(target, [*one, *two]) for target, one, two in each]), count
+        laws += [*pairs(slow), *triples(slow)]
+    lengths = [length for _, length in {(" * ".join(own.terms[0].family for own in law), len(law)) for law in laws}]
+    return _best(targets, laws), np.bincount(lengths, minlength=4)[1:]
 
 
 def spanned(X: Array) -> Array:
@@ -320,22 +342,19 @@ def trimmed(g: Ground, law: Law) -> Law:
     What the calibration takes up has no size, and a lower power may be none of the law. The noise is no larger than
     what the law leaves: where its scale is fitted, the model without a law takes all of the law for noise.
     """
-    e = _at_rows(law.expression, law.responses[0])
-    e = e.referred() if all(_near_reference(t.variable) for t in law.expression.terms) else e
+    e = _at_rows(law.expression, law.response)
+    away = [abs(v.reference - v.origin) / max(float(np.ptp(v.x)), 1e-300) for v in law.expression.variables]
+    e = e.referred() if max(away) <= FAR else e
     dof = max(len(g.y) - g.Q.shape[1], 1)
     while len(groups := e.groups) > 1:
-        worth = _worth(law.responses, e)
+        worth = _worth(law.response, e)
         variance = float(np.clip((g.y @ g.y - 2 * worth) / dof, LEAST_VARIANCE, 1.0))
-        least, drop = min(((worth - _worth(law.responses, e.without(own)), own) for own in groups), key=lambda x: x[0])
+        least, drop = min(((worth - _worth(law.response, e.without(own)), own) for own in groups), key=lambda x: x[0])
         if least > NEEDED * len(law.places) * variance:
             break
         e = e.without(drop)
     full = e.of({v.name: v for v in law.expression.variables})
     return replace(law, expression=full)
-
-
-def _near_reference(v: Variable) -> bool:
-    return bool(abs(v.reference - v.origin) <= FAR * max(float(np.ptp(v.x)), 1e-300))
 
 
 def _unusual(place: Place, e: Expression) -> float:
@@ -344,111 +363,73 @@ def _unusual(place: Place, e: Expression) -> float:
     return UNUSUAL * (sum(v.group == of for v in e.variables) + sum(t.form.key in RARE for t in e.terms))
 
 
-Gains = list[tuple[float, Expression]]
+def _best(targets: Sequence[Target], laws: Sequence[Family]) -> list[Scored]:
+    """Return the best constants of each family at each target; at several places those that are better than at one.
 
-
-def _best(each: Sequence[tuple[Target, Gains]]) -> list[Scored]:
-    """Return the best constant of each family at each target; at several places those that are better than at one."""
-    tops = list[dict[str, tuple[float, Expression]]]()
-    for _, every in each:
-        best = dict[str, tuple[float, Expression]]()
-        for gain, e in every:
-            if gain > best.get(e.family, (0.0, e))[0]:
-                best[e.family] = gain, e
-        tops.append(best)
-    out, single = (
-        [],
-        {target.places[0]: top for (target, _), top in zip(each, tops, strict=True) if len(target.places) == 1},
-    )
-    for (target, _), top in zip(each, tops, strict=True):
+    What they explain is less the cost of coefficients and grid.
+    """
+    tops: list[dict[str, tuple[float, Expression]]] = [{} for _ in targets]
+    for k in range(0, len(laws), CHUNK):
+        by_width: dict[int, list[tuple[Family, Array]]] = {}
+        for law in laws[k : k + CHUNK]:
+            if (B := targets[0].of_all.means(law)).shape[1] <= COEFFICIENTS:
+                by_width.setdefault(B.shape[1], []).append((law, B))
+        for m, own in by_width.items():
+            each = gains(targets[0].of_all, np.concatenate([B for _, B in own], axis=-1)) - 2.0 * m
+            ends = np.cumsum([B.shape[2] for _, B in own])[:-1]
+            for target, top in zip(targets, tops, strict=True):
+                worths = np.split(each[target.at].sum(axis=0), ends)
+                for gain, e in (_best_of(law, w) for (law, _), w in zip(own, worths, strict=True) if w.max() > 0):
+                    if gain > top.get(e.family, (0.0, e))[0]:
+                        top[e.family] = gain, e
+    single = {target.places[0]: top for target, top in zip(targets, tops, strict=True) if len(target.places) == 1}
+    out = list[Scored]()
+    for target, top in zip(targets, tops, strict=True):
         others = [single[p] for p in target.places if p in single and len(target.places) > 1]
         better = [b for key, b in top.items() if all(b[0] > own[key][0] for own in others if key in own)]
         out += [(gain, target, e) for gain, e in sorted(better, key=lambda b: -b[0])[:WEIGHED]]
     return out
 
 
-def _explained(targets: Sequence[Target], every: Sequence[Expression]) -> list[Gains]:
-    """Return what each expression explains at each target, less the cost of coefficients and grid."""
-    out: list[Gains] = [[] for _ in targets]
-    by_width: dict[int, list[Expression]] = {}
-    for e in every:
-        by_width.setdefault(e.columns.shape[1], []).append(e)
-    for width, own in by_width.items():
-        tried = np.log([e.tried for e in own])
-        for k in range(0, len(own) if width <= COEFFICIENTS else 0, CHUNK):
-            part = own[k : k + CHUNK]
-            X = np.concatenate([e.columns for e in part], axis=1)
-            for worth, mine in zip(_worths(targets, X, width), out, strict=True):
-                mine.extend(zip((worth - tried[k : k + CHUNK]).tolist(), part, strict=True))
-    return out
+def _best_of(law: Family, worth: Array) -> tuple[float, Expression]:
+    """Return the expression of a family of the largest worth (K,), and that less the cost of the choice."""
+    best = int(np.argmax(worth))
+    at = np.unravel_index(best, [len(own.terms) for own in law])
+    e = Expression(tuple(own.terms[i] for own, i in zip(law, at, strict=True)))
+    return float(worth[best]) - math.log(e.tried), e
 
 
-def _worths(targets: Sequence[Target], X: Array, width: int) -> list[Array]:
-    """Return what columns X (m, K width), so many at a time, explain at each target, less the cost of coefficients."""
-    B = targets[0].responses[0].block_means(X)
-    each = {id(one): gains(one, B, width) for target in targets for one in target.responses}
-    return [np.sum([each[id(one)] - 2.0 * width for one in target.responses], axis=0) for target in targets]
-
-
-def _explained_by_pairs(targets: Sequence[Target], pairs: Sequence[tuple[Term, list[Term]]]) -> list[Gains]:
-    """Return the same for products: for each term the best partner of each family."""
-    out: list[Gains] = [[] for _ in targets]
-    stacks: dict[tuple[int, ...], tuple[Array, Array]] = {}
-    for t, others in pairs:
-        by_width: dict[tuple[int, bool], list[Term]] = {}
-        for o in others:
-            by_width.setdefault((o.factors.shape[1], o.free_origin), []).append(o)
-        for (_, free), own in by_width.items():
-            both = int(free and t.free_origin)
-            key = tuple(id(o) for o in own)
-            if key not in stacks:
-                stacks[key] = np.stack([o.factors for o in own], axis=1), np.log([o.tried for o in own])
-            S, tried = stacks[key]
-            width = t.factors.shape[1] * S.shape[2] - both
-            if width > COEFFICIENTS:
-                continue
-            first: dict[str, list[int]] = {}
-            for i, o in enumerate(own):
-                first.setdefault(o.family, []).append(i)
-            X = (t.factors[:, None, :, None] * S[:, :, None, :]).reshape(*S.shape[:2], -1)[:, :, both:]
-            for gain, mine in zip(_worths(targets, X.reshape(len(X), -1), width), out, strict=True):
-                worth = gain - np.log(t.tried) - tried
-                for at in first.values():
-                    i = at[int(np.argmax(worth[at]))]
-                    mine.append((float(worth[i]), Expression((t, own[i]))))
-    return out
-
-
-def gains(response: BlockResponse, B: Array, width: int) -> Array:
-    """ln likelihood (K,) that additions (blocks, K width), so many at a time, take away of the misfit."""
-    X = response.root @ B
+def gains(response: BlockResponse, B: Array) -> Array:
+    """ln likelihood (p, K) that additions (blocks, m, K), m at a time, take away of the misfit at each place."""
+    (blocks, m, K), p = B.shape, len(response.y)
+    flat = B.reshape(blocks, m * K)
+    X = response.root @ flat
     with np.errstate(over="ignore"):  # of a power that a refinement tries; it shows nothing
-        norm = np.sqrt(np.einsum("rk,rk->k", X, X))
-        whole = response.before @ B
-        shown = np.isfinite(norm) & (norm > ABSORBED * np.sqrt(np.einsum("rk,rk->k", whole, whole)))
-    scale = 1.0 / np.where(shown & (norm > 0), norm, np.inf)
-    K = X.shape[1] // width
-    b = (response.y @ X * scale).reshape(K, width)
-    if width == 1:
+        square = np.einsum("prk,prk->pk", X, X)
+        taken = response.absorbed @ flat
+        whole = square + np.einsum("pqk,pqk->pk", taken, taken)
+        shown = np.isfinite(whole) & (square > ABSORBED**2 * whole)
+    scale = (1.0 / np.sqrt(np.where(shown, square, np.inf))).reshape(p, m, K)
+    b = (response.y[:, None] @ X).reshape(p, m, K) * scale
+    if m == 1:
         return np.asarray(b[:, 0] ** 2 / 2)
-    A = X.reshape(len(X), K, width).transpose(1, 0, 2)
-    scale = scale.reshape(K, width)
-    G = np.swapaxes(A, 1, 2) @ A * (scale[:, :, None] * scale[:, None, :]) + RIDGE * np.eye(width)
-    return np.asarray(np.einsum("ki,ki->k", b, np.linalg.solve(G, b[..., None])[..., 0]) / 2)
+    X = X.reshape(p, -1, m, K)
+    G = np.einsum("prik,prjk->pkij", X, X) * np.einsum("pik,pjk->pkij", scale, scale) + RIDGE * np.eye(m)
+    return np.asarray(np.einsum("pmk,pkm->pk", b, np.linalg.solve(G, b.transpose(0, 2, 1)[..., None])[..., 0]) / 2)
 
 
-def _carried(responses: Sequence[BlockResponse], e: Expression) -> bool:
+def _carried(response: BlockResponse, e: Expression) -> bool:
     """Return whether what a law adds is spread over several stretches and not an outlier of one or two."""
-    B = responses[0].block_means(e.columns)
-    added = np.stack([B @ np.linalg.lstsq(one.root @ B, one.y, rcond=1e-6)[0] for one in responses], axis=1)
+    B = response.means_of(e)
+    each = zip(response.root, response.y, strict=True)
+    added = np.stack([B @ np.linalg.lstsq(root @ B, y, rcond=1e-6)[0] for root, y in each], axis=1)
     square = ((added - np.median(added, axis=0)) ** 2).sum(axis=1)
     return bool(square.sum() ** 2 > CARRIED * (square**2).sum())
 
 
-def _worth(responses: Sequence[BlockResponse], e: Expression) -> float:
-    """Return the ln likelihood that an expression at the rows of some responses takes away of the misfit."""
-    B = responses[0].block_means(e.columns)
-    return float(sum(gains(one, B, B.shape[1])[0] for one in responses))
+def _worth(response: BlockResponse, e: Expression) -> float:
+    """Return the ln likelihood that an expression at the rows of a response takes away of the misfit."""
+    return float(gains(response, response.means_of(e)[:, :, None]).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -499,20 +480,20 @@ def _moved(e: Expression, moves: Sequence[_Move], u: Array) -> Expression:
     return e.at([m.at(float(x)) for m, x in zip(moves, u, strict=True)])
 
 
-def _refined(responses: Sequence[BlockResponse], e: Expression) -> Expression:
+def _refined(response: BlockResponse, e: Expression) -> Expression:
     """The expression with its smooth constants where they take away most."""
     from scipy.optimize import minimize
 
     for i, t in enumerate(e.terms):
         others = [e.replaced((*e.terms[:i], moved, *e.terms[i + 1 :])) for moved in between(t)]
-        e = max([e, *others], key=lambda tried: _worth(responses, tried))
+        e = max([e, *others], key=lambda tried: _worth(response, tried))
     moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
     if not moves:
         return e
     begun, steps = np.zeros(len(moves)), np.array([m.step for m in moves])
 
     def cost(u: Array) -> float:
-        return -_worth(responses, _moved(e, moves, u))
+        return -_worth(response, _moved(e, moves, u))
 
     simplex = np.concatenate([begun[None], np.diag(steps)])
     minimum = minimize(cost, begun, method="Nelder-Mead", options={

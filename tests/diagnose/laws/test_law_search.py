@@ -143,5 +143,5 @@ def test_a_law_is_trimmed_where_the_calibration_has_as_many_parameters_as_there_
     T = Variable("temperature", "degC", np.linspace(0.0, 1.0, n), "", "logged", 0.5)
     place = Place("specific_force", "x", (T,), s, np.arange(n), lambda X: X[:, None, :])
     g = Ground((place,), lambda X: X.reshape(n, -1), np.eye(n), np.ones(n), lambda sets: np.zeros(len(sets)), (n, 1))
-    law = Law((place,), Expression((Term(T, FORMS["to x^3"], (), 1),)), 0.0, (block_response(g, place),))
+    law = Law((place,), Expression((Term(T, FORMS["to x^3"], (), 1),)), 0.0, block_response(g, [place]))
     assert len(trimmed(g, law).expression.groups) == 1
