@@ -11,7 +11,6 @@ import numpy as np
 from gimbalcal.calibration.correction import correct
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
-from gimbalcal.guess.data_frame import guessed_columns
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.quantities import QUANTITIES, check
@@ -71,6 +70,8 @@ def correct_frame(calibration: Calibration, frame: FrameT, columns: Mapping[str,
     columns: what they hold, as in `recording.from_frame`; without, they are guessed as by `gimbalcal new`. Counts
     become SI. Raises InputError as `correct_arrays` does, and for what is no data frame.
     """
+    from gimbalcal.guess.data_frame import guessed_columns  # forty modules that nothing else needs
+
     if hasattr(frame, "collect"):
         raise InputError("apply takes a data frame whose rows are there: call collect() on this one first")
     if not hasattr(frame, "columns") or not (hasattr(frame, "with_columns") or hasattr(frame, "assign")):

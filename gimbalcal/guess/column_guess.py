@@ -187,10 +187,10 @@ def _rows_are_dwells(log: Log) -> bool:
 
 
 def _turns_each_row(force: Sequence[Array]) -> bool:
-    f = np.stack(force, axis=-1)
-    f = f[np.isfinite(f).all(axis=1)]
-    if not 2 < len(f) <= MAX_DWELLS:
+    whole = np.all([np.isfinite(x) for x in force], axis=0)
+    if not 2 < np.count_nonzero(whole) <= MAX_DWELLS:
         return False
+    f = np.stack([x[whole] for x in force], axis=-1)
     step, norm = np.linalg.norm(np.diff(f, axis=0), axis=1), np.linalg.norm(f, axis=1)
     alike = np.quantile(np.abs(norm / np.median(norm) - 1), 0.9) < MAX_NORM_SPREAD
     return bool(alike and np.mean(step > MIN_STEP * np.median(norm)) > 0.5)
@@ -241,7 +241,7 @@ def with_units(log: Log, stated: Mapping[str, str]) -> Log:
     )
     names = log.names(FORCE)
     if names and not all(is_unit_of(FORCE, log.guesses[n].unit) for n in names):
-        full = np.isfinite(np.stack(log.values(FORCE))).all(axis=0)
+        full = np.all([np.isfinite(x) for x in log.values(FORCE)], axis=0)
         unit, why = unit_of_force([log.columns[n][full] for n in names])
         log = log.including({n: replace(log.guesses[n], unit=unit, why=f"{log.guesses[n].why}; {why}") for n in names})
     rates = log.names(RATE)

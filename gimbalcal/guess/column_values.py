@@ -113,9 +113,8 @@ def _differ_in_axis(triple: Sequence[str]) -> bool:
 
 def changes_direction(triple: Sequence[Array]) -> bool:
     """Return whether a vector points elsewhere now and then."""
-    f = np.stack(triple, axis=-1)
-    f = f / np.maximum(np.linalg.norm(f, axis=1, keepdims=True), 1e-300)
-    return bool(np.max(np.ptp(f, axis=0)) > MAX_GRAVITY_ERROR)
+    length = np.maximum(_length(triple), 1e-300)
+    return any(np.ptp(x / length) > MAX_GRAVITY_ERROR for x in triple)
 
 
 def _returns_to_a_level(x: Array) -> bool:
@@ -256,7 +255,7 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
     def jumps(x: Array) -> int:
         return int(np.count_nonzero(np.abs(np.diff(x)) > half))
 
-    whole = {n: x[np.isfinite(x)] for n, x in columns.items()}
+    whole = {n: x[np.isfinite(x)] for n, x in columns.items() if np.fmax.reduce(x, initial=0.0) > half}
     whole = {n: x for n, x in whole.items() if len(x) and x.min() >= 0 and half < x.max() < full}
     whole = {n: x for n, x in whole.items() if np.all(x == np.round(x))}
     signed = {n: with_signs(x) for n, x in whole.items()}

@@ -32,10 +32,9 @@ MAX_ATTITUDE_ERROR = np.radians(1.0)  # of a navigator
 
 def turns_with_the_stars(time: Array, force: Sequence[Array]) -> bool:
     """Return whether forces (n,) along three axes go round as gravity does on such a platform; time (n,) s."""
-    f = np.stack(force, axis=-1)
-    whole = np.isfinite(f).all(axis=1) & np.isfinite(time)
-    every = max(1, int(whole.sum()) // 2000)
-    t, f = time[whole][::every], f[whole][::every]
+    whole = np.flatnonzero(np.all([np.isfinite(x) for x in (time, *force)], axis=0))
+    rows = whole[:: max(1, len(whole) // 2000)]
+    t, f = time[rows], np.stack([x[rows] for x in force], axis=-1)
     angle = EARTH_RATE * (t - t[:1])
     if len(t) < MIN_ROWS or angle[-1] < MIN_TURN:
         return False

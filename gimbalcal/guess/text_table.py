@@ -46,6 +46,7 @@ _NUMBER = re.compile(
     r"[-+]?\d{1,3}((\.\d{3})+,|(,\d{3})+\.)\d*|"
     r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+|[dD][-+]\d{2,3})?|[-+]?(nan|inf|NaN|NA|null)"
 )
+_DECIMAL = re.compile(r"[-+]?\d+\.\d+")
 _STATED_RATE = re.compile(
     r"\b(?:fs|f_s|sampl(?:e|ing)[ _]?(?:rate|freq\w*)|data[ _]?rate|rate|freq(?:uency)?|abtastrate)\b"
     r"\W{0,4}(\d+(?:\.\d+)?)",
@@ -134,7 +135,7 @@ def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None
 def _rows(
     path: Path, layout: TableLayout, head: Sequence[str], lines: Sequence[str] | None
 ) -> tuple[pl.DataFrame, int]:
-    """Return the cells of the table as text, and the number of lines of other kinds that were skipped.
+    """Return the cells of the table, as text or numbers, and how many lines of other kinds were skipped.
 
     Raises InputError where most of the lines are of other kinds.
     """
@@ -144,7 +145,8 @@ def _rows(
     comment = max(comments, key=comments.__getitem__, default="#")
     try:
         if mark != "  ":
-            return _called(frame_of(path, mark, first, False, quoted, lines, comment), layout.names), 0
+            numbers = [bool(_DECIMAL.fullmatch(cell)) for cell in _cells(head[first], mark)]
+            return _called(frame_of(path, mark, first, False, quoted, lines, comment, numbers), layout.names), 0
     except InputError:  # a row with more cells than the first
         pass
     every = path.read_text(encoding=encoding_of(path), errors="replace").splitlines() if lines is None else lines
@@ -236,7 +238,7 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
     if guess and guess.quantity == "position" and not _NUMBER.fullmatch(first):
         return _labels([str(cell or "") for cell in text.to_list()]), ""
     if all_numbers:
-        return numbers.to_numpy().astype(float), ""
+        return numbers.to_numpy(writable=True), ""
     for mark, decimal in ((".", ","), (",", ".")):  # 1.000,5 and 1,000.5
         if text.str.contains(rf"^[-+]?\d{{1,3}}(\{mark}\d{{3}})+\{decimal}\d*$").any():
             text = text.str.replace_all(mark, "", literal=True)

@@ -117,7 +117,7 @@ def gravity_is_constant(log: Log) -> bool:
     force = log.values(FORCE)
     if len(force) != 3 or log.has("position"):
         return False
-    whole = np.isfinite(np.stack(force)).all(axis=0)
+    whole = np.all([np.isfinite(x) for x in force], axis=0)
     return bool(whole.any()) and not changes_direction([x[whole] for x in force])
 
 

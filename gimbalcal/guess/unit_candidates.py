@@ -95,7 +95,7 @@ def _rates_in_units(log: Log) -> Iterator[tuple[dict[str, Guess], float]]:
 def rate_costs(log: Log) -> dict[str, tuple[float, str]]:
     """Return how unlikely each unit of the gyroscopes of a log is by their numbers, and what shows it."""
     values = log.values(RATE)
-    full = np.isfinite(np.stack(values)).all(axis=0)
+    full = np.all([np.isfinite(x) for x in values], axis=0)
     counted = any(log.guesses[n].unit == "count" for n in log.names(FORCE))
     return costs_of_rate([x[full] for x in values], counted)
 

@@ -76,10 +76,12 @@ def frame_of(
     quoted: bool = True,
     lines: Sequence[str] | None = None,
     comment: str = "#",
+    numbers: Sequence[bool] = (),
 ) -> pl.DataFrame:
     """Return every cell as text, the blanks around names removed; not `quoted`: quotation marks are ordinary letters.
 
-    lines: of the file, where they were made plainer.
+    lines: of the file, where they were made plainer. numbers: which columns come as numbers at once, in half the time,
+    if nothing else stands in any of these.
     """
     import polars as pl
 
@@ -99,11 +101,14 @@ def frame_of(
             skip_lines=skip,
             comment_prefix=comment or None,
             infer_schema=False,
+            schema_overrides=[pl.Float64 if each else pl.String for each in numbers] if any(numbers) else None,
             has_header=named,
             glob=False,
             quote_char='"' if quoted else None,
         )
     except pl.exceptions.PolarsError as error:
+        if any(numbers):
+            return frame_of(path, separator, skip, named, quoted, lines, comment)
         raise InputError(
             _longer_line(path, separator, skip) or f"{path} cannot be read as a table: {str(error).splitlines()[0]}"
         ) from None

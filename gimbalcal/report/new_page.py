@@ -125,8 +125,8 @@ def _force_charts(proposal: Proposal, intervals: Sequence[Dwell]) -> list[Chart]
         axes = r.axes(quantity)
         of = "count" if r.counted(quantity) else {"specific_force": "m/s²", "angular_rate": "°/s"}[quantity]
         size = float(np.degrees(1.0)) if of == "°/s" else 1.0
-        every = size * np.concatenate([r.channels[quantity, a] for a in axes])
-        low, high = np.full(2, every.min()), np.full(2, every.max())
+        ends_of = [size * np.array([r.channels[quantity, a].min(), r.channels[quantity, a].max()]) for a in axes]
+        low, high = np.full(2, np.min(ends_of)), np.full(2, np.max(ends_of))
         marks: list[Mark] = [Band(np.array(e), low, high, "grey", "" if k else "at rest") for k, e in enumerate(ends)]
         if len(intervals) <= MAX_NUMBERS and intervals:
             middle = np.array([sum(e) / 2 for e in ends])
