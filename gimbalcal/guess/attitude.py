@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -101,13 +100,3 @@ def _is_unit(q: Array) -> bool:
     whole = np.isfinite(q).all(axis=0)
     norm = np.linalg.norm(q[:, whole], axis=0)
     return bool(whole.mean() > MIN_WHOLE and np.mean(np.abs(norm - 1) < MAX_NORM_ERROR) > 0.9)
-
-
-def has_both_triads(log: Log) -> bool:
-    """Return whether a log holds all accelerometers and gyroscopes."""
-    return all({log.guesses[n].axis for n in log.names(quantity)} == set("xyz") for quantity in (FORCE, RATE))
-
-
-def with_reference_columns_only(log: Log) -> Log:
-    """Return the log with the guesses that a recording with a reference attitude takes."""
-    return replace(log, guesses={n: log.guesses[n] for n in log.names("time", FORCE, RATE, "temperature", "attitude")})

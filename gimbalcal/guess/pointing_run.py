@@ -241,15 +241,12 @@ def pointing_proposal(
             notes["sky"] = f"{off.name} is on the sky by its name: divided by the cosine of the {lower}"
     order = {axis.name: axis for axis in platform.axes if axis.name in axes}
     site = with_normal_gravity(latitude, height)
-    clock = next(
-        (n for n, x in table.columns.items() if (g := by_name(n)) and g.quantity == "time" and np.all(np.diff(x) >= 0)),
-        "",
-    )
+    times = [n for n in table.columns if (g := by_name(n)) and g.quantity == "time"]
+    clock = next((n for n in times if np.all(np.diff(table.columns[n]) >= 0)), "")
     rows = len(read[axes[0]])
     time, remarks = (_seconds(clock, table), ()) if clock else _sidereal_seconds(path, table, rows)
-    back = next((n for n in table.columns if (g := by_name(n)) and g.quantity == "time"), "")
-    if back and not clock:
-        remark = f"{path}: the clock {back} goes back, so its rows are taken {ROW_STEP_S:g} s apart in order"
+    if times and not clock:
+        remark = f"{path}: the clock {times[0]} goes back, so its rows are taken {ROW_STEP_S:g} s apart in order"
         remarks = (f"{remark} and rates mean nothing; sort them by time for these",)
     if clock:
         why["time", ""] = (clock, f"its name {clock.strip()!r}")

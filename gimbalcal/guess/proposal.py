@@ -18,7 +18,7 @@ from gimbalcal.checks.measured_turns import MeasuredTurns, turns_of
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import CHECKS, refuse_implausible
 from gimbalcal.errors import InputError, alternatives, amount
-from gimbalcal.guess.attitude import has_both_triads, motion_cost, with_reference, with_reference_columns_only
+from gimbalcal.guess.attitude import motion_cost, with_reference
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon, refuse_single_places
 from gimbalcal.guess.column_guess import guessed, with_units
 from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
@@ -215,7 +215,7 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     if still := static_run(log, place.latitude):
         recording = context.recording(still[0], "space-stable", kind="static-run")
         return context.proposal(recording, still[0], {"kind": still[1], **context.notes})
-    if has_both_triads(log):
+    if rates == set("xyz"):
         referenced, note = with_reference(log)
         if referenced is not None:
             return _beside_reference(referenced, context.noting("rows", note), above)
@@ -284,7 +284,7 @@ def _turned(table: TurnedLog, context: _Context) -> Proposal:
 
 def _beside_reference(log: Log, context: _Context, above: Sequence[str]) -> Proposal:
     """Return the recording of a unit that moved beside a reference of its attitude."""
-    log = with_reference_columns_only(log)
+    log = replace(log, guesses={n: log.guesses[n] for n in log.names("time", FORCE, RATE, "temperature", "attitude")})
     best = min(unit_candidates(log, above), key=lambda c: c.cost + motion_cost(c.log))
     recording = context.recording(best.log, kind="rotation")
     kind = "rotation, for a reference of the attitude stands beside the sensors: --method attitude"
@@ -455,7 +455,13 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     single = f"{are_found}: enough for `gimbalcal noise`; a calibration takes six or more in different attitudes"
     several = f"multi-position, for {are_found}; rotation is for turns that are navigated sample by sample"
     notes.setdefault("kind", single if positions < 2 else several)
-    notes["noise"] = _noise_note(rests == len(recording.time) and not log.has("sigma"), log.has("gimbal_angle"))
+    notes["noise"] = NOISE_FROM_ROWS
+    if rests == len(recording.time) and not log.has("sigma"):
+        state = 'accelerometer = { value = 10, unit = "ug" }'
+        notes["noise"] = f"a row for each rest shows no noise: state it, {state} of such a row"
+    if log.has("gimbal_angle"):
+        state = 'gimbal_angle = { value = 1, unit = "arcsec" }'
+        notes["noise"] += f"; state how well positions are set: {state}, no row shows it"
     recording = replace(recording, remarks=(*recording.remarks, *examine(examined, CHECKS)))
     left_out = (*(n for n in context.left_out if n not in gimbals), *outside)
     return Proposal(recording, used.guesses, left_out, notes, examined.once(turns_of))
@@ -482,17 +488,6 @@ def without_moving_rests(recording: Recording) -> tuple[Recording, int]:
         position[d.rows] = 1 + sum(kept[:number]) if still else 0
     removed = len(kept) - sum(kept)
     return (replace(recording, position=position) if removed else recording), removed
-
-
-def _noise_note(single_rows: bool, gimbals: bool) -> str:
-    noise = NOISE_FROM_ROWS
-    if single_rows:
-        noise = (
-            'a row for each rest shows no noise: state it, accelerometer = { value = 10, unit = "ug" } of such a row'
-        )
-    if gimbals:
-        noise += '; state how well positions are set: gimbal_angle = { value = 1, unit = "arcsec" }, no row shows it'
-    return noise
 
 
 def _angle_candidates(log: Log) -> dict[str, Array]:

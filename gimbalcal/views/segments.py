@@ -162,12 +162,11 @@ def velocity_at_stops(rows: Recording, length: Array, first: NDArray[np.int64], 
     each_stretch, of = first[:-1][np.diff(first) > 0], stop[np.diff(first) > 0]
     gained = rows.triad(FORCE)[each_stretch] * float(np.median(length[each_stretch[of >= 0]]))
     z = [np.diff(gained[of == k], 2, axis=0) for k in range(stop.max() + 1)]
-    count = sum(each[2:].size for each in z)
-    if not count:
+    late, early = (np.concatenate([each[s] for each in z]) for s in (slice(2, None), slice(-2)))
+    if not late.size:
         return DEFAULT_VELOCITY_SIGMA_M_S
-    variance = sum(float(np.sum(each[2:] ** 2)) for each in z) / count
-    covariance = sum(float(np.sum(each[2:] * each[:-2])) for each in z) / count
-    return float(np.sqrt(max((6 * covariance - variance) / 16, variance / 6 / np.sqrt(count))))
+    variance, covariance = float(np.mean(late**2)), float(np.mean(late * early))
+    return float(np.sqrt(max((6 * covariance - variance) / 16, variance / 6 / np.sqrt(late.size))))
 
 
 def turned_in_place(recording: Recording) -> bool:
