@@ -188,6 +188,8 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     read = {path: guessed(path, table, rate, elsewhere, place.units) for path, table in tables.items()}
     skipped = sum(table.skipped for table in tables.values())
     notes = {"lines": f"{amount(skipped, 'line')} skipped: of another kind, or empty"} if skipped else {}
+    other_logs = [(path, each.notes) for path, each in read.items() if path != first]
+    notes |= {key: f"{path.name}: {note}" for path, own in other_logs for key, note in own.items()}
     if are_parts([each.log for each in read.values()]):
         whole, notes["samples"] = concatenated({path: each.bare for path, each in read.items()})
         read = {first: replace(read[first], log=with_units(whole, place.units))}
@@ -196,7 +198,7 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     for path, other in others:
         log = on_one_clock(path, log, other)
     left_out = tuple(name for each in read.values() for name in each.left_out)
-    context = _Context(title, place.site, {**read[first].notes, **notes}, left_out)
+    context = _Context(title, place.site, {**notes, **read[first].notes}, left_out)
     missing = [a for a in "xyz" if a not in {log.guesses[n].axis for n in log.names(FORCE)}]
     if (len(missing) == 3 or gravity_is_constant(log)) and (table := turned_by_table(log)):
         return _turned(table, context)

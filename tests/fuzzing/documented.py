@@ -3,7 +3,7 @@
     python -m tests.fuzzing.documented --n 20000 --seed 3      many inputs
     python -m tests.fuzzing.documented --seed 3 --only 123     one of them again, with what came of it
     python -m tests.fuzzing.documented --n 100000 --state FILE --seconds 280     a part; again, until all are done
-    python -m tests.fuzzing.documented --state FILE --report > docs/measured/fuzzing.txt
+    python -m tests.fuzzing.documented --report FILE > docs/measured/fuzzing.txt
 
 Each input takes a command with files of the [laboratory](laboratory.py), and one of
 
@@ -687,8 +687,13 @@ def say(line: str) -> None:
 
 
 def report(state: dict[str, Any]) -> None:
-    """Print the counts."""
-    counts = state["counts"]
+    """Print the counts of a run: outcomes by what was done, comparisons, commands, options, and what was wrong."""
+    counts, finds = state["counts"], state["finds"]
+    say(f"{state['next']} inputs, seed {state['seed']}: {len(finds)} wrong when they were run")
+    for find in finds:
+        say(f"    {find['number']}: {find['wrong'][:70]} of `{' '.join(find['arguments'])[:90]}`")
+    if "again" in state:
+        say(f"run again at the end: {state['again']} of them wrong")
     for kind in ("what", "compared", "command", "slow"):
         for key, n in sorted(counts.items()):
             if key.startswith(f"{kind}: "):
@@ -697,13 +702,6 @@ def report(state: dict[str, Any]) -> None:
     every = {f"{name} {o.opts[0]}" for name in gimbalcal.commands for o in options_of(name)}
     every = {word for word in every if word.partition(" ")[2].startswith("--")}
     say(f"options: {len(used & every)} of {len(every)}; not used: {', '.join(sorted(every - used)) or 'none'}")
-    say(f"{state['next']} inputs, seed {state['seed']}; {len(state['finds'])} wrong when they were run")
-    for wrong, n in sorted(
-        Counter(re.sub(r"[-+\d.]+(e[-+]?\d+)?", "#", f["wrong"])[:60] for f in state["finds"]).items()
-    ):
-        say(f"    {wrong:60s} {n}")
-    if "again" in state:
-        say(f"run again at the end: {state['again']} of them wrong")
 
 
 def main() -> int:
@@ -715,14 +713,15 @@ def main() -> int:
     reader.add_argument("--seconds", type=float, default=np.inf, help="stop after so long")
     reader.add_argument("--state", type=Path, default=None, help="file in which a run is continued")
     reader.add_argument("--again", action="store_true", help="run what was wrong again")
-    reader.add_argument("--report", action="store_true", help="print the counts of a run")
+    reader.add_argument("--report", type=Path, nargs="+", help="print the counts of runs by their files")
     given = reader.parse_args()
     state: dict[str, Any] = {"seed": given.seed, "next": 0, "counts": {}, "finds": []}
     if given.state is not None and given.state.is_file():
         state = json.loads(given.state.read_text())
     if given.report:
-        report(state)
-        return int(bool(state["finds"]))
+        for path in given.report:
+            report(json.loads(path.read_text()))
+        return 0
     until, wrong = time.monotonic() + given.seconds, 0
     with fuzzer() as runs:
         if given.again or given.only is not None:

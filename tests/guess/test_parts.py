@@ -122,3 +122,10 @@ def test_a_folder_is_answered_with_what_to_write(tmp_path):
     faces(tmp_path, lambda k: 100.0 * k)
     with refused():
         propose([tmp_path])
+
+
+def test_a_row_that_any_part_loses_is_noted(tmp_path):
+    paths = faces(tmp_path, lambda k: 100.0 * k)
+    lines = paths[3].read_text().splitlines(keepends=True)
+    paths[3].write_text("".join([*lines[:80], "," + lines[80].partition(",")[2], *lines[81:]]))
+    assert propose(paths).notes["time"] == "face3.csv: 1 of 500 rows have no time and are left out"
