@@ -61,6 +61,14 @@ def fused(seed, noisy=True):
     return first, fuse(d, static_information(recording, true), first), true
 
 
+def test_the_stage_says_what_the_static_run_gains():
+    first, both, _ = fused(0)
+    own = dict(zip((p.label for p in first.parameters), first.sigmas, strict=True))
+    gain = [own[p.label] / s for p, s in zip(both.parameters, both.sigmas, strict=True) if p.label in own]
+    smaller = f"sigma of {sum(g > 1 / 0.9 for g in gain)} of {len(gain)} parameters smaller by more than a tenth"
+    assert f"{smaller}, the best by a factor of {max(gain):.1f};" in both.stages[0].in_words
+
+
 def test_readouts_of_platform_and_outer_gimbal_run_the_other_way():
     assert SPACE_STABLE.sense == (1, 1, 1, 1)
     assert SPACE_STABLE_INERTIAL.sense == (-1, 1, 1, -1)
