@@ -93,10 +93,8 @@ def summarise(rows: pl.DataFrame, what: Task, digest: str) -> CampaignSummary:
     # of equals the first by the alphabet, so that equal runs give equal files
     words = failed["outcome"].value_counts().sort(["count", "outcome"], descending=[True, False]).head(5)
     outcomes = dict(zip(words["outcome"].to_list(), words["count"].to_list(), strict=True))
-    return CampaignSummary(
-        1, what.identity, digest, what.direction, runs, len(failed), outcomes, tuple(table),
-        _words(runs, len(failed), table),
-    )  # fmt: skip
+    text, n = _words(runs, len(failed), table), len(failed)
+    return CampaignSummary(1, what.identity, digest, what.direction, runs, n, outcomes, tuple(table), text)
 
 
 def _words(runs: int, failed: int, table: Sequence[ParameterErrors]) -> str:

@@ -142,10 +142,8 @@ def budget(
         best.append(BestManoeuvre(m.what, m.hours, to_m))
     share = own.parts[-1] ** 2 / own.whole[-1] ** 2
     title = " and ".join(s.title for _, s in plans)
-    return Budget(
-        title, tuple(hours), own.parameters, own.sigma, own.whole, own.parts, share, tuple(best),
-        plan.base.kind.rotating,
-    )  # fmt: skip
+    turns = plan.base.kind.rotating
+    return Budget(title, tuple(hours), own.parameters, own.sigma, own.whole, own.parts, share, tuple(best), turns)
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from gimbalcal.navigate.space_stable_navigator import ALONE
 from gimbalcal.navigate.stationary_base import ideal_static_run, still_base, still_unit
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
+from gimbalcal.recording.record import COLOURED
 from gimbalcal.schedule import ROTATIONS, Hold, RotationSchedule, Schedule
 from gimbalcal.schedule.commands import standing
 from gimbalcal.schedule.trajectory import trajectory
@@ -36,10 +37,6 @@ from gimbalcal.views.positions import Noise, planned, position_parameters
 from gimbalcal.views.segments import DEFAULT_VELOCITY_SIGMA_M_S
 
 EXTRA_DWELL_S, EXTRA_RUN_S = 600.0, 86400.0  # manoeuvres: ten more minutes in a position, or a day at rest
-COLOURED = (
-    "accelerometer_random_walk", "accelerometer_flicker", "accelerometer_gauss_markov", "gyroscope_random_walk",
-    "gyroscope_flicker", "gyroscope_gauss_markov",
-)  # fmt: skip
 Plans = Sequence[tuple[str, Scenario]]  # names and scenarios
 
 
@@ -238,7 +235,7 @@ def _noise(name: str, s: Scenario) -> TurningNoise:
     for what, size in (("accelerometer", force), ("gyroscope", spin)):
         if not size > 0:
             raise InputError(f"{name}: noise.{what}_density: without noise everything would be known; state it")
-    for field in COLOURED:
+    for field in (f for f in COLOURED if not f.endswith("_tau")):
         if getattr(n, field) > 0:
             raise InputError(f"{name}: noise.{field}: the budget of turns knows white noise alone; leave this out")
     return TurningNoise(force, spin, n.velocity or DEFAULT_VELOCITY_SIGMA_M_S)

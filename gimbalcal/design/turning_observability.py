@@ -216,10 +216,8 @@ def observe_turning(
         SigmaCurve(label, unit, float(start[i]), STATE_SCALE[i] * navigation[:, i])
         for i, (label, unit) in enumerate(NAVIGATION)
     )
-    return TurningObservability(
-        assess_information(turns.name, info, wanted, noise), turns.source, model.time[keep], curves, states,
-        _weak(info.rows[:, : len(wanted)], wanted),
-    )  # fmt: skip
+    assessed, weak = assess_information(turns.name, info, wanted, noise), _weak(info.rows[:, : len(wanted)], wanted)
+    return TurningObservability(assessed, turns.source, model.time[keep], curves, states, weak)
 
 
 def _weak(R: Array, wanted: Sequence[Parameter]) -> tuple[tuple[dict[str, float], float], ...]:

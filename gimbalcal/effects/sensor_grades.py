@@ -123,11 +123,8 @@ def _grade(
     name: str, force_noise: float, rate_noise: float, accelerometer: tuple[float, ...], gyroscope: tuple[float, ...]
 ) -> Grade:
     of = ("offset", "scale", "scale in temperature", "angle", "curvature")
-    return Grade(
-        name, force_noise * UG, rate_noise * DEG_ROOT_H,
-        MappingProxyType(dict(zip(of, accelerometer, strict=True))),
-        MappingProxyType(dict(zip(of, gyroscope, strict=True))),
-    )  # fmt: skip
+    force, rate = (MappingProxyType(dict(zip(of, sizes, strict=True))) for sizes in (accelerometer, gyroscope))
+    return Grade(name, force_noise * UG, rate_noise * DEG_ROOT_H, force, rate)
 
 
 GRADES: Mapping[str, Grade] = MappingProxyType({

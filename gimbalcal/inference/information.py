@@ -159,10 +159,8 @@ def solve(info: Information, min_signal: float = MIN_SIGNAL_TO_NOISE) -> Solutio
     covariance = (Vt.T * np.where(keep, inverse**2, 1.0)) @ Vt
     residual = float(np.sum((z - R @ x) ** 2))
     unobservable = name_directions(Vt[~keep].T, info.parameters, R)
-    return Solution(
-        info.parameters, mean + x * scale, covariance * np.outer(scale, scale), unobservable, residual,
-        info.count - int(keep.sum()),
-    )  # fmt: skip
+    P, dof = covariance * np.outer(scale, scale), info.count - int(keep.sum())
+    return Solution(info.parameters, mean + x * scale, P, unobservable, residual, dof)
 
 
 def chi2_about_mean(x: Array, covariance: Array) -> float:

@@ -190,10 +190,8 @@ def _drawn(run: Navigated, i: int) -> Array:
 
 def _position(run: Navigated, first: Navigated) -> PositionError:
     error = run.position / NAUTICAL_MILE
-    return PositionError(
-        run.label, float(error.max()), float(np.sqrt(np.mean(error**2))), float(error[-1]),
-        _improvement(first.position.max(), run.position.max(), run, first),
-    )  # fmt: skip
+    gain = _improvement(first.position.max(), run.position.max(), run, first)
+    return PositionError(run.label, float(error.max()), float(np.sqrt(np.mean(error**2))), float(error[-1]), gain)
 
 
 def _channel(run: Navigated, first: Navigated, i: int) -> ChannelError:

@@ -117,10 +117,8 @@ def linearised(view: View, effects: Sequence[Effect], wanted: Sequence[Parameter
 def over(fit: Fit, sigma: Array) -> Fit:
     """Return the fit in units of sigma (C,) times the present ones."""
     noise = replace(fit.view.noise, sigma=fit.sigma * sigma)
-    return replace(
-        fit, view=replace(fit.view, noise=noise), residual=fit.residual / sigma,
-        jacobian=fit.jacobian / sigma[:, None], kept=fit.rows.over(sigma),
-    )  # fmt: skip
+    view, J = replace(fit.view, noise=noise), fit.jacobian / sigma[:, None]
+    return replace(fit, view=view, residual=fit.residual / sigma, jacobian=J, kept=fit.rows.over(sigma))
 
 
 Sized = tuple[Effect, Sequence[Parameter], Array]  # an effect without size, linear parameters, their sizes (p,) in SI

@@ -143,7 +143,5 @@ def eliminate(linear: VisitRows, variance: float, spread: float) -> Whitened:
     share = np.where(s > 0, 1 / (divisor + white / (spread or 1e-300) / divisor), 0.0)
     reached = np.concatenate([s > 0, np.zeros((len(s), 3 - k), dtype=bool)], axis=1)
     gain = np.swapaxes(Vt[:, :k], -1, -2) @ (share[..., None] * np.swapaxes(U, -1, -2)[:, :k])
-    return Whitened(
-        W, W @ linear.J, apply_matrix(W, linear.r), reached, gain, np.sqrt(total),
-        linear.J_inside / np.sqrt(variance), linear.r_inside / np.sqrt(variance),
-    )  # fmt: skip
+    inside = linear.J_inside / np.sqrt(variance), linear.r_inside / np.sqrt(variance)
+    return Whitened(W, W @ linear.J, apply_matrix(W, linear.r), reached, gain, np.sqrt(total), *inside)

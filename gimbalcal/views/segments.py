@@ -225,10 +225,10 @@ def _means(recording: Recording, begin: NDArray[np.int64], count: NDArray[np.int
     channels = {
         key: np.add.reduceat(x, begin) / count for key, x in recording.channels.items() if key[0] in AVERAGED_QUANTITIES
     }
+    weight = np.add.reduceat(recording.weight, begin)
     return replace(
-        recording, platform=BENCH, time=time, position=None, channels=channels,
-        weight=np.add.reduceat(recording.weight, begin), other_sensors=(),
-    )  # fmt: skip
+        recording, platform=BENCH, time=time, position=None, channels=channels, weight=weight, other_sensors=()
+    )
 
 
 def _stretches(stop_dwells: Sequence[Dwell], paused: NDArray[np.bool_], block: int) -> Iterator[tuple[int, int, int]]:

@@ -88,10 +88,9 @@ def _refuse(recording: Recording) -> None:
 def averaged(recording: Recording, duration: float) -> Recording:
     """Return means over blocks of rows of about this duration [s]; a last, shorter block is left out."""
     size = _rows_in(recording, duration)
-    return replace(
-        recording, time=_means(recording.time, size), position=None, weight=_means(recording.weight, size) * size,
-        channels={k: _means(x, size) for k, x in recording.channels.items()},
-    )  # fmt: skip
+    time, weight = _means(recording.time, size), _means(recording.weight, size) * size
+    channels = {k: _means(x, size) for k, x in recording.channels.items()}
+    return replace(recording, time=time, position=None, weight=weight, channels=channels)
 
 
 def _rows_in(recording: Recording, duration: float) -> int:

@@ -110,10 +110,9 @@ def sizes_in_words(turns: Turns, fit: ViewsFit) -> list[str]:
         max((s for p, s in zip(fit.parameters, fit.sigmas, strict=True) if p.unit in ("ppm", "arcsec")
              and p.axis.startswith(axis)), default=0.0) for axis in "xyz"
     ])  # fmt: skip
-    D = np.array([
-        (gyroscopes(zero + SMALL_RATE * e, turns.stimulus, effects) - gyroscopes(zero, turns.stimulus, effects))[0]
-        for e in np.eye(3)
-    ]).T / SMALL_RATE  # fmt: skip
+    still = gyroscopes(zero, turns.stimulus, effects)
+    turning = (gyroscopes(zero + SMALL_RATE * e, turns.stimulus, effects) for e in np.eye(3))
+    D = np.array([(read - still)[0] for read in turning]).T / SMALL_RATE
     off = np.abs(D - np.eye(3)) / np.maximum(np.abs(np.diag(D)), 1.0)[:, None]  # of the effects, or of the readings
     D = np.where(off > MIN_SIGMAS * sigma[:, None], D, np.eye(3))
     i, j = np.unravel_index(int(np.argmax(np.abs(D - np.eye(3)))), (3, 3))

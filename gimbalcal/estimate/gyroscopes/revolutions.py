@@ -301,7 +301,7 @@ def in_accelerometer_frame(gyroscopes: Calibration, lie: InterTriad) -> Calibrat
     origin = gyroscopes.provenance.with_options(
         frame="accelerometers", inter_triad_arcsec=angles, inter_triad_sigma_arcsec=sigmas
     )
+    effects, P = with_values((), order, referred(x)), J @ covariance @ J.T
     return replace(
-        gyroscopes, effects=with_values((), order, referred(x)), parameters=tuple(order),
-        covariance=J @ covariance @ J.T, unobservable=(), provenance=origin,
-    )  # fmt: skip
+        gyroscopes, effects=effects, parameters=tuple(order), covariance=P, unobservable=(), provenance=origin
+    )

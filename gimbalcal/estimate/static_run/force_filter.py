@@ -155,7 +155,6 @@ def convergence(time: Array, departure: Array, direction: Array, sigma: Array, g
         words += ", which the squares in Eq. (20) explain"
     keep = np.unique(np.linspace(0, len(when) - 1, MAX_HISTORY).round().astype(int))
     rms = float(np.sqrt(np.mean((mean - mean_H @ end.x) ** 2)) * gravity)
-    return StageResult(
-        "system level: Kalman filter on the specific-force error", NAMES, end.x, end.sigma, rms, words,
-        StageHistory(when[keep] - time[0], x[keep], sigmas[keep]),
-    )  # fmt: skip
+    name = "system level: Kalman filter on the specific-force error"
+    history = StageHistory(when[keep] - time[0], x[keep], sigmas[keep])
+    return StageResult(name, NAMES, end.x, end.sigma, rms, words, history)

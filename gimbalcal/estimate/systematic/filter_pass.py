@@ -87,10 +87,8 @@ def filter_and_smooth(
     theta = np.concatenate([prior / scale, x[:3]])
     S = _initial_factor(segments, start.sigma, len(wanted), known)
     z = np.where(segments.believed[:, None], 0.0, np.full((len(model.Phi), 3), np.nan))
-    filtered = _filter(
-        segments, model._replace(root=with_velocity_jumps(model.root, excluded)),
-        np.where(excluded[:, None], np.nan, z), x, theta, S,
-    )  # fmt: skip
+    jumping = model._replace(root=with_velocity_jumps(model.root, excluded))
+    filtered = _filter(segments, jumping, np.where(excluded[:, None], np.nan, z), x, theta, S)
     constants, own = filtered.theta[-1], filtered.factor[m:, m:]
     if not (np.isfinite(constants).all() and np.isfinite(own).all()):
         raise not_finite(segments.rows.label, "what the filter holds of the constants")
