@@ -315,7 +315,7 @@ class Expression:
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class TermGroup:
     """Terms of one family and of as many columns (n, m each), and these of all T of them."""
 
     terms: tuple[Term, ...]
@@ -331,7 +331,7 @@ class Grid:
         return np.stack([t.factors for t in self.terms], axis=-1)
 
 
-Family = tuple[Grid, ...]  # expressions that differ in constants alone: any term of one times any of the next
+Family = tuple[TermGroup, ...]  # expressions that differ in constants alone: any term of one times any of the next
 
 
 def terms(v: Variable, s: Stimulus, keys: Sequence[str], rows: Array | slice = slice(None)) -> list[Term]:
@@ -388,9 +388,9 @@ def _levels(v: Variable, s: Stimulus) -> list[float]:
     return list(middle[np.unique(np.linspace(0, len(middle) - 1, min(len(middle), LEVELS)).round().astype(int))])
 
 
-def grids(own: Iterable[Term]) -> list[Grid]:
+def grids(own: Iterable[Term]) -> list[TermGroup]:
     """Return successive terms of one family together."""
-    return [Grid(tuple(alike)) for _, alike in itertools.groupby(own, key=lambda t: t.family)]
+    return [TermGroup(tuple(alike)) for _, alike in itertools.groupby(own, key=lambda t: t.family)]
 
 
 def pairs(every: Sequence[Sequence[Term]]) -> list[Family]:
@@ -408,7 +408,7 @@ def pairs(every: Sequence[Sequence[Term]]) -> list[Family]:
 
 def triples(every: Sequence[Sequence[Term]]) -> list[Family]:
     """Products of three variables as they are, of angles the first harmonic."""
-    plain = [Grid((t,)) for own in every for t in own if t.variable.group != "move"
+    plain = [TermGroup((t,)) for own in every for t in own if t.variable.group != "move"
              and (t.form.key == "x" or (t.form.key == "harmonic" and t.constants == (1,)))]  # fmt: skip
     return list(itertools.combinations(plain, 3))
 
@@ -419,13 +419,13 @@ def tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[
     They stand for what no closed form says. Knots are even in the ranks of the values, so that each has data.
     """
     out = list[Family]()
-    plain = [Grid((Term(replace(u, x=u.x[rows]), FORMS["x"], (), 1),)) for u in vs if u.group in ("force", "rate")]
+    plain = [TermGroup((Term(replace(u, x=u.x[rows]), FORMS["x"], (), 1),)) for u in vs if u.group in ("force", "rate")]
     for v in (v for v in vs if v.group != "move"):
         here = replace(v, x=v.x[rows])
         for n in KNOTS:
             knots = np.unique(np.quantile(v.x, np.linspace(0, 1, n)))
             if len(knots) == n and np.diff(knots).min() > 1e-3 * np.ptp(v.x):
-                table = Grid((Term(here, FORMS["table"], tuple(knots.tolist()), len(KNOTS)),))
+                table = TermGroup((Term(here, FORMS["table"], tuple(knots.tolist()), len(KNOTS)),))
                 out.append((table,))
                 if products and v.group in CENTRED and n < KNOTS[-1]:
                     out += [(table, u) for u in plain]
@@ -453,7 +453,7 @@ def relatives(e: Expression, several: bool) -> list[Family]:
             variants += [Term(t.variable, FORMS["step"], (*t.constants, span * w), t.tried * 3) for w in WIDTHS]
         elif t.form.key == "|x|" and t.variable.group in ("force", "rate"):
             variants += [Term(t.variable, FORMS["power"], (p,), 4) for p in (0.5, 1.5, 2.5)]
-        out += [tuple(grid if k == i else Grid((o,)) for k, o in enumerate(e.terms)) for grid in grids(variants)]
+        out += [tuple(grid if k == i else TermGroup((o,)) for k, o in enumerate(e.terms)) for grid in grids(variants)]
     return out
 
 
