@@ -18,7 +18,7 @@ from typing import Any
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import by_name, quantity_of_log
-from gimbalcal.importers.delimited import encoding_of
+from gimbalcal.importers.text_file import encoding_of
 from gimbalcal.recording.dates import is_date
 from gimbalcal.recording.record import FORCE, RATE
 

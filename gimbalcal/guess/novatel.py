@@ -13,7 +13,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.text_table import Table
-from gimbalcal.importers.delimited import encoding_of
+from gimbalcal.importers.text_file import encoding_of
 
 WEEK_S = 604800.0  # s
 HEAD_LINES = 200  # lines, of which one is such a log

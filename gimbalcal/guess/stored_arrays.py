@@ -19,10 +19,10 @@ from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import plain, quantity_of_log
 from gimbalcal.guess.message_log import leaves
 from gimbalcal.guess.text_table import MIN_COLUMNS, Table, table_of_columns, values_of
-from gimbalcal.importers.delimited import encoding_of
 from gimbalcal.importers.hdf5 import dataset, dataset_names
 from gimbalcal.importers.registry import DAMAGED
 from gimbalcal.importers.sandboxed_reader import matlab_variables
+from gimbalcal.importers.text_file import encoding_of
 from gimbalcal.number import Array, holds_real_numbers
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.memory_limit import refuse_packed_bomb

@@ -21,7 +21,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.guess import date_formats
 from gimbalcal.guess.column_names import by_name, is_unit, plain, unit_written
 from gimbalcal.guess.message_log import tables_in
-from gimbalcal.importers.delimited import encoding_of, frame_of
+from gimbalcal.importers.text_file import encoding_of, frame_of
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
 from gimbalcal.recording.lines import cells_of, comment_words

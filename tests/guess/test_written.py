@@ -10,7 +10,7 @@ from gimbalcal.guess.date_formats import in_iso, is_stamp, split
 from gimbalcal.guess.message_log import tables_in
 from gimbalcal.guess.proposal import propose
 from gimbalcal.guess.text_table import table_of
-from gimbalcal.importers.delimited import encoding_of
+from gimbalcal.importers.text_file import encoding_of
 from gimbalcal.number import apply_matrix
 from gimbalcal.platform import KNOWN
 from tests.golden import golden_text, refused
