@@ -128,7 +128,7 @@ def _filter(
     """Filter the velocities z (K, 3) of a unit in its place; beyond the gate the velocity starts anew."""
     Phi, Psi, root, d = model
     jump = JUMP_SIGMA_M_S / STATE_SCALE[3] if np.isfinite(gate) else 0.0
-    R = velocity_variance(segments)
+    R = np.repeat((segments.velocity / STATE_SCALE[3])[:, None] ** 2, 3, axis=1)
     return square_root_filter.filter(Phi, Psi, root, d, z, VELOCITY_STATES, R, x, theta, S, gate, jump, smoothed)
 
 
@@ -194,11 +194,6 @@ def _initial_factor(segments: Segments, attitude: Array, p: int, known: Array | 
         S[m:-3, m:-3] = known
     S[range(3), range(3)], S[range(3), range(-3, 0)] = 0.0, sigma[:3]
     return S
-
-
-def velocity_variance(segments: Segments) -> Array:
-    """Return the variances (K, 3) of the velocity, which is zero, in units of the states."""
-    return np.repeat(segments.velocity[:, None] ** 2, 3, axis=1) / STATE_SCALE[VELOCITY_STATES] ** 2
 
 
 def with_velocity_jumps(root: Array, excluded: NDArray[np.bool_]) -> Array:

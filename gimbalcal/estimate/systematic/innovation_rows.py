@@ -28,7 +28,6 @@ from gimbalcal.estimate.systematic.filter_pass import (
     VELOCITY_STATES,
     initial_errors,
     initial_sigma,
-    velocity_variance,
     with_velocity_jumps,
 )
 from gimbalcal.estimate.systematic.iterate import SystematicFit
@@ -58,7 +57,8 @@ def innovation_rows(m: SystematicFit) -> InnovationRows:
     rows = linearise(BENCH, s, effects, KIND, CHANNELS)
     Phi, Psi, root, d = error_model(segments, (), effects, u, m.C)
     x, S = initial_errors(segments, m.start, m.C), np.diag(initial_sigma(segments, m.start.sigma))
-    R, root = velocity_variance(segments), with_velocity_jumps(root, m.excluded)
+    root = with_velocity_jumps(root, m.excluded)
+    R = np.repeat((segments.velocity / STATE_SCALE[3])[:, None] ** 2, 3, axis=1)
     z = np.where((m.excluded | ~segments.believed)[:, None], np.nan, 0 * R)
     f = square_root_filter.filter(Phi, Psi[:, :, :0], root, d, z, VELOCITY_STATES, R, x, np.zeros(0), S, smoothed=0)
     sigma, block = np.sqrt(f.variance), _blocks(segments.stop)
