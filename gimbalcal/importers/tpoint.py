@@ -163,11 +163,14 @@ def _joined(words: Array) -> Array:
 
 
 def _read(path: Path) -> _File:
-    site, air, upright, rows = None, 0.0, False, []
+    site, air, upright, rows, end = None, 0.0, False, [], 0
     for line, text in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), start=1):
         words = text.replace(",", " ").split()
-        if words and words[0] == "END":
-            break
+        if end and len(_leading(words)) >= _BY_ANGLES:
+            raise InputError(f"{path}, line {line}: a star stands below the END of line {end}; remove one of them")
+        if end or (words and words[0] == "END"):
+            end = end or line
+            continue
         if text.strip().startswith(":"):
             upright = _is_upright(path, line, text) or upright
             continue

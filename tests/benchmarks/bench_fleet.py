@@ -1,6 +1,7 @@
 """A batch of simulated units: processor times, killed workers and schedulers, and what the fleet is worth as a prior.
 
     python -m tests.benchmarks.bench_fleet [--units 1000] [--batch 40]
+    python -m tests.benchmarks.bench_fleet --store FILE --seconds 200   # a part; again until all are there
 
 Processor times do not depend on what else the machine does: the work of a unit is done by a worker, that of the parent,
 which gives out the work and keeps the results, cannot be shared and bounds how many workers are of use. The units are
@@ -24,14 +25,14 @@ from gimbalcal.campaign.workers import connect
 from gimbalcal.effects import values
 from gimbalcal.errors import InputError
 from gimbalcal.fleet import run_batch
-from gimbalcal.history import DatedCalibration, kept
-from gimbalcal.history.fleet import Fleet, fleet
+from gimbalcal.history import StoredResult, keep, kept
+from gimbalcal.history.fleet import Fleet, fleet_of_store
+from gimbalcal.history.unit_store import CALIBRATION
 from gimbalcal.methods import calibrate
 from tests.benchmarks.collecting import say
 from tests.campaign.test_campaign import dask_cluster
 from tests.fleet.test_batch import digits
 from tests.fleet.units import unit, write_units
-from tests.history.calibrations import START
 
 TESTED, FIRST_TESTED = 40, 1000
 GROUPS = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
@@ -105,6 +106,19 @@ def killed(rigs: Path, folder: Path, count: int) -> str:
     return f"a worker killed, then the scheduler: {ended!r}; {kept_then} units kept, {count} after the second cluster"
 
 
+def calibrated(store: Path, count: int, seconds: float) -> int:
+    """Calibrate the units that a store lacks for so long, and keep them there; returns how many it holds."""
+    there = {e.unit for e in kept(store)} if store.exists() else set()
+    until, entries = time.monotonic() + seconds, []
+    for k in range(count):
+        if f"u{k}" not in there and time.monotonic() < until:
+            content = calibrate([unit(k)[0]])[0].to_dict()
+            entries.append(StoredResult(f"u{k}", content["provenance"]["created"], CALIBRATION, content))
+    if entries:
+        keep(store, *entries)
+    return len(there) + len(entries)
+
+
 def gain(known: Fleet, positions: int) -> None:
     """The gain in sigma of units that record so few positions, by group, and their errors over sigma."""
     ratio: dict[str, list[float]] = {group: [] for group in GROUPS}
@@ -128,14 +142,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--units", type=int, default=1000, help="of the fleet that is the prior")
     options.add_argument("--batch", type=int, default=40, help="units that are calibrated and diagnosed by batch")
-    count, batch = (options.parse_args(arguments).__dict__[name] for name in ("units", "batch"))
-    if batch:
-        batches(batch)
-    made = {f"u{k}": DatedCalibration(f"u{k}", START, calibrate([unit(k)[0]])[0]) for k in range(count)}
-    say("")
-    say(f"gain in sigma by a fleet of {count} units in 18 positions, {TESTED} further units (geometric mean)")
+    options.add_argument("--store", type=Path, help="file in which the fleet is kept and continued")
+    options.add_argument("--seconds", type=float, default=np.inf, help="stop calibrating the fleet after so long")
+    given = options.parse_args(arguments)
+    with tempfile.TemporaryDirectory(prefix="fleet-") as name:
+        store = given.store or Path(name) / "fleet.sqlite"
+        there = calibrated(store, given.units, given.seconds)
+        if there < given.units:
+            say(f"{there} of {given.units} units are in {store}")
+            return
+        known = fleet_of_store(store)
+    if given.batch:
+        batches(given.batch)
+        say("")
+    say(f"gain in sigma by a fleet of {given.units} units in 18 positions, {TESTED} further units (geometric mean)")
     say("positions" + "".join(f"{group:>20s}" for group in GROUPS) + "  error/sigma: alone, fleet  unusual")
-    known = fleet(made)
     for positions in (6, 12, 18):
         gain(known, positions)
 

@@ -479,8 +479,9 @@ def run(arguments: list[str], place: Path) -> Outcome:
             outcome.table = load(place / "made")
         said = [*err.splitlines(), *(x for x in _leaves(outcome.result).values() if isinstance(x, str))]
         outcome.sentences = frozenset(re.sub(r"[-+\d.]+", "#", line).strip() for line in said)
-    except _HangError:
-        return Outcome(99, {"wrong": "hang", "last": f"no answer within {HANG_S} s", "where": ""})
+    except _HangError:  # what tells how much of it is done does not hang
+        wrong = "" if (place / "progress").is_file() else "hang"
+        return Outcome(99, {"wrong": wrong, "last": f"no answer within {HANG_S} s", "where": ""})
     else:
         return outcome
     finally:
@@ -691,7 +692,8 @@ def report(state: dict[str, Any]) -> None:
     counts, finds = state["counts"], state["finds"]
     say(f"{state['next']} inputs, seed {state['seed']}: {len(finds)} wrong when they were run")
     for find in finds:
-        say(f"    {find['number']}: {find['wrong'][:70]} of `{' '.join(find['arguments'])[:90]}`")
+        typed = json.dumps(" ".join(find["arguments"]))[1:-1][:90]
+        say(f"    {find['number']}: {find['wrong'][:90]}; {typed}")
     if "again" in state:
         say(f"run again at the end: {state['again']} of them wrong")
     for kind in ("what", "compared", "command", "slow"):

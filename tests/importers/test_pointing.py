@@ -92,6 +92,13 @@ def test_tpoint_faults(tmp_path):
         import_files("tpoint", [bad])
 
 
+def test_stars_below_the_end_of_a_tpoint_file_are_not_passed_over(tmp_path):
+    lines = tpoint_file(tmp_path / "run.dat").read_text().splitlines()
+    (tmp_path / "bad.dat").write_text("\n".join([*lines[:6], "END", *lines[6:]]))
+    with pytest.raises(InputError, match="line 8: a star stands below the END of line 7"):
+        import_files("tpoint", [tmp_path / "bad.dat"])
+
+
 JCMT = """\
 JCMT Pointing Test - 2009/01/28
 : ALTAZ
