@@ -9,14 +9,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from gimbalcal.errors import InputError, shortened
-
-if TYPE_CHECKING:
-    from pydantic import TypeAdapter
 
 Json = dict[str, Any]  # the content of a JSON file, or of an object in it
 E = TypeVar("E")
@@ -58,23 +54,15 @@ def plain(value: Any) -> Any:
     return [plain(one) for one in value] if isinstance(value, (tuple, list)) else value
 
 
-@cache
-def _adapter(cls: Any) -> TypeAdapter[Any]:
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(cls)
-
-
 def entry_from(cls: type[E], content: object, where: str) -> E:
     """Return the entry in the content of a file; keys that it does not have are ignored.
 
     where: place of the content in the file. Raises InputError, which names the place of a value of another type.
     """
-    from pydantic import ValidationError
+    from pydantic import TypeAdapter, ValidationError
 
-    kind: Any = cls
     try:
-        entry: E = _adapter(kind).validate_python(content)
+        return TypeAdapter(cls).validate_python(content)
     except ValidationError as problem:
         first = problem.errors()[0]
         steps = (step + 1 if isinstance(step, int) else step for step in first["loc"])
@@ -82,7 +70,6 @@ def entry_from(cls: type[E], content: object, where: str) -> E:
         if first["type"] == "missing":
             raise InputError(f"{place} is missing") from None
         raise InputError(f"{place} cannot be {shortened(repr(first['input']), MAX_SHOWN)}: {expected(first)}") from None
-    return entry
 
 
 def expected(problem: Mapping[str, Any]) -> str:

@@ -44,8 +44,7 @@ def stimulus_from_readings(recording: Recording) -> Stimulus:
     These are the force of a unit without gimbals and the rate wherever gyroscopes were logged. An effect evaluated
     there is off by the product of itself and the error of the reading; `correction` iterates that away.
     """
-    gimballed = bool(recording.platform.axes)
-    force = ideal_force(recording, recording.angles()) if gimballed else recording.triad("specific_force")
+    force = ideal_force(recording, recording.angles()) if recording.platform.axes else recording.triad("specific_force")
     rate = recording.triad("angular_rate") if recording.has("angular_rate") else np.zeros_like(force)
     return stimulus_from_truth(recording, force, rate)
 
@@ -169,8 +168,7 @@ def refuse_other_platform(recording: Recording) -> None:
 def with_phase_of_force(recording: Recording) -> Recording:
     """Return the recording with a platform gimbal made from the direction of the force in the equatorial plane."""
     f = recording.triad("specific_force")
-    angle = np.arctan2(f[:, 1], f[:, 0])
-    return recording.with_channels({("gimbal_angle", "platform"): angle})
+    return recording.with_channels({("gimbal_angle", "platform"): np.arctan2(f[:, 1], f[:, 0])})
 
 
 def _last_move(x: Array, starts: Sequence[int], visit: Array, lag: int) -> Array:

@@ -188,8 +188,7 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     read = {path: guessed(path, table, rate, elsewhere, place.units) for path, table in tables.items()}
     skipped = sum(table.skipped for table in tables.values())
     notes = {"lines": f"{amount(skipped, 'line')} skipped: of another kind, or empty"} if skipped else {}
-    other_logs = [(path, each.notes) for path, each in read.items() if path != first]
-    notes |= {key: f"{path.name}: {note}" for path, own in other_logs for key, note in own.items()}
+    notes |= {k: f"{path.name}: {n}" for path, each in read.items() if path != first for k, n in each.notes.items()}
     if are_parts([each.log for each in read.values()]):
         whole, notes["samples"] = concatenated({path: each.bare for path, each in read.items()})
         read = {first: replace(read[first], log=with_units(whole, place.units))}

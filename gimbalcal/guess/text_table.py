@@ -29,8 +29,7 @@ from gimbalcal.recording.lines import cells_of, comment_words
 if TYPE_CHECKING:
     import polars as pl
 
-HEAD_LINES, MIN_COLUMNS = 400, 2  # lines that show how a log is written, and columns of a table
-MAX_NUMBER = 1e30  # beyond any reading, time and counter, in any unit
+HEAD_LINES, MIN_COLUMNS, MAX_NUMBER = 400, 2, 1e30  # lines that show how a log is written; of a table and its cells
 MIN_SHARE = 0.4  # of the lines below the first row that are rows of the table
 SEXAGESIMAL = re.compile(
     r"\s*[-+]?\d{1,3}\s*[°hd]\s*\d{1,2}([.,]\d*)?\s*['′m]\s*|"

@@ -166,15 +166,13 @@ def _read(path: Path) -> _File:
     site, air, upright, rows, end = None, 0.0, False, [], 0
     for line, text in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), start=1):
         words = text.replace(",", " ").split()
+        end = end or (line if words[:1] == ["END"] else 0)
         if end and len(_leading(words)) >= _BY_ANGLES:
             raise InputError(f"{path}, line {line}: a star stands below the END of line {end}; remove one of them")
-        if end or (words and words[0] == "END"):
-            end = end or line
-            continue
         if text.strip().startswith(":"):
             upright = _is_upright(path, line, text) or upright
             continue
-        if not words or text.startswith("!"):
+        if end or not words or text.startswith("!"):
             continue
         numbers = _leading(words)
         if site is None:

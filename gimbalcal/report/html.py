@@ -10,16 +10,13 @@ from functools import cache
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from markupsafe import Markup, escape
 
 import gimbalcal
 from gimbalcal.report.chart import Chart
 from gimbalcal.report.svg import svg
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 Context = dict[str, Any]  # values that a template places, by name
 
@@ -42,13 +39,6 @@ def picture(charts: Chart | Sequence[Chart | Markup], alt: str, caption: str = "
 
 def render(template: str, context: Context) -> str:
     """Return a template of this package, filled; every value is escaped and a missing one is an error."""
-    common = {"version": gimbalcal.__version__, "script": Markup(_script()), "script_hash": _script_hash(), "date": ""}  # noqa: S704  our own
-    return _environment().get_template(template).render({**common, **context})
-
-
-@cache
-def _environment() -> Environment:
-    """Return the templates; they are compiled once in a process."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -59,7 +49,8 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters["coded"] = coded
-    return environment
+    common = {"version": gimbalcal.__version__, "script": Markup(_script()), "script_hash": _script_hash(), "date": ""}  # noqa: S704  our own
+    return environment.get_template(template).render({**common, **context})
 
 
 def coded(text: str) -> Markup:
