@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from gimbalcal.design.next_step import Candidates, NextPlan, named, plan_of, refuse_axes
-from gimbalcal.design.turning import TurningExperiment, TurningNoise, unrecorded
+from gimbalcal.design.turning import UNKNOWN_VELOCITY_M_S, TurningExperiment, TurningNoise, unrecorded
 from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.extra_effects import extra_effects
@@ -71,7 +71,7 @@ def next_turn(
     experiment, sessions = _experiment(fits[-1], wanted), _sessions(fits[-1])
     target = None if reach is None else experiment.sigma(reach) * np.array([p.sigma for p in wanted])
     interest = np.array([not separate or named(p, separate) for p in wanted])
-    candidates = _candidates(experiment, sessions, fits[-1].segments.handled)
+    candidates = _candidates(experiment, sessions)
     return plan_of(wanted, np.linalg.inv(F), candidates, interest, target, tuple(separate), most)
 
 
@@ -81,7 +81,8 @@ def _experiment(m: SystematicFit, wanted: tuple[Parameter, ...]) -> TurningExper
     site, step = segments.rows.site, float(np.median(segments.dt / segments.rows.weight))
     force, rate = (float(segments.sigma[k : k + 3].max() * np.sqrt(step)) for k in (0, 3))
     there = unrecorded(segments.latitude, site.height)
-    noise = TurningNoise(force, rate, float(segments.velocity.min()))
+    in_turns = UNKNOWN_VELOCITY_M_S if segments.handled else float(segments.velocity.max())
+    noise = TurningNoise(force, rate, float(segments.velocity.min()), in_turns)
     return TurningExperiment(replace(there, site=site), wanted, noise)
 
 
@@ -126,13 +127,13 @@ def _motion(attitude: Array, axis: str, angle_deg: float, rate: float, stop: flo
     )
 
 
-def _candidates(experiment: TurningExperiment, sessions: Sequence[Session], handled: bool) -> Candidates:
-    """Return the sessions with their rows; during a turn by hand the velocity is not known."""
+def _candidates(experiment: TurningExperiment, sessions: Sequence[Session]) -> Candidates:
+    """Return the sessions with their rows."""
     words, rows = [], []
     for start, axis, angle, motion in sessions:
         model = experiment.stretches(motion)
-        still = ~motion.moving(np.concatenate([[0.0], model.time[:-1]]), model.time) if handled else None
-        innovation_rows = model.innovations(experiment.noise, still).rows.reshape(-1, len(experiment.wanted))
+        moving = motion.moving(np.concatenate([[0.0], model.time[:-1]]), model.time)
+        innovation_rows = model.innovations(experiment.noise, moving).rows.reshape(-1, len(experiment.wanted))
         rows.append(np.linalg.qr(innovation_rows, mode="r"))
         turn = f"turn {angle:+g}° about {axis}".replace("-", "−")
         words.append(f"{start}; {turn}, stops of {motion.begin[0]:.3g} s")

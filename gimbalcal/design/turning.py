@@ -41,11 +41,15 @@ BATCH_INTERVALS = 4000  # whose derivatives are held at once
 
 @dataclass(frozen=True)
 class TurningNoise:
-    """White noise of force [m/s^2/sqrt(Hz)] and rate [rad/sqrt(s)], and sigma of the place's velocity [m/s]."""
+    """White noise of force [m/s^2/sqrt(Hz)] and rate [rad/sqrt(s)], and sigma of the place's velocity [m/s].
+
+    velocity_in_turns: the same while the unit turns, if it differs.
+    """
 
     force: float
     rate: float
     velocity: float = 1e-5
+    velocity_in_turns: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +61,14 @@ class StretchModel:
     Psi: Array
     Q: Array
 
-    def innovations(self, noise: TurningNoise, known: NDArray[np.bool_] | None = None) -> Innovations:
+    def innovations(self, noise: TurningNoise, moving: NDArray[np.bool_] | None = None) -> Innovations:
         """Return the information of the velocity about the parameters, in units of their prior sigmas.
 
-        known (K,): stretches at whose end the velocity is known, all where it is None.
+        moving (K,): stretches in which the unit turns, where the velocity is known differently there.
         """
         velocity = np.full(len(self.time), noise.velocity)
-        if known is not None:
-            velocity[~known] = UNKNOWN_VELOCITY_M_S
+        if moving is not None and noise.velocity_in_turns is not None:
+            velocity[moving] = noise.velocity_in_turns
         R = np.repeat((velocity / STATE_SCALE[VELOCITY_STATES[0]])[:, None] ** 2, 3, axis=1)
         start = np.repeat([INITIAL_ATTITUDE_SIGMA_RAD, noise.velocity, POSITION_SIGMA_M], 3) / STATE_SCALE
         return innovations(self.Phi, self.Psi, self.Q, VELOCITY_STATES, R, np.diag(start**2))

@@ -59,14 +59,14 @@ def diagnose_estimated_noise(v: View, tell: Tell) -> ViewDiagnosis:
     part = part_of_walk(ln_odds, bool(again.findings), bool(again.unexplained), bool(steady.findings))
     if part is PartOfWalk.INSTEAD:
         return _view_diagnosis(result_of(c.start, (), refused=True), (), tell, walk)
-    return (steady if part is PartOfWalk.SHARED else again).beside(replace(walk, part=part))
+    return (steady if part is PartOfWalk.SHARED else again).with_part_of_walk(replace(walk, part=part))
 
 
 def judged_diagnosis(c: SearchResult, tell: Tell) -> ViewDiagnosis:
     """Return the diagnosis that a search through a view ends in."""
     c, verdicts = confirmed(c, tell)
     formulas = partial(_by_formulas, c, verdicts, tell) if verdicts and not c.start.exact else None
-    return _view_diagnosis(c, verdicts, tell).challenged(formulas)
+    return _view_diagnosis(c, verdicts, tell).tested(formulas)
 
 
 def _by_formulas(c: SearchResult, verdicts: Sequence[Judgement], tell: Tell) -> tuple[ViewDiagnosis | None, bool]:
@@ -78,7 +78,7 @@ def _by_formulas(c: SearchResult, verdicts: Sequence[Judgement], tell: Tell) -> 
         return None, False
     without = result_of(c.start, rest, [x for x in c.standard if x in rest], refused=True)
     kept = [j for j in verdicts if j.cause.key not in names]
-    formulas = _view_diagnosis(without, kept, tell, refused=True).challenged(None)
+    formulas = _view_diagnosis(without, kept, tell, refused=True).tested(None)
     return (formulas if formulas.laws else None), True
 
 
@@ -113,7 +113,7 @@ def _view_diagnosis(
         fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
         if lawful.known and not findings and not refused and walk is None:
             with_known = result_of(c.start, lawful.known, refused=True)
-            perhaps = _view_diagnosis(with_known, judged_in_turn(with_known), tell, refused=True).challenged(None)
+            perhaps = _view_diagnosis(with_known, judged_in_turn(with_known), tell, refused=True).tested(None)
             return replace(perhaps.doubted(), unexplained=shapes)
         lawful = with_heldout(lawful, fit_law)
         if walk is not None:

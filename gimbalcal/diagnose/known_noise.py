@@ -127,7 +127,7 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
         return _view_diagnosis(case, without_walks, none, law).against_walk(walk, odds)
     diagnosis = _view_diagnosis(case, c, d)
     formulas = partial(_by_formulas, case, c, d, diagnosis.fit) if walk is None else None
-    return diagnosis.challenged(formulas).beside(walk)
+    return diagnosis.tested(formulas).with_part_of_walk(walk)
 
 
 def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple[ViewDiagnosis | None, bool]:

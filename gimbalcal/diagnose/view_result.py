@@ -76,13 +76,10 @@ class ViewDiagnosis:
 
     def with_walk(self, walk: RandomWalkFinding, only: bool) -> ViewDiagnosis:
         """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""
-        return replace(
-            self,
-            unexplained=(walk.shape, *self.unexplained),
-            outcome=diagnosis_sentences.walk_as_explanation(walk, only),
-        )
+        words = [diagnosis_sentences.walk_as_explanation(walk, only), self.outcome]
+        return replace(self, unexplained=(walk.shape, *self.unexplained), outcome="; ".join(filter(None, words)))
 
-    def beside(self, walk: RandomWalkFinding | None) -> ViewDiagnosis:
+    def with_part_of_walk(self, walk: RandomWalkFinding | None) -> ViewDiagnosis:
         """Return the diagnosis of causes beside the walk of a sensor, which has its share of them or none."""
         if walk is None or walk.part is PartOfWalk.NONE:
             return self
@@ -98,7 +95,7 @@ class ViewDiagnosis:
         """Return the diagnosis, the walk of a sensor beside its formulas, which are so much likelier than the walk."""
         return self if ln_odds > CLAIM else self.with_walk(walk, only=ln_odds < -CLAIM)
 
-    def challenged(self, by_formulas: Callable[[], tuple[ViewDiagnosis | None, bool]] | None) -> ViewDiagnosis:
+    def tested(self, by_formulas: Callable[[], tuple[ViewDiagnosis | None, bool]] | None) -> ViewDiagnosis:
         """Return the diagnosis after formulas and rows held out have been asked whether its causes stand.
 
         by_formulas: the diagnosis by formulas in the place of causes, if there is one, and whether causes are doubtful.

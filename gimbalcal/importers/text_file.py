@@ -27,10 +27,10 @@ def frame_of(
     comment: str = "#",
     numbers: Sequence[bool] = (),
 ) -> pl.DataFrame:
-    """Return every cell as text, the blanks around names removed; not `quoted`: quotation marks are ordinary letters.
+    """Return a table of cells, the blanks around names removed; not `quoted`: quotation marks are ordinary letters.
 
-    lines: of the file, where they were made plainer. numbers: which columns come as numbers at once, in half the time,
-    if nothing else stands in any of these.
+    lines: of the file, where they were made plainer. Cells are text but those of the columns in `numbers` that come as
+    numbers at once, in half the time, if nothing else stands in any of these.
     """
     import polars as pl
 

@@ -48,7 +48,7 @@ def names_above(path: Path, columns: int, skip: int = 0) -> list[str]:
 def comment_words(line: str) -> Iterator[list[str]]:
     """Yield the words of a comment between separators, blanks or rows of dashes; a unit belongs to its word."""
     text = re.sub(r"\s+([\[(])", r"\1", line.lstrip("#%!/ ").strip())
-    for pattern in (r"\s*[;,\t|]\s*", r"[\s,;|]+", r"-+")[: 3 if "---" in text else 2]:
+    for pattern in (r"\s*[;,\t|]\s*", r"[\s,;|]+", r"\s*-{2,}\s*", r"\s*-+\s*")[: 4 if "---" in text else 2]:
         yield [word for word in re.split(pattern, text) if word]
 
 

@@ -105,7 +105,7 @@ def assemble(
         )
         source = tuple(digests)
     numbers = next((table.pop(c.name) for c in columns if c.quantity == "position"), None)
-    position = None if numbers is None else np.rint(numbers, out=numbers.view(np.int64), casting="unsafe")  # in place
+    position = None if numbers is None else np.rint(numbers, out=numbers).astype(np.int64)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
     weight = table.get(next((c.name for c in columns if c.quantity == "weight"), ""), np.ones(0))
     clock = next(c for c in columns if c.quantity == "time")

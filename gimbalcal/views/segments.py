@@ -35,6 +35,8 @@ MAX_DWELL_TURN_G = 0.1  # change of the force over a stop; the Earth turns it by
 MIN_STOPS = 2  # of a unit that is turned in its place
 HAND_FORCE_RMS_G = 0.02  # of gravity, rms, which no lever arm on a table makes
 HAND_FORCE_RATIO = 2.0  # times what sensors make of rests
+SWAY_ROWS = 60  # whose gains of velocity are added up; a slower sway is a change of the bias
+SWAY_SIGMAS = 3.0  # beyond what white noise adds up to
 DEFAULT_VELOCITY_SIGMA_M_S = 1e-3  # of the place while the unit turns, where it is not stated
 
 
@@ -141,7 +143,8 @@ def segment(recording: Recording) -> Segments:
     for j in np.flatnonzero(np.diff(first) == 0):  # what begins after a pause begins one step before its first row
         time[j + 1] = recording.time[at[j + 1]] - step
     joined = ~paused[edge[:-1]] & (edge[:-1] > 0)
-    still = velocity_at_stops(rows, length, np.array(first), np.array(stop))
+    density = float(np.maximum(sigma, shown)[:3].max()) * step**0.5
+    still = velocity_at_stops(rows, length, np.array(first), np.array(stop), density)
     velocity = np.where(np.array(stop) < 0, max(still, DEFAULT_VELOCITY_SIGMA_M_S), still)
     velocity = np.full(len(stop), recording.noise["velocity"]) if "velocity" in recording.noise else velocity
     handled = "velocity" not in recording.noise and _handled(recording, stop_dwells)
@@ -151,22 +154,51 @@ def segment(recording: Recording) -> Segments:
     )  # fmt: skip
 
 
-def velocity_at_stops(rows: Recording, length: Array, first: NDArray[np.int64], stop: NDArray[np.int64]) -> float:
+def velocity_at_stops(
+    rows: Recording, length: Array, first: NDArray[np.int64], stop: NDArray[np.int64], density: float
+) -> float:
     r"""Return one sigma [m/s] of the velocity of the place by the means of the force over the seconds of each stop.
 
-    The gain of velocity from one second to the next is :math:`u_k = w_k + \nu_k - \nu_{k-1}` about a line, as the Earth
-    turns: w white noise of the accelerometers, :math:`\nu` the velocity of the place at the updates. Second differences
-    z of u show :math:`s^2 = (6 \operatorname{cov}(z_k, z_{k+2}) - \operatorname{var} z) / 16`. It is at least what
-    chance leaves, and the default where no stop lasts for some seconds.
+    The gain of velocity from one second to the next is :math:`u_k = w_k + \nu_k - \nu_{k-1}` about a line, as the
+    Earth turns: w white noise of the accelerometers of this density [m/s^2/sqrt(Hz)], :math:`\nu` the velocity of the
+    place at the updates. If that is white, second differences z of u show
+    :math:`s^2 = (6 \operatorname{cov}(z_k, z_{k+2}) - \operatorname{var} z) / 16`; a slow sway shows in the sums of
+    u, where these are larger than w makes them. It is at least what chance leaves, and the default where no stop lasts
+    for some seconds.
     """
     each_stretch, of = first[:-1][np.diff(first) > 0], stop[np.diff(first) > 0]
-    gained = rows.triad(FORCE)[each_stretch] * float(np.median(length[each_stretch[of >= 0]]))
-    z = [np.diff(gained[of == k], 2, axis=0) for k in range(stop.max() + 1)]
+    second = float(np.median(length[each_stretch[of >= 0]]))
+    gained = [rows.triad(FORCE)[each_stretch][of == k] * second for k in range(stop.max() + 1)]
+    z = [np.diff(u, 2, axis=0) for u in gained]
     late, early = (np.concatenate([each[s] for each in z]) for s in (slice(2, None), slice(-2)))
     if not late.size:
         return DEFAULT_VELOCITY_SIGMA_M_S
     variance, covariance = float(np.mean(late**2)), float(np.mean(late * early))
-    return float(np.sqrt(max((6 * covariance - variance) / 16, variance / 6 / np.sqrt(late.size))))
+    white = density**2 * second
+    chance = max(variance / 6, white) / np.sqrt(late.size)
+    return float(
+        np.sqrt(max((6 * covariance - variance) / 16, chance, _sway([u for u in gained if len(u) > 4], white)))
+    )
+
+
+def _sway(gained: Sequence[Array], white: float) -> float:
+    """Return the mean square of velocities that gains (n, 3) of stops add up to, less that of noise of this variance.
+
+    It is zero where they add up to no more than white noise does by chance.
+    """
+    total, expected, spread, count = 0.0, 0.0, 0.0, 0
+    for u in (piece for each in gained for piece in np.array_split(each, -(-len(each) // SWAY_ROWS))):
+        n = len(u)
+        line = np.linalg.qr(np.vander(np.arange(float(n)), 2))[0]
+        summed = np.tril(np.ones((n, n))) @ (np.eye(n) - line @ line.T)
+        summed -= summed.mean(axis=0)
+        total += float(((summed @ u) ** 2).sum())
+        product = summed.T @ summed
+        expected += 3 * white * float(np.trace(product))
+        spread += 6 * white**2 * float((product**2).sum())
+        count += 3 * n
+    beyond = total - expected
+    return beyond / count if beyond > SWAY_SIGMAS * spread**0.5 else 0.0
 
 
 def turned_in_place(recording: Recording) -> bool:

@@ -72,7 +72,7 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
         return None, []
     equivalent = [trimmed(g, law) for law in laws if law.evidence > laws[0].evidence - TOGETHER]
     equivalent = [law for law in equivalent if not law.expression.simpler] or equivalent
-    first = [law for law in equivalent if "table of" not in law.expression.family] or equivalent
+    first = [law for law in equivalent if not any(t.form.key == "table" for t in law.expression.terms)] or equivalent
     first = [law for law in first if law.evidence > first[0].evidence - NEARLY_BEST_NATS]
     best = min(first, key=lambda law: (free(law), len(printed(law)), -law.evidence))
     equivalent = [law for law in equivalent if law.places != best.places or printed(law) != printed(best)]

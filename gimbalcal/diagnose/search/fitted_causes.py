@@ -44,23 +44,23 @@ class FittedCauses:
         """The chi^2 that calibration and causes leave in the likeliest noise."""
         return float(self.projection.misfit[0]) - self.projection.explained(self.index)
 
-    def columns_beside(self, member: int) -> list[int]:
+    def columns_of_others(self, member: int) -> list[int]:
         """Return the columns of all causes but one in the library of the search."""
         return [i for n, (_, variant) in enumerate(self.causes) if n != member for i in variant.index]
 
-    def own(self, member: int) -> slice:
+    def slice_of(self, member: int) -> slice:
         """Return where the sizes of one of the causes stand in x."""
         first = sum(len(c.parameters) for c, _ in self.causes[:member])
         return slice(first, first + len(self.causes[member][0].parameters))
 
     def size(self, member: int) -> Array:
         """Return the sizes (p,) of one of the causes, SI."""
-        return np.asarray(self.x[self.own(member)] * [p.sigma for p in self.causes[member][0].parameters])
+        return np.asarray(self.x[self.slice_of(member)] * [p.sigma for p in self.causes[member][0].parameters])
 
     def significance(self, member: int) -> float:
         """Return the significance [sigma] of one of the causes beyond what everything else explains."""
         own = self.causes[member][1].index
-        return float(np.sqrt(max(self.projection.explained(own, self.columns_beside(member)), 0.0)))
+        return float(np.sqrt(max(self.projection.explained(own, self.columns_of_others(member)), 0.0)))
 
     def effects(self) -> list[Effect]:
         """Return each cause as an effect with its size and its constants."""
@@ -73,7 +73,7 @@ class FittedCauses:
     def constants(self, member: int) -> tuple[tuple[str, float, float], ...]:
         """Return the nonlinear constants of one of the causes: name, value and sigma in SI, by fits of all variants."""
         c, chosen = self.causes[member]
-        others = self.columns_beside(member)
+        others = self.columns_of_others(member)
         ln = np.array([self.projection.explained(v.index, others) / 2 + np.log(v.weight) for v in c.variants])
         w = np.exp(ln - ln.max())
         w /= w.sum()

@@ -185,7 +185,7 @@ def _common(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCaus
     total = np.zeros(len(tried))
     for k, one in candidates.items():
         s, n = c.searches[k], _ordinals(c, members, k).index(j)
-        rest = own[k].columns_beside(n)
+        rest = own[k].columns_of_others(n)
         columns = [columns_at(s.fit, one, at) for at in tried]
         X = np.concatenate([s.library.X[:, rest], *columns], axis=1)
         p = project(own[k].projection.node, rows_like(s.rows, X))
@@ -228,7 +228,7 @@ class JointFit:
         part, wanted = self.parts[recording], self.causes[ordinal].parameters
         if self.causes[ordinal].effect in self.differing:
             n, scale = part.ordinals.index(ordinal), np.array([p.sigma for p in wanted])
-            return part.fit.size(n), np.sqrt(np.diag(part.fit.covariance)[part.fit.own(n)]) * scale
+            return part.fit.size(n), np.sqrt(np.diag(part.fit.covariance)[part.fit.slice_of(n)]) * scale
         keep = [self.wide[p] for p in wanted]
         info = self._of_sizes(recording)
         solution = solve(info.without([p for p in info.parameters if p not in keep], flat=True))

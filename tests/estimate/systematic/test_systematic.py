@@ -289,9 +289,27 @@ def test_the_velocity_of_the_place_is_what_the_stops_show(moves, most):
     force = {("specific_force", a): r.channels["specific_force", a] + gained[:, i] for i, a in enumerate("xyz")}
     found = segment(replace(r.with_channels(force), noise={}))
     still = found.velocity[found.stop >= 0]
-    assert 0.8 * moves <= still[0] <= most
+    assert max(0.8 * moves, 1e-6) <= still[0] <= most
     assert np.all(still == still[0])
     assert np.all(found.velocity[found.stop < 0] == max(1e-3, still[0]))
+
+
+@pytest.mark.parametrize("frequency", [0.05, 0.2])
+def test_a_slow_sway_of_the_place_shows_in_the_sums_of_its_gains(frequency):
+    r, w = turning_unit(seed=4), 2 * np.pi * frequency
+    sway = np.sqrt(2) * 1e-4 * w * np.cos(w * r.time)  # 0.1 mm/s rms along one of three axes
+    found = segment(
+        replace(r.with_channels({("specific_force", "x"): r.channels["specific_force", "x"] + sway}), noise={})
+    )
+    assert found.velocity[found.stop >= 0][0] == pytest.approx(1e-4 / np.sqrt(3), rel=0.2)
+
+
+def test_stops_that_read_the_same_number_again_and_again_are_as_still_as_their_noise():
+    step = 0.01  # m/s^2, far above the noise, so that most stops show none at all
+    r = turning_unit(noise={"accelerometer": step / 30, "gyroscope": 3e-6})
+    read = {("specific_force", a): np.round(r.channels["specific_force", a] / step) * step for a in "xyz"}
+    found = segment(replace(r.with_channels(read), noise={"accelerometer": step / 3.5, "gyroscope": 3e-6}))
+    assert 1e-6 < found.velocity[found.stop >= 0][0] < 1e-3
 
 
 def test_a_hand_that_carries_the_unit_along_is_no_velocity_of_its_place():
