@@ -19,6 +19,7 @@ from gimbalcal.inference.information import Information, Solution, prior, solve
 from gimbalcal.number import Array
 
 MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
+MAX_QUADRATIC_STEPS = 10  # after which a step that lowers chi^2 by no more than rounding is the last
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
 ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
 
@@ -39,7 +40,7 @@ def gauss_newton(
     info = linearise(x)
     for step in range(1, MAX_STEPS + 1):
         solution = solve_about(info, x, bounds, seen)
-        if arrived(step, x, solution):
+        if arrived(step, x, solution) or (step > MAX_QUADRATIC_STEPS and _is_rounding(info, x, solution.x)):
             return solution, step
         if step == MAX_STEPS or diverged(solution.x):
             break
@@ -89,6 +90,16 @@ def chi2(info: Information, x: Array) -> float:
     """Sum of squares of the rows at parameters x (p,), as far as they are linear."""
     mean, scale = prior(info.parameters)
     return float(np.sum((info.rows[:, -1] - info.rows[:, :-1] @ ((x - mean) / scale)) ** 2))
+
+
+def _is_rounding(info: Information, x: Array, target: Array) -> bool:
+    """Return whether a step from x to a target (p,) lowers chi^2 by no more than the rounding of its rows does.
+
+    Rows of numbers that were made without noise hold nothing else about what they do not determine.
+    """
+    before = chi2(info, x)
+    rounding = float(np.finfo(float).eps * info.count**0.5 * np.linalg.norm(info.rows[:, -1]))
+    return before - chi2(info, target) <= (2 * before**0.5 + rounding) * rounding
 
 
 def _damped(

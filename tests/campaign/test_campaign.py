@@ -154,7 +154,7 @@ def test_no_scheduler_is_one_sentence():
 @pytest.mark.slow
 def test_a_cluster_without_workers_or_that_goes_away_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(campaign_workers, "PATIENCE", 1.0)
-    with dask_cluster(tmp_path) as (address, workers):
+    with dask_cluster(tmp_path) as (address, (*workers, _)):
         with connect(address) as client:
             client.wait_for_workers(2, timeout=30)
 
