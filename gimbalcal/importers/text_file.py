@@ -111,7 +111,7 @@ def _encoding_of(path: Path, _state: tuple[int, int, int]) -> str:
 
 
 def _first_line(path: Path, skip: int) -> str:
-    """Return the first line that is no comment, by which the separator is told and names from numbers."""
+    """Return the first line that is no comment, by which the separator is recognised, and whether names stand in it."""
     with path.open(encoding=encoding_of(path), errors="replace") as file:
         lines = (line for i, line in enumerate(file) if i >= skip and line.strip() and not line.startswith("#"))
         return next(lines, "").strip("\r\n")
