@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.error_model import STATE_SCALE
+from gimbalcal.estimate.systematic.error_model import STATE_SCALE, velocity_variance
 from gimbalcal.estimate.systematic.filter_pass import POSITION_SIGMA_M, VELOCITY_STATES
 from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.forward import linearise
@@ -69,7 +69,7 @@ class StretchModel:
         velocity = np.full(len(self.time), noise.velocity)
         if moving is not None and noise.velocity_in_turns is not None:
             velocity[moving] = noise.velocity_in_turns
-        R = np.repeat((velocity / STATE_SCALE[VELOCITY_STATES[0]])[:, None] ** 2, 3, axis=1)
+        R = velocity_variance(velocity)
         start = np.repeat([INITIAL_ATTITUDE_SIGMA_RAD, noise.velocity, POSITION_SIGMA_M], 3) / STATE_SCALE
         return innovations(self.Phi, self.Psi, self.Q, VELOCITY_STATES, R, np.diag(start**2))
 

@@ -26,7 +26,7 @@ from gimbalcal.estimate.extra_effects import (
 )
 from gimbalcal.estimate.noise_memory import added_by_memory
 from gimbalcal.forward import Rows
-from gimbalcal.inference.gauss_newton import gauss_newton
+from gimbalcal.inference.gauss_newton import MAX_QUADRATIC_STEPS, gauss_newton
 from gimbalcal.inference.information import (
     MIN_SIGNAL_TO_NOISE,
     Information,
@@ -43,8 +43,7 @@ from gimbalcal.views.local import VisitRows, Whitened, eliminate
 TOLERANCE = 1e-3  # sigmas by which the last step may move an estimate
 MAX_SCALE_ROUNDS = 20  # fits, each in the noise that the one before leaves
 SCALE_TOLERANCE = 1e-6  # relative change of the excess sigma at which the rounds end
-VIEW_TOLERANCE = 1e-6  # `TOLERANCE` of a fit of views, which takes a few steps where these converge quadratically
-MAX_QUADRATIC_STEPS = 10  # after them estimates creep, and arrive at `TOLERANCE`
+VIEW_TOLERANCE = 1e-6  # `TOLERANCE` of the first `MAX_QUADRATIC_STEPS` of a fit of views; after them estimates creep
 ROUNDING = 1e-10  # of the prior sigma: a smaller step is rounding, however small sigma is
 MIN_SINGULAR_RATIO = 1e-9  # of columns of length one, below which rows say nothing of a combination
 LEAST_SIGNAL = 1e-6  # `min_signal` of a fit without priors

@@ -144,9 +144,11 @@ def segment(recording: Recording) -> Segments:
         time[j + 1] = recording.time[at[j + 1]] - step
     joined = ~paused[edge[:-1]] & (edge[:-1] > 0)
     density = float(np.maximum(sigma, shown)[:3].max()) * step**0.5
-    still = velocity_at_stops(rows, length, np.array(first), np.array(stop), density)
-    velocity = np.where(np.array(stop) < 0, max(still, DEFAULT_VELOCITY_SIGMA_M_S), still)
-    velocity = np.full(len(stop), recording.noise["velocity"]) if "velocity" in recording.noise else velocity
+    if "velocity" in recording.noise:
+        velocity = np.full(len(stop), recording.noise["velocity"])
+    else:
+        still = velocity_at_stops(rows, length, np.array(first), np.array(stop), density)
+        velocity = np.where(np.array(stop) < 0, max(still, DEFAULT_VELOCITY_SIGMA_M_S), still)
     handled = "velocity" not in recording.noise and _handled(recording, stop_dwells)
     return Segments(
         rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated,

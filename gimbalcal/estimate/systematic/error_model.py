@@ -195,8 +195,13 @@ def stretch_model(
     for k in np.flatnonzero(segments.pauses):
         Phi[k, 3:6, 3:6] = 0.0
         Q[k, :3, :3] = (PAUSE_ATTITUDE_SIGMA_RAD / STATE_SCALE[0]) ** 2 * np.eye(3)
-        Q[k, 3:6, 3:6] = (segments.velocity[k] / STATE_SCALE[3]) ** 2 * np.eye(3)
+        Q[k, 3:6, 3:6] = np.diag(velocity_variance(segments.velocity[k]))
     return Phi, Psi, Q, d / STATE_SCALE
+
+
+def velocity_variance(velocity: Array) -> Array:
+    """Return the variances (..., 3) of velocities measured with sigmas (...) [m/s], in squares of `STATE_SCALE`."""
+    return (np.asarray(velocity)[..., None] / STATE_SCALE[3:6]) ** 2
 
 
 def _sculling_error(segments: Segments, u: Array) -> Array:

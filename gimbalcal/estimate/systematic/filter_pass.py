@@ -27,7 +27,14 @@ from numpy.typing import NDArray
 from gimbalcal.calibration.content_checks import not_finite
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.estimate.systematic.alignment import Alignment
-from gimbalcal.estimate.systematic.error_model import STATE_SCALE, ErrorModel, bias_processes, defects, error_model
+from gimbalcal.estimate.systematic.error_model import (
+    STATE_SCALE,
+    ErrorModel,
+    bias_processes,
+    defects,
+    error_model,
+    velocity_variance,
+)
 from gimbalcal.inference import adjoint, square_root_filter
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.inference.square_root_filter import Filtered
@@ -128,7 +135,7 @@ def _filter(
     """Filter the velocities z (K, 3) of a unit in its place; beyond the gate the velocity starts anew."""
     Phi, Psi, root, d = model
     jump = JUMP_SIGMA_M_S / STATE_SCALE[3] if np.isfinite(gate) else 0.0
-    R = np.repeat((segments.velocity / STATE_SCALE[3])[:, None] ** 2, 3, axis=1)
+    R = velocity_variance(segments.velocity)
     return square_root_filter.filter(Phi, Psi, root, d, z, VELOCITY_STATES, R, x, theta, S, gate, jump, smoothed)
 
 

@@ -23,6 +23,7 @@ from gimbalcal.estimate.systematic.error_model import (
     invert_readings,
     reading_jacobian,
     stretch_model,
+    velocity_variance,
 )
 from gimbalcal.estimate.systematic.filter_pass import (
     VELOCITY_STATES,
@@ -58,7 +59,7 @@ def innovation_rows(m: SystematicFit) -> InnovationRows:
     Phi, Psi, root, d = error_model(segments, (), effects, u, m.C)
     x, S = initial_errors(segments, m.start, m.C), np.diag(initial_sigma(segments, m.start.sigma))
     root = with_velocity_jumps(root, m.excluded)
-    R = np.repeat((segments.velocity / STATE_SCALE[3])[:, None] ** 2, 3, axis=1)
+    R = velocity_variance(segments.velocity)
     z = np.where((m.excluded | ~segments.believed)[:, None], np.nan, 0 * R)
     f = square_root_filter.filter(Phi, Psi[:, :, :0], root, d, z, VELOCITY_STATES, R, x, np.zeros(0), S, smoothed=0)
     sigma, block = np.sqrt(f.variance), _blocks(segments.stop)
