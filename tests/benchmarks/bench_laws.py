@@ -1,11 +1,16 @@
 """What the diagnosis says of laws that no catalogue holds, and how well that predicts a second recording.
 
-    python -m tests.benchmarks.bench_laws [--quick] [--jobs 2] [ARM ...]
+    python -m tests.benchmarks.bench_laws [--quick] [--jobs 2] [--rig RIG] [--sigma 30] [--only NAME]
+                                          [--limit SECONDS] [--table] [ARM ...]
 
-Arms: 15, 30 and 60 (sigmas), fresh and last (laws written later, 30 sigmas), clean; --quick leaves 15 and 60 out.
-Every result is appended to out/bench_laws-<digest of the sources>.jsonl as it comes: stopped and started again it goes
-on where it was.
-About 15 minutes on one core, 7 with --quick.
+Arms: 30, 15 and 60 (sigmas), fresh and last (laws written later, 30 sigmas), clean, and last2, which is run only where
+it is named; --quick leaves 15 and 60 out, and all but 24 of the clean recordings.
+--rig, --sigma and --only (the beginning of the name of a law or of a clean recording; each may be given more than once)
+choose among the runs; --limit starts no more of them after so many seconds; --table runs none. Every result is appended
+to out/bench_laws-<digest of the sources>.jsonl as it comes, and a run that is in the file is not done again: the tables
+are of all chosen runs that are.
+Laws that the design of their rig cannot determine are counted apart: of them the alternatives are to be said, and an
+answer in their place is none that can be judged.
 
 Classes: right (right variables, and the second recording is predicted to 4 sigmas or a tenth of the law; or known
 causes that leave no more of it when they are fitted); close (to
@@ -13,6 +18,8 @@ three tenths); table (no closed form, predicted to three tenths); poor (a law th
 no law); unsure cause (named below p = 0.5); wrong cause (at p >= 0.5); adequate.
 """
 
+import argparse
+import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -27,14 +34,26 @@ import gimbalcal
 from gimbalcal.diagnose import diagnose
 from gimbalcal.errors import InputError
 from gimbalcal.recording import Recording
-from tests.benchmarks.collecting import asked, collect, results_file, say
-from tests.benchmarks.law_plants import RIGS, SECOND, Hidden, corrected, excess, left_by_causes, size_of
-from tests.benchmarks.law_set import CLEAN, FRESH, LAST, LAWS
+from tests.benchmarks.collecting import collect, kept, results_file, say
+from tests.benchmarks.law_plants import (
+    RIGS,
+    SECOND,
+    Hidden,
+    UnknownVariable,
+    corrected,
+    excess,
+    left_by_causes,
+    simulated,
+    size_of,
+)  # fmt: skip
+from tests.benchmarks.law_set import CLEAN, FRESH, LAST, LAST_2, LAWS
 
 STRENGTHS = (30.0, 15.0, 60.0)
 MOST_LEFT = 4.0  # sigmas
-DRAWS = 3  # of each clean rig
-CLASSES = ("right", "close", "table", "poor", "shape", "unsure cause", "wrong cause", "adequate", "crash", "not shown")
+QUICK = 24  # clean recordings
+LATER = {"fresh": FRESH, "last": LAST, "last2": LAST_2}
+CLASSES = ("right", "close", "table", "poor", "shape", "unsure cause", "wrong cause", "adequate", "crash", "not shown",
+           "unknown variable")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -54,7 +73,7 @@ class Run:
     @property
     def hidden(self) -> Hidden:
         """The law."""
-        return {**LAWS, **FRESH, **LAST, **CLEAN}[self.law]
+        return {**LAWS, **FRESH, **LAST, **LAST_2, **CLEAN}[self.law]
 
 
 def runs(quick: bool) -> Iterator[Run]:
@@ -62,12 +81,12 @@ def runs(quick: bool) -> Iterator[Run]:
     for sigmas in STRENGTHS if not quick else (30.0,):
         for name in LAWS:
             yield Run(f"{sigmas:g}", name, sigmas, crc32(name.encode()) % 900)
-    for arm, laws in (("fresh", FRESH), ("last", LAST)):
+    for arm, laws in LATER.items():
         for name in laws:
             yield Run(arm, name, 30.0, crc32(name.encode()) % 900)
-    for name in CLEAN:
-        for k in range(DRAWS):
-            yield Run("clean", name, 0.0, crc32(name.encode()) % 900 + k)
+    for k, name in enumerate(CLEAN):
+        if k < QUICK or not quick:
+            yield Run("clean", name, 0.0, 20000 + k)
 
 
 def answer(run: Run) -> dict[str, Any]:
@@ -76,9 +95,16 @@ def answer(run: Run) -> dict[str, Any]:
     try:
         size = size_of(run.seed, law, run.sigmas) if run.sigmas else 0.0
     except InputError:  # the calibration takes up the law: no size makes it as large
-        return {**asdict(run), "key": run.key, "rig": law.rig, "class": "not shown", "seconds": 0.0}
-    recording = RIGS[law.rig](run.seed, law, size)
-    row = {**asdict(run), "key": run.key, "rig": law.rig, "size": size}
+        return {
+            **asdict(run),
+            "key": run.key,
+            "rig": law.rig,
+            "determined": law.determined,
+            "class": "not shown",
+            "seconds": 0.0,
+        }
+    recording = simulated(run.seed, law, size)
+    row = {**asdict(run), "key": run.key, "rig": law.rig, "determined": law.determined, "size": size}
     begin = process_time()
     try:
         d = {"laws": [], **diagnose([recording]).to_dict()}
@@ -98,7 +124,10 @@ def answer(run: Run) -> dict[str, Any]:
     row["recommend"] = d.get("recommend", "")
     if not run.sigmas:
         return {**row, "class": "adequate" if d["verdict"] == "adequate" else "false"}
-    row |= predicted(run, d["laws"], size, named_causes(d["findings"]))
+    try:
+        row |= predicted(run, d["laws"], size, named_causes(d["findings"]))
+    except UnknownVariable as name:
+        return {**row, "class": "unknown variable", "text": f"{name} is missing in law_plants.variables"}
     return {**row, "class": judged(law, row)}
 
 
@@ -124,7 +153,7 @@ def predicted(run: Run, laws: list[dict[str, Any]], size: float, named: list[tup
     Whether known causes are the law is no argument: they are where they leave none of it, fitted anew.
     """
     law, seed = run.hidden, run.seed + SECOND
-    second, clean = RIGS[law.rig](seed, law, size), RIGS[law.rig](seed, law, 0.0)
+    second, clean = simulated(seed, law, size), simulated(seed, law, 0.0)
     with_ = tuple(b for w in laws for b in w["beside"])
     out = {"without": excess(second, clean)}
     if not laws and named:
@@ -165,6 +194,18 @@ def sources() -> Iterator[Path]:
 def report(rows: list[dict[str, Any]]) -> None:
     """Print shares by strength, each law, and the clean recordings."""
     hidden = [r for r in rows if r["arm"] != "clean"]
+    for determined in (True, False):
+        of = [r for r in hidden if r["determined"] is determined]
+        if of:
+            say(f"  laws that the design {'determines' if determined else 'can not determine'}")
+            shares(of)
+    if hidden:
+        each(hidden)
+    clean(rows)
+
+
+def shares(hidden: list[dict[str, Any]]) -> None:
+    """Numbers of each class by strength."""
     arms = list(dict.fromkeys(r["arm"] for r in hidden))
     say(f"  {'':14}" + "".join(f"{a if a.isalpha() else f'{a} sigmas':>12}" for a in arms))
     of = {a: [r for r in hidden if r["arm"] == a] for a in arms}
@@ -172,8 +213,22 @@ def report(rows: list[dict[str, Any]]) -> None:
         counts = [Counter(r["class"] for r in of[a])[name] for a in arms]
         if any(counts):
             say(f"  {name:14}" + "".join(f"{f'{n} of {len(of[a])}':>12}" for n, a in zip(counts, arms, strict=True)))
-    shares = [[r["with"] / max(r["without"], 1e-9) for r in of[a] if "with" in r] for a in arms]
-    say(f"  {'left, median':14}" + "".join(f"{np.median(x) if x else np.nan:12.2f}" for x in shares))
+    right = [sum(_follows(r) for r in of[a]) for a in arms]
+    say(f"  {'variable':14}" + "".join(f"{f'{n} of {len(of[a])}':>12}" for n, a in zip(right, arms, strict=True)))
+    told = [sum(bool(r.get("alternatives")) for r in of[a]) for a in arms]
+    say(f"  {'alternatives':14}" + "".join(f"{f'{n} of {len(of[a])}':>12}" for n, a in zip(told, arms, strict=True)))
+    left = [[r["with"] / max(r["without"], 1e-9) for r in of[a] if "with" in r] for a in arms]
+    say(f"  {'left, median':14}" + "".join(f"{np.median(x) if x else np.nan:12.2f}" for x in left))
+
+
+def _follows(r: dict[str, Any]) -> bool:
+    """Whether a law of the right variables is said."""
+    hidden = Run(r["arm"], r["law"], r["sigmas"], r["seed"]).hidden
+    return frozenset(r.get("follows", ())) in {frozenset(s.split()) for s in hidden.follows.split("|")}
+
+
+def each(hidden: list[dict[str, Any]]) -> None:
+    """What is said of each law."""
     say("\n  law, and what is said of it (sigmas on a second recording without and with the law)")
     for r in hidden:
         said = (
@@ -183,22 +238,59 @@ def report(rows: list[dict[str, Any]]) -> None:
         )
         left = f"{r.get('without', np.nan):6.1f} {r.get('with', np.nan):6.1f}"
         say(f"  {r['arm']:>5} {r['rig']:10} {r['law']:34} {r['class']:13} {left} {r['seconds']:5.1f} s  {said[:150]}")
+
+
+def clean(rows: list[dict[str, Any]]) -> None:
+    """What is said of recordings without a law, in the noise of the plants and in an alien one."""
     clean = [r for r in rows if r["arm"] == "clean"]
     false = [r for r in clean if r["class"] != "adequate"]
-    say(f"\n  clean recordings: {len(clean)}, of which {sum(bool(r.get('laws')) for r in clean)} with a law, "
-        f"{sum(bool(r.get('findings')) for r in clean)} with a cause, {len(false)} not adequate")  # fmt: skip
+    for noise, alien in (("of its plant", False), ("that is alien", True)):
+        of = [r for r in clean if ("," in r["law"]) is alien]
+        say(f"\n  clean recordings in noise {noise}: {len(of)}, of which {sum(bool(r.get('laws')) for r in of)} with "
+            f"a law, {sum(bool(r.get('findings')) for r in of)} with a cause, "
+            f"{sum(r['class'] != 'adequate' for r in of)} not adequate")  # fmt: skip
     for r in false:
         say(f"    {r['law']} {r['seed']}: {r.get('verdict')} {r.get('findings')} {r.get('laws')} {r.get('text', '')}")
     say(f"  seconds of processor time per diagnosis: median {np.median([r['seconds'] for r in rows]):.1f}, "
         f"largest {max(r['seconds'] for r in rows):.1f}")  # fmt: skip
 
 
+def chosen() -> tuple[list[Run], argparse.Namespace]:
+    """The runs that the command line asks for, and its other options."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("arms", nargs="*", metavar="ARM")
+    parser.add_argument("--quick", action="store_true", help="30 sigmas, later laws and a few clean recordings")
+    parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1))
+    parser.add_argument("--rig", action="append", choices=RIGS)
+    parser.add_argument("--sigma", action="append", type=float)
+    parser.add_argument("--only", action="append", metavar="NAME")
+    parser.add_argument("--limit", type=float, metavar="SECONDS")
+    parser.add_argument("--table", action="store_true")
+    o = parser.parse_args()
+    wanted = [
+        run
+        for run in runs(o.quick)
+        if (run.arm in o.arms if o.arms else run.arm != "last2")
+        and (not o.rig or run.hidden.rig in o.rig)
+        and (not o.sigma or run.sigmas in o.sigma)
+        and run.law.startswith(tuple(o.only or ("",)))
+    ]
+    if not wanted:
+        parser.error("no run is called so")
+    return wanted, o
+
+
 def main() -> None:
-    wanted, jobs, _ = asked(__doc__, "30 sigmas, fresh laws and clean recordings", runs)
-    rows = collect(wanted, results_file("bench_laws", sources()), jobs, answer)
-    later = f"{len(FRESH)} and {len(LAST)} later ones"
-    say(f"{len(rows)} recordings: of {len(LAWS)} laws of six rigs, {later}, and clean recordings")
-    report(rows)
+    wanted, o = chosen()
+    path = results_file("bench_laws", sources())
+    if o.table:
+        rows = [r for run in wanted if (r := kept(path).get(run.key))]
+    else:
+        rows = collect(wanted, path, o.jobs, answer, o.limit)
+    say(f"{len(rows)} of {len(wanted)} recordings: of {len(LAWS)} laws of six rigs, "
+        f"{', '.join(str(len(x)) for x in LATER.values())} later ones, and {len(CLEAN)} clean recordings")  # fmt: skip
+    if rows:
+        report(rows)
 
 
 if __name__ == "__main__":

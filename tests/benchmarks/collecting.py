@@ -47,8 +47,13 @@ def kept(path: Path) -> dict[str, Row]:
     return {r["key"]: r for r in rows}
 
 
-def collect(wanted: Sequence[Any], path: Path, jobs: int, answer: Callable[[Any], Row]) -> list[Row]:
-    """Rows of the wanted runs, those that are not kept computed on `jobs` processes and appended as they come."""
+def collect(
+    wanted: Sequence[Any], path: Path, jobs: int, answer: Callable[[Any], Row], limit: float | None = None
+) -> list[Row]:
+    """Rows of the wanted runs, those that are not kept computed on `jobs` processes and appended as they come.
+
+    limit: seconds after which no further run is started; those under way are finished and kept.
+    """
     rows = kept(path)
     left = [run for run in wanted if run.key not in rows]
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,6 +62,11 @@ def collect(wanted: Sequence[Any], path: Path, jobs: int, answer: Callable[[Any]
         waiting = [pool.submit(answer, run) for run in left]
         try:
             for n, done in enumerate(as_completed(waiting), start=1):
+                if done.cancelled():
+                    continue
+                if limit is not None and perf_counter() - begin > limit:
+                    for run in waiting:
+                        run.cancel()
                 row = json.loads(json.dumps(done.result()))
                 rows[row["key"]] = row
                 file.write(json.dumps(row) + "\n")

@@ -31,7 +31,8 @@ class Hidden:
     """A law: its rig, where it acts ("y", "gyro z", an axis of a gimbal), its value of what the rig goes through.
 
     follows: sets of variables, separated by |, any of which is right; determined: whether the design of the rig
-    determines it; options: of the recording.
+    determines it; options: of the recording, of which "noisy" [degC, one sigma of a reading of the thermometer] and
+    "alien" [a kind of noise, see ALIEN] are known to every rig.
     """
 
     rig: str
@@ -43,6 +44,8 @@ class Hidden:
 
 
 NONE = Hidden("", "x", lambda b: 0.0, "")
+ALIEN = ("tails", "walk", "outliers", "flicker", "loose")
+EVERY_RIG = ("noisy", "alien")
 
 
 def _sensor(where: str) -> tuple[int, bool]:
@@ -60,18 +63,24 @@ def positions(seed: int, law: Hidden, size: float) -> Recording:
         return {"output": np.outer(value, [float(a in law.where) for a in "xyz"])}
 
     unit = ARCSEC if law.where in gimbals else UG
-    return plant.record(np.random.default_rng(seed), error, size * unit, **{"rows": 120, **dict(law.options)})
+    return plant.record(np.random.default_rng(seed), error, size * unit, **{"rows": 120, **_own(law)})
 
 
 def static(seed: int, law: Hidden, size: float) -> Recording:
     """48 hours at rest in inertial space; size in ug."""
     rng = np.random.default_rng(seed)
-    return static_plant.record(rng, lambda r: np.outer(law.value(r), np.eye(3)["xyz".index(law.where)]), size * UG)
+    added = lambda r: np.outer(law.value(r), np.eye(3)["xyz".index(law.where)])  # noqa: E731
+    return static_plant.record(rng, added, size * UG, **_own(law))
+
+
+def _own(law: Hidden) -> dict[str, Any]:
+    """Options that the plant of the rig takes itself."""
+    return {k: x for k, x in law.options if k not in ("dome", "warming", *EVERY_RIG)}
 
 
 def _of_hand(law: Hidden) -> tuple[unknown_hand.Setup, unknown_hand.Error]:
     i, gyro = _sensor(law.where)
-    made = unknown_hand.Setup(**{"thermometer": True, "gyroscopes": gyro, "rests": 44, **dict(law.options)})
+    made = unknown_hand.Setup(**{"thermometer": True, "gyroscopes": gyro, "rests": 44, **_own(law)})
     return made, lambda h: {"rate" if gyro else "force": np.outer(law.value(h), np.eye(3)[i])}
 
 
@@ -84,38 +93,66 @@ def hand(seed: int, law: Hidden, size: float) -> Recording:
 def _of_mount(law: Hidden) -> tuple[unknown_mount.Setup, unknown_mount.Error]:
     part = {"azimuth": [1.0, 0.0], "elevation": [0.0, 1.0], "up": [0.0, 1.0]}[law.where]
     key = "sky" if law.where == "up" else "readout"
-    return unknown_mount.Setup(**{"stars": 90, **dict(law.options)}), lambda k: {key: np.outer(law.value(k), part)}
+    return unknown_mount.Setup(**{"stars": 90, **_own(law)}), lambda k: {key: np.outer(law.value(k), part)}
 
 
 def mount(seed: int, law: Hidden, size: float) -> Recording:
-    """90 stars on an alt-azimuth mount; size in arcsec."""
+    """90 stars on an alt-azimuth mount, where "dome" is among the options with a thermometer; size in arcsec."""
     made, error = _of_mount(law)
-    return unknown_mount.record(seed, made, ((error, size * ARCSEC),))
+    r = unknown_mount.record(seed, made, ((error, size * ARCSEC),))
+    if "dome" not in dict(law.options):
+        return r
+    T = dome(r.time) + 0.05 * np.random.default_rng(seed + 31).standard_normal(len(r.time))
+    return r.with_channels({("temperature", ""): T})
+
+
+def dome(t: Array) -> Array:
+    """Temperature of a dome [degC] that cools in the night, with gusts."""
+    return np.asarray(9 + 6 * np.exp(-t / 5000.0) + 1.5 * np.sin(t / 700.0))
+
+
+def parallactic(k: unknown_mount.Sky) -> Array:
+    """Angle between the vertical and the hour circle of each star, azimuth from north through east."""
+    return _parallactic(k.outer, k.inner)
+
+
+def _parallactic(azimuth: Array, elevation: Array) -> Array:
+    north = np.tan(unknown_mount.LATITUDE) * np.cos(elevation) - np.sin(elevation) * np.cos(azimuth)
+    return np.asarray(np.arctan2(-np.sin(azimuth), north))
 
 
 @dataclass(frozen=True, eq=False)
 class Moving:
-    """Force [g], rate [rad/s], temperature and time of a unit that is turned."""
+    """Force [g], rate [rad/s], temperature and time of a unit that is turned, and the angle of a table."""
 
     f: Array
     w: Array
     T: Array
     t: Array
+    table: Array
 
 
 def _temperature(t: Array) -> Array:
     return np.asarray(23 + 4 * np.sin(2 * np.pi * t / (0.8 * t[-1]) + 0.4))
 
 
+def _warming(t: Array) -> Array:
+    return np.asarray(19 + 9 * (1 - np.exp(-1.3 * t / t[-1])))
+
+
+def _course(law: Hidden) -> Callable[[Array], Array]:
+    return _warming if dict(law.options).get("warming") else _temperature
+
+
 def rotation(seed: int, law: Hidden, size: float) -> Recording:
-    """26 rests by hand and the turns between them at 30 Hz; size in g or rad/s."""
+    """40 rests by hand and the turns between them at 30 Hz; size in g or rad/s."""
     i, gyro = _sensor(law.where)
     unit = 1.0 if gyro else turned_plant.G
 
     def error(f: Array, w: Array, T: Array, t: Array) -> Array:
-        return np.outer(unit * size * law.value(Moving(f / turned_plant.G, w, T, t)), np.eye(3)[i])
+        return np.outer(unit * size * law.value(Moving(f / turned_plant.G, w, T, t, 0 * t)), np.eye(3)[i])
 
-    made = turned_plant.Unit(**{"rate" if gyro else "force": error, "temperature": _temperature})
+    made = turned_plant.Unit(**{"rate" if gyro else "force": error, "temperature": _course(law)})
     return turned_plant.turned(seed, made, rests=40)
 
 
@@ -128,9 +165,9 @@ def table(seed: int, law: Hidden, size: float) -> Recording:
     r = replace(r, time=time, channels=both, weight=np.ones(len(time)))
     w = np.gradient(r.channels["gimbal_angle", "table"], r.time)
     felt = np.outer(w, [0.0, 0.0, 1.0])
-    T = _temperature(r.time)
+    T = _course(law)(r.time)
     i, _ = _sensor(law.where)
-    added = size * law.value(Moving(0 * felt, felt, T, r.time))
+    added = size * law.value(Moving(0 * felt, felt, T, r.time, r.channels["gimbal_angle", "table"]))
     key = ("angular_rate", "xyz"[i])
     still = np.abs(w) < 1e-6
     number = np.cumsum(np.diff(still.astype(int), prepend=0) > 0) * still
@@ -141,6 +178,50 @@ def table(seed: int, law: Hidden, size: float) -> Recording:
 RIGS: dict[str, Callable[[int, Hidden, float], Recording]] = {
     "positions": positions, "static": static, "hand": hand, "rotation": rotation, "mount": mount, "rate table": table,
 }  # fmt: skip
+
+
+def simulated(seed: int, law: Hidden, size: float) -> Recording:
+    """A recording of a rig, with what is wrong with its thermometer or its noise."""
+    options = dict(law.options)
+    if law.rig == "positions" and options.get("alien") == "loose":  # three times the setting error of the header
+        law = replace(law, options=(*law.options, ("loose", 3.0)))
+    r, rng = RIGS[law.rig](seed, law, size), np.random.default_rng(seed + 97)
+    if "noisy" in options:
+        T = r.channels["temperature", ""]
+        r = r.with_channels({("temperature", ""): T + options["noisy"] * rng.standard_normal(len(T))})
+    return alien(r, options["alien"], rng) if "alien" in options else r
+
+
+def alien(r: Recording, kind: str, rng: np.random.Generator) -> Recording:
+    """Noise of a kind on every channel of the sensors (mounts: of the readouts), in units of its scatter from row to
+    row: Student's t of 3 degrees of freedom, a random walk, an outlier in about 300 rows, 1/f, or offsets of each stay.
+    """
+    n, channels = len(r.time), dict(r.channels)
+    stays = r.position if r.position is not None else np.arange(n) if n < 200 else np.arange(n) * 20 // n
+    number = np.cumsum(np.diff(stays, prepend=stays[0]) != 0)
+    for key, x in r.channels.items():
+        if key[0] not in (("gimbal_angle",) if r.kind.sighting else ("specific_force", "angular_rate")):
+            continue
+        true = r.channels.get(("true_angle", key[1]), 0.0)
+        scatter = 1.48 * float(np.median(np.abs(np.diff(x - true)))) / np.sqrt(2)
+        z = rng.standard_normal(n)
+        if kind == "tails":
+            z = rng.standard_t(3, n)
+        elif kind == "walk":
+            z = 3 * np.cumsum(z) / n
+        elif kind == "outliers":
+            off = np.isin(np.arange(n), rng.choice(n, 1 + n // 300, replace=False))
+            z = off * rng.choice([-1, 1], n) * rng.uniform(6, 20, n)
+        elif kind == "flicker":
+            z = np.fft.irfft(np.fft.rfft(z) / np.sqrt(np.maximum(np.arange(n // 2 + 1), 1.0)), n)
+            z *= 0.2 / np.std(z)
+        elif r.title == "plant" and "gimbal_angle" in r.noise:
+            continue  # its settings are loose already
+        else:
+            rows = np.bincount(number)[number]
+            z = 2 * rng.standard_normal(number.max() + 1)[number] / np.sqrt(rows)
+        channels[key] = x + scatter * z
+    return replace(r, channels=channels)
 
 
 def misfit(r: Recording, with_: tuple[str, ...] = ()) -> tuple[float, float]:
@@ -170,6 +251,8 @@ def excess(r: Recording, clean: Recording, with_: tuple[str, ...] = ()) -> float
     """Sigmas by which a recording is worse than the same noise without a law."""
     if clean.title == "hand":
         return _of_norms(r, clean)
+    if clean.title == "z up" and not with_:
+        return _of_rates(r, clean)
     (a, _), (b, dof) = misfit(r, with_), misfit(clean, with_)
     if a < b:
         return 0.0
@@ -184,17 +267,34 @@ def left_by_causes(r: Recording, clean: Recording, names: tuple[str, ...]) -> fl
     return float(np.sqrt(max(_sum(a.rms) / _sum(b.rms) - 1, 0.0) * max(b.dof, 1)))
 
 
+def _of_rates(r: Recording, clean: Recording) -> float:
+    """Sigmas by which the rates on a table differ, bias and scale factor removed, in the white noise of the plant."""
+    w = np.gradient(clean.channels["gimbal_angle", "table"], clean.time)
+    Z = np.column_stack([np.ones(len(w)), w])
+    d = r.triad("angular_rate") - clean.triad("angular_rate")
+    return float(np.linalg.norm(d - Z @ np.linalg.lstsq(Z, d, rcond=None)[0]) / (0.02 * DEG))
+
+
 def _of_norms(r: Recording, clean: Recording) -> float:
-    """Sigmas by which the norms of the force at rest differ, calibration removed, in the noise of the plant."""
+    """Sigmas by which norms of the force and rates at rest differ, calibration removed, in the noise of the plant."""
     rest = np.asarray(clean.position)
     at = [np.flatnonzero(rest == k) for k in np.unique(rest[rest > 0])]
-    f = np.array([[clean.channels["specific_force", a][i].mean() for a in "xyz"] for i in at]) / unknown_hand.G
-    x = np.array([[r.channels["specific_force", a][i].mean() for a in "xyz"] for i in at]) / unknown_hand.G
-    grade, m = unknown_hand.MEMS, len(f)
+    grade, m = unknown_hand.MEMS, len(at)
+
+    def means(r: Recording, quantity: str) -> Array:
+        return np.array([[r.channels[quantity, a][i].mean() for a in "xyz"] for i in at])
+
+    total = 0.0
+    if clean.has("angular_rate"):
+        level = means(r, "angular_rate") - means(clean, "angular_rate")
+        earth = (unknown_hand.EARTH * np.cos(unknown_hand.LATITUDE)) ** 2 / 2
+        V = unknown_hand.wanders(m, grade.turning_wander) + np.eye(m) * (grade.turning**2 / len(at[0]) + earth)
+        total = sum(unknown_hand._left(level[:, i], np.ones((m, 1)), V) for i in range(3))
+    f, x = (means(y, "specific_force") / unknown_hand.G for y in (clean, r))
     d = unknown_hand.G * ((x - f) * f).sum(axis=1)
     V = (f @ f.T) * unknown_hand.wanders(m, grade.wander) + np.eye(m) * grade.white**2 / len(at[0])
     Z = np.concatenate([f, (f[:, :, None] * f[:, None, :]).reshape(m, 9)], axis=1)
-    return float(np.sqrt(unknown_hand._left(d, Z, V)))
+    return float(np.sqrt(total + unknown_hand._left(d, Z, V)))
 
 
 def size_of(seed: int, law: Hidden, sigmas: float) -> float:
@@ -205,16 +305,15 @@ def size_of(seed: int, law: Hidden, sigmas: float) -> float:
     if law.rig == "mount":
         sky, error = _of_mount(law)
         return sigmas / unknown_mount.strength(seed, sky, error)
-    rig = RIGS[law.rig]
-    clean, size = rig(seed, law, 0.0), {"rotation": 1e-3, "rate table": 1e-3}.get(law.rig, 10.0)
+    clean, size = simulated(seed, law, 0.0), {"rotation": 1e-3, "rate table": 1e-3}.get(law.rig, 10.0)
     for _ in range(2):  # a probe well above the noise
-        size *= 100.0 / max(excess(rig(seed, law, size), clean), 1e-3)
+        size *= 100.0 / max(excess(simulated(seed, law, size), clean), 1e-3)
     return size * sigmas / 100.0
 
 
 def variables(r: Recording) -> Variables:
     """What a law may follow in a recording, by the names and in the units that the package prints."""
-    out: dict[str, Array] = {"time": r.time}
+    out: dict[str, Array] = {"time": r.time, "time_of_day": np.mod(r.time, 86400.0)}
     for a in "xyz":
         if r.has("specific_force"):
             out[f"force_{a}"] = r.channels["specific_force", a] / 9.80665
@@ -233,12 +332,27 @@ def variables(r: Recording) -> Variables:
         for name, x in list(out.items()):
             if name in ("platform", "inner", "middle") or name.startswith("force"):
                 held = np.array([x[i : i + 10].mean() for i in starts])
-                change = np.diff(held, prepend=held[0])[dwell]
-                out |= {f"approach_{name}": np.sign(np.round(change, 6)), f"{name[:5]}_change_{name[6:]}": change}
+                out |= _before(name, np.diff(held, prepend=held[0])[dwell], x)
+    elif r.kind.sighting:
+        for name in ("azimuth", "elevation"):
+            out |= _before(name, np.diff(out[name], prepend=out[name][0]), out[name])
+        angle = _parallactic(out["azimuth"], out["elevation"])
+        out |= {"parallactic_angle": angle, "air_mass": 1 / np.sin(out["elevation"])}
     return out
 
 
+def _before(name: str, change: Array, x: Array) -> dict[str, Array]:
+    """How a stay was come to: the direction of the approach, the change and the value before the move."""
+    quantity, _, axis = name.partition("_")
+    by = f"{quantity}_change_{axis}" if axis else f"{quantity}_change"
+    return {f"approach_{name}": np.sign(np.round(change, 6)), by: change, f"before_{name}": x - change}
+
+
 PRINTED = {"specific_force": 9.80665e-6, "angular_rate": HOUR, "gimbal_angle": ARCSEC}
+
+
+class UnknownVariable(Exception):
+    """A law follows what `variables` does not know by that name, and can not be judged."""
 
 
 def corrected(r: Recording, laws: list[dict[str, Any]]) -> Recording:
@@ -248,6 +362,8 @@ def corrected(r: Recording, laws: list[dict[str, Any]]) -> Recording:
     values, channels = variables(r), dict(r.channels)
     for law in laws:
         key = (law["channel"], law["axis"])
+        if missing := set(law["variables"]) - set(values):
+            raise UnknownVariable(", ".join(sorted(missing)))
         x = {name: values[name] for name in law["variables"]}
         if law["expression"] == "table":
             p = law["parameters"]

@@ -1,0 +1,60 @@
+"""The laws of `bench_laws` are as many and as various as is said, and can be judged; none is diagnosed here."""
+
+import time
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from tests.benchmarks.collecting import collect, kept
+from tests.benchmarks.law_plants import ALIEN, RIGS, Hidden, simulated, variables
+from tests.benchmarks.law_set import CLEAN, FRESH, LAST, LAST_2, LAWS
+
+
+def test_six_rigs_have_laws_of_every_sort():
+    assert len(LAWS) >= 80
+    assert min(Counter(law.rig for law in LAWS.values())[rig] for rig in RIGS) >= 13
+    assert sum(not law.determined for law in LAWS.values()) >= 10
+    assert sum("noisy" in dict(law.options) for law in LAWS.values()) >= 10
+    assert len({**LAWS, **FRESH, **LAST, **LAST_2}) == len(LAWS) + len(FRESH) + len(LAST) + len(LAST_2)
+    assert Counter("alien" in dict(clean.options) for clean in CLEAN.values()) == {False: 100, True: 100}
+
+
+def test_what_a_law_follows_is_in_its_recording():
+    """Else what is said of it could not be judged."""
+    known: dict[object, set[str]] = {}
+    for name, law in {**LAWS, **FRESH, **LAST, **LAST_2}.items():
+        kind = (law.rig, law.options, law.where.startswith("gyro"))
+        if kind not in known:
+            known[kind] = set(variables(simulated(3, law, 0.0)))
+        assert set(law.follows.replace("|", " ").split()) <= known[kind], name
+
+
+def test_alien_noise_is_added_to_every_rig_and_differs_from_its_own():
+    for rig in ("positions", "static", "hand", "mount", "rate table"):
+        where = "azimuth" if rig == "mount" else "x"
+        own = simulated(4, Hidden(rig, where, lambda b: 0.0, ""), 0.0)
+        for kind in ALIEN:
+            r = simulated(4, Hidden(rig, where, lambda b: 0.0, "", options=(("alien", kind),)), 0.0)
+            changed = {k for k, x in r.channels.items() if not np.array_equal(x, own.channels[k])}
+            assert changed, (rig, kind)
+            assert all(np.isfinite(r.channels[k]).all() for k in changed)
+
+
+@dataclass(frozen=True)
+class Slow:
+    key: str
+
+
+def slowly(run: Slow) -> dict[str, object]:
+    time.sleep(0.05)
+    return {"key": run.key}
+
+
+def test_a_limit_of_time_leaves_runs_for_the_next_start(tmp_path):
+    wanted, path = [Slow(str(k)) for k in range(30)], tmp_path / "rows.jsonl"
+    first = collect(wanted, path, 1, slowly, limit=0.0)
+    assert 0 < len(first) < 30
+    assert len(kept(path)) == len(first)
+    assert len(collect(wanted, path, 1, slowly)) == 30
+    assert len(path.read_text(encoding="utf-8").splitlines()) == 30
