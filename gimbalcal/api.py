@@ -36,7 +36,8 @@ from gimbalcal.history.fleet import Fleet, grade_and_fleet
 from gimbalcal.navigate.navigation_errors import labels
 from gimbalcal.navigate.summary import NamedCalibration, NavigationInputs, NavigationSummary, summary
 from gimbalcal.navigate.uncertainty import before_and_after, usual
-from gimbalcal.pipeline import Source, Tell, load, silent
+from gimbalcal.pipeline import Source, load
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording, read
 from gimbalcal.recording.frames import Entry
 from gimbalcal.recording.frames import from_frame as from_described_frame
@@ -63,7 +64,7 @@ Item = TypeVar("Item", str, File)
 
 def calibrate(
     recordings: Source | Sequence[Source], method: str = "", terms: Names = (), more: Names = (),
-    states: str = "51", grade: str = "", tell: Tell = silent, without: Names = (),
+    states: str = "51", grade: str = "", progress: Progress = no_progress, without: Names = (),
 ) -> Calibration:  # fmt: skip
     """The calibration of a unit or a mount from one recording or several, folders or what `read` returns.
 
@@ -72,37 +73,38 @@ def calibrate(
     command does; of several sensors logged side by side the first is returned.
     """
     calibration, _ = methods.calibrate(
-        _listed(recordings), method, _each(terms), tell, _each(more), states, grade, _each(without)
+        _listed(recordings), method, _each(terms), progress, _each(more), states, grade, _each(without)
     )
     return _printing(calibration)
 
 
 def diagnose(
     recordings: Source | Sequence[Source], calibration: Calibration | None = None, baseline: Names = (),
-    seed: int = 1, grade: str = "", tell: Tell = silent,
+    seed: int = 1, grade: str = "", progress: Progress = no_progress,
 ) -> Diagnosis:  # fmt: skip
     """Return what the model of one recording, or of several of one unit, misses, as `gimbalcal diagnose` says it."""
     from gimbalcal.report.console import diagnosis_in_words
 
-    result = run_diagnosis(load(_listed(recordings), tell), calibration, _each(baseline), seed, tell, grade)
+    result = run_diagnosis(load(_listed(recordings), progress), calibration, _each(baseline), seed, progress, grade)
     refit = result.calibration and _printing(result.calibration)
     return replace(result, printer=diagnosis_in_words, calibration=refit)
 
 
-def noise(recording: Source, tell: Tell = silent) -> RestNoise:
+def noise(recording: Source, progress: Progress = no_progress) -> RestNoise:
     """Return white noise, bias instability and random walk of every sensor of a recording from its dwells.
 
     As `gimbalcal noise`. Raises InputError where nothing is at rest.
     """
     r = recording if isinstance(recording, Recording) else read(recording)
     for remark in r.remarks:
-        tell(f"note: {remark}")
+        progress(f"note: {remark}")
     return rest_noise(r)
 
 
 def navigate(
     recording: Source, calibrations: Mapping[str, Calibration] | Calibration | File | Sequence[File] = (),
-    damping: float | None = None, alignment_min: float = 10.0, samples: int = 50, seed: int = 1, tell: Tell = silent,
+    damping: float | None = None, alignment_min: float = 10.0, samples: int = 50, seed: int = 1,
+    progress: Progress = no_progress,
 ) -> NavigationSummary:  # fmt: skip
     """Navigate a recording without a calibration and with each, as `gimbalcal navigate`.
 
@@ -110,7 +112,7 @@ def navigate(
     several by name, or files. damping: of Schuler's oscillation by the velocity reference, of critical, None for the
     default of the mechanisation. samples: draws behind the sampled bands. Raises InputError for other recordings.
     """
-    (run,) = load([recording], tell)
+    (run,) = load([recording], progress)
     given, files = calibrations, list[Path]()
     if isinstance(given, Calibration):
         given = {"calibration": given}
@@ -118,7 +120,7 @@ def navigate(
         files = [Path(file) for file in _each(given)]
         given = {name: read_calibration(file) for name, file in zip(labels(files), files, strict=True)}
     aids = usual(run, damping, 60 * alignment_min)
-    runs = before_and_after(run, list(given.items()), aids, samples, seed, tell)
+    runs = before_and_after(run, list(given.items()), aids, samples, seed, progress)
     named = (NamedCalibration(name, str(file)) for name, file in zip(given, files, strict=False))
     return summary(runs, aids, NavigationInputs(run.source, tuple(named), samples, seed), run.title)
 
@@ -144,7 +146,7 @@ def observe(
 def next_step(
     recordings: Source | Sequence[Source], more: Names = (), separate: Names = (),
     reach: File | Schedule | RotationSchedule = "", step: float = 45.0, most: int = 5, grade: str | Fleet = "",
-    tell: Tell = silent, states: str = "",
+    progress: Progress = no_progress, states: str = "",
 ) -> NextPlan:  # fmt: skip
     """Return what to record next, so that the largest unknown shrinks most in its time, as `gimbalcal next`.
 
@@ -153,7 +155,7 @@ def next_step(
     schedule, its name or its file, whose sigmas are to be reached; step [deg] of the angles of a rig; most: how many
     steps are named; grade: as `--grade`; states: as `--states`, of turns. Raises InputError for other recordings.
     """
-    loaded = load(_listed(recordings), tell)
+    loaded = load(_listed(recordings), progress)
     name, fleet = grade_and_fleet(grade)
     known = None if fleet is None else fleet.without(loaded).distributions
     prior = None if known is None else {label: d.sigma for label, d in known.items()}
@@ -161,7 +163,7 @@ def next_step(
         if name:
             raise InputError(f"--grade {name}: that of a unit that is turned is taken from its noise; leave it out")
         turns = reach if isinstance(reach, RotationSchedule) else read_rotation(cast(File, reach)) if reach else None
-        return plan_next_turn(loaded, states or "51", _each(more), _each(separate), turns, most, prior, tell)
+        return plan_next_turn(loaded, states or "51", _each(more), _each(separate), turns, most, prior, progress)
     if states:
         raise InputError(f"--states {states} goes with rotation recordings; leave it out")
     goal = reach if isinstance(reach, Schedule) else read_schedule(cast(File, reach)) if reach else None

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from gimbalcal.errors import InputError, alternatives
+from gimbalcal.progress import Progress, no_progress
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
@@ -22,7 +23,7 @@ class Request:
     """Recordings of one sensor to calibrate, and the options of the user, empty where nothing is said.
 
     terms: ids of effects to estimate; more: effects to add, as `estimate.extra_effects` reads them; without: terms to
-    omit; states: those of a navigator; grade: that of the unit; tell: where progress goes.
+    omit; states: those of a navigator; grade: that of the unit; progress: where progress goes.
     """
 
     recordings: tuple[Recording, ...]
@@ -31,7 +32,7 @@ class Request:
     without: tuple[str, ...] = ()
     states: str = ALL_STATES
     grade: str = ""
-    tell: Callable[[str], None] = lambda _: None
+    progress: Progress = no_progress
 
 
 @dataclass(frozen=True)

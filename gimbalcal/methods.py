@@ -20,7 +20,8 @@ from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.sharing import CrossCheck, cross_check
 from gimbalcal.history.fleet import Fleet, grade_and_fleet, rests_on_fleet, with_fleet
 from gimbalcal.method_table import METHODS, Request
-from gimbalcal.pipeline import Source, Tell, load, silent
+from gimbalcal.pipeline import Source, load
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording, when_recorded
 from gimbalcal.unusual_constants import with_question, with_reversed_angle
 
@@ -47,7 +48,7 @@ def usual_method(recordings: Sequence[Recording]) -> str:
 
 
 def calibrate(
-    recordings: Sequence[Source], method: str = "", terms: Sequence[str] = (), tell: Tell = silent,
+    recordings: Sequence[Source], method: str = "", terms: Sequence[str] = (), progress: Progress = no_progress,
     more: Sequence[str] = (), states: str = "51", grade: str | Fleet = "", without: Sequence[str] = (),
 ) -> tuple[Calibration, tuple[Recording, ...]]:  # fmt: skip
     """Calibrate recordings, or folders of them, by `method`, else by their preferred one (`usual_method`).
@@ -61,14 +62,14 @@ def calibrate(
     prior of the parameters. Returns the calibration with its provenance, and the recordings; of several sensors side
     by side those of the first. Raises InputError for what it cannot take.
     """
-    return calibrate_each(recordings, method, terms, tell, more, states, grade, without)[0]
+    return calibrate_each(recordings, method, terms, progress, more, states, grade, without)[0]
 
 
 def calibrate_each(
     recordings: Sequence[Source],
     method: str = "",
     terms: Sequence[str] = (),
-    tell: Tell = silent,
+    progress: Progress = no_progress,
     more: Sequence[str] = (),
     states: str = "51",
     grade: str | Fleet = "",
@@ -76,20 +77,22 @@ def calibrate_each(
 ) -> tuple[tuple[Calibration, tuple[Recording, ...]], ...]:
     """Calibrate each of several sensors that were logged side by side, and compare them with the first at rest."""
     grade, known = grade_and_fleet(grade)
-    groups = by_sensor(load(recordings, tell))
+    groups = by_sensor(load(recordings, progress))
     if not method:
         method = usual_method(groups[0])
         stars = method == "pointing"
-        tell("method: the terms of the mount, by least squares" if stars else f"method: {method} (another: --method)")
+        progress(
+            "method: the terms of the mount, by least squares" if stars else f"method: {method} (another: --method)"
+        )
     results = []
     for group in groups:
         if len(groups) > 1:
-            tell(f"calibrating {group[0].title}")
-        request = Request(group, tuple(terms), tuple(more), tuple(without), states, grade, tell)
+            progress(f"calibrating {group[0].title}")
+        request = Request(group, tuple(terms), tuple(more), tuple(without), states, grade, progress)
         results.append((_calibrated(method, request, known), group))
     if len(results) == 1:
         return tuple(results)
-    checks = cross_checks(results, tell)
+    checks = cross_checks(results, progress)
     words = tuple(check.in_words for check in checks)
     off = [check.in_words for check in checks if not check.agree]
     return tuple(
@@ -105,16 +108,18 @@ def calibrate_each(
     )
 
 
-def cross_checks(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], tell: Tell = silent) -> list[CrossCheck]:
+def cross_checks(
+    each: Sequence[tuple[Calibration, tuple[Recording, ...]]], progress: Progress = no_progress
+) -> list[CrossCheck]:
     """Compare every triad with the first in the rests of the first recording, where that is possible."""
     checks = []
     (a, (r, *_)) = each[0]
     for b, (s, *_) in each[1:]:
         try:
             checks.append(cross_check((r, a), (s, b), (r.sensor, s.sensor)))
-            tell(checks[-1].in_words)
+            progress(checks[-1].in_words)
         except InputError as problem:
-            tell(f"note: no cross-check: {problem}")
+            progress(f"note: no cross-check: {problem}")
     return checks
 
 
@@ -125,13 +130,13 @@ def _calibrated(method: str, request: Request, known: Fleet | None) -> Calibrati
         raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
 
     def again(changed: Sequence[Recording]) -> Calibration:
-        return METHODS[method].estimate(replace(request, recordings=tuple(changed), tell=silent))
+        return METHODS[method].estimate(replace(request, recordings=tuple(changed), progress=no_progress))
 
     calibration = METHODS[method].estimate(request)
     options = calibration.provenance.options
     sessions = [f"{session.title}: {session.in_words}" for session in options.sessions or ()]
     for words in (*sessions, *filter(None, [options.in_words]), *(f"note: {w}" for w in _left_out(options))):
-        request.tell(words)
+        request.progress(words)
     calibration = with_reversed_angle(with_gravity(calibration, recordings), recordings, again)
     if all(r.kind.inertial for r in recordings):
         calibration = with_question(calibration, recordings, graded(recordings, request.grade), again)
@@ -139,7 +144,7 @@ def _calibrated(method: str, request: Request, known: Fleet | None) -> Calibrati
         calibration = with_fleet(calibration, known, recordings)
         origin = calibration.provenance.options.grade
         none = f"note: {known.source} is the prior of no parameter of this unit"
-        request.tell(f"prior: {origin.from_}" if origin and rests_on_fleet(calibration) else none)
+        request.progress(f"prior: {origin.from_}" if origin and rests_on_fleet(calibration) else none)
     calibration = replace(calibration, provenance=provenance(request, calibration))
     refuse_not_finite(calibration.to_dict(), " and ".join(repr(r.title) for r in recordings))
     return calibration

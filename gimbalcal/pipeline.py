@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,22 +30,18 @@ from gimbalcal.estimate.static_run.system import (
     static_view_with,
 )
 from gimbalcal.method_table import Request
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording, completed, dwells, read
 from gimbalcal.recording.header import read_header
 from gimbalcal.recording.record import RATE
 
-Tell = Callable[[str], None]
 Source = str | Path | Recording  # a folder, or what was read from one or made from arrays
 FEWEST_POSITIONS = 6
 MOST_ROWS = 10_000_000  # of a recording of positions, 1.3 GB; of more, rests are read as means
 STATIC_BLOCK = 60.0  # s; a static run is read as minute means: no effect of the catalogue lives below 3 min
 
 
-def silent(_: str) -> None:
-    """Report no progress."""
-
-
-def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, ...]:
+def load(recordings: Sequence[Source], progress: Progress = no_progress) -> tuple[Recording, ...]:
     """Read recordings from their folders, or take them as they are, and refuse those that cannot be what they say.
 
     A static run that is read comes as minute means, and rests of more than `MOST_ROWS` rows of positions as means. A
@@ -56,13 +52,13 @@ def load(recordings: Sequence[Source], tell: Tell = silent) -> tuple[Recording, 
         if isinstance(each, Recording):
             recording = completed(each)
         else:
-            tell(f"reading {Path(each).name}")
+            progress(f"reading {Path(each).name}")
             static_run = read_header(Path(each)).kind.stabilised
             recording = read(Path(each), average_s=STATIC_BLOCK if static_run else None, most=MOST_ROWS)
         unchecked = [remark for sensor in recording.sensors for remark in refuse_implausible(sensor)]
         recording = replace(recording, remarks=(*recording.remarks, *unchecked))
         for remark in recording.remarks:
-            tell(f"note: {remark}")
+            progress(f"note: {remark}")
         loaded.append(recording)
     return tuple(loaded)
 
@@ -72,7 +68,7 @@ def calibrate_in_three_stages(request: Request) -> Calibration:
     recordings = request.recordings
     fitted = tuple(i for r in sorted(recordings, key=lambda r: r.kind.in_positions) for i in r.kind.baseline)
     extra = extra_effects(request.more, recordings, fitted)
-    calibration = three_stage(recordings, request.tell, extra, request.grade)
+    calibration = three_stage(recordings, request.progress, extra, request.grade)
     if not any(r.has(RATE) for r in recordings):
         return calibration
     why = (
@@ -83,7 +79,7 @@ def calibrate_in_three_stages(request: Request) -> Calibration:
 
 
 def three_stage(
-    recordings: Sequence[Recording], tell: Tell = silent, more: Sequence[ExtraEffect] = (), grade: str = ""
+    recordings: Sequence[Recording], progress: Progress = no_progress, more: Sequence[ExtraEffect] = (), grade: str = ""
 ) -> Calibration:
     """Calibrate the accelerometers of a space-stable platform from a multi-position recording, a static run, or both.
 
@@ -97,16 +93,16 @@ def three_stage(
     """
     recordings = [completed(r) for r in recordings]
     unit = graded(recordings, grade)
-    tell(unit.in_words)
-    calibration = _three_stages(unit.of(recordings), tell, more)
+    progress(unit.in_words)
+    calibration = _three_stages(unit.of(recordings), progress, more)
     return replace(calibration, provenance=calibration.provenance.with_options(grade=unit.origin))
 
 
-def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[ExtraEffect]) -> Calibration:
+def _three_stages(recordings: Sequence[Recording], progress: Progress, more: Sequence[ExtraEffect]) -> Calibration:
     device, run = _one_of_each(recordings)
     at_rest = static_readings(run) if run is not None else None
     if device is None and at_rest is not None:
-        tell("system level: static run alone")
+        progress("system level: static run alone")
         wanted = static_parameters(at_rest)
         extra = fit([static_view_with(at_rest, more)], wanted).extension(more) if more else NO_EXTENSION
         return extra.complete(static(at_rest, extra.effects, (*wanted, *extra.parameters)))
@@ -115,11 +111,11 @@ def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[Ex
 
     _refuse_too_little(device)
     positions = trusted_positions(device)
-    tell("stage 1: coarse, from faces and tilted positions")
+    progress("stage 1: coarse, from faces and tilted positions")
     first = coarse(positions)
-    tell("stage 2: fine, from the norm of the force at every position")
+    progress("stage 2: fine, from the norm of the force at every position")
     second = fine(positions, first)
-    tell("stage 2: all 18 coefficients jointly, with the setting error of each position")
+    progress("stage 2: all 18 coefficients jointly, with the setting error of each position")
     extra = NO_EXTENSION
     if more:
         views, wanted = [view_of_every_row(device, positions, more)], positions.fit.parameters
@@ -134,7 +130,7 @@ def _three_stages(recordings: Sequence[Recording], tell: Tell, more: Sequence[Ex
     if at_rest is None:
         return extra.complete(replace(both, method="three-stage", stages=stages))
 
-    tell("stage 3: system level, force, gimbals and attitude error of the static run")
+    progress("stage 3: system level, force, gimbals and attitude error of the static run")
     wanted = (*static_parameters(at_rest), *extra.shown(at_rest.recording.why_not_shown).parameters)
     absent = tuple(e for e in extra.effects if e.id not in {o.id for o in both.effects})
     both = replace(both, effects=(*both.effects, *absent))

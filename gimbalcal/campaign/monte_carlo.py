@@ -14,11 +14,11 @@ from gimbalcal.campaign.campaign_folder import CampaignFolder, CampaignSummary, 
 from gimbalcal.campaign.task import Task, compute, task
 from gimbalcal.campaign.workers import RESUMABLE, TimeLeft, computed, connect, number_of_workers
 from gimbalcal.errors import InputError, amount
+from gimbalcal.progress import Progress, no_progress
 
 if TYPE_CHECKING:
     import polars as pl
 
-Tell = Callable[[str], None]
 Page = Callable[[CampaignSummary], str]
 
 
@@ -28,7 +28,7 @@ def run_campaign(
     out: Path,
     workers: int | None = None,
     scheduler: str = "",
-    progress: Tell = lambda _: None,
+    progress: Progress = no_progress,
     method: str = "three-stage",
     seed: int | None = None,
     page: Page | None = None,
@@ -54,7 +54,7 @@ def run_campaign(
 
 
 def _run(
-    what: Task, store: CampaignFolder, n: int, workers: int, client: Any, progress: Tell, page: Page | None
+    what: Task, store: CampaignFolder, n: int, workers: int, client: Any, progress: Progress, page: Page | None
 ) -> CampaignSummary:
     todo = store.open()
     done = n - sum(len(share) for share in todo)

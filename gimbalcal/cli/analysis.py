@@ -111,7 +111,7 @@ def calibrate(
     from gimbalcal.words.naming import capitalised
 
     target = output.folder(recordings, "calibration", ("calibration.json", "report.html"))
-    each = calibrate_each(recordings, method or "", terms, output.tell, more, states, grade, without)
+    each = calibrate_each(recordings, method or "", terms, output.progress, more, states, grade, without)
     if target is not None:
         own = sensor_folders([loaded for _, loaded in each])
         write_calibrations([(*one, at) for one, at in zip(each, own, strict=True)], target.folder, target.question)
@@ -154,8 +154,10 @@ def diagnose(
     files = ("diagnosis.json", "calibration.json", "law.py", "report.html")
     target = output.folder(recordings, "diagnosis", files)
     start = read_calibration(known) if known else None
-    tell, groups = output.tell, by_sensor(load(recordings, output.tell))
-    diagnoses = [run(each, calibration=start, baseline=baseline, seed=seed, tell=tell, grade=grade) for each in groups]
+    progress, groups = output.progress, by_sensor(load(recordings, output.progress))
+    diagnoses = [
+        run(each, calibration=start, baseline=baseline, seed=seed, progress=progress, grade=grade) for each in groups
+    ]
     if target is not None:
         own = sensor_folders(groups)
         titles = [" and ".join(dict.fromkeys(r.title for r in loaded)) for loaded in groups]
@@ -171,7 +173,7 @@ def diagnose(
         content["beside"] = {group[0].sensor: d.to_dict() for group, d in zip(groups[1:], diagnoses[1:], strict=True)}
         sentences = [f"{group[0].title}: {headline_and_numbers(d)}" for group, d in zip(groups, diagnoses, strict=True)]
         refits = [(d.calibration, group) for d, group in zip(diagnoses, groups, strict=True) if d.calibration]
-        checks = cross_checks(refits, tell) if len(refits) == len(diagnoses) else []
+        checks = cross_checks(refits, progress) if len(refits) == len(diagnoses) else []
         content["cross_check"] = [check.in_words for check in checks]
         sentences += [f"{capitalised(check.in_words)}." for check in checks]
     if any(d.findings for d in diagnoses):
@@ -191,10 +193,10 @@ def noise(recording: Path, output: Output) -> None:
     from gimbalcal.report.noise_page import noise_report
 
     target = output.folder([recording], "noise", ("noise.json", "report.html"))
-    output.tell(f"reading {recording.name}")
+    output.progress(f"reading {recording.name}")
     r = read(recording)
     for remark in r.remarks:
-        output.tell(f"note: {remark}")
+        output.progress(f"note: {remark}")
     result = rest_noise(r)
     output.deliver(target, "noise.json", result.to_dict(), lambda: noise_report(result, r.title), str(result))
 
@@ -233,7 +235,7 @@ def navigate(
 
     folder, files = _one_recording(recording, known)
     target = output.folder([folder], "navigation", ("navigation.json", "report.html"))
-    result = run(folder, files, damping, alignment, samples, seed, output.tell)
+    result = run(folder, files, damping, alignment, samples, seed, output.progress)
     output.deliver(target, "navigation.json", result.to_dict(), partial(navigation_report, result), str(result))
 
 
@@ -322,11 +324,11 @@ def batch(
     try:
         summary = run_batch(
             patterns, store, target.folder if target else None, workers=workers, scheduler=scheduler,
-            method=method or "", more=more, grade=grade, seed=seed, unit_name=unit_name, tell=output.tell,
+            method=method or "", more=more, grade=grade, seed=seed, unit_name=unit_name, progress=output.progress,
             page=lambda result, known: marked(fleet_report(result, known), question),
         )  # fmt: skip
     except KeyboardInterrupt:
-        output.tell(f"finished recordings are kept in {store}; the same command continues from there")
+        output.progress(f"finished recordings are kept in {store}; the same command continues from there")
         raise
     if target:
         output.wrote(target.folder, "fleet.json")

@@ -45,7 +45,7 @@ def apply(recording: Path, known: Path, inverse: bool, output: Output) -> None:
     with output.staged(folder) as new:
         write(corrected, new, samples)
     for remark in corrected.remarks[len(original.remarks) :]:
-        output.tell(f"note: {remark}")
+        output.progress(f"note: {remark}")
     direction = "physics to readings" if inverse else "readings to physics"
     done = "as the calibrated unit would read it" if inverse else "corrected"
     result = {"rows": len(corrected.time), "folder": str(folder), "direction": direction,
@@ -81,7 +81,7 @@ def export(kind: str, known: Path, output: Output) -> None:
     with output.staged(path.parent) as new:
         lost = run(calibration, kind, new / path.name)
     for words in lost:
-        output.tell(f"note: {words}")
+        output.progress(f"note: {words}")
     result = {"file": str(path), "direction": form.direction, "lost": list(lost)}
     does = "corrects readings" if form.direction == TO_PHYSICS else "gives what a unit reads for true quantities"
     output.show(result, f"wrote {path}, which {does}")
@@ -125,10 +125,10 @@ def import_(kind: str, files: tuple[Path, ...], settings: tuple[str, ...], outpu
     folder = output.out or Path(files[0].stem)
     if (folder / SAMPLES).resolve() in [file.resolve() for file in files]:
         raise InputError(f"{folder / SAMPLES} is to be read and would be written over; give another --out")
-    output.tell(f"importing {amount(len(files), 'file')} as {kind}")
+    output.progress(f"importing {amount(len(files), 'file')} as {kind}")
     recording = import_files(kind, files, options)
     for remark in recording.remarks:
-        output.tell(remark)
+        output.progress(remark)
     with output.staged(folder) as new:
         write(recording, new, SAMPLES)
     summary = {"kind": recording.kind, "rows": len(recording.time), "folder": str(folder)}
@@ -190,7 +190,7 @@ def new(
     from gimbalcal.recording.dwell import visited_positions
     from gimbalcal.report.new_page import clocked, commented, proposal_page
 
-    output.tell(f"reading {amount(len(logs), 'log')}")
+    output.progress(f"reading {amount(len(logs), 'log')}")
     proposal = propose(logs, title, rate or 0.0, latitude, height, longitude, pairs("--unit QUANTITY=UNIT", units))
     r, folder = proposal.recording, output.out or Path(logs[0].stem)
     page = "stars.html" if r.kind.sighting else "rests.html"
@@ -200,13 +200,13 @@ def new(
         write_text(header, commented(header.read_text(encoding="utf-8"), proposal))
         write_text(staged / page, proposal_page(proposal))
     for name, g in proposal.guesses.items():
-        output.tell(f"{name.strip()}: {g.in_words}, by {g.why}")
+        output.progress(f"{name.strip()}: {g.in_words}, by {g.why}")
     for what, note in proposal.notes.items():
-        output.tell(f"{what}: {note}")
+        output.progress(f"{what}: {note}")
     if proposal.left_out:
-        output.tell(f"left out: {', '.join(name.strip() for name in proposal.left_out)}")
+        output.progress(f"left out: {', '.join(name.strip() for name in proposal.left_out)}")
     for remark in r.remarks:
-        output.tell(f"note: {remark}")
+        output.progress(f"note: {remark}")
     stars, turned = r.kind.sighting, r.kind.rotating
     intervals = 0 if stars or turned else len(dwells(r))
     size = amount(len(r.time), "star") if stars else f"{amount(intervals, 'rest')} and {amount(len(r.time), 'row')}"

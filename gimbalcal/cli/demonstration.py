@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,12 +12,11 @@ import gimbalcal
 from gimbalcal.cli.options import example
 from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.entries import Json
+from gimbalcal.progress import Progress
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
     from gimbalcal.diagnose import Diagnosis
-
-Tell = Callable[[str], None]
 
 
 def shipped() -> Path:
@@ -27,7 +25,7 @@ def shipped() -> Path:
     return inside if inside.exists() else Path(gimbalcal.__file__).parent.parent / "data"
 
 
-def demonstrate(out: Path, tell: Tell) -> tuple[Json, str]:
+def demonstrate(out: Path, progress: Progress) -> tuple[Json, str]:
     """Calibrate and diagnose the package's recordings, a folder each under `out`; return a summary and its sentence."""
     from gimbalcal.atomic import folder
     from gimbalcal.words.calibration_sentences import calibration_in_words
@@ -35,12 +33,12 @@ def demonstrate(out: Path, tell: Tell) -> tuple[Json, str]:
 
     data = shipped()
     with folder(out) as new:  # all three are of one run
-        tell("three stages: 18 positions and a static run of a space-stable platform (simulated, truth known)")
-        platform = _calibrate([data / "space_stable_18", data / "space_stable_static"], "three-stage", new, tell)
-        tell("a real recording: an Xsens unit turned by hand, no angles")
-        xsens = _calibrate([data / "xsens_positions"], "multiposition", new / "xsens", tell)
-        tell("diagnosis: 18 positions in which an effect is concealed")
-        diagnosis = _diagnose(data / "space_stable_concealed", new / "diagnosis", tell)
+        progress("three stages: 18 positions and a static run of a space-stable platform (simulated, truth known)")
+        platform = _calibrate([data / "space_stable_18", data / "space_stable_static"], "three-stage", new, progress)
+        progress("a real recording: an Xsens unit turned by hand, no angles")
+        xsens = _calibrate([data / "xsens_positions"], "multiposition", new / "xsens", progress)
+        progress("diagnosis: 18 positions in which an effect is concealed")
+        diagnosis = _diagnose(data / "space_stable_concealed", new / "diagnosis", progress)
     summary = {"space_stable": platform.to_dict(), "xsens": xsens.to_dict(), "diagnosis": diagnosis.to_dict()}
     sentence = "\n".join([
         f"space-stable platform: {calibration_in_words(platform)}",
@@ -51,11 +49,11 @@ def demonstrate(out: Path, tell: Tell) -> tuple[Json, str]:
     return summary, sentence
 
 
-def _calibrate(folders: list[Path], method: str, out: Path, tell: Tell) -> Calibration:
+def _calibrate(folders: list[Path], method: str, out: Path, progress: Progress) -> Calibration:
     from gimbalcal.methods import calibrate
     from gimbalcal.report.files import write_calibration
 
-    calibration, recordings = calibrate(folders, method, (), tell)
+    calibration, recordings = calibrate(folders, method, (), progress)
     write_calibration(calibration, recordings, out, _truth(folders))
     return calibration
 
@@ -72,13 +70,13 @@ def _truth(folders: list[Path]) -> dict[str, float] | None:
     return truth or None
 
 
-def _diagnose(folder: Path, out: Path, tell: Tell) -> Diagnosis:
+def _diagnose(folder: Path, out: Path, progress: Progress) -> Diagnosis:
     from gimbalcal.diagnose import diagnose
     from gimbalcal.pipeline import load
     from gimbalcal.report.files import write_diagnosis
 
-    recordings = load([folder], tell)
-    diagnosis = diagnose(recordings, tell=tell)
+    recordings = load([folder], progress)
+    diagnosis = diagnose(recordings, progress=progress)
     write_diagnosis(diagnosis, out, recordings[0].title)
     return diagnosis
 
@@ -87,5 +85,5 @@ def _diagnose(folder: Path, out: Path, tell: Tell) -> Diagnosis:
 @output_options("the reports", "out/demo", replaces=False)
 def demo(output: Output) -> None:
     """Calibrate and diagnose the recordings that ship with the package."""
-    summary, sentence = demonstrate(output.out or Path("out/demo"), output.tell)
+    summary, sentence = demonstrate(output.out or Path("out/demo"), output.progress)
     output.show(summary, sentence)

@@ -17,6 +17,7 @@ from click.shell_completion import CompletionItem
 
 from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError, shortened
+from gimbalcal.progress import Progress
 
 F = TypeVar("F", bound=Callable[..., Any])
 OWN_EFFECTS = "gimbalcal.effects"  # under which a run's context has the files of --effects
@@ -103,11 +104,11 @@ def pairs(usage: str, settings: Sequence[str]) -> dict[str, str]:
     return {name.strip(): value for name, _, value in split}
 
 
-def progress(quiet: bool) -> Callable[[str], None]:
+def progress_on_stderr(quiet: bool) -> Progress:
     """Return a function that prints progress on stderr; during long work it reports regularly that it continues."""
     doing = ["starting", time.monotonic()]
 
-    def tell(sentence: str) -> None:
+    def show(sentence: str) -> None:
         again = sentence == doing[0]  # the same work once more is no news
         doing[:] = [sentence, time.monotonic()]
         if not (quiet or again):
@@ -118,7 +119,7 @@ def progress(quiet: bool) -> Callable[[str], None]:
         done = threading.Event()
         context.call_on_close(done.set)
         threading.Thread(target=_go_on, args=(doing, done), daemon=True).start()
-    return tell
+    return show
 
 
 def _as_printed(sentence: str) -> str:

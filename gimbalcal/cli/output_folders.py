@@ -24,9 +24,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gimbalcal import atomic
-from gimbalcal.cli.options import OWN_EFFECTS, FilePath, progress
+from gimbalcal.cli.options import OWN_EFFECTS, FilePath, progress_on_stderr
 from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError
+from gimbalcal.progress import Progress
 
 if TYPE_CHECKING:
     from gimbalcal.recording import Recording
@@ -59,9 +60,9 @@ class Output:
     as_json: bool
 
     @cached_property
-    def tell(self) -> Callable[[str], None]:
+    def progress(self) -> Progress:
         """Return the function that prints progress on stderr."""
-        return progress(self.quiet)
+        return progress_on_stderr(self.quiet)
 
     def folder(self, names: Sequence[str | Path], noun: str, files: Sequence[str]) -> OutputFolder | None:
         """Return the folder for a command's `files`: --out, or NAME-`noun` in the current folder after its inputs.
@@ -103,14 +104,14 @@ class Output:
 
     def wrote(self, folder: Path, first: str) -> None:
         """Report the files that were written."""
-        self.tell(f"wrote {folder / first} and {folder / PAGE}")
+        self.progress(f"wrote {folder / first} and {folder / PAGE}")
 
     def show(self, result: Any, sentence: str, folder: OutputFolder | None = None) -> None:
         """Print the answer on stdout: the sentence and the path of its page, or the result as JSON."""
         lines = [sentence, *([] if folder is None else [f"report: {folder.page}"])]
         if self.as_json:
             say(atomic.as_json(result))
-            self.tell("\n  ".join(lines))
+            self.progress("\n  ".join(lines))
         else:
             say("\n".join(lines))
 

@@ -170,10 +170,10 @@ def design(
         from gimbalcal.schedule.file import rotation_toml
 
         _only(criterion, ("max", "sum"), kind)
-        output.tell(f"looking at {amount(tries, 'sequence')} of turns")
+        output.progress(f"looking at {amount(tries, 'sequence')} of turns")
         turns = design_turning(
             table_of(step, limit, rate, ramp, total), latitude, states, against, criterion or "max",
-            (rate_noise, force_noise, velocity_sigma), tries, seed, output.tell,
+            (rate_noise, force_noise, velocity_sigma), tries, seed, output.progress,
         )  # fmt: skip
         plan, text, table = turns, rotation_toml(turns.schedule), groups_table(turns)
     else:
@@ -240,7 +240,7 @@ def next_(
     from gimbalcal.report.plan_page import next_report
 
     target = output.folder(recordings, "next", ("next.json", "report.html"))
-    plan = next_step(recordings, more, separate, reach, step, most, grade, output.tell, states)
+    plan = next_step(recordings, more, separate, reach, step, most, grade, output.progress, states)
     title = recordings[-1].resolve().name
     output.deliver(target, "next.json", plan.to_dict(), partial(next_report, plan, title), str(plan))
 
@@ -289,7 +289,7 @@ def simulate(scenario: Path, seed: int | None, output: Output) -> None:
 
     folder = output.out or Path(scenario.stem)
     with output.staged(folder) as new:
-        truth = simulate_to(scenario, new, seed, output.tell)
+        truth = simulate_to(scenario, new, seed, output.progress)
     output.show(truth, f"wrote a recording and its truth into {folder}")
 
 
@@ -320,11 +320,11 @@ def campaign(
         raise InputError("the current folder cannot be written, where the runs of a campaign are kept; give --out")
     try:
         summary = run_campaign(
-            scenario, runs, target.folder, workers, scheduler, output.tell, method, seed,
+            scenario, runs, target.folder, workers, scheduler, output.progress, method, seed,
             lambda result: marked(campaign_report(result), target.question), output.overwrite,
         )  # fmt: skip
     except KeyboardInterrupt:
-        output.tell(f"finished runs are kept in {target.folder}; the same command continues from there")
+        output.progress(f"finished runs are kept in {target.folder}; the same command continues from there")
         raise
     output.wrote(target.folder, "campaign.json")
     output.show(summary.to_dict(), campaign_answer(summary), target)

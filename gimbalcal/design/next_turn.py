@@ -9,7 +9,7 @@ counts is as in `next_step`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -24,6 +24,7 @@ from gimbalcal.estimate.systematic.filter_pass import data_information
 from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
 from gimbalcal.estimate.systematic.state_lists import states
 from gimbalcal.number import Array
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
 from gimbalcal.rotation import exponential
@@ -41,7 +42,7 @@ HORIZONTAL = ("north", "east")
 def next_turn(
     recordings: Sequence[Recording], state_list: str = "51", more: Sequence[str] = (), separate: Sequence[str] = (),
     reach: RotationSchedule | None = None, most: int = 5, prior: Mapping[str, float] | None = None,
-    tell: Callable[[str], None] = lambda _: None,
+    progress: Progress = no_progress,
 ) -> NextPlan:  # fmt: skip
     """Return which turn to record next, of recordings of a unit that was turned in its place.
 
@@ -54,7 +55,7 @@ def next_turn(
     wished = [*more, *(w for s in separate if (w := s.partition(":")[0]) not in {*listed, *more})]
     also = extra_effects(wished, recordings, tuple(listed))
     base = tuple(a.absent((), dict(a.stated)) for a in also)
-    fits = [iterate(segment(r), states(state_list, r.why_not_shown, also), base, tell) for r in recordings]
+    fits = [iterate(segment(r), states(state_list, r.why_not_shown, also), base, progress) for r in recordings]
     for m in fits:
         if not m.converged:
             raise InputError(

@@ -15,7 +15,7 @@ simulated annealing: turns are changed, exchanged, inserted and removed, and the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from gimbalcal.design.turning import StretchModel, TurningExperiment, bound, tur
 from gimbalcal.entries import Entry, Json, plain
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.rotation import exponential
 from gimbalcal.schedule import ROTATIONS, Move, RotationSchedule
 from gimbalcal.schedule.commands import direction, standing
@@ -160,7 +161,7 @@ def allowed(table: TwoAxisTable, tour: Tour) -> bool:
 
 def anneal(
     search: TurningSearch, first: Sequence[Tour], reference: Array, criterion: str, tries: int, seed: int,
-    tell: Callable[[str], None] = lambda _: None,
+    progress: Progress = no_progress,
 ) -> tuple[Tour, float]:  # fmt: skip
     """Return the best tour of a search from `first`, and its objective; reference (g,) in prior sigmas, as `groups`."""
     rng = np.random.default_rng(seed)
@@ -185,7 +186,7 @@ def anneal(
         if candidate < value_best:
             value_best, best = candidate, tour
         if k % 500 == 499:
-            tell(f"{k + 1} of {tries} candidates: {value_best:.4g} with {len(best.turns)} turns")
+            progress(f"{k + 1} of {tries} candidates: {value_best:.4g} with {len(best.turns)} turns")
             value_now, current = value_best, best
     return best, value_best
 
@@ -272,7 +273,7 @@ def design_turning(
     noise: tuple[float, float, float] = (0.002, 5.0, 1e-5),
     tries: int = 4000,
     seed: int = 1,
-    tell: Callable[[str], None] = lambda _: None,
+    progress: Progress = no_progress,
 ) -> TurnsDesign:
     """Return the schedule of turns with the smallest sigmas of the states `state_list` at `latitude` [deg].
 
@@ -294,7 +295,7 @@ def design_turning(
     first = [tour for tour in known if tour is not None and allowed(table, tour) and search.stop(tour) > 0]
     if not first:
         raise InputError(f"--total {table.total:g} s is too short for a schedule of turns at this rate; give it more")
-    tour, _ = anneal(search, first, reference, criterion, tries, seed, tell)
+    tour, _ = anneal(search, first, reference, criterion, tries, seed, progress)
     schedule = search.schedule(tour)
     sigma, groups = _largest(search, search.experiment.sigma(schedule)), []
     for (name, members), mine, ref in zip(search.groups.items(), sigma, reference, strict=True):

@@ -24,8 +24,8 @@ from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError
 from gimbalcal.navigate.stationary_base import ROW, still_base, still_unit
 from gimbalcal.navigate.uncertainty import navigated, uncertain, usual
-from gimbalcal.pipeline import Tell, silent
 from gimbalcal.platform import SPACE_STABLE
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FOLLOWED
 from gimbalcal.schedule.commands import standing
@@ -47,7 +47,7 @@ class _Unit:
     measured: bool  # whether the base is a recording of its own, or made up
 
 
-def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent) -> Diagnosis:
+def with_cost(recordings: Sequence[Recording], d: Diagnosis, progress: Progress = no_progress) -> Diagnosis:
     """The diagnosis with `cost` in each finding, where it can be computed: {hours, with_nmi, without_nmi, in_words}.
 
     Largest errors of position, in n miles; where the run is one of the recordings, `uncalibrated_nmi` beside them, that
@@ -57,7 +57,7 @@ def with_cost(recordings: Sequence[Recording], d: Diagnosis, tell: Tell = silent
     if unit is None:
         return d
     try:
-        tell("navigating with and without what was found")
+        progress("navigating with and without what was found")
         costs = _costs(unit)
     except InputError:  # no readouts, no latitude: no navigator
         return d

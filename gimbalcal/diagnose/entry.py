@@ -36,7 +36,8 @@ from gimbalcal.estimate.pointing.fit import usual_terms
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.unit import inertial_unit, unit_of_sessions
 from gimbalcal.history.fleet import Fleet, grade_and_fleet, with_fleet
-from gimbalcal.pipeline import Tell, silent, three_stage
+from gimbalcal.pipeline import three_stage
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording, completed, join, when_recorded
 from gimbalcal.recording.columns import SPARSE
 from gimbalcal.recording.joining import refuse_twice
@@ -51,7 +52,7 @@ def diagnose(
     calibration: Calibration | None = None,
     baseline: Sequence[str] = (),
     seed: int = 1,
-    tell: Tell = silent,
+    progress: Progress = no_progress,
     grade: str | Fleet = "",
 ) -> Diagnosis:
     """Say where the recordings differ from the calibrated model and which physics was left out.
@@ -71,7 +72,7 @@ def diagnose(
             refuse_other_gimbals(calibration.effects, r)
     refuse_twice(recordings)
     recordings = [completed(r) for r in recordings]
-    request = DiagnosisRequest(tuple(recordings), calibration, tuple(baseline), seed, tell)
+    request = DiagnosisRequest(tuple(recordings), calibration, tuple(baseline), seed, progress)
     date = when_recorded(recordings)
     provenance: dict[str, Any] = {"recorded": date} if date else {}
     if all(r.kind.sighting for r in recordings):
@@ -79,14 +80,14 @@ def diagnose(
         diagnosis = _diagnosed(request)
     else:
         unit = graded(recordings, grade)
-        tell(unit.in_words)
+        progress(unit.in_words)
         diagnosis = _with_question(_diagnosed(replace(request, recordings=tuple(unit.of(recordings)))), request, unit)
         provenance["grade"] = unit.origin.to_dict()
     if known is not None and diagnosis.calibration is not None:
         diagnosis = replace(diagnosis, calibration=with_fleet(diagnosis.calibration, known, recordings))
     diagnosis = with_laws(diagnosis, request, known or grade)
     diagnosis = _with_effect_files(replace(diagnosis, provenance={**diagnosis.provenance, **provenance}))
-    return with_cost(recordings, diagnosis, tell)
+    return with_cost(recordings, diagnosis, progress)
 
 
 def _with_effect_files(diagnosis: Diagnosis) -> Diagnosis:
@@ -175,7 +176,7 @@ def _sessions(request: DiagnosisRequest) -> Diagnosis:
     diagnosis = _diagnosed_as_one(request)
     terms = by_triad(request.baseline)[0] or ACCELEROMETER_TERMS
     compare = partial(unit_of_sessions, request.recordings, terms)
-    return _with_agreement(diagnosis, "session", "agree on their constants", compare, request.tell)
+    return _with_agreement(diagnosis, "session", "agree on their constants", compare, request.progress)
 
 
 def _diagnosed_as_one(request: DiagnosisRequest) -> Diagnosis:
@@ -203,7 +204,7 @@ def _nights(request: DiagnosisRequest) -> Diagnosis:
         e for e in dict.fromkeys((*effects, *usual)) if not constants(CATALOGUE[e])
     )  # the same constants would be sought in every night
     compare = partial(pointing_calibration, [replace(r, noise={}) for r in request.recordings], terms)
-    diagnosis = _with_agreement(diagnosis, "night", "share their terms", compare, request.tell)
+    diagnosis = _with_agreement(diagnosis, "night", "share their terms", compare, request.progress)
     if not diagnosis.outcome:
         return diagnosis
     shape = Shape("pointing", "terms that differ from night to night")
@@ -211,9 +212,11 @@ def _nights(request: DiagnosisRequest) -> Diagnosis:
     return replace(diagnosis, verdict=verdict, unexplained=(*diagnosis.unexplained, shape))
 
 
-def _with_agreement(d: Diagnosis, each: str, alike: str, compare: Callable[[], Calibration], tell: Tell) -> Diagnosis:
+def _with_agreement(
+    d: Diagnosis, each: str, alike: str, compare: Callable[[], Calibration], progress: Progress
+) -> Diagnosis:
     """Return the diagnosis of all recordings, and whether each agrees with the others."""
-    tell(f"comparing each {each} with the others")
+    progress(f"comparing each {each} with the others")
     try:
         shared = compare()
     except InputError as problem:

@@ -35,7 +35,7 @@ from gimbalcal.diagnose.verdict.threshold import detection_limits
 from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
 from gimbalcal.diagnose.view_result import ViewDiagnosis
 from gimbalcal.number import Array
-from gimbalcal.pipeline import Tell
+from gimbalcal.progress import Progress
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences, law_sentences
@@ -44,46 +44,48 @@ MIN_SETTINGS = 20  # whose residuals show a correlation
 SERIAL_SIGMAS = 5.0  # of a correlation of successive residuals that is none by chance
 
 
-def diagnose_estimated_noise(v: View, tell: Tell) -> ViewDiagnosis:
+def diagnose_estimated_noise(v: View, progress: Progress) -> ViewDiagnosis:
     """Return the diagnosis of a view whose scale of noise is fitted, in which one sensor may walk alone."""
-    c = about_first_cause(stepwise(v, tell), tell)
-    steady = judged_diagnosis(c, tell)
+    c = about_first_cause(stepwise(v, progress), progress)
+    steady = judged_diagnosis(c, progress)
     if c.start.exact:
         return steady
     walking, ln_total, ln_odds = wandering_in(c)
     if not walking.noise.single_walks:
         return steady
     walk = _walk_of_sensor(replace(c.start, view=walking), ln_odds, ln_total)
-    tell(f"again, as {diagnosis_sentences.walk_in_words(walk).partition(' wanders')[0]} may wander")
-    again = judged_diagnosis(stepwise(walking, tell), tell)
+    progress(f"again, as {diagnosis_sentences.walk_in_words(walk).partition(' wanders')[0]} may wander")
+    again = judged_diagnosis(stepwise(walking, progress), progress)
     part = part_of_walk(ln_odds, bool(again.findings), bool(again.unexplained), bool(steady.findings))
     if part is PartOfWalk.INSTEAD:
-        return _view_diagnosis(result_of(c.start, (), refused=True), (), tell, walk)
+        return _view_diagnosis(result_of(c.start, (), refused=True), (), progress, walk)
     return (steady if part is PartOfWalk.SHARED else again).with_part_of_walk(replace(walk, part=part))
 
 
-def judged_diagnosis(c: SearchResult, tell: Tell) -> ViewDiagnosis:
+def judged_diagnosis(c: SearchResult, progress: Progress) -> ViewDiagnosis:
     """Return the diagnosis that a search through a view ends in."""
-    c, verdicts = confirmed(c, tell)
-    formulas = partial(_by_formulas, c, verdicts, tell) if verdicts and not c.start.exact else None
-    return _view_diagnosis(c, verdicts, tell).tested(formulas)
+    c, verdicts = confirmed(c, progress)
+    formulas = partial(_by_formulas, c, verdicts, progress) if verdicts and not c.start.exact else None
+    return _view_diagnosis(c, verdicts, progress).tested(formulas)
 
 
-def _by_formulas(c: SearchResult, verdicts: Sequence[Judgement], tell: Tell) -> tuple[ViewDiagnosis | None, bool]:
+def _by_formulas(
+    c: SearchResult, verdicts: Sequence[Judgement], progress: Progress
+) -> tuple[ViewDiagnosis | None, bool]:
     """Return the diagnosis by a formula in the place of causes that it is much likelier than, if there are any."""
-    tell("comparing the causes with formulas in what was recorded")
+    progress("comparing the causes with formulas in what was recorded")
     names = {cause.key for cause in causes_replaced_by_a_formula(c, [j.cause for j in verdicts])}
     rest = [this for this in c.causes if this[0].key not in names]
     if not names:
         return None, False
     without = result_of(c.start, rest, [x for x in c.standard if x in rest], refused=True)
     kept = [j for j in verdicts if j.cause.key not in names]
-    formulas = _view_diagnosis(without, kept, tell, refused=True).tested(None)
+    formulas = _view_diagnosis(without, kept, progress, refused=True).tested(None)
     return (formulas if formulas.laws else None), True
 
 
 def _view_diagnosis(
-    c: SearchResult, verdicts: Sequence[Judgement], tell: Tell, walk: RandomWalkFinding | None = None,
+    c: SearchResult, verdicts: Sequence[Judgement], progress: Progress, walk: RandomWalkFinding | None = None,
     refused: bool = False,
 ) -> ViewDiagnosis:  # fmt: skip
     """Return the diagnosis of a search whose causes have been judged, with formulas for what has no known cause.
@@ -93,7 +95,7 @@ def _view_diagnosis(
     """
     v = c.start.view
     if v.finer is not None:
-        tell("refitting at the full resolution")
+        progress("refitting at the full resolution")
         v = v.finer()
         c = refined(v, c)
     model = with_constants(c.end, {j.cause.effect for j in verdicts})
@@ -107,13 +109,13 @@ def _view_diagnosis(
     sigma = row_sigma(c.with_shapes)
     fit, lawful, odds = view_fit(c, sigma), Lawful(), np.inf
     if not c.start.exact and (shapes or not findings or refused):
-        tell(law_sentences.SEARCHING)
+        progress(law_sentences.SEARCHING)
         lawful, with_law = laws_of_view(c.end, sigma, [f"{f.effect}:{f.axis}".rstrip(":") for f in findings])
         c_law = replace(c, with_shapes=with_law)
         fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
         if lawful.known and not findings and not refused and walk is None:
             with_known = result_of(c.start, lawful.known, refused=True)
-            perhaps = _view_diagnosis(with_known, judged_in_turn(with_known), tell, refused=True).tested(None)
+            perhaps = _view_diagnosis(with_known, judged_in_turn(with_known), progress, refused=True).tested(None)
             return replace(perhaps.doubted(), unexplained=shapes)
         lawful = with_heldout(lawful, fit_law)
         if walk is not None:

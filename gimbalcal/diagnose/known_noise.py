@@ -56,7 +56,7 @@ from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limit
 from gimbalcal.diagnose.verdict.verify import known_noise_shifts, residual_rows, verify
 from gimbalcal.diagnose.view_result import Contradiction, ViewDiagnosis
 from gimbalcal.number import Array
-from gimbalcal.pipeline import Tell
+from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit, View, carried
 from gimbalcal.views.known_attitude import fit_baseline
 from gimbalcal.words import diagnosis_sentences, law_sentences
@@ -97,10 +97,12 @@ class _Case:
     known: Calibration | None
     rng: np.random.Generator
     seed: int
-    tell: Tell
+    progress: Progress
 
 
-def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed: int, tell: Tell) -> ViewDiagnosis:
+def diagnose_known_noise(
+    views: Sequence[View], known: Calibration | None, seed: int, progress: Progress
+) -> ViewDiagnosis:
     """Diagnose the forces, or what else is read, of one unit whose attitude and noise are known in every view.
 
     known: a calibration to start from.
@@ -108,12 +110,12 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
     rng, searches = np.random.default_rng(seed), []
     for k, v in enumerate(views):
         if len(views) > 1:
-            tell(f"recording {k + 1} of {len(views)}: {v.title}")
-        searches.append(searched(v, known, tell))
+            progress(f"recording {k + 1} of {len(views)}: {v.title}")
+        searches.append(searched(v, known, progress))
     if len(views) > 1:
-        tell("adding up the evidence of all recordings")
+        progress("adding up the evidence of all recordings")
     c = combine(searches)
-    tell("sending simulated clean recordings of this design through the same comparison")
+    progress("sending simulated clean recordings of this design through the same comparison")
     clean, each = clean_evidence(c, rng)
     without_walks = without_single_walks(c)
     d, walk = decide_with_walk(c, without_walks, bar(clean))
@@ -121,9 +123,9 @@ def diagnose_known_noise(views: Sequence[View], known: Calibration | None, seed:
         SeparateDecision(*decide_with_walk(s, without_single_walks(s), bar(x)), bar(x))
         for s, x in (zip(searches, each, strict=True) if len(views) > 1 else ())
     ]
-    case = _Case(clean, tuple(alone), known, rng, seed, tell)
+    case = _Case(clean, tuple(alone), known, rng, seed, progress)
     if walk is not None and walk.part is PartOfWalk.INSTEAD:  # unless a deterministic law is as probable as the walk
-        none, law, odds = beyond_walk(without_walks, walk, seed, tell)
+        none, law, odds = beyond_walk(without_walks, walk, seed, progress)
         return _view_diagnosis(case, without_walks, none, law).against_walk(walk, odds)
     diagnosis = _view_diagnosis(case, c, d)
     formulas = partial(_by_formulas, case, c, d, diagnosis.fit) if walk is None else None
@@ -137,7 +139,7 @@ def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple
     if not fit.predicts_worse and not _leave_something(c, d.hypothesis.members, fit):
         return None, False
     none = unnamed(c)
-    law = lawful(c, none, case.seed, case.tell, instead=True)
+    law = lawful(c, none, case.seed, case.progress, instead=True)
     if law.laws:
         return _view_diagnosis(case, c, none, law), False
     return None, law.formula_is_likelier or fit.explained < MIN_EXPLAINED
@@ -150,24 +152,24 @@ def _leave_something(c: Ranking, members: Sequence[int], fit: StatedNoiseFit) ->
     return ln_evidence_of_formula(c, members) >= CLAIM
 
 
-def searched(view: View, known: Calibration | None, tell: Tell) -> Search:
+def searched(view: View, known: Calibration | None, progress: Progress) -> Search:
     """Compare every cause of the catalogue with what the baseline of a view leaves."""
-    tell(f"fitting the model: {', '.join(spaced(i) for i in view.baseline)} (another: --baseline)")
+    progress(f"fitting the model: {', '.join(spaced(i) for i in view.baseline)} (another: --baseline)")
     start = carried(known, view.baseline)
     o = scale_to_scatter(fit_baseline(view, start))
     nominal = o.view.kind.stabilised and _misfit(o) > MAX_CHI2_TO_LINEARISE
     if nominal:
         o = scale_to_scatter(fit_baseline(view, start, steps=0))
     o = about_settings(o)
-    tell("comparing every cause of the catalogue, alone and in pairs")
+    progress("comparing every cause of the catalogue, alone and in pairs")
     s = search(o)
     if nominal:
-        tell("again, about the constants that belong to what was found")
+        progress("again, about the constants that belong to what was found")
         o = about_causes(s)
         s = search(o)
     if more := wandering(s):
         who = f"accelerometer {more[0].single_walk}" if more[0].single_walk else "all accelerometers"
-        tell(f"again, as {who} may wander")
+        progress(f"again, as {who} may wander")
         s = search(o, nodes=(*noises(o), *more))
     return s
 
@@ -183,19 +185,19 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
     """Return the diagnosis that a decision makes: findings, shapes or a law, the fit with them, and the calibration."""
     members = d.hypothesis.members if d.hypothesis else ()
     causes = [c.library.candidates[m] for m in members]
-    case.tell("locating the mismatch and checking held-out data")
+    case.progress("locating the mismatch and checking held-out data")
     joint = joint_fit(parts_of(c, members), causes)
     answers = tuple(_recording_answer(c, d, k, joint, case.rng) for k in range(len(joint.parts)))
     lead = min(range(len(answers)), key=lambda k: (answers[k].before.p_value, -answers[k].before.statistic.max()))
     mismatch = () if d.verdict == "adequate" else _mismatch(answers, lead)
     named = findings_of_recordings(c, d, joint)
     shapes = tuple(_shape(c, i) for i in d.shapes[:3])
-    law = law or lawful(c, d, case.seed, case.tell)
+    law = law or lawful(c, d, case.seed, case.progress)
     answers = _with_law(answers, law)
     fitted = _mean_fit(answers, lead)
     if d.verdict == "adequate":
         fitted = replace(fitted, unseen=detection_limits([(s.library.candidates, s.projections) for s in c.searches]))
-    case.tell("the model with what was found, as a calibration")
+    case.progress("the model with what was found, as a calibration")
     curves, o = answers[lead].curves, c.searches[lead].fit
     diagnosis = ViewDiagnosis(
         o.view, d.verdict, mismatch, named, shapes, fitted, curves,

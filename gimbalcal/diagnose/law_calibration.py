@@ -15,7 +15,7 @@ from gimbalcal.estimate.accelerometers.fit_summary import joined
 from gimbalcal.history.fleet import Fleet
 from gimbalcal.method_table import METHODS
 from gimbalcal.methods import calibrate, usual_method
-from gimbalcal.pipeline import silent
+from gimbalcal.progress import no_progress
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import carried
 from gimbalcal.words import law_sentences
@@ -33,12 +33,12 @@ def with_laws(d: Diagnosis, request: DiagnosisRequest, grade: str | Fleet) -> Di
     if not d.laws or d.calibration is None:
         return d
     recordings, text = [d.used] if d.used is not None else request.recordings, source(d.laws)
-    request.tell("calibrating with the formula")
+    request.progress("calibrating with the formula")
     try:
         terms, further = _model(request, recordings)
         more = dict.fromkeys([*further, *(one for law in d.laws for one in (*law.beside, law.with_))])
         with temporarily_loaded(f"{FILE} of {recordings[0].title}", text) as ids:
-            calibration, _ = calibrate(recordings, terms=terms, more=list(more), grade=grade, tell=silent)
+            calibration, _ = calibrate(recordings, terms=terms, more=list(more), grade=grade, progress=no_progress)
     except InputError as problem:
         reason = law_sentences.NOT_CALIBRATED.format(problem=problem)
         return replace(d, calibration=replace(d.calibration, outcome=joined([d.calibration.outcome, reason])))
@@ -57,5 +57,5 @@ def _model(request: DiagnosisRequest, recordings: Sequence[Recording]) -> tuple[
         terms = ()
     if start is None:
         return terms, []
-    modelled = {p.effect for p in calibrate(recordings, terms=terms, tell=silent)[0].parameters}
+    modelled = {p.effect for p in calibrate(recordings, terms=terms, progress=no_progress)[0].parameters}
     return terms, [e.id for e in carried(start, ()) if e.id not in modelled]

@@ -41,7 +41,7 @@ from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
 from gimbalcal.estimate.pointing.pattern import MISTAKEN, outliers, why_far
 from gimbalcal.estimate.systematic.calibrate import navigation_view
 from gimbalcal.kinematics import ideal_force
-from gimbalcal.pipeline import Tell
+from gimbalcal.progress import Progress
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.dwell import in_blocks
 from gimbalcal.recording.kinds import MULTI_POSITION
@@ -71,14 +71,14 @@ Parts = tuple[list[ViewDiagnosis], list[str]]
 class DiagnosisRequest:
     """What is to be diagnosed: recordings of one unit, values to start from, ids of effects that the model holds.
 
-    seed: of the simulated clean recordings; tell: where progress is reported.
+    seed: of the simulated clean recordings; progress: where it is reported.
     """
 
     recordings: tuple[Recording, ...]
     calibration: Calibration | None
     baseline: tuple[str, ...]
     seed: int
-    tell: Tell
+    progress: Progress
 
     @property
     def recording(self) -> Recording:
@@ -134,9 +134,9 @@ def known_view(request: DiagnosisRequest, baseline: Sequence[str]) -> View:
 def diagnose_views(request: DiagnosisRequest, *views: View) -> ViewDiagnosis:
     """Diagnose a view, or views of several recordings that share the unit, by what is known of their noise."""
     if views[0].noise.scale_known:
-        return diagnose_known_noise(views, request.calibration, request.seed, request.tell)
+        return diagnose_known_noise(views, request.calibration, request.seed, request.progress)
     (v,) = views
-    return diagnose_estimated_noise(v, request.tell)
+    return diagnose_estimated_noise(v, request.progress)
 
 
 def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
@@ -151,7 +151,7 @@ def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
     alone = "its gyroscopes are not looked at together with other recordings; give it alone for them"
     for r in request.recordings:
         if has_gyroscopes(r):
-            request.tell(f"{r.title}: {alone}")
+            request.progress(f"{r.title}: {alone}")
     ids = [baseline_of(r, request.recordings, request.baseline) for r in request.recordings]
     views = [known_view(request.of(r), own) for r, own in zip(request.recordings, ids, strict=True)]
     diagnosis = diagnose_views(request, *views)
@@ -195,7 +195,7 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
     if request.recording.kind.sighting and (frames := outlying_frames(request.recording)).any():
         most = float(from_si(frames.max(), "arcsec"))
         notes.append(diagnosis_sentences.omitted_frames(request.recording.time[frames > 0], most))
-        request.tell(notes[-1])
+        request.progress(notes[-1])
         request = request.of(request.recording.select(np.flatnonzero(frames == 0)))
     while True:
         v = single_view(request)
@@ -211,7 +211,7 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
         why = MISTAKEN if at is None else why_far(d.curves.after * d.sigma, at[:, : len(v.channels)], off, axis)
         rounds += 1
         notes.append(diagnosis_sentences.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
-        request.tell(notes[-1])
+        request.progress(notes[-1])
         request = request.of(replace(request.recording, position=number).select(np.delete(np.arange(n), off)))
 
 
@@ -225,7 +225,7 @@ def single_view(request: DiagnosisRequest) -> View:
             return tilting_table(recording, baseline)
         usual = tuple(baseline) or BASELINE["rotation"]
         known = tuple(e for e in carried(calibration, ()) if e.id not in usual)
-        return navigation_view(recording, usual, request.tell, known)
+        return navigation_view(recording, usual, request.progress, known)
     # every term is fitted anew: a calibration says which the model holds
     effects = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
     return recording.kind.view_of(recording, baseline or effects).without_nuisances()
@@ -237,7 +237,7 @@ def of_triads(request: DiagnosisRequest) -> Parts:
     The gyroscopes are compared with accelerometers that include what was found there: both triads are one model. A
     baseline of gyroscope effects alone asks for the gyroscopes alone, and so on.
     """
-    recording, tell = request.recording, request.tell
+    recording, progress = request.recording, request.progress
     mine, gyro = by_triad(request.baseline)
     if gyro and not mine and recording.has(RATE) and recording.has(FORCE):
         recording = _at_one_attitude(recording)
@@ -250,7 +250,7 @@ def of_triads(request: DiagnosisRequest) -> Parts:
     at_rest = view_at_rest(recording, gyro, calibration)
     if at_rest is None:
         note = diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)
-        tell(note)
+        progress(note)
         return diagnoses, [note]
     still = diagnose_views(request, at_rest)
     diagnoses.append(still)
@@ -288,7 +288,7 @@ def of_slews(request: DiagnosisRequest, calibration: Calibration, gyro: Sequence
     v = view_of_slews(request.recording, calibration, gyro, means)
     if isinstance(v, str):
         return [], [diagnosis_sentences.motion_not_analysed(v)]
-    request.tell("the slews: do all channels agree in time")
+    request.progress("the slews: do all channels agree in time")
     return [diagnose_views(request, v)], []
 
 
@@ -337,7 +337,7 @@ def _on_table(request: DiagnosisRequest, table: View) -> Parts:
             f"--baseline names {mine[0]}, and a rate table under constant gravity shows gyroscopes alone; give it a "
             "gyroscope effect, or record rests in several attitudes"
         )
-    request.tell(f"the gyroscopes: {table.measurement.channels}")
+    request.progress(f"the gyroscopes: {table.measurement.channels}")
     part = diagnose_views(request, replace(table, baseline=tuple(gyro) or table.baseline))
     together = tuple(replace(table, source=r) for r in request.recordings) if len(request.recordings) > 1 else ()
     notes = [diagnosis_sentences.FORCES_NOT_ANALYSED] if any(r.has(FORCE) for r in request.recordings) else []
@@ -365,7 +365,7 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool = False) -> Parts:
     without = request.of(without_earth_rate(recording)) if both else request
     late, why_not = of_slews(without, forces or IDEAL_AT_GIMBALS, turns.effects if turns else (), means)
     for note in (*notes, *why_not):
-        request.tell(note)
+        request.progress(note)
     return [*parts, *late], [*notes, *why_not]
 
 
@@ -403,7 +403,7 @@ def _gyroscopes(
         notes = [diagnosis_sentences.rate_not_analysed(why)]
 
     def looked(v: View) -> ViewDiagnosis:
-        request.tell(f"the gyroscopes: {v.measurement.channels}")
+        request.progress(f"the gyroscopes: {v.measurement.channels}")
         return diagnose_views(request, v)
 
     diagnoses = [looked(replace(still, missed_by_turns=None))]

@@ -120,7 +120,7 @@ def _from_revolutions(recording: Recording, accelerometers: Calibration, terms: 
 
 def calibrate_at_rest(request: Request) -> Calibration:
     """Calibrate a unit that is turned from rest to rest, from one recording or several sessions."""
-    request.tell("norm of the force at every position, and the gyroscopes where they were logged on the way")
+    request.progress("norm of the force at every position, and the gyroscopes where they were logged on the way")
     recordings = graded(request.recordings).of(request.recordings)
     more = extra_effects(request.more, recordings, (*LINEAR, *GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS))
     if len(recordings) == 1:

@@ -15,8 +15,8 @@ from gimbalcal.fleet.fleet_summary import FleetSummary, fleet_summary
 from gimbalcal.fleet.unit_recording import BATCH, BatchTask, UnitRecording, entries_of, failed, may_pass, recordings_of
 from gimbalcal.history import FAILURE, StoredResult, keep, kept, refuse_unusable
 from gimbalcal.history.fleet import Fleet, grade_and_fleet
+from gimbalcal.progress import Progress, no_progress
 
-Tell = Callable[[str], None]
 SUMMARY, TABLE, PAGE = "fleet.json", "fleet.parquet", "report.html"
 
 
@@ -32,7 +32,7 @@ def run_batch(
     grade: str = "",
     seed: int = 1,
     unit_name: str = "folder",
-    tell: Tell = lambda _: None,
+    progress: Progress = no_progress,
     page: Callable[[FleetSummary, Fleet], str] | None = None,
 ) -> FleetSummary:
     """Calibrate and diagnose every recording that matches, keep the results in `store`, and compare the units.
@@ -48,7 +48,7 @@ def run_batch(
     task = BatchTask(method, tuple(more), known or named, seed, loaded_texts())
     recordings = recordings_of(patterns, unit_name)
     client = connect(scheduler) if scheduler else None
-    results = _results(task, recordings, store, workers, client, tell)
+    results = _results(task, recordings, store, workers, client, progress)
     summary, distributions, table = fleet_summary({r.folder: results[r.folder] for r in recordings})
     if out is not None:
         with atomic.folder(out, last=SUMMARY) as new:
@@ -60,7 +60,7 @@ def run_batch(
 
 
 def _results(
-    task: BatchTask, recordings: Sequence[UnitRecording], store: Path, workers: int, client: Any, tell: Tell
+    task: BatchTask, recordings: Sequence[UnitRecording], store: Path, workers: int, client: Any, progress: Progress
 ) -> dict[str, tuple[StoredResult, ...]]:
     """Return the entries of each recording by its folder, from the store or computed and kept there."""
     present = _by_key(store) if store.exists() else {}
@@ -69,9 +69,9 @@ def _results(
     todo = [r for r in recordings if r.folder not in results]
     if results:
         are = "is" if len(results) == 1 else "are"
-        tell(f"{len(results)} of {amount(len(recordings), 'recording')} {are} in {store} already")
+        progress(f"{len(results)} of {amount(len(recordings), 'recording')} {are} in {store} already")
     if todo:
-        tell(f"calibrating and diagnosing {amount(len(todo), 'recording')}")
+        progress(f"calibrating and diagnosing {amount(len(todo), 'recording')}")
     remaining = TimeLeft(len(recordings), len(results))
 
     def lost(recording: UnitRecording, times: str) -> tuple[StoredResult, ...]:
@@ -83,8 +83,8 @@ def _results(
             keep(store, *entries)
         results[recording.folder] = entries
         for entry in (e for e in entries if e.kind == FAILURE):
-            tell(f"{recording.folder}: {entry.content['in_words']}")
-        tell(remaining.after(1, "recording"))
+            progress(f"{recording.folder}: {entry.content['in_words']}")
+        progress(remaining.after(1, "recording"))
     return results
 
 

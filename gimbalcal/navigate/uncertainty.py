@@ -22,6 +22,7 @@ from gimbalcal.navigate.space_stable_navigator import ALONE, USUAL, Aids, Inerti
 from gimbalcal.navigate.static_run import half_apart, horizontal, platform_navigated, with_inner
 from gimbalcal.navigate.strapdown_unit import Intervals, navigate_intervals, thinned, unit_navigated
 from gimbalcal.number import Array
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
 
@@ -61,7 +62,7 @@ def before_and_after(
     aids: Aids = USUAL,
     samples: int = 0,
     seed: int = 1,
-    tell: Callable[[str], None] = lambda _: None,
+    progress: Progress = no_progress,
 ) -> tuple[Navigated, ...]:
     """Navigate a recording without and with each labelled calibration, with bands from `samples` draws if any.
 
@@ -69,13 +70,13 @@ def before_and_after(
     """
     out = [navigated(recording, None, aids, NONE)]
     for label, calibration in calibrations:
-        tell(f"navigating with {label}")
+        progress(f"navigating with {label}")
         result = navigated(recording, calibration, aids, label)
         if samples:
 
             def drawn(k: int, label: str = label) -> None:
                 if k % PROGRESS_DRAWS == 0:
-                    tell(f"navigating with {label}: draw {k} of {samples}")
+                    progress(f"navigating with {label}: draw {k} of {samples}")
 
             linear, sampled = bands(recording, calibration, aids, samples, seed, drawn)
             result = replace(result, linear=_at(result.time, *linear), sampled=_at(result.time, *sampled))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from gimbalcal import atomic
 from gimbalcal.errors import InputError
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import write
 from gimbalcal.recording.header import NAME
 from gimbalcal.simulate.scenario import find, load
@@ -21,12 +21,11 @@ MIN_ROW_BYTES = 2 * 24  # bytes that a row of noise takes there at least, in its
 
 
 def simulate_to(
-    scenario: str | Path, folder: str | Path, seed: int | None = None, tell: Callable[[str], None] | None = None
+    scenario: str | Path, folder: str | Path, seed: int | None = None, progress: Progress = no_progress
 ) -> dict[str, Any]:
     """Simulate into a recording folder with truth.json beside it, whole or not at all; returns the truth."""
     path, folder = find(scenario), Path(folder)
-    if tell is not None:
-        tell(f"preparing {path.name}")
+    progress(f"preparing {path.name}")
     run = prepare(load(path), seed)
     truth = truth_of(run, path.name)
     samples = "samples.parquet" if len(run.time) > MIN_PARQUET_ROWS else "samples.csv"
@@ -36,7 +35,7 @@ def simulate_to(
         if samples.endswith(".csv"):
             write(joined(blocks(run)), new, samples)
         else:
-            _write_blocks(run, new, samples, tell)
+            _write_blocks(run, new, samples, progress)
         (new / "truth.json").write_text(atomic.as_json(truth, indent=1), encoding="utf-8")
     return truth
 
@@ -53,7 +52,7 @@ def truth_of(run: Run, name: str) -> dict[str, Any]:
     }
 
 
-def _write_blocks(run: Run, folder: Path, samples: str, tell: Callable[[str], None] | None) -> None:
+def _write_blocks(run: Run, folder: Path, samples: str, progress: Progress) -> None:
     """Write each block as a Parquet file of its own, then join them without loading them."""
     import polars as pl
 
@@ -68,8 +67,7 @@ def _write_blocks(run: Run, folder: Path, samples: str, tell: Callable[[str], No
         for i, block in enumerate(blocks(run)):
             part = write(block, Path(parts) / f"part{i}", samples)
             names.append((part / samples).absolute())
-            if tell is not None:
-                rows += len(block.time)
-                tell(f"simulated {rows} of {len(run.time)} rows")
+            rows += len(block.time)
+            progress(f"simulated {rows} of {len(run.time)} rows")
         (names[0].parent / NAME).replace(folder / NAME)
         pl.scan_parquet(names, glob=False).sink_parquet(folder / samples)

@@ -83,14 +83,14 @@ def killed(rigs: Path, folder: Path, count: int) -> str:
     def run(address: str, processes: Sequence[subprocess.Popen[bytes]], kills: bool) -> None:
         left = {count // 4: processes[0], count // 2: processes[-1]} if kills else {}
 
-        def tell(line: str) -> None:
+        def progress(line: str) -> None:
             match = re.match(r"(\d+) of \d+ recordings", line)
             for number in [n for n in left if match and int(match[1]) >= n]:
                 left.pop(number).kill()
 
         with connect(address) as client:
             client.wait_for_workers(2, timeout=30)
-        run_batch([f"{rigs}/*"], store, scheduler=address, tell=tell)
+        run_batch([f"{rigs}/*"], store, scheduler=address, progress=progress)
 
     (folder / "first").mkdir()
     with dask_cluster(folder / "first") as (address, processes):

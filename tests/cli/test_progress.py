@@ -3,7 +3,7 @@
 import threading
 import time
 
-from gimbalcal.cli.options import _go_on, progress
+from gimbalcal.cli.options import _go_on, progress_on_stderr
 
 
 def test_silence_is_broken_and_ends_with_the_work(capsys):
@@ -32,10 +32,10 @@ def test_who_speaks_is_not_spoken_for(capsys):
 
 
 def test_progress_has_the_units_of_the_answer_and_leaves_what_is_typed(capsys):
-    tell = progress(False)
+    progress = progress_on_stderr(False)
     for _ in range(2):
-        tell('they scatter by 170 ug, 0.3 deg/sqrt(h): write sign = -1, `x -3 deg/s`, unit = "ug" in [deg/s]')
-    tell("wrote ug/a -1/report.html")
+        progress('they scatter by 170 ug, 0.3 deg/sqrt(h): write sign = -1, `x -3 deg/s`, unit = "ug" in [deg/s]')
+    progress("wrote ug/a -1/report.html")
     assert capsys.readouterr().err.splitlines() == [
         '  they scatter by 170 µg, 0.3 °/√h: write sign = -1, `x -3 deg/s`, unit = "ug" in [deg/s]',
         "  wrote ug/a -1/report.html",

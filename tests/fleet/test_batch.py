@@ -105,7 +105,7 @@ def test_workers_and_a_cluster_change_no_digit(rigs, alone, tmp_path):
 def test_a_second_run_computes_nothing(rigs, alone):
     told: list[str] = []
     before = table(alone[1])
-    assert run(rigs, alone[1], tell=told.append).to_dict() == alone[0].to_dict()
+    assert run(rigs, alone[1], progress=told.append).to_dict() == alone[0].to_dict()
     assert told == [f"{COUNT} of {COUNT} recordings are in {alone[1] / 'units.sqlite'} already"]
     assert table(alone[1]).equals(before)
 
@@ -118,7 +118,7 @@ def test_what_was_corrected_is_computed_again_and_nothing_else(rigs, alone, tmp_
     samples.write_bytes((tmp_path / "again" / BROKEN / "samples.csv").read_bytes())
     try:
         told: list[str] = []
-        summary = run(rigs, tmp_path, tell=told.append, workers=1)
+        summary = run(rigs, tmp_path, progress=told.append, workers=1)
     finally:
         samples.unlink()
     assert told[1] == "calibrating and diagnosing 1 recording"
@@ -137,7 +137,7 @@ def test_a_killed_batch_continues_where_it_was(rigs, alone, tmp_path):
     process.kill()
     process.wait()
     told: list[str] = []
-    run_batch(patterns, store, workers=1, tell=told.append)
+    run_batch(patterns, store, workers=1, progress=told.append)
     assert told[0].startswith(("1 of 4", "2 of 4", "3 of 4"))
     units = ("rig-000", "rig-001", "rig-002")
     assert digits(store, *units) == digits(alone[1] / "units.sqlite", *units)
@@ -175,7 +175,7 @@ def test_a_failure_that_may_pass_is_not_kept(tmp_path, monkeypatch):
 
         monkeypatch.setattr(pipeline, "load", load)
         told.clear()
-        return run_batch([str(tmp_path / "rig-000")], tmp_path / "units.sqlite", workers=1, tell=told.append)
+        return run_batch([str(tmp_path / "rig-000")], tmp_path / "units.sqlite", workers=1, progress=told.append)
 
     told: list[str] = []
     write_units(tmp_path, 1, positions=6)

@@ -36,7 +36,7 @@ from gimbalcal.diagnose.verdict.verify import residual_rows, row_sigma, verify
 from gimbalcal.effects import Stage
 from gimbalcal.inference.algebra import basis, orthonormal
 from gimbalcal.number import Array
-from gimbalcal.pipeline import Tell
+from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit
 from gimbalcal.words import law_sentences
 from gimbalcal.words.diagnosis_sentences import misheld_positions, repeat_advice, separation_advice
@@ -104,7 +104,7 @@ def _more(kind: str) -> str:
     return "further " + {"pointing": "stars", "static-run": "hours"}.get(kind, "positions")
 
 
-def lawful(ranked: Ranking, d: Decision, seed: int, tell: Tell, instead: bool = False) -> Lawful:
+def lawful(ranked: Ranking, d: Decision, seed: int, progress: Progress, instead: bool = False) -> Lawful:
     """Return a formula for what no cause explains, in the noise that the likeliest shape leaves in each recording.
 
     Where positions of one recording were not held as read, that is a fault and no law. ranked: all that was weighed;
@@ -112,7 +112,7 @@ def lawful(ranked: Ranking, d: Decision, seed: int, tell: Tell, instead: bool = 
     """
     if d.verdict != "unexplained":
         return Lawful()
-    tell(law_sentences.SEARCHING_REPLACEMENT if instead else law_sentences.SEARCHING)
+    progress(law_sentences.SEARCHING_REPLACEMENT if instead else law_sentences.SEARCHING)
     fault = bool(misheld(ranked, d.verdict))
     if fault and len(ranked.searches) == 1:
         return Lawful(recommend=law_sentences.REPEAT_POSITIONS)
@@ -123,13 +123,15 @@ def lawful(ranked: Ranking, d: Decision, seed: int, tell: Tell, instead: bool = 
     return law
 
 
-def beyond_walk(common: Ranking, walk: RandomWalkFinding, seed: int, tell: Tell) -> tuple[Decision, Lawful, float]:
+def beyond_walk(
+    common: Ranking, walk: RandomWalkFinding, seed: int, progress: Progress
+) -> tuple[Decision, Lawful, float]:
     """Return the shapes and the formula that compete with the walk of one sensor, and ln odds of the formula to it.
 
     common: the ranking without noises in which a single sensor walks. A walk has no formula.
     """
     none = unnamed(common) if common.ln_total >= CLAIM else replace(unnamed(common), shapes=())
-    law = lawful(common, none, seed, tell) if none.shapes else Lawful()
+    law = lawful(common, none, seed, progress) if none.shapes else Lawful()
     return none, *against_walk(law, walk, repeat_advice(common.searches[0].fit.view.kind.stabilised))
 
 

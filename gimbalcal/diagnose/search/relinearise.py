@@ -28,7 +28,7 @@ from gimbalcal.effects import Effect, Stage, values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.pipeline import Tell
+from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import given_back, linearised, linearised_at, read_gimbals
 
@@ -94,7 +94,7 @@ def about_causes(s: Search) -> Fit:
     return given_back(scale_to_scatter(bare), causes)  # the scatter shows when they are gone
 
 
-def about_first_cause(c: SearchResult, tell: Tell) -> SearchResult:
+def about_first_cause(c: SearchResult, progress: Progress) -> SearchResult:
     """Return the search done anew where rows that are linear about a converged point have moved far from it."""
     v = c.start.view
     alike = v.of_scales().noise.weighted  # scales that a strong cause has made of the start would hide it
@@ -102,10 +102,10 @@ def about_first_cause(c: SearchResult, tell: Tell) -> SearchResult:
     if v.relinearise is None or not c.steps or before <= MIN_CHI2_RATIO * after:
         return c
     cause, variant = c.causes[0]
-    tell(f"again, about the constants that belong to {cause.in_words}")
+    progress(f"again, about the constants that belong to {cause.in_words}")
     try:
         v = v.relinearise(cause.absent(v.stimulus, variant.constants), cause.parameters)
     except InputError as problem:
-        tell(str(problem))
+        progress(str(problem))
         return c
-    return stepwise(v, tell)
+    return stepwise(v, progress)

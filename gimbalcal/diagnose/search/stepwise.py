@@ -27,7 +27,7 @@ from gimbalcal.diagnose.search.refit import refit, start, with_columns, with_con
 from gimbalcal.effects import values
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
-from gimbalcal.pipeline import Tell
+from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit, View
 from gimbalcal.views.known_attitude import refuse_too_little
 
@@ -86,7 +86,7 @@ class Round:
     lead: float
 
 
-def stepwise(v: View, tell: Tell) -> SearchResult:
+def stepwise(v: View, progress: Progress) -> SearchResult:
     """Search for what the baseline lacks, from the baseline and from the textbook's model, and return the likelier.
 
     Several causes that share their patterns are not found one after the other: of four terms of a mount, two others
@@ -97,10 +97,10 @@ def stepwise(v: View, tell: Tell) -> SearchResult:
     refuse_too_little(v.title, first.jacobian.reshape(first.residual.size, -1))
     if first.exact:
         return SearchResult(first, (), (), first)
-    return result_of(first, *selection(first, tell))
+    return result_of(first, *selection(first, progress))
 
 
-def selection(first: Fit, tell: Tell) -> tuple[list[SelectedCause], list[SelectedCause]]:
+def selection(first: Fit, progress: Progress) -> tuple[list[SelectedCause], list[SelectedCause]]:
     """Return the likeliest selection of causes from several starts, and what of the textbook's model is in it.
 
     As long as others are not in the model a strong cause in one channel passes for the noise of this channel, and the
@@ -109,29 +109,29 @@ def selection(first: Fit, tell: Tell) -> tuple[list[SelectedCause], list[Selecte
     """
     known = library(first)
     share = log_shares(first.view, known)
-    selected, standard = forward_select(first, (), tell), list[SelectedCause]()
+    selected, standard = forward_select(first, (), progress), list[SelectedCause]()
     if selected:
         usual = textbook(first, known)
         lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in selected}
-        if begun := backward_eliminate(first, usual, tell) if lacking else []:
-            tell("once more, from what every rig of the kind has")
-            other = forward_select(first, begun, tell, keep_usual=True)
+        if begun := backward_eliminate(first, usual, progress) if lacking else []:
+            progress("once more, from what every rig of the kind has")
+            other = forward_select(first, begun, progress, keep_usual=True)
             if ln_odds(first, other, share) > ln_odds(first, selected, share) - SWAP:
                 selected, standard = other, [c for c in begun if c in other]
     if first.view.noise.own_memories:
         return selected, standard
     if first.view.noise.scales or with_causes(first, selected).view.noise.scales:
-        tell("once more, as if all channels scattered alike")
-        begun, begun_standard = selection(start(first.view.of_one_scale()), tell)
+        progress("once more, as if all channels scattered alike")
+        begun, begun_standard = selection(start(first.view.of_one_scale()), progress)
         if {c.key for c, _ in begun} - {c.key for c, _ in selected}:
-            other = forward_select(first, begun, tell, keep_usual=bool(begun_standard))
+            other = forward_select(first, begun, progress, keep_usual=bool(begun_standard))
             if ln_odds(first, other, share) > ln_odds(first, selected, share) + SWAP:
                 selected, standard = other, [c for c in begun_standard if c in other]
     return selected, standard
 
 
 def forward_select(
-    first: Fit, begun: Sequence[SelectedCause], tell: Tell, keep_usual: bool = False
+    first: Fit, begun: Sequence[SelectedCause], progress: Progress, keep_usual: bool = False
 ) -> list[SelectedCause]:
     """Select causes in white noise as long as any is claimed, swap what fits better, eliminate in correlated noise.
 
@@ -144,12 +144,12 @@ def forward_select(
         best = likeliest_missing(model, memory=bool(first.view.noise.single_walks) or first.view.noise.own_memories)
         if best.ln_total < CLAIM or not best.named:
             break
-        tell(f"selected: {', '.join(c.in_words for c, _ in best.causes)}")
-        selected = refine_constants(first, swap(first, [*selected, *best.causes], tell, keep_usual=keep_usual))
+        progress(f"selected: {', '.join(c.in_words for c, _ in best.causes)}")
+        selected = refine_constants(first, swap(first, [*selected, *best.causes], progress, keep_usual=keep_usual))
         model = with_causes(first, selected)
-    selected = backward_eliminate(first, selected, tell)
-    selected = swap(first, selected, tell, memory=True, keep_usual=keep_usual)
-    return backward_eliminate(first, refine_constants(first, selected), tell)
+    selected = backward_eliminate(first, selected, progress)
+    selected = swap(first, selected, progress, memory=True, keep_usual=keep_usual)
+    return backward_eliminate(first, refine_constants(first, selected), progress)
 
 
 def refine_constants(first: Fit, selected: Sequence[SelectedCause]) -> list[SelectedCause]:
@@ -233,7 +233,7 @@ def ln_normal(x: Array, C: Array) -> float:
 
 
 def swap(
-    first: Fit, selected: Sequence[SelectedCause], tell: Tell, memory: bool = False, keep_usual: bool = False
+    first: Fit, selected: Sequence[SelectedCause], progress: Progress, memory: bool = False, keep_usual: bool = False
 ) -> list[SelectedCause]:
     """Replace each cause in turn, or each that not every rig has, by another or by two that are likelier there."""
     out = list(selected)
@@ -246,12 +246,12 @@ def swap(
         if same.key == cause.key and same.scanned and not more:  # another of the peaks of a scan, beside these others
             out = [*others, (cause, other)]
         elif best.lead > SWAP:
-            tell(f"{cause.in_words} is replaced by {', '.join(c.in_words for c, _ in best.causes)}")
+            progress(f"{cause.in_words} is replaced by {', '.join(c.in_words for c, _ in best.causes)}")
             out = [*others, *best.causes]
     return out
 
 
-def backward_eliminate(first: Fit, selected: Sequence[SelectedCause], tell: Tell) -> list[SelectedCause]:
+def backward_eliminate(first: Fit, selected: Sequence[SelectedCause], progress: Progress) -> list[SelectedCause]:
     """Remove, the weakest first, the causes that correlated noise explains as well."""
     kind, out = first.view.kind, list(selected)
     while out:
@@ -263,7 +263,7 @@ def backward_eliminate(first: Fit, selected: Sequence[SelectedCause], tell: Tell
         if min(support) > 0:
             break
         weakest = min((support[i] > 0, is_usual(out[i][0], kind), support[i], i) for i in range(len(out)))[-1]
-        tell(f"{out[weakest][0].in_words} is not kept: correlated noise explains it")
+        progress(f"{out[weakest][0].in_words} is not kept: correlated noise explains it")
         out = others[weakest]
     return out
 

@@ -31,7 +31,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.inference.algebra import basis
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
-from gimbalcal.pipeline import Tell
+from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit
 from gimbalcal.words.diagnosis_sentences import cause_in_words, separation_advice
 from gimbalcal.words.naming import spaced
@@ -40,7 +40,7 @@ SERIES = 3.0  # times the whole misfit, that one of several causes may be
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
 
 
-def confirmed(c: SearchResult, tell: Tell) -> tuple[SearchResult, list[Judgement]]:
+def confirmed(c: SearchResult, progress: Progress) -> tuple[SearchResult, list[Judgement]]:
     """Remove causes that something else is likelier to be, and select that in their place; judge those that remain.
 
     Where the replacement has been refused as well, the misfit is left to a shape: a misfit beyond the noise does not
@@ -51,14 +51,16 @@ def confirmed(c: SearchResult, tell: Tell) -> tuple[SearchResult, list[Judgement
     if c.start.exact:
         return c, []
     if not c.steps and not c.shapes:
-        c = _replaced(c, (), refused, tell)
+        c = _replaced(c, (), refused, progress)
     while True:
         if series := cancelling(c):
-            tell(f"{', '.join(cause.label for cause, _ in series)}: larger than the whole misfit, as terms of a series")
+            progress(
+                f"{', '.join(cause.label for cause, _ in series)}: larger than the whole misfit, as terms of a series"
+            )
             refused |= {cause.key for cause, _ in series}
-            c = _replaced(c, [cause for cause in c.causes if cause not in series], refused, tell)
+            c = _replaced(c, [cause for cause in c.causes if cause not in series], refused, progress)
             continue
-        tell("comparing each cause with what else could stand in its place")
+        progress("comparing each cause with what else could stand in its place")
         try:
             verdicts = judged_in_turn(c)
         except InputError:  # without one of its causes the model has no inverse: keep what stood before this search
@@ -74,10 +76,10 @@ def confirmed(c: SearchResult, tell: Tell) -> tuple[SearchResult, list[Judgement
             refusal, why = worse, "held-out rows are predicted better without it"
         else:
             return c, verdicts
-        tell(f"{refusal.in_words} is not named: {why}")
+        progress(f"{refusal.in_words} is not named: {why}")
         refused.add(refusal.key)
         kept = [cause for cause in c.causes if cause[0] is not refusal]
-        c = _replaced(c, kept, refused, tell)
+        c = _replaced(c, kept, refused, progress)
 
 
 def worsening_cause(c: SearchResult, verdicts: Sequence[Judgement]) -> Candidate | None:
@@ -102,12 +104,12 @@ def worsening_cause(c: SearchResult, verdicts: Sequence[Judgement]) -> Candidate
     return None
 
 
-def _replaced(c: SearchResult, kept: Sequence[SelectedCause], refused: set[Key], tell: Tell) -> SearchResult:
+def _replaced(c: SearchResult, kept: Sequence[SelectedCause], refused: set[Key], progress: Progress) -> SearchResult:
     """Return the search with these causes and what is likeliest with them, unless that has been refused."""
     best = likeliest_missing(with_causes(c.start, kept), memory=True)
     new = best.causes if best.ln_total >= CLAIM and best.named else ()
     if new and not refused & {cause.key for cause, _ in new}:
-        tell(f"selected: {', '.join(cause.in_words for cause, _ in new)}")
+        progress(f"selected: {', '.join(cause.in_words for cause, _ in new)}")
         kept = [*kept, *new]
     return result_of(c.start, kept, [cause for cause in c.standard if cause in kept], refused=bool(refused))
 

@@ -13,7 +13,7 @@ estimate, because products of two errors differ from those of its own estimate. 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
 from operator import add
@@ -48,6 +48,7 @@ from gimbalcal.estimate.systematic.suspected_errors import limitations, suspecte
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.method_table import Request
 from gimbalcal.number import Array
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording
 from gimbalcal.recording.joining import refuse_twice
 from gimbalcal.views.core import View, without_sizes
@@ -64,14 +65,14 @@ def systematic(
     recording: Recording,
     asked: str = "51",
     more: Sequence[ExtraEffect] = (),
-    tell: Callable[[str], None] = lambda _: None,
+    progress: Progress = no_progress,
 ) -> Calibration:
     """Calibrate both triads of a unit that was turned in its place; asked: the states, see `state_lists.states`.
 
     Raises InputError where the recording cannot be navigated: see `iterate`.
     """
     wanted = states(asked, recording.why_not_shown, more)
-    m = iterate(segment(recording), wanted, tuple(a.absent((), dict(a.stated)) for a in more), tell)
+    m = iterate(segment(recording), wanted, tuple(a.absent((), dict(a.stated)) for a in more), progress)
     calibration = calibrated(m)
     if m.converged and (calibration.unobservable or m.last.attitude[2, 2] > LARGE_HEADING_SIGMA_RAD**2):
         calibration = _with_linearisation_error(calibration, linearisation_covariance(m, calibration.covariance))
@@ -124,7 +125,7 @@ def calibrated(m: SystematicFit) -> Calibration:
 
 
 def navigation_view(
-    recording: Recording, ids: tuple[str, ...], tell: Callable[[str], None], held: tuple[Effect, ...] = ()
+    recording: Recording, ids: tuple[str, ...], progress: Progress, held: tuple[Effect, ...] = ()
 ) -> View:
     """Return the innovations of a unit turned in its place, about a fit of the effects `ids`, as a view.
 
@@ -140,15 +141,15 @@ def navigation_view(
         return (*(e for e in held if e.id not in {m.id for m in more}), *more)
 
     def relinearise(effect: Effect, wanted: Sequence[Parameter]) -> View:
-        return replace(about(iterate(segments, (*usual, *wanted), known([effect]), tell)), calibrate=converged)
+        return replace(about(iterate(segments, (*usual, *wanted), known([effect]), progress)), calibrate=converged)
 
     segments = segment(recording)
-    first = iterate(segments, usual, held, tell)
+    first = iterate(segments, usual, held, progress)
 
     def converged(effects: Sequence[Effect], fitted: Sequence[Parameter]) -> Calibration:
         more = tuple(p for p in fitted if p.label not in {u.label for u in usual})
         fresh = [without_sizes(e) for e in effects if e.id in {p.effect for p in more}]
-        return calibrated(iterate(segments, (*usual, *more), known(fresh), tell) if more else first)
+        return calibrated(iterate(segments, (*usual, *more), known(fresh), progress) if more else first)
 
     return replace(about(first), relinearise=relinearise, calibrate=converged)
 
@@ -160,13 +161,13 @@ def calibrate_by_navigation(request: Request) -> Calibration:
     """Calibrate a unit that was turned in its place, from one recording or several."""
     more = extra_effects(request.more, request.recordings)
     if len(request.recordings) == 1:
-        return systematic(request.recordings[0], request.states, more, request.tell)
-    return calibrate_jointly(request.recordings, request.states, more, request.tell)
+        return systematic(request.recordings[0], request.states, more, request.progress)
+    return calibrate_jointly(request.recordings, request.states, more, request.progress)
 
 
 def calibrate_jointly(
     recordings: Sequence[Recording], asked: str = "51", more: Sequence[ExtraEffect] = (),
-    tell: Callable[[str], None] = lambda _: None,
+    progress: Progress = no_progress,
 ) -> Calibration:  # fmt: skip
     """Calibrate a unit from several rotation recordings, and test each against the others.
 
@@ -175,17 +176,17 @@ def calibrate_jointly(
     refuse_twice(recordings)
     each: list[SystematicFit] = []
     for r in recordings:
-        tell(r.title)
+        progress(r.title)
         base = tuple(a.absent((), dict(a.stated)) for a in more)
         wanted = states(asked, r.why_not_shown, more)
-        each.append(iterate(segment(r), wanted, base, tell))
+        each.append(iterate(segment(r), wanted, base, progress))
     wanted = with_widest_priors(p for m in each for p in m.wanted)
     theta = solve(_joint(wanted, each, np.zeros(len(wanted)))).x
     for _ in range(MAX_ROUNDS):
         each = [_relinearised(wanted, each, k, theta) for k in range(len(each))]
         solution = solve(_joint(wanted, each, theta))
         move, theta = float(np.abs(solution.x / solution.sigma).max()), theta + solution.x
-        tell(f"all together: the estimates moved by up to {move:.2g} of their sigma")
+        progress(f"all together: the estimates moved by up to {move:.2g} of their sigma")
         if move < CONVERGED_SIGMAS:
             break
     each = [replace(m, converged=move < CONVERGED_SIGMAS) for m in each]

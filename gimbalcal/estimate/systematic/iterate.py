@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from gimbalcal.estimate.systematic.error_model import invert_readings, rotated
 from gimbalcal.estimate.systematic.filter_pass import Pass, filter_and_smooth
 from gimbalcal.estimate.systematic.innovation_tests import suspect_updates
 from gimbalcal.number import Array
+from gimbalcal.progress import Progress, no_progress
 from gimbalcal.views.segments import Segments
 
 MAX_PASSES = 12
@@ -54,7 +55,7 @@ class SystematicFit:
 
 def iterate(
     segments: Segments, wanted: Sequence[Parameter], base_effects: tuple[Effect, ...] = (),
-    tell: Callable[[str], None] = lambda _: None,
+    progress: Progress = no_progress,
 ) -> SystematicFit:  # fmt: skip
     """Run passes of filter and smoother until the estimates no longer move.
 
@@ -94,7 +95,7 @@ def iterate(
         C = rotated(C, share * last.smoothed[:, :3])
         theta, unregularised, passes = theta + step, theta + last.step, passes + 1
         move = float(np.max(np.abs(last.regularised_step) / last.sigma))
-        tell(f"filter and smoother, pass {passes}: the estimates moved by up to {move:.2g} of their sigma")
+        progress(f"filter and smoother, pass {passes}: the estimates moved by up to {move:.2g} of their sigma")
         frozen = last.model if passes > 1 and move < FROZEN_STEP_RATIO * last_move else None
         last_move, excluded_before = move, excluded
         excluded = suspect_updates(last, excluded) if move < 1.0 else excluded

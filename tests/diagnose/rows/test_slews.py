@@ -10,7 +10,7 @@ from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.estimated_noise import judged_diagnosis
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.effects import CATALOGUE, parameters
-from gimbalcal.pipeline import silent
+from gimbalcal.progress import no_progress
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import View
 from gimbalcal.views.slews import lateness, view_of_slews
@@ -30,7 +30,7 @@ def seen(r):
 
 def told(r):
     v = seen(r)
-    return judged_diagnosis(stepwise(v, silent), silent)
+    return judged_diagnosis(stepwise(v, no_progress), no_progress)
 
 
 def unit(**more):
@@ -97,7 +97,7 @@ def test_a_hand_is_no_delay_but_fifty_milliseconds_are():
         value, sigma = lateness(v)["force"]
         assert abs(value + late) < 3 * sigma
         assert sigma < 0.008
-        findings = judged_diagnosis(stepwise(v, silent), silent).findings
+        findings = judged_diagnosis(stepwise(v, no_progress), no_progress).findings
         assert [set(f["twins"]) | {f["effect"]} for f in findings] == [{"time_tag_latency", "gyro_latency"}] * (
             late > 0
         )

@@ -10,8 +10,8 @@ from gimbalcal.diagnose.estimated_noise import judged_diagnosis
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest
-from gimbalcal.pipeline import silent
 from gimbalcal.platform import BENCH
+from gimbalcal.progress import no_progress
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.norm import inverted, norm
 from gimbalcal.views.pointing import pointing
@@ -129,7 +129,7 @@ def test_rests_are_judged_where_too_few_turns_were_logged_to_prove_it():
     r = Recording("multi-position", "unit", BENCH, Site(0.0, 0.0, G), {}, time, position, channels)
     v = view_at_rest(r)
     assert v.missed_by_turns is not None
-    found = judged_diagnosis(stepwise(v, silent), silent)
+    found = judged_diagnosis(stepwise(v, no_progress), no_progress)
     assert [f["effect"] for f in found.findings] == ["gyro_g_sensitivity_rate"]
     assert found.fit.turns is None
 
@@ -159,7 +159,7 @@ def test_a_gyroscope_that_scatters_hides_no_g_sensitivity_of_another_axis(seed):
     for size in (0.0, 5.0):
         v = view_at_rest(unit(G * UP, hour * (noise + size * UP[:, :1] * [1.0, 0.0, 0.0])))
         assert v is not None
-        answers.append(judged_diagnosis(stepwise(v, silent), silent))
+        answers.append(judged_diagnosis(stepwise(v, no_progress), no_progress))
     clean, sensitive = answers
     assert clean.verdict == "adequate"
     (f,) = sensitive.findings

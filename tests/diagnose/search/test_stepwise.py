@@ -22,7 +22,7 @@ from gimbalcal.diagnose.search.stepwise import (
     with_causes,
 )
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
-from gimbalcal.pipeline import silent
+from gimbalcal.progress import no_progress
 from gimbalcal.units import from_si
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import norm
@@ -39,7 +39,7 @@ def view(north=0.0, east=0.0, bend=0.0):
 
 @cache
 def found():
-    return stepwise(view(12.0, -7.0, 15.0), silent)
+    return stepwise(view(12.0, -7.0, 15.0), no_progress)
 
 
 def test_a_refit_is_least_squares():
@@ -172,7 +172,7 @@ def test_constants_between_the_values_of_a_grid_are_fitted_and_leave_no_rest():
     warm, drift = known["warm_up:x"], known["bias_drift:x"]
     (_, told), _ = made = refine_constants(first, [(warm, warm.variants[2]), (drift, drift.variants[0])])
     assert len(told.constants) == 1
-    kept = backward_eliminate(first, made, silent)
+    kept = backward_eliminate(first, made, no_progress)
     assert [c.label for c, _ in kept] == ["warm_up:x"]
     ((_, alone_),) = kept
     ((name, value),) = alone_.constants

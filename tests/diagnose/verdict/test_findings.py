@@ -13,7 +13,7 @@ from gimbalcal.diagnose.verdict import findings
 from gimbalcal.diagnose.verdict.findings import cancelling, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.errors import InputError
-from gimbalcal.pipeline import silent
+from gimbalcal.progress import no_progress
 from gimbalcal.units import to_si
 from gimbalcal.views.core import absent_effect
 from gimbalcal.views.norm import norm
@@ -58,7 +58,7 @@ def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch):
     taken = [(c, c.variants[0]) for c in (tilt, bend, like)]
     told = {tilt.key: 0.9, bend.key: 0.8, like.key: 0.01}
     monkeypatch.setattr(findings, "judged_without", lambda m, c: Judgement(c, told[c.key], (), 9.0))
-    kept, verdicts = findings.confirmed(result_of(first, taken), silent)
+    kept, verdicts = findings.confirmed(result_of(first, taken), no_progress)
     assert {c.key for c, _ in kept.causes} == {j.cause.key for j in verdicts} == {tilt.key, bend.key}
 
 
@@ -78,7 +78,7 @@ def test_a_cause_that_makes_held_out_rows_worse_is_not_named(monkeypatch):
     )
     assert findings.worsening_cause(both, sure) is bend
     monkeypatch.setattr(findings, "judged_without", lambda m, c: Judgement(c, 0.9, (), 9.0))
-    kept, verdicts = findings.confirmed(both, silent)
+    kept, verdicts = findings.confirmed(both, no_progress)
     assert {c.key for c, _ in kept.causes} == {j.cause.key for j in verdicts} == {tilt.key}
 
 
@@ -94,11 +94,11 @@ def test_a_search_that_ends_without_inverse_gives_way_to_what_was_kept(monkeypat
         return Judgement(c, 0.001, (), 9.0)
 
     monkeypatch.setattr(findings, "judged_without", judged)
-    kept, verdicts = findings.confirmed(result_of(first, [(like, like.variants[0])]), silent)
+    kept, verdicts = findings.confirmed(result_of(first, [(like, like.variants[0])]), no_progress)
     assert (kept.steps, verdicts) == ((), [])
     assert kept.shapes
     with pytest.raises(InputError, match="different forces"):
-        findings.confirmed(result_of(first, [(tilt, tilt.variants[0])]), silent)
+        findings.confirmed(result_of(first, [(tilt, tilt.variants[0])]), no_progress)
 
 
 def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch):
@@ -107,7 +107,7 @@ def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch):
     first = start(v)
     tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
     monkeypatch.setattr(findings, "judged_without", lambda m, c: Judgement(c, 0.001, (), 9.0))
-    kept, verdicts = findings.confirmed(result_of(first, [(tilt, tilt.variants[0])]), silent)
+    kept, verdicts = findings.confirmed(result_of(first, [(tilt, tilt.variants[0])]), no_progress)
     assert (kept.steps, verdicts) == ((), [])
     assert kept.shapes
     assert kept.with_shapes.rms < 0.5 * first.rms
@@ -120,7 +120,7 @@ def test_what_is_likelier_than_a_refused_cause_takes_its_place(monkeypatch):
     monkeypatch.setattr(
         findings, "judged_without", lambda m, c: Judgement(c, 0.001 if c.key == like.key else 0.9, (), 9.0)
     )
-    kept, verdicts = findings.confirmed(result_of(first, [(like, like.variants[0])]), silent)
+    kept, verdicts = findings.confirmed(result_of(first, [(like, like.variants[0])]), no_progress)
     assert [j.cause.label for j in verdicts] == [LABELS[0]]
     assert kept.end.rms < 0.2 * first.rms
 

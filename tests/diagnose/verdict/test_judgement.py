@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.diagnose.search.stepwise import stepwise, with_causes
 from gimbalcal.diagnose.verdict.judgement import judged_without
-from gimbalcal.pipeline import silent
+from gimbalcal.progress import no_progress
 from gimbalcal.views.pointing import pointing
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.small import telescope
@@ -15,7 +15,7 @@ from tests.diagnose.small import telescope
 
 def test_a_clear_cause_is_likely_and_alone():
     v = pointing(telescope(1, north=12.0, east=-7.0))
-    c = stepwise(v, silent)
+    c = stepwise(v, no_progress)
     (s,) = c.steps
     j = judged_without(c.end, s.cause[0])
     assert j.cause is s.cause[0]
@@ -29,9 +29,9 @@ def test_a_clear_cause_is_likely_and_alone():
 
 def test_a_weak_cause_is_less_likely():
     v = pointing(telescope(1, north=12.0, east=-7.0))
-    strong = stepwise(v, silent).causes[0]
+    strong = stepwise(v, no_progress).causes[0]
     weak = pointing(telescope(1, north=0.3))
-    end = with_causes(stepwise(weak, silent).start, [strong])
+    end = with_causes(stepwise(weak, no_progress).start, [strong])
     j = judged_without(end, strong[0])
     assert j.probability < 0.9
     assert j.significance < 4
@@ -55,7 +55,7 @@ def low(r, n):
 def test_laws_that_coincide_on_these_rows_are_told_together():
     """A slope in elevation over ten degrees is a bent tube, an eccentric encoder, refraction: whoever is taken up."""
     v = pointing(low(telescope(2), 80))
-    c = stepwise(v, silent)
+    c = stepwise(v, no_progress)
     (s,) = c.steps[:1]
     j = judged_without(c.end, s.cause[0])
     assert len(j.confounded) >= 2

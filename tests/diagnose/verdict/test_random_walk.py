@@ -19,7 +19,7 @@ from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
 from gimbalcal.diagnose.view_result import ViewDiagnosis
 from gimbalcal.effects.process import RandomWalk
-from gimbalcal.pipeline import silent
+from gimbalcal.progress import no_progress
 from gimbalcal.recording.kinds import MULTI_POSITION, STATIC_RUN
 from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import view_at_known_attitude
@@ -44,7 +44,7 @@ def drift(b):
 
 
 def search_of(recording):
-    return searched(view_at_known_attitude(recording), None, silent)
+    return searched(view_at_known_attitude(recording), None, no_progress)
 
 
 def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():
