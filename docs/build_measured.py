@@ -16,6 +16,7 @@ from pathlib import Path
 
 DOCS = Path(__file__).parent
 MEASURED = DOCS / "measured"
+MAX_LINES = 60  # of a text that is shown whole; of a longer one the lines before the first empty one are shown
 BLOCK = re.compile(r"<!-- measured: (\w+) -->\n.*?<!-- end of \1 -->", re.DOTALL)
 
 
@@ -25,12 +26,15 @@ def filled(page: str) -> str:
 
 
 def result(name: str) -> str:
-    """Return the result of one benchmark in Markdown; without a file, the command that measures it."""
+    """Return the result of one benchmark in Markdown, of a long one its summary; without a file, the command."""
     table, text = MEASURED / f"{name}.md", MEASURED / f"{name}.txt"
     if table.exists():
         return table.read_text(encoding="utf-8").strip()
     if text.exists():
-        return f"```text\n{text.read_text(encoding='utf-8').rstrip()}\n```"
+        whole = text.read_text(encoding="utf-8").rstrip()
+        shown, _, rest = whole.partition("\n\n") if whole.count("\n") >= MAX_LINES else (whole, "", "")
+        more = f"\n\nEach result: [{text.name}](measured/{text.name})." if rest else ""
+        return f"```text\n{shown}\n```{more}"
     return f"Not measured in this version: `python -m tests.benchmarks.{name}`."
 
 

@@ -687,15 +687,18 @@ def say(line: str) -> None:
     sys.stdout.flush()
 
 
-def report(state: dict[str, Any]) -> None:
-    """Print the counts of a run: outcomes by what was done, comparisons, commands, options, and what was wrong."""
-    counts, finds = state["counts"], state["finds"]
-    say(f"{state['next']} inputs, seed {state['seed']}: {len(finds)} wrong when they were run")
-    for find in finds:
-        typed = json.dumps(" ".join(find["arguments"]))[1:-1][:90]
-        say(f"    {find['number']}: {find['wrong'][:90]}; {typed}")
-    if "again" in state:
-        say(f"run again at the end: {state['again']} of them wrong")
+def report(states: Sequence[dict[str, Any]]) -> None:
+    """Print what was wrong in runs, then the counts of outcomes by what was done, comparisons, commands and options."""
+    counts = Counter[str]()
+    for state in states:
+        counts += Counter(state["counts"])
+        say(f"{state['next']} inputs, seed {state['seed']}: {len(state['finds'])} wrong when they were run")
+        for find in state["finds"]:
+            typed = json.dumps(" ".join(find["arguments"]))[1:-1][:90]
+            say(f"    {find['number']}: {find['wrong'][:90]}; {typed}")
+        if "again" in state:
+            say(f"    run again at the end: {state['again']} of them wrong")
+    say("")
     for kind in ("what", "compared", "command", "slow"):
         for key, n in sorted(counts.items()):
             if key.startswith(f"{kind}: "):
@@ -721,8 +724,7 @@ def main() -> int:
     if given.state is not None and given.state.is_file():
         state = json.loads(given.state.read_text())
     if given.report:
-        for path in given.report:
-            report(json.loads(path.read_text()))
+        report([json.loads(path.read_text()) for path in given.report])
         return 0
     until, wrong = time.monotonic() + given.seconds, 0
     with fuzzer() as runs:
@@ -742,7 +744,7 @@ def main() -> int:
                     say(json.dumps(find))
             state["counts"] = dict(Counter(state["counts"]) + runs.counts)
             wrong = len(state["finds"])
-            report(state)
+            report([state])
     if given.state is not None:
         given.state.write_text(json.dumps(state))
     return int(bool(wrong))
