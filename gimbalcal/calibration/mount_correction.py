@@ -87,15 +87,18 @@ def _static_run(recording: Recording, effects: Sequence[Effect]) -> Mount:
 
 @dataclass(frozen=True)
 class _Unread(Effect):
-    """Errors of encoders of the gimbals (k,) without a readout: nothing was logged that could be corrected."""
+    """Errors of encoders of gimbals that were not read: nothing was logged that a correction could be added to.
+
+    unread (k,): which of the gimbals have no readout.
+    """
 
     stage = Stage.ENCODER
     effects: tuple[Effect, ...]
-    mine: Array
+    unread: Array
 
     def contribution(self, s: Stimulus) -> Array:
-        """Return the true angle minus readout [rad], (n, k)."""
-        return np.asarray(sum((e.contribution(s) for e in self.effects), start=0 * s.readout) * self.mine)
+        """Return the true angle minus readout [rad], (n, k), zero for gimbals that are corrected."""
+        return np.asarray(sum((e.contribution(s) for e in self.effects), start=0 * s.readout) * self.unread)
 
 
 def _difference(recording: Recording, to: Mapping[str, Array], of: Mapping[str, Array]) -> dict[Key, Array]:

@@ -54,7 +54,7 @@ class MeasuredTurns:
 
     @cached_property
     def vectors(self) -> Array:
-        """Rotation vectors (m, n, 3) [reading times s] of the steps of each turn, zeros behind the shorter ones."""
+        """Rotation vectors (m, n, 3) [reading times s] of the steps of each checked turn, zeros behind shorter ones."""
         out = np.zeros((len(self.reading), max(map(len, self.step)), 3))
         for row, w, dt in zip(out, self.reading, self.step, strict=True):
             row[: len(dt)] = w * dt[:, None]

@@ -235,7 +235,7 @@ class PositionsDesign:
 
     @property
     def unsupported(self) -> list[str]:
-        """A sentence for each parameter whose sigma remains that of its prior."""
+        """A sentence for each parameter of the plan whose sigma remains that of its prior."""
         return unsupported(self.parameters, self.sigma)
 
     @property
@@ -303,7 +303,7 @@ def assessed_design(
 
 
 def unsupported(wanted: Sequence[Parameter], sigma: Array) -> list[str]:
-    """Return a sentence for each parameter whose sigma remains that of its prior."""
+    """Return a sentence for each parameter that a planned schedule leaves with the sigma of its prior."""
     return [
         f"{p.label} would be uncertain by {float(from_si(s, p.unit)):.3g} {p.unit}, no better than the "
         f"{float(from_si(p.sigma, p.unit)):.3g} {p.unit} it is expected to be: this schedule does not support it"

@@ -157,6 +157,7 @@ def _with_gravity(latitude: float, height: float, gravity: float | None) -> Site
 
 
 def _sum(wanted: Sequence[Parameter], each: Sequence[Information]) -> Information:
+    """Return the information of all planned recordings about the wanted parameters."""
     return sum(each, start=Information(tuple(wanted), np.zeros((1, len(wanted) + 1)), 0))
 
 

@@ -159,9 +159,9 @@ def _felt(turn: Array, D: Array, j: int, c: int) -> tuple[float, ...]:
 
 @compiled
 def _grow(x: Array, e: tuple[float, ...], f: tuple[float, ...], h: float, earth: tuple[float, ...]) -> None:
-    """Advance errors x (9,) over an interval at rest, in place, to second order: e from the sensors, f (3,) velocity by
-    force.
+    """Advance the navigation errors x (9,) over an interval at rest, in place, to second order.
 
+    e (6,): angle and velocity that errors of the sensors add; f (3,): velocity that the force gained in h [s].
     F11 ... F33 of Cai et al. (2016), Eqs. (23), in north, east, down.
     """
     wn, wd, by_n, by_e, by_t, g_n, g_h = earth

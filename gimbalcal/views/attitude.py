@@ -206,7 +206,10 @@ def against_reference(
 
 
 def intervals(time: Array, known: Reference, lag: float) -> tuple[NDArray[np.int64], int]:
-    """Return the first samples (m,) of the intervals and their number of steps n."""
+    """Return the first samples (m,) of the intervals over which rates are compared with a known attitude.
+
+    Each has n steps, the second value, without a pause of the clock, and the reference covers it at this lag [s].
+    """
     dt = np.diff(time)
     step = float(np.median(dt))
     n = max(2, round(max(INTERVAL_S, 2 * known.step, (time[-1] - time[0]) / MAX_INTERVALS) / step))

@@ -400,7 +400,7 @@ def _best_of(law: Family, worth: Array) -> tuple[float, Expression]:
 
 
 def gains(response: BlockResponse, B: Array) -> Array:
-    """ln likelihood (p, K) that additions (blocks, m, K), m at a time, take away of the misfit at each place."""
+    """Return the gain in ln likelihood (p, K) by formulas, each of m columns B (blocks, m, K), at each of p outputs."""
     (blocks, m, K), p = B.shape, len(response.y)
     flat = B.reshape(blocks, m * K)
     X = response.root @ flat

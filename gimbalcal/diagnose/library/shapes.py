@@ -57,20 +57,21 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
     """Products and powers of what was recorded, as outputs of one accelerometer, less those that have a cause."""
     Q = orthonormal(o.reduced(o.Z)[:SLOWEST])
 
-    def unit(X: Array) -> Array:
+    def normalised(X: Array) -> Array:
+        """Return columns of length one, less what the calibration constants take up of them."""
         X = X[:SLOWEST]
         remainder = X - Q @ (Q.T @ X)
         size = np.sqrt((remainder**2).sum(axis=0))
         return remainder / np.where(size > 1e-3 * np.sqrt((X**2).sum(axis=0)) + 1e-300, size, np.inf)
 
-    known = unit(np.concatenate([b[:SLOWEST] for b in blocks], axis=1))
+    known = normalised(np.concatenate([b[:SLOWEST] for b in blocks], axis=1))
     out = []
     for name, (words, bases) in products(o).items():
         for axis, along in _outputs(o):
             variants = []
             for basis in bases:
                 X = o.reduced(along[:, :, None] * unit_rms(basis)[:, None, :])
-                if X.any() and np.abs(known.T @ unit(X)).max(axis=0).min() < ALIKE:
+                if X.any() and np.abs(known.T @ normalised(X)).max(axis=0).min() < ALIKE:
                     variants.append(Variant((), tuple(appended_to(blocks, X * RIVAL_SIGMA))))
             if variants:
                 out.append(Candidate(f"unknown {name}", axis, (), tuple(variants), rival=words))

@@ -60,7 +60,7 @@ class ConstantsAgreement(Entry):
 
     @property
     def in_words(self) -> str:
-        """A sentence on the contradiction; empty where they agree."""
+        """A sentence that recordings of a unit differ in their calibration constants; empty where they agree."""
         if self.p_value >= SIGNIFICANCE:
             return ""
         return constants_disagreement(self)
