@@ -508,7 +508,10 @@ def different_numbers(result: Any, reference: Any) -> str:
     a, b = _leaves(result), _leaves(reference)
     for place in [*b, *(p for p in a if p not in b)]:
         x, y = a.get(place), b.get(place)
-        if isinstance(x, (int, float)) | isinstance(y, (int, float)) and not VOLATILE.search(place) and x != y:
+        if not isinstance(x, (int, float)) | isinstance(y, (int, float)) or VOLATILE.search(place) or x == y:
+            continue
+        # sums over arrays are rounded by where these lie in memory
+        if None in (x, y) or not np.isclose(float(x), float(y), rtol=1e-9, atol=0.0):
             return f"{place} is {x} where {y} is right"
     return ""
 
