@@ -16,12 +16,17 @@ Classes: right (right variables, and the second recording is predicted to 4 sigm
 causes that leave no more of it when they are fitted); close (to
 three tenths); table (no closed form, predicted to three tenths); poor (a law that predicts less); shape (unexplained,
 no law); unsure cause (named below p = 0.5); wrong cause (at p >= 0.5); adequate.
+
+Shares are of designs that determine the law: its variables are those of the first law (or known causes are the law);
+its form is right (class right, by a closed form); the rms of the second recording with what was found is within 1.1 of
+that with the law itself; a wrong cause is named at p >= 0.5.
 """
 
 import argparse
 import os
+import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import process_time
@@ -41,6 +46,7 @@ from tests.benchmarks.law_plants import (
     Hidden,
     UnknownVariable,
     corrected,
+    degrees,
     excess,
     left_by_causes,
     simulated,
@@ -50,6 +56,9 @@ from tests.benchmarks.law_set import CLEAN, FRESH, LAST, LAST_2, LAWS
 
 STRENGTHS = (30.0, 15.0, 60.0)
 MOST_LEFT = 4.0  # sigmas
+NEARLY = 1.1  # times the rms that the law itself leaves of a second recording
+SURE = 0.5  # probability from which a cause is claimed
+TABLE = re.compile(r"Abs\([^()]*\) - Abs\(")  # straight lines between knots, in an expression
 QUICK = 24  # clean recordings
 LATER = {"fresh": FRESH, "last": LAST, "last2": LAST_2}
 CLASSES = ("right", "close", "table", "poor", "shape", "unsure cause", "wrong cause", "adequate", "crash", "not shown",
@@ -141,7 +150,7 @@ def left(r: Recording, clean: Recording, names: tuple[str, ...]) -> float:
 
 def named_causes(findings: list[dict[str, Any]]) -> list[tuple[str, ...]]:
     """The causes that are named at p >= 0.5 as --with takes them, and with the first replaced by each of its twins."""
-    named = [f for f in findings if f["probability"] >= 0.5]
+    named = [f for f in findings if f["probability"] >= SURE]
     each = [f["effect"] if "," in f["axis"] or not f["axis"] else f"{f['effect']}:{f['axis']}" for f in named]
     twins = [t for f in named[:1] for t in f["twins"]]
     return [tuple(each), *((t, *each[1:]) for t in twins)] if named else []
@@ -163,6 +172,7 @@ def predicted(run: Run, laws: list[dict[str, Any]], size: float, named: list[tup
             out["with"] = excess(corrected(second, laws), clean, with_)
         except InputError:  # a law so wrong that the recording is refused
             out["with"] = 10 * out["without"]
+    out["ratio"] = float(np.sqrt(1 + out.get("with", out["without"]) ** 2 / degrees(clean)))
     return out
 
 
@@ -170,18 +180,36 @@ def judged(law: Hidden, row: dict[str, Any]) -> str:
     """The class of an answer."""
     if row["laws"]:
         left, whole = row["with"], max(row["without"], 1e-9)
-        names = {frozenset(s.split()) for s in law.follows.split("|")}
-        if row["laws"][0][1] == "table":
+        if TABLE.search(row["laws"][0][1]):
             return "table" if left < max(MOST_LEFT, 0.3 * whole) else "poor"
-        if frozenset(row["follows"]) in names and left < max(MOST_LEFT, 0.1 * whole):
+        if follows(law, row) and left < max(MOST_LEFT, 0.1 * whole):
             return "right"
         return "close" if left < max(MOST_LEFT, 0.3 * whole) else "poor"
     if row["verdict"] == "adequate":
         return "adequate"
-    named = [f for f in row["findings"] if f[2] >= 0.5]
+    named = [f for f in row["findings"] if f[2] >= SURE]
     if named and row["with"] < max(MOST_LEFT, 0.1 * row["without"]):
         return "right"
     return "wrong cause" if named else "unsure cause" if row["findings"] else "shape"
+
+
+def follows(law: Hidden, row: dict[str, Any]) -> bool:
+    """Whether the laws of an answer have the variables of the hidden one, or known causes are it."""
+    names = {frozenset(s.split()) for s in law.follows.split("|")}
+    return frozenset(row["follows"]) in names if row.get("laws") else row["class"] == "right"
+
+
+def hidden_law(row: dict[str, Any]) -> Hidden:
+    """The law of a row of the results."""
+    return Run(row["arm"], row["law"], row["sigmas"], row["seed"]).hidden
+
+
+SHARES: dict[str, Callable[[dict[str, Any]], bool]] = {
+    "variable right": lambda r: follows(hidden_law(r), r),
+    "form right": lambda r: r["class"] == "right",
+    f"prediction within {NEARLY}": lambda r: r.get("ratio", np.inf) <= NEARLY,
+    "wrong cause": lambda r: r["class"] == "wrong cause",
+}
 
 
 def sources() -> Iterator[Path]:
@@ -207,24 +235,19 @@ def report(rows: list[dict[str, Any]]) -> None:
 def shares(hidden: list[dict[str, Any]]) -> None:
     """Numbers of each class by strength."""
     arms = list(dict.fromkeys(r["arm"] for r in hidden))
-    say(f"  {'':14}" + "".join(f"{a if a.isalpha() else f'{a} sigmas':>12}" for a in arms))
+    say(f"  {'':22}" + "".join(f"{a if a.isalpha() else f'{a} sigmas':>12}" for a in arms))
     of = {a: [r for r in hidden if r["arm"] == a] for a in arms}
     for name in CLASSES:
         counts = [Counter(r["class"] for r in of[a])[name] for a in arms]
         if any(counts):
-            say(f"  {name:14}" + "".join(f"{f'{n} of {len(of[a])}':>12}" for n, a in zip(counts, arms, strict=True)))
-    right = [sum(_follows(r) for r in of[a]) for a in arms]
-    say(f"  {'variable':14}" + "".join(f"{f'{n} of {len(of[a])}':>12}" for n, a in zip(right, arms, strict=True)))
+            say(f"  {name:22}" + "".join(f"{f'{n} of {len(of[a])}':>12}" for n, a in zip(counts, arms, strict=True)))
+    shown = {a: [r for r in of[a] if r["class"] != "not shown"] for a in arms}
+    for name, share in SHARES.items():
+        say(f"  {name:22}" + "".join(f"{np.mean([share(r) for r in shown[a]] or [np.nan]):12.0%}" for a in arms))
     told = [sum(bool(r.get("alternatives")) for r in of[a]) for a in arms]
-    say(f"  {'alternatives':14}" + "".join(f"{f'{n} of {len(of[a])}':>12}" for n, a in zip(told, arms, strict=True)))
+    say(f"  {'alternatives':22}" + "".join(f"{f'{n} of {len(of[a])}':>12}" for n, a in zip(told, arms, strict=True)))
     left = [[r["with"] / max(r["without"], 1e-9) for r in of[a] if "with" in r] for a in arms]
-    say(f"  {'left, median':14}" + "".join(f"{np.median(x) if x else np.nan:12.2f}" for x in left))
-
-
-def _follows(r: dict[str, Any]) -> bool:
-    """Whether a law of the right variables is said."""
-    hidden = Run(r["arm"], r["law"], r["sigmas"], r["seed"]).hidden
-    return frozenset(r.get("follows", ())) in {frozenset(s.split()) for s in hidden.follows.split("|")}
+    say(f"  {'left, median':22}" + "".join(f"{np.median(x) if x else np.nan:12.2f}" for x in left))
 
 
 def each(hidden: list[dict[str, Any]]) -> None:

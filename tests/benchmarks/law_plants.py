@@ -20,6 +20,7 @@ from tests.diagnose import plant, static_plant, turned_plant
 from tests.estimate.gyroscopes import test_rate_table
 
 UG, ARCSEC, DEG, HOUR = plant.UG, plant.ARCSEC, turned_plant.DEG, np.pi / 648000
+HAND_CONSTANTS = 12  # of a calibration by the norm of the force
 SECOND = 5000  # added to a seed for the second recording
 
 Variables = Mapping[str, Array]
@@ -259,6 +260,13 @@ def excess(r: Recording, clean: Recording, with_: tuple[str, ...] = ()) -> float
     return float(np.sqrt(a - b if clean.noise and not clean.kind.sighting else (a / b - 1) * dof))
 
 
+def degrees(clean: Recording) -> float:
+    """Degrees of freedom of the rows in which an excess is counted."""
+    if clean.title == "hand":
+        return float(len(np.unique(clean.position[clean.position > 0])) - HAND_CONSTANTS)
+    return misfit(clean)[1]
+
+
 def left_by_causes(r: Recording, clean: Recording, names: tuple[str, ...]) -> float:
     """Sigmas by which a recording is worse than the same noise without a law, known causes fitted in both."""
     a, b = (calibrate(x, more=list(names)).residual for x in (r, clean))
@@ -365,13 +373,9 @@ def corrected(r: Recording, laws: list[dict[str, Any]]) -> Recording:
         if missing := set(law["variables"]) - set(values):
             raise UnknownVariable(", ".join(sorted(missing)))
         x = {name: values[name] for name in law["variables"]}
-        if law["expression"] == "table":
-            p = law["parameters"]
-            added = np.interp(x[law["variables"][0]], [k["knot"] for k in p], [k["value"] for k in p])
-        else:
-            symbols = {name: sympy.Symbol(name, real=True) for name in x}
-            f = sympy.lambdify(list(symbols.values()), sympy.sympify(law["expression"], locals=symbols), "numpy")
-            added = np.broadcast_to(np.asarray(f(*x.values()), dtype=float), r.time.shape)
+        symbols = {name: sympy.Symbol(name, real=True) for name in x}
+        f = sympy.lambdify(list(symbols.values()), sympy.sympify(law["expression"], locals=symbols), "numpy")
+        added = np.broadcast_to(np.asarray(f(*x.values()), dtype=float), r.time.shape)
         sign = -1 if law["channel"] == "gimbal_angle" else 1  # the true angle is the readout plus its error
         channels[key] = channels[key] - sign * PRINTED[law["channel"]] * added
     return replace(r, channels=channels)
