@@ -22,7 +22,6 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import Stimulus
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix, cos, sin
-from gimbalcal.platform import Platform
 from gimbalcal.recording import Recording, dwells
 
 DOWN = np.array([0.0, 0.0, 1.0])
@@ -63,6 +62,7 @@ def stimulus_from_truth(recording: Recording, force: Array, rate: Array) -> Stim
         visit[d.start :] = i
         since[d.start :] = recording.time[d.start :] - recording.time[d.start]
     starts = [d.start for d in visits] or [0]  # a unit that is never at rest has none
+    attitudes = recording.platform.attitudes(readout)
     return Stimulus(
         time=recording.elapsed,
         running=recording.time - recording.time[0] if recording.restarts else None,
@@ -84,24 +84,21 @@ def stimulus_from_truth(recording: Recording, force: Array, rate: Array) -> Stim
         covariates={axis: v for (quantity, axis), v in recording.channels.items() if quantity == "covariate"},
         axis_directions=tuple(axis.direction for axis in recording.platform.axes),
         sense=recording.platform.sense,
-        attitude=_ideal_attitude(recording, readout),
-        load=gimbal_load(recording.platform, readout),
+        attitude=_ideal_attitude(recording, readout, attitudes),
+        load=np.stack([apply_matrix(C, DOWN) for C in attitudes], axis=1) if attitudes else np.zeros((n, 0, 3)),
     )
 
 
-def _ideal_attitude(recording: Recording, readout: Array) -> Array | None:
-    """Return C_np (n, 3, 3) of a perfect platform on a level base to the north; None for a unit without gimbals."""
+def _ideal_attitude(recording: Recording, readout: Array, attitudes: Sequence[Array]) -> Array | None:
+    """Return C_np (n, 3, 3) of a perfect platform on a level base to the north; None for a unit without gimbals.
+
+    attitudes: of each of its axes by the readouts.
+    """
     if not recording.platform.axes:
         return None
     if recording.kind.stabilised:
         return navigation_to_platform(sidereal_phase(recording, readout), required_latitude(recording.site.latitude))
-    return recording.platform.attitude(readout)
-
-
-def gimbal_load(platform: Platform, readout: Array) -> Array:
-    """Return unit gravity (n, k, 3) in the frame that turns with each gimbal, on a level base."""
-    frames = [Platform(platform.name, platform.axes[i:]).attitude(readout[:, i:]) for i in range(len(platform.axes))]
-    return np.stack([apply_matrix(C, DOWN) for C in frames], axis=1) if frames else np.zeros((len(readout), 0, 3))
+    return attitudes[0]
 
 
 def ideal_force(recording: Recording, readout: Array) -> Array:

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 from math import pi
 
 import numpy as np
@@ -95,6 +96,11 @@ class Platform:
         if chain is None:
             return np.broadcast_to(np.eye(3), (*angles.shape[:-1], 3, 3))
         return chain
+
+    def attitudes(self, angles: Array) -> list[Array]:
+        """Return the direction cosine matrix (..., 3, 3) from the base to each axis, the platform first."""
+        links = [frame_rotation(a.direction, a.sign * angles[..., i] + a.offset) for i, a in enumerate(self.axes)]
+        return [reduce(np.matmul, links[i:]) for i in range(len(links))]
 
     def angles(self, readings: Mapping[str, ArrayLike], shape: tuple[int, ...]) -> Array:
         """Stack named readings (n,) into (n, k) in axis order; an axis that was not recorded stays at zero."""

@@ -45,7 +45,7 @@ def tilt_rotation(tilt: ArrayLike) -> Array:
               -s_z c_y & c_z c_x - s_z s_y s_x & s_z s_y c_x + c_z s_x \\ s_y & -c_y s_x & c_y c_x \end{bmatrix}
     """
     tilt = np.asarray(tilt)
-    (cx, cy, cz), (sx, sy, sz) = (np.moveaxis(f(tilt), -1, 0) for f in (cos, sin))
+    (cx, cy, cz), (sx, sy, sz) = ([x[..., i] for i in range(3)] for x in (cos(tilt), sin(tilt)))
     rows = (
         (cz * cy, cz * sy * sx + sz * cx, sz * sx - cz * sy * cx),
         (-sz * cy, cz * cx - sz * sy * sx, sz * sy * cx + cz * sx),
@@ -62,7 +62,7 @@ def small_rotation_vector(C: Array) -> Array:
 
 def cross_matrix(v: Array) -> Array:
     """Return the matrix [v x] (..., 3, 3) that multiplies w to v x w, from v (..., 3)."""
-    x, y, z = np.moveaxis(v, -1, 0)
+    x, y, z = (v[..., i] for i in range(3))
     o = np.zeros_like(x)
     return np.stack([np.stack(r, -1) for r in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2)
 

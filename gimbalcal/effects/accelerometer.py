@@ -14,7 +14,7 @@ def lean(beta: Array, force: Array) -> Array:
     The same for the input axes of gyroscopes, with the angular rate in place of the force.
     """
     xy, xz, yz, yx, zx, zy = beta
-    fx, fy, fz = np.moveaxis(force, -1, 0)
+    fx, fy, fz = (force[..., i] for i in range(3))
     return np.stack([xz * fy - xy * fz, yx * fz - yz * fx, zy * fx - zx * fy], axis=-1)
 
 

@@ -67,8 +67,7 @@ class AccelerometerLeverArm(Effect):
         r = np.reshape(self.r, (3, 3))
         turn, w = s.turning_faster(), s.rate
         # row i of what turns in place feel, [w' x] + w w^T - |w|^2, and the own arm of each
-        x, y, z = np.moveaxis(turn, -1, 0)
-        p, q, o = np.moveaxis(w, -1, 0)
+        (x, y, z), (p, q, o) = ([v[..., i] for i in range(3)] for v in (turn, w))
         return np.stack(
             [
                 -(q * q + o * o) * r[0, 0] + (p * q - z) * r[0, 1] + (p * o + y) * r[0, 2],

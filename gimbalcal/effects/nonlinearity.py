@@ -130,7 +130,7 @@ class CrossCoupling(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Return the output added [m/s^2]."""
         xy, xz, yx, yz, zx, zy = self.K_c
-        fx, fy, fz = np.moveaxis(s.force, -1, 0)
+        fx, fy, fz = (s.force[..., i] for i in range(3))
         return np.stack([fx * (xy * fy + xz * fz), fy * (yx * fx + yz * fz), fz * (zx * fx + zy * fy)], axis=-1)
 
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.forward import predict
-from gimbalcal.kinematics import gimbal_load
+from gimbalcal.kinematics import DOWN
+from gimbalcal.number import apply_matrix
 from gimbalcal.platform import KNOWN
 from tests.effects.stimulus import given, made
 
@@ -18,10 +19,10 @@ AXES = ("elevation", "azimuth")
 def sky():
     """Five stars at as many azimuths, in an hour each."""
     angles = np.stack([ELEVATION, np.linspace(-3, 2, 5)], axis=-1)
-    n = len(angles)
+    n, load = len(angles), np.stack([apply_matrix(C, DOWN) for C in MOUNT.attitudes(angles)], axis=1)
     return replace(
         given(), time=3600.0 * np.arange(n), readout=angles, angle=angles, true_angle=angles, force=np.zeros((n, 3)),
-        axis_names=AXES, sense=(), axis_directions=("y", "z"), load=gimbal_load(MOUNT, angles), visit=np.arange(n),
+        axis_names=AXES, sense=(), axis_directions=("y", "z"), load=load, visit=np.arange(n),
     )  # fmt: skip
 
 
