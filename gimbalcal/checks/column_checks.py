@@ -245,8 +245,9 @@ def at_maximum(y: Array) -> Array:
 
 def at_end_of_range(y: Array) -> Array:
     """Return in which rows (n,) any sensor of a triad y (n, 3) reads an end of its range, where several rows stand."""
-    both = [sign * x for x in y.T for sign in (1, -1)]
-    ends = [x.max() for x in both if np.count_nonzero(x == x.max()) >= MIN_AT_END <= len(at_maximum(x))]
+    both = [(sign, x, end) for x in y.T for sign, end in ((1, x.max()), (-1, x.min()))]
+    several = [(sign, x, end) for sign, x, end in both if np.count_nonzero(x == end) >= MIN_AT_END]
+    ends = [sign * end for sign, x, end in several if len(at_maximum(sign * x)) >= MIN_AT_END]
     return np.asarray(np.isin(y, [*ends, *np.negative(ends)]).any(axis=1)) if ends else np.zeros(len(y), dtype=bool)
 
 

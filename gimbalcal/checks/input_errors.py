@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import permutations, product
 from typing import Generic, TypeVar
 
@@ -50,12 +51,12 @@ class AxisPermutation:
     order: tuple[int, ...] = (0, 1, 2)
     signs: tuple[int, ...] = (1, 1, 1)
 
-    @property
+    @cached_property
     def matrix(self) -> Array:
         """Return M (3, 3)."""
         return np.eye(3)[list(self.order)] * np.array(self.signs, dtype=float)[:, None]
 
-    @property
+    @cached_property
     def handed(self) -> int:
         """Return 1 where a right-handed triad remains one, -1 where it becomes left-handed."""
         return round(float(np.linalg.det(self.matrix)))
@@ -156,7 +157,7 @@ class Correction:
 
     def factor(self, quantity: str) -> float:
         """Return by what the first column of a quantity that changes is multiplied; 1 where none does."""
-        factors = np.diag(self.matrices[quantity][1]) if quantity in self.matrices else np.ones(1)
+        factors = self.matrices[quantity][1].diagonal() if quantity in self.matrices else ()
         return float(next((x for x in factors if x != 1), 1.0))
 
     def reversed(self, quantity: str) -> tuple[str, ...]:

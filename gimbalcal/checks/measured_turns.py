@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from gimbalcal.checks.column_checks import at_end_of_range
-from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, PERMUTATIONS, Correction, scaled
+from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, PERMUTATIONS, Correction
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells, moves_between_dwells
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
@@ -79,7 +79,7 @@ class MeasuredTurns:
 
     def agreeing_by_factor(self, factors: Array) -> Array:
         """Return the number of turns (k,) that end where the reference does, with all rates times each of `factors`."""
-        return np.array([self.agreeing(scaled(RATE, AXES, factor, "")) for factor in factors])
+        return np.array([int(agree(self, self._of(factor))) for factor in factors.tolist()])
 
     def turned(self, correction: Correction) -> Array:
         """Return C (m, 3, 3) of every turn by corrected rates."""

@@ -196,7 +196,8 @@ def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[floa
     """
     every = max(1, len(triad[0]) // MAX_SAMPLED_ROWS)
     levels = [float(np.median(x[::every])) for x in triad]
-    fastest = max(float(np.abs(x - level).max(initial=0.0)) for x, level in zip(triad, levels, strict=True))
+    far = [max(x.max() - level, level - x.min()) for x, level in zip(triad, levels, strict=True) if len(x)]
+    fastest = float(max(far, default=0.0))
     scatter = max(float(np.median(np.abs(x[1::every] - x[:-1:every]))) / 0.954 if len(x) > 1 else 0.0 for x in triad)
     bias = max(map(abs, levels))
     whole, step = _are_counts(triad), max(map(quantum, triad))

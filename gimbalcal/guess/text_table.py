@@ -181,11 +181,11 @@ def table_of_columns(columns_of_text: Iterable[tuple[str, Array, str]]) -> Table
     forms: dict[str, set[str]] = {"angle": set(), "date": set()}
     others = []
     for name, numbers, form in columns_of_text:
-        values = np.where(np.abs(numbers) < MAX_NUMBER, numbers, np.nan)
-        if np.count_nonzero(np.isfinite(values)) <= (0.0 if form == "number" else 0.4) * len(values):
+        sound = np.abs(numbers) < MAX_NUMBER
+        if np.count_nonzero(sound) <= (0.0 if form == "number" else 0.4) * len(numbers):
             others.append(name)
             continue
-        columns[name] = values
+        columns[name] = numbers if numbers.dtype == float and sound.all() else np.where(sound, numbers, np.nan)
         forms.setdefault(form, set()).add(name)
     return Table(columns, frozenset(forms["angle"]), (), tuple(others), frozenset(forms["date"]))
 

@@ -47,7 +47,7 @@ def dwells(recording: Recording) -> tuple[Dwell, ...]:
 
 def visited_positions(recording: Recording) -> int:
     """Return how many positions were visited; none where the recording has no positions."""
-    return 0 if recording.position is None else len(np.unique(recording.position[recording.position > 0]))
+    return 0 if recording.position is None else len({d.position for d in dwells(recording)})
 
 
 @dataclass(frozen=True)

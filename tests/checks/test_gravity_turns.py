@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gimbalcal.checks.input_errors import PERMUTATIONS
-from gimbalcal.checks.measured_turns import AXES, RATE, MeasuredTurns, agree, scaled, turns_of
+from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, scaled
+from gimbalcal.checks.measured_turns import RATE, MeasuredTurns, agree, turns_of
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import frame_rotation
