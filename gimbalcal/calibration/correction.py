@@ -159,7 +159,7 @@ def corrupt(calibration: Calibration, recording: Recording) -> Recording:
     s = _initial_stimulus(recording)
     channels = _added(dict(read.channels), change, -1.0)
     if recording.has(FORCE):
-        f = _turned(np.stack([channels[FORCE, a] for a in AXES], axis=-1), change, -1.0)
+        f = _turned(replace(read, channels=channels).triad(FORCE), change, -1.0)
         y, H = _read(partial(accelerometers, s=s, effects=effects), f, FORCE)
         channels |= _columns(FORCE, y)
         read = with_noise(read, FORCE, H)

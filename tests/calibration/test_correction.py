@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -85,6 +86,14 @@ def test_corrupt_moves_every_kind_of_reading():
     np.testing.assert_allclose(
         read.channels["specific_force", "x"] - true.channels["specific_force", "x"], bias.b[0], rtol=1e-9
     )  # rounding of 9.8 against a bias of 1e-3
+
+
+@pytest.mark.parametrize("direction", ["apply", "corrupt"])
+def test_a_triad_with_an_axis_missing_is_refused_in_both_directions(direction):
+    whole = table_recording(2)
+    part = replace(whole, channels={key: x for key, x in whole.channels.items() if key != ("specific_force", "x")})
+    with refused():
+        getattr(calibration((drawn("bias", 1),)), direction)(part)
 
 
 def test_a_recording_without_a_dwell_is_corrected_as_one_of_a_single_dwell():
