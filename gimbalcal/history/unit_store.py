@@ -182,7 +182,8 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
             raise InputError(f"{path} is a database {what}; give another --store")
         yield base
     except (sqlite3.DatabaseError, UnicodeDecodeError) as problem:  # a damaged byte of a text is no database error
-        reason = " ".join(str(problem).split())
+        damaged = isinstance(problem, UnicodeDecodeError)
+        reason = "a text in it is damaged" if damaged else " ".join(str(problem).split())
         raise InputError(f"{path} cannot be used as a store ({reason}); give another --store") from None
     finally:
         if base is not None:

@@ -95,13 +95,14 @@ def test_a_store_that_cannot_be_written_is_compared():
         assert sorted(p.name for p in Path(name).iterdir()) == ["unit.sqlite"]
 
 
-def test_a_store_with_damaged_tables_is_refused_before_anything_is_computed(tmp_path):
+@pytest.mark.parametrize(("damage", "sentence"), [(b"\x14", "malformed"), (b"\xe9", "a text in it is damaged")])
+def test_a_store_with_damaged_tables_is_refused_before_anything_is_computed(tmp_path, damage, sentence):
     path = tmp_path / "unit.sqlite"
     keep(path, entry())
     with sqlite3.connect(path, timeout=WAIT_S) as base:
         base.execute("pragma wal_checkpoint(truncate)")
-    path.write_bytes(path.read_bytes().replace(b"CREATE TABLE entries (", b"CREATE TAB\x14E entries ("))
-    with pytest.raises(InputError, match="cannot be used as a store"):
+    path.write_bytes(path.read_bytes().replace(b"CREATE TABLE entries (", b"CREATE TAB" + damage + b"E entries ("))
+    with pytest.raises(InputError, match=f"cannot be used as a store .{sentence}"):
         refuse_unusable(path)
 
 
