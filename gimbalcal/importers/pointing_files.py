@@ -74,10 +74,10 @@ def pointing_run(
 ) -> Recording:
     """Return a pointing recording: by axis, the encoder readouts and the angles [rad] of a perfect mount on the star.
 
-    `true` is brought within half a turn of `readout`.
+    `true` is brought to the side of the pier that `readout` shows, and within half a turn of it.
     """
     channels = {("gimbal_angle", axis): angle for axis, angle in readout.items()}
-    for axis, angle in true.items():
+    for axis, angle in _on_its_side(readout, true).items():
         turns = np.round((readout[axis] - angle) / (2 * np.pi))
         channels["true_angle", axis] = angle + 2 * np.pi * turns
     return Recording(
@@ -92,3 +92,24 @@ def pointing_run(
         source=(Source.of(path),),
         units=dict.fromkeys(channels, "deg"),
     )
+
+
+def _on_its_side(readout: Mapping[str, Array], true: Mapping[str, Array]) -> Mapping[str, Array]:
+    """Return true angles [rad] with those of an equatorial mount on the side of the pier that its readouts show.
+
+    A readout of the declination beyond 90 deg is the other side: the same direction has the hour angle h + 180 deg and
+    the declination 180 deg - delta there. An encoder whose zero lies anywhere reads beyond 90 deg, too: there the
+    differences from the readouts scatter more with the sides exchanged than without.
+    """
+    if set(readout) != {"hour_angle", "declination"}:
+        return true
+    other = (np.cos(readout["declination"]) < 0) & (np.cos(true["declination"]) > 0)
+    exchanged = {
+        "declination": np.where(other, np.pi - true["declination"], true["declination"]),
+        "hour_angle": np.where(other, np.pi + true["hour_angle"], true["hour_angle"]),
+    }
+
+    def concentration(angles: Mapping[str, Array]) -> float:
+        return float(sum(abs(np.nanmean(np.exp(1j * (readout[axis] - angle)))) for axis, angle in angles.items()))
+
+    return exchanged if concentration(exchanged) >= concentration(true) else true

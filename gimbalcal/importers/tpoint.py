@@ -95,7 +95,7 @@ def _by_stars(path: Path, file: _File) -> Recording:
     if file.upright:
         true, read = (_horizontal(hour[:, i], declination[:, i], file.site) for i in (0, 1))
         return replace(pointing_run(path, KNOWN["alt-az"], file.site, time, read, true), remarks=remarks)
-    run = pointing_run(path, _mount(file.site), file.site, time, *_both_sides(hour, declination))
+    run = pointing_run(path, _mount(file.site), file.site, time, *_equatorial(hour, declination))
     return replace(run, remarks=remarks)
 
 
@@ -105,7 +105,7 @@ def _by_angles(path: Path, file: _File, zero: str) -> Recording:
     time, remarks = in_order(path, len(around))
     if not file.upright:
         return replace(
-            pointing_run(path, _mount(file.site), file.site, time, *_both_sides(around, up)), remarks=remarks
+            pointing_run(path, _mount(file.site), file.site, time, *_equatorial(around, up)), remarks=remarks
         )
     azimuth = _AZIMUTH[zero] - around if zero == "south" else around
     true, read = ({"elevation": np.radians(up[:, i]), "azimuth": np.radians(_half_turn(azimuth[:, i]))} for i in (0, 1))
@@ -118,13 +118,11 @@ def _mount(site: Site) -> Platform:
     return equatorial(site.latitude)
 
 
-def _both_sides(hour: Array, declination: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+def _equatorial(hour: Array, declination: Array) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return readouts and true angles [rad] of an equatorial mount; columns [deg]: star, then report."""
-    flipped = np.abs(declination[:, 1]) > 90
-    true_hour = np.where(flipped, hour[:, 0] + 180, hour[:, 0])
-    true_declination = np.where(flipped, 180 - declination[:, 0], declination[:, 0])
-    read = _radians({"declination": declination[:, 1] % 360, "hour_angle": _half_turn(hour[:, 1])})
-    return read, _radians({"declination": true_declination, "hour_angle": true_hour})
+    read = {"declination": (declination[:, 1] + 90) % 360 - 90, "hour_angle": _half_turn(hour[:, 1])}
+    true = {"declination": declination[:, 0], "hour_angle": hour[:, 0]}
+    return {a: np.radians(x) for a, x in read.items()}, {a: np.radians(x) for a, x in true.items()}
 
 
 def _horizontal(hour: Array, declination: Array, site: Site) -> dict[str, Array]:
@@ -148,12 +146,6 @@ def _raised(hour: Array, declination: Array, file: _File) -> tuple[Array, Array]
 
 def _half_turn(degrees: Array) -> Array:
     return np.asarray((degrees + 180) % 360 - 180)
-
-
-def _radians(angles: Mapping[str, Array]) -> dict[str, Array]:
-    """Return angles [deg] in rad, declinations from -90 to 270 deg so that neither side of the pier is cut."""
-    limited = {axis: np.where(angle > 270, angle - 360, angle) for axis, angle in angles.items()}
-    return {axis: np.radians(angle) for axis, angle in limited.items()}
 
 
 def _joined(words: Array) -> Array:

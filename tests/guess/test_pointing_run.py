@@ -103,6 +103,31 @@ def test_an_equatorial_mount_needs_its_latitude(tmp_path):
     assert told.recording.site.latitude == pytest.approx(np.radians(39.0))
 
 
+def equatorial_run(tmp_path, hour, declination, read_hour, read_declination):
+    """The offsets [arcsec] of a mount whose readouts [deg] are off by `OFF` as well."""
+    read = read_hour + OFF[0] / 3600, read_declination + OFF[1] / 3600
+    names = "ha_cat [deg],dec_cat,ha_mount [deg],dec_mount"
+    r = propose([write(tmp_path / "a.csv", names, hour, declination, *read, cell="{:.8f}")], latitude=48.0).recording
+    return off(r, "hour_angle"), off(r, "declination")
+
+
+@pytest.mark.parametrize("turns", [0, -1])
+def test_a_readout_of_the_declination_beyond_the_pole_is_the_other_side_of_the_pier(tmp_path, turns):
+    """Half of the stars, at h + 180 deg and 180 deg - delta, on an axis that may count from a turn lower."""
+    hour, declination, other = np.linspace(-50, 50, 30), np.linspace(20, -60, 30), np.arange(30) % 2 == 0
+    beyond = 180 - declination + 360 * turns
+    found = equatorial_run(
+        tmp_path, hour, declination, np.where(other, hour + 180, hour), np.where(other, beyond, declination)
+    )
+    np.testing.assert_allclose(found, OFF, atol=0.02)
+
+
+def test_an_encoder_of_the_declination_with_any_zero_exchanges_no_side(tmp_path):
+    hour, declination = np.linspace(-50, 50, 30), np.linspace(-20, 70, 30)
+    found = equatorial_run(tmp_path, hour, declination, hour, declination + 60)
+    np.testing.assert_allclose(found, [OFF[0], OFF[1] + 60 * 3600], atol=0.02)
+
+
 def test_a_tpoint_file_is_known_by_its_form_and_a_latitude_may_be_its_whole_site(tmp_path):
     path = tmp_path / "t.dat"
     stars = "\n".join(f"{(180 - a) % 360:.6f} {e:.6f} {(180 - a - x / 3600) % 360:.6f} {e + y / 3600:.6f}"
