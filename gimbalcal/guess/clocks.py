@@ -120,7 +120,8 @@ def spread(t: Array) -> tuple[Array, str]:
 def unwrapped(t: Array) -> tuple[Array, str]:
     """Return a clock (n,) continued where it starts again, and at what it does; unchanged where it does not.
 
-    A step back counts as a wrap where a whole period makes it a usual step, give or take rows that were lost.
+    A step back counts as a wrap where a whole period makes it a usual step, give or take rows that were lost, and where
+    the clock stays within that period: stamps of packets that overlap go back, too.
     """
     step = np.diff(t)
     back = np.flatnonzero(step < 0)
@@ -130,7 +131,8 @@ def unwrapped(t: Array) -> tuple[Array, str]:
     median = float(np.median(forward))
     for period, name in WRAP_PERIODS.items():
         continued = step[back] + period
-        if np.all((continued > 0.2 * median) & (continued < 20 * median + 1e-6 * period)):
+        usual = (continued > 0.2 * median) & (continued < 20 * median + 1e-6 * period)
+        if np.ptp(t) <= period and np.all(usual):
             out = np.array(t, dtype=float)
             out[1:] += period * np.cumsum(step < 0)
             return out, name

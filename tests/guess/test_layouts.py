@@ -47,6 +47,17 @@ def test_rows_that_the_recorder_held_are_left_out(tmp_path):
     assert len(found.recording.time) == len(t) - 118
 
 
+def test_stamps_of_packets_that_overlap_do_not_begin_again(tmp_path):
+    """Some packets of four rows are stamped 5 ms too early, in us: 86,400 us are no day."""
+    t, f, w = turned()
+    us = np.round(1e6 * t)
+    us[np.arange(len(us)) % 400 >= 396] += us[1] - us[0] + 5000
+    assert 0 < np.count_nonzero(np.diff(us) < 0) < 0.01 * len(us)
+    assert unwrapped(us)[1] == ""
+    with pytest.raises(InputError, match="the clock jumps back by 5000 us"):
+        propose([rows(tmp_path / "a.csv", "timestamp[us],ax,ay,az,gx,gy,gz", us, *f.T, *w.T)])
+
+
 @pytest.mark.parametrize("column", range(7))
 def test_numbers_that_no_sensor_reads_are_missing(tmp_path, column):
     """A cell of 1e308 in a log without names, be it time, force or rate: its square is not finite."""
