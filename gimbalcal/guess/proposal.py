@@ -52,6 +52,7 @@ from gimbalcal.number import Array
 from gimbalcal.quantities import check
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
+from gimbalcal.recording.detection import LEAST_AT_REST
 from gimbalcal.recording.dwell import Dwell, visited_positions
 from gimbalcal.recording.frames import Rig
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
@@ -434,8 +435,9 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     if not rests:
         turn = "; where the accelerometers are quiet the gyroscopes show turns" if removed else ""
         raise (_MovingUnitError if removed else InputError)(
-            f"{context.title}: the unit is never at rest for a second{turn}; hold it still for some seconds in each of "
-            'six or more attitudes, or write a header with kind = "rotation" and use `gimbalcal import csv`'
+            f"{context.title}: no rest is found that lasts a second and takes some {100 * LEAST_AT_REST:g} % of the "
+            f"time{turn}; hold the unit still for some seconds in each of six or more attitudes, or write a header "
+            'with kind = "rotation" and use `gimbalcal import csv`'
         )
     if platform is None and log.has(FORCE):
         notes["signs"] = (

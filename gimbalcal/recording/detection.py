@@ -53,6 +53,7 @@ LOUD = 0.03  # of the force, in a row: no accelerometer is as noisy, while the v
 THRESHOLD = 10.0  # in units of the floor; anything from 10 to 20 finds the same 38 rests in the Xsens set of ICRA 2014
 PAUSE = 60.0  # s; rows on both sides of a longer gap are not one rest (a unit turned in a shorter one shows it)
 FLOORS = ((0.10, -1.2816), (0.03, -1.8808))  # quantile and normal deviate: rests that fill a tenth of the time, or less
+LEAST_AT_REST = min(share for share, _ in FLOORS)  # of the rows, that are found as rests
 UNUSUAL = 3.0  # times the variance that most rests have: a hand that still moves, beside others on a table
 SHAKEN = 20.0  # times the usual scatter of a gyroscope at rest: in the hand half of all rests reach ten
 SUMMED = 2  # windows in one sum: next to a turn, gyroscopes of 1e-4 deg/h are at the end of a double

@@ -58,6 +58,16 @@ def test_stamps_of_packets_that_overlap_do_not_begin_again(tmp_path):
         propose([rows(tmp_path / "a.csv", "timestamp[us],ax,ay,az,gx,gy,gz", us, *f.T, *w.T)])
 
 
+def test_a_rest_of_two_seconds_in_a_flight_is_not_denied(tmp_path):
+    """2.5 s on the ground and 97.5 s in the air at 20 Hz: too little to be found, which is not that it never rests."""
+    rng, n, still = np.random.default_rng(4), 2000, 50
+    swaying, noise = np.cumsum(rng.standard_normal((n, 6)), axis=0), rng.standard_normal((n, 6))
+    swaying = np.where(np.arange(n)[:, None] < still, 0, 0.1 * (swaying - swaying[still]))
+    f, w = [0, 0, -G] + swaying[:, :3] + 0.005 * noise[:, :3], 0.1 * swaying[:, 3:] + 0.001 * noise[:, 3:]
+    with pytest.raises(InputError, match="no rest is found that lasts a second and takes some 3 % of the time;"):
+        propose([rows(tmp_path / "a.csv", "time,ax,ay,az,gx,gy,gz", np.arange(n) / 20, *f.T, *w.T)])
+
+
 @pytest.mark.parametrize("column", range(7))
 def test_numbers_that_no_sensor_reads_are_missing(tmp_path, column):
     """A cell of 1e308 in a log without names, be it time, force or rate: its square is not finite."""
