@@ -64,6 +64,14 @@ def test_turns_that_miss_gravity_by_degrees_show_no_size():
     assert all("left out" in u.why for u in made.unobservable if "gyro_scale_factor:x" in u.direction)
 
 
+def test_rows_that_are_too_far_apart_to_follow_a_turn_are_told():
+    """A row in two seconds, and rows that are dense, but those of other turns."""
+    late = with_rates(np.roll(turned().triad(RATE), 30, axis=0)[:, [1, 2, 0]] * [1, -1, 1])
+    slow = turned().select(np.arange(0, len(turned().time), 50))
+    told = [("too few (the unit turns by up to" in calibrated(each).outcome) for each in (slow, late)]
+    assert told == [True, False]
+
+
 def test_counts_have_no_size_by_turns_that_miss_gravity():
     late = with_rates(1e4 * np.roll(turned().triad(RATE), 30, axis=0)[:, [1, 2, 0]] * [1, -1, 1])
     counted = replace(late, units={**late.units, **{(RATE, a): "count" for a in "xyz"}})
