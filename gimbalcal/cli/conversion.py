@@ -187,7 +187,7 @@ def new(
     from gimbalcal.atomic import write as write_text
     from gimbalcal.guess.proposal import propose
     from gimbalcal.recording import dwells, write
-    from gimbalcal.recording.dwell import visited_positions
+    from gimbalcal.recording.dwell import in_several_attitudes
     from gimbalcal.report.new_page import clocked, commented, proposal_page
 
     output.progress(f"reading {amount(len(logs), 'log')}")
@@ -220,8 +220,7 @@ def new(
     }
     result = {"folder": str(folder), "kind": r.kind, "rests": intervals, "rows": len(r.time), "columns": columns,
               "left_out": list(proposal.left_out), "notes": dict(proposal.notes)}  # fmt: skip
-    calibrates = visited_positions(r) > 1 and r.has("specific_force")
-    after = "calibrate" if stars or turned or r.kind.stabilised or calibrates else "noise"
+    after = "calibrate" if stars or turned or r.kind.stabilised or in_several_attitudes(r) else "noise"
     how = " --method rate-table" if turned and r.has("specific_force") else ""
     how = " --method attitude" if turned and r.axes("attitude") else how
     words = f"wrote {folder}, {description}; {correct}, then: gimbalcal {after} {folder}{how}"

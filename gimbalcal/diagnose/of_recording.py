@@ -43,13 +43,13 @@ from gimbalcal.estimate.systematic.calibrate import navigation_view
 from gimbalcal.kinematics import ideal_force
 from gimbalcal.progress import Progress
 from gimbalcal.recording import Recording, dwell_means
-from gimbalcal.recording.dwell import in_blocks
+from gimbalcal.recording.dwell import attitudes, in_blocks
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View, by_triad, carried
 from gimbalcal.views.known_attitude import view_at_known_attitude
-from gimbalcal.views.norm import attitudes, norm
+from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS, means_of_tracking, outlying_frames
 from gimbalcal.views.rest_rates import without_earth_rate
 from gimbalcal.views.segments import turned_in_place

@@ -21,9 +21,10 @@ from gimbalcal.estimate.static_run.system import static, static_readings
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
+from gimbalcal.recording.dwell import attitudes
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import by_triad
-from gimbalcal.views.norm import attitudes, norm
+from gimbalcal.views.norm import norm
 from gimbalcal.views.segments import turned_in_place
 
 

@@ -53,7 +53,7 @@ from gimbalcal.quantities import check
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.detection import LEAST_AT_REST
-from gimbalcal.recording.dwell import Dwell, visited_positions
+from gimbalcal.recording.dwell import Dwell, in_several_attitudes, visited_positions
 from gimbalcal.recording.frames import Rig
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
 
@@ -457,7 +457,7 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     are_found = f"{amount(rests, 'rest')}{where} {'is' if rests == 1 else 'are'} found"
     single = f"{are_found}: enough for `gimbalcal noise`; a calibration takes six or more in different attitudes"
     several = f"multi-position, for {are_found}; rotation is for turns that are navigated sample by sample"
-    notes.setdefault("kind", single if positions < 2 else several)
+    notes.setdefault("kind", several if in_several_attitudes(recording) else single)
     notes["noise"] = NOISE_FROM_ROWS
     if rests == len(recording.time) and not log.has("sigma"):
         state = 'accelerometer = { value = 10, unit = "ug" }'
@@ -516,7 +516,7 @@ def _rig(log: Log, context: _Context) -> tuple[Correction | None, dict[str, Gues
         return None, {}, ()
     covariates = {n: Guess("covariate", f"u{i}", "1", "") for i, n in enumerate(unknown)}
     free = context.recording(log.without("gimbal_angle").including(covariates))
-    if not dwells(free):  # which is refused, and by what the whole log shows
+    if not in_several_attitudes(free):  # any small angle would go with the force
         return chain, {}, tuple(named)
     columns = {n: free.channels["covariate", g.axis] for n, g in covariates.items()}
     among = chain_among(columns, [d.rows for d in dwells(free)], dwell_means(free).triad(FORCE))

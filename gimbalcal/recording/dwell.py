@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.recording.record import ANGLES, Recording
+from gimbalcal.recording.record import ANGLE, ANGLES, FORCE, Recording
 
 MEANS = 1.5  # times the samples of a row on the way: a row of a rest is a longer mean
 PAUSED = 10.0  # usual steps: nobody knows how a unit turned while the clock paused for longer
+SAME_ATTITUDE = np.cos(np.radians(5.0))  # dwells that are closer than this are one attitude
 MISSED = 1.5  # times the usual step: a row is missing, and rows on both sides have no common middle
 
 
@@ -48,6 +49,22 @@ def dwells(recording: Recording) -> tuple[Dwell, ...]:
 def visited_positions(recording: Recording) -> int:
     """Return how many positions were visited; none where the recording has no positions."""
     return 0 if recording.position is None else len({d.position for d in dwells(recording)})
+
+
+def attitudes(y: Array) -> int:
+    """Return the number of different attitudes among dwells that read y (m, 3) in any unit."""
+    kept = np.zeros((0, 3))
+    for u in y / np.linalg.norm(y, axis=1, keepdims=True):
+        if not np.any(kept @ u > SAME_ATTITUDE):
+            kept = np.vstack([kept, u])
+    return len(kept)
+
+
+def in_several_attitudes(recording: Recording) -> bool:
+    """Return whether accelerometers rest in attitudes that differ, by the angles of a platform or else by the force."""
+    if not recording.has(FORCE) or visited_positions(recording) < 2:
+        return False
+    return recording.has(ANGLE) or len(recording.axes(FORCE)) < 3 or attitudes(dwell_means(recording).triad(FORCE)) > 1
 
 
 @dataclass(frozen=True)

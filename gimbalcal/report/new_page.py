@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.errors import amount
 from gimbalcal.guess.proposal import Proposal
 from gimbalcal.recording import Dwell, Recording, dwells
-from gimbalcal.recording.dwell import visited_positions
+from gimbalcal.recording.dwell import in_several_attitudes
 from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Words, envelope
 from gimbalcal.report.html import picture, render
 from gimbalcal.units import from_si
@@ -82,9 +82,8 @@ def _answer(proposal: Proposal, count: int) -> str:
     if r.kind.rotating:
         return f"Gyroscopes on a table, {clocked(r)}. {NEXT[:-1]} together with those of the other mountings."
     few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if count < 9 else ""
-    calibrates = visited_positions(r) > 1 and r.has("specific_force")
-    after = "`gimbalcal calibrate` this folder" if calibrates else "`gimbalcal noise` this folder"
-    after += " with `--terms bias,scale_factor`, for which six faces suffice" if 6 <= count < 9 else ""
+    faces = " with `--terms bias,scale_factor`, for which six faces suffice" if 6 <= count < 9 else ""
+    after = f"`gimbalcal calibrate` this folder{faces}" if in_several_attitudes(r) else "`gimbalcal noise` this folder"
     return (
         f"{amount(count, 'rest')} found in {lasting(float(np.ptp(r.time)))}.{few} Next: correct "
         f"recording.toml where a guess below is wrong, then {after}."

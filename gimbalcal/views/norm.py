@@ -25,6 +25,7 @@ from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.dwell import attitudes
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import Measurement, View, gauges, recording_fields
 from gimbalcal.views.noise import NoiseModel
@@ -34,7 +35,6 @@ NORM = Measurement(
     patterns=frozenset({"orientation", "sensors"}), reads_force=True,
 )  # fmt: skip
 MAX_FACE_TILT = 0.3  # of gravity, across an axis that is called upright
-SAME_ATTITUDE = np.cos(np.radians(5.0))  # dwells that are closer than this are one attitude
 SIX_TERMS = ("bias", "scale_factor")
 NINE = 9  # bias, scale factor and the three misalignments that the norm sees
 PAIRS = ((0, 1), (0, 2), (1, 2))
@@ -69,15 +69,6 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
         baseline=tuple(baseline) or determined_terms(y), gauge=gauges(SENSOR_STAGES), groups=np.arange(len(y)),
         noise=NoiseModel(sample=noise, wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None]),
     )  # fmt: skip
-
-
-def attitudes(y: Array) -> int:
-    """Return the number of different attitudes among dwells that read y (m, 3) in any unit."""
-    kept = np.zeros((0, 3))
-    for u in y / np.linalg.norm(y, axis=1, keepdims=True):
-        if not np.any(kept @ u > SAME_ATTITUDE):
-            kept = np.vstack([kept, u])
-    return len(kept)
 
 
 def undetermined_misalignments(y: Array) -> tuple[str, ...]:

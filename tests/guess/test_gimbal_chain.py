@@ -114,6 +114,25 @@ def test_one_rest_is_a_recording_for_its_noise(tmp_path):
         golden_text(found.notes["kind"])
 
 
+@pytest.mark.parametrize("inclinations", [0, 3])
+def test_a_unit_that_stays_in_one_attitude_is_for_noise_and_its_inclinations_are_no_gimbals(tmp_path, inclinations):
+    """Four rests within 2 deg, with inclinations in whole degrees that the unit computed from its forces."""
+    rng, n = np.random.default_rng(2), 800
+    tilt = np.radians(np.repeat([0.0, 0.0, 0.3, 1.8], n // 4))
+    force = 1e3 * np.stack([np.zeros(n), np.sin(tilt), np.cos(tilt)], axis=-1) + rng.standard_normal((n, 3))
+    for moved in range(n // 4, n, n // 4):
+        force[moved - 15 : moved + 15] += 300 * rng.standard_normal((30, 3))
+    degrees = np.round(np.degrees(np.stack([0 * tilt, tilt, np.pi / 2 - tilt], axis=-1)))
+    rows = [",".join(f"{x:.6g}" for x in row) for row in np.column_stack([np.arange(n) / 20, force, degrees])]
+    head = "time [s],A_X [mg],A_Y [mg],A_Z [mg],A_X [deg],A_Y [deg],A_Z [deg]"
+    lines = [",".join(line.split(",")[: 4 + inclinations]) for line in (head, *rows)]
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    found = propose([tmp_path / "a.csv"])
+    assert len(dwells(found.recording)) == 4
+    assert not found.recording.has("gimbal_angle")
+    assert "enough for `gimbalcal noise`" in found.notes["kind"]
+
+
 def test_names_of_laboratories_topics_and_telephones():
     said = {
         "Beschleunigung X [g]": ("specific_force", "x", "g"), "Drehrate_z (°/s)": ("angular_rate", "z", "deg/s"),

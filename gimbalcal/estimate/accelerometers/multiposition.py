@@ -43,10 +43,11 @@ from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
+from gimbalcal.recording.dwell import attitudes
 from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import View
-from gimbalcal.views.norm import SIX_TERMS, attitudes, in_noise_of_readings, norm, undetermined_misalignments
+from gimbalcal.views.norm import SIX_TERMS, in_noise_of_readings, norm, undetermined_misalignments
 from gimbalcal.views.positions import Noise
 from gimbalcal.words.naming import listed
 
