@@ -327,9 +327,9 @@ seconds at a time for the table. The panels show the misfit before (grey) and af
 UNSEEN = """
 ## Recordings of other repositories
 
-153 recordings, five of them simulated, taken from public repositories after the program was written. Sixteen, from
+154 recordings, five of them simulated, taken from public repositories after the program was written. Sixteen, from
 Mansha-Ajmani/imu-noise-analysis on, were looked at once, when everything else had been measured, and those that follow
-after further changes, the last two groups, of thirteen and of sixteen, at once each. Each was examined independently
+after further changes, the last two groups, of thirteen and of seventeen, at once each. Each was examined independently
 in plain numpy and then run through `new`, `calibrate`, `diagnose` or `noise` as a user would. The first run is that of
 the program as it was; the verdicts compare it with the independent fit, by hand:
 
@@ -339,7 +339,7 @@ the program as it was; the verdicts compare it with the independent fit, by hand
   the recording is usable, or the reason is not the true one;
 * *false green*: called adequate where the independent fit denies it;
 * *wrong*: any other false statement, *silently* if no message pointed to it; *crash*: a defect of the program;
-* *not repeated*: first run only; *open*: not run again yet.
+* *not repeated*: first run only.
 
 The recordings are not part of the project.
 
