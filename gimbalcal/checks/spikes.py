@@ -55,10 +55,13 @@ def spikes(channels: Mapping[str, Array], slow: bool = False, least: float = 0.0
     out = {name: np.zeros(len(x), dtype=bool) for name, x in channels.items()}
     if not least and not any(_steps_far(x, ratio) for x in channels.values()):
         return out
-    channels = {name: np.clip(x, -LARGEST, LARGEST) for name, x in channels.items()}  # infinity is refused elsewhere
-    fourth = {name: _fourth(x) for name, x in channels.items()}
+    inside = {name: bool(-LARGEST <= x.min() and x.max() <= LARGEST) for name, x in channels.items() if len(x)}
+    # infinity is refused elsewhere
+    channels = {n: x if inside.get(n) else np.clip(x, -LARGEST, LARGEST) for n, x in channels.items()}
+    fourth, off = {name: _fourth(x) for name, x in channels.items()}, dict[str, _Departure]()
     for width in range(1, MAX_WIDTH + 1):
-        off = {name: _Departure(x, width, least / MIN_RATIO_SLOW) for name, x in fourth.items()}
+        off.clear()  # of millions of rows
+        off |= {name: _Departure(x, width, least / MIN_RATIO_SLOW) for name, x in fourth.items()}
         candidates = {name: _spikes(x, off[name].beyond(ratio), width, off[name].d) for name, x in channels.items()}
         for name, rows in candidates.items():
             kept = rows

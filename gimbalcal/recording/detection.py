@@ -32,6 +32,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,18 +90,19 @@ def detect(
     triads = [[*t.values()] for t in (channels, rates) if t]
     position = np.zeros(n, dtype=np.int64)
     level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
-    m, floor, windows = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
+    m, floor, variances, of_rates = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
     loud = gravity and len(channels) == 3 and np.sqrt(floor.sum()) > LOUD * level
     if m == 0 or (loud and np.sqrt(floor.sum()) > max(map(_quantum, triads[0]))):  # coarse steps are no vibration
         return position
     restless = np.zeros(n)
-    for (_, v), f in zip(windows[0], floor, strict=True):
+    for v, f in zip(variances, floor, strict=True):
         scaled = v / f if f > 0 else np.where(v > 0, np.inf, 0.0)
         np.maximum(restless, np.pad(scaled, m // 2, mode="edge"), out=restless)
+    del variances
     still = restless <= _threshold(m)
     if rates and still.any():
-        still &= ~_turned(triads[1], windows[1], still, raw)
-    del windows
+        still &= ~_turned(triads[1], of_rates, still, raw)
+    del of_rates
     pause = np.diff(time, prepend=time[0])
     paused = pause > max(10 * step, PAUSE)
     starts, stops = _stretches(still, paused)
@@ -148,8 +150,9 @@ def with_rests(recording: Recording) -> Recording:
 
 def _window(
     triads: Sequence[Sequence[Array]], n: int, step: float, small: Sequence[float]
-) -> tuple[int, Array, list[Windows]]:
-    """Return the rows m of the longest window whose floor is noise, or 0, floors of the first triad, and all windows.
+) -> tuple[int, Array, list[Array], Windows]:
+    """Return the rows m of the longest window whose floor is noise, or 0, the floors of the first triad, its variances
+    in every window, and the windows of the second.
 
     small: scatter of each triad that no motion has, whether it grows with the window or not.
     """
@@ -157,21 +160,22 @@ def _window(
     m, longer = max(ROWS, round(WINDOW / step)) | 1, LONGER  # odd: the window has a middle
     while longer > 1 and longer * m * step >= SHORTEST_DWELL:
         if n > (longer + 1) * m:
-            quiet, windows = np.ones(len(FLOORS), dtype=bool), list[Windows]()
+            quiet, windows, variances = np.ones(len(FLOORS), dtype=bool), Windows(), list[Array]()
             for triad, quantised, limit in zip(triads, least, small, strict=False):
-                first = not windows
-                windows.append([_windows(x, m) for x in triad])
-                within, long = zip(*(_short_and_long(*each, m, longer) for each in windows[-1]), strict=True)
-                short = [v for _, v in windows[-1]] if first else within
-                quiet &= _quiet(short, long, m, longer, len(triad) * quantised, limit, not first)
+                windows = []  # before those of the second triad: of the first one the variances alone are needed
+                windows += [_windows(x, m) for x in triad]
+                within, long = zip(*(_short_and_long(*each, m, longer) for each in windows), strict=True)
+                alike, variances = bool(variances), variances or [v for _, v in windows]
+                short = within if alike else variances
+                quiet &= _quiet(short, long, m, longer, len(triad) * quantised, limit, alike)
                 if not quiet.any():
                     break
             else:
                 q, z = FLOORS[int(np.argmax(quiet))]
-                floor = np.array([np.quantile(v, q) for _, v in windows[0]]) / _chi_square(m - 1, z)
-                return m, np.maximum(floor, least[0]), windows
+                floor = np.array([np.quantile(v, q) for v in variances]) / _chi_square(m - 1, z)
+                return m, np.maximum(floor, least[0]), variances, windows
         m, longer = (min(int(m / 1.2) | 1, m - 2), LONGER) if m > MIN_ROWS else (m, longer - 1)
-    return 0, np.zeros(0), []
+    return 0, np.zeros(0), [], []
 
 
 def _quiet(
@@ -182,7 +186,7 @@ def _quiet(
     A window counts by the sum of all channels: turned about x, the x axis is quiet and the others are not. alike: the
     short windows are those of the long ones, so that a knock, which is in both, is no motion.
     """
-    a, b = (np.sum(v, axis=0) for v in (short, long))
+    a, b = (reduce(np.add, v) for v in (short, long))
     shares = [float(np.mean(v)) for v in short]
     channels = sum(shares) ** 2 / max(float(np.dot(shares, shares)), 1e-300)  # that take part, by Satterthwaite
     order = np.argsort(b) if alike else None
