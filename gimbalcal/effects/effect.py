@@ -302,7 +302,7 @@ def with_values(
     effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, gimbals: Sequence[str] = ()
 ) -> tuple[Effect, ...]:
     """Return the effects with the wanted parameters set to x (p,); effects that were absent are added."""
-    by_id = {e.id: e for e in effects}
+    by_id, x = {e.id: e for e in effects}, np.asarray(x)
     changes: dict[str, dict[str, Any]] = {}
     for p, value in zip(wanted, x, strict=True):
         if p.effect not in by_id:
@@ -310,8 +310,8 @@ def with_values(
         present = by_id[p.effect]
         fields = changes.setdefault(p.effect, {})
         if p.field not in fields:
-            old = getattr(present, p.field)
-            fields[p.field] = np.array(old, dtype=np.result_type(np.asarray(old), np.asarray(x)))
+            old = np.asarray(getattr(present, p.field))
+            fields[p.field] = old.astype(np.result_type(old, x))
         if np.ndim(fields[p.field]):
             fields[p.field][p.index] = value
         else:

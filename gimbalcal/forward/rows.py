@@ -151,13 +151,14 @@ def linearise(
     """
     force = None if kind in OTHER_KINDS else block_force(platform, s, effects)
     quantities = {q for q, _ in channels} if channels is not None else set(SENSED)
+    of_sensors = SENSOR_STAGES | GYROSCOPE_STAGES
 
     def outputs(effects: Sequence[Effect], stage: Stage | None = None) -> dict[str, Array]:
         if force is None:
             return predict(platform, s, effects, kind)
         if stage is None:
             return sensors(force, s, effects, quantities)
-        if stage in SENSOR_STAGES | GYROSCOPE_STAGES:  # force and the other triad are as they were
+        if stage in of_sensors:  # force and the other triad are as they were
             shown = {"angular_rate" if stage in GYROSCOPE_STAGES else "specific_force"}
             return unperturbed | sensors(force, s, effects, shown & quantities)
         return sensors(block_force(platform, s, effects), s, effects, quantities)
@@ -218,7 +219,8 @@ def difference(read: Array, predicted: Array, channels: Sequence[Key]) -> Array:
 
 def picked(platform: Platform, outputs: Mapping[str, Array], channels: Sequence[Key]) -> Array:
     """Return the wanted channels (n, C) of what `predict` returns."""
-    return np.stack([outputs[q][:, AXES.get(q, platform.axis_names).index(a)] for q, a in channels], axis=1)
+    names = platform.axis_names
+    return np.stack([outputs[q][:, AXES.get(q, names).index(a)] for q, a in channels], axis=1)
 
 
 def _every(platform: Platform, outputs: Mapping[str, Array]) -> tuple[Key, ...]:
@@ -240,7 +242,7 @@ class _Probe(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         self.met[self.stage] = s
-        return np.broadcast_to(self.value, (len(s.time), *np.shape(self.value)))
+        return np.repeat(self.value[None], len(s.time), axis=0)
 
 
 _PROBES = {stage: type(f"_Probe{stage.name}", (_Probe,), {"stage": stage}) for stage in Stage}

@@ -177,4 +177,4 @@ def _mean(values: Array, weight: Array, angle: bool) -> float:
     off = values - first
     if angle:
         off = off - 2 * np.pi * np.round(off / (2 * np.pi))
-    return first + float(np.average(off, weights=weight))
+    return first + float((off * weight).sum() / weight.sum())
