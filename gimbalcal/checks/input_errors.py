@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import permutations, product
 from typing import Generic, TypeVar
 
@@ -51,12 +50,12 @@ class AxisPermutation:
     order: tuple[int, ...] = (0, 1, 2)
     signs: tuple[int, ...] = (1, 1, 1)
 
-    @cached_property
+    @property
     def matrix(self) -> Array:
         """Return M (3, 3)."""
         return np.eye(3)[list(self.order)] * np.array(self.signs, dtype=float)[:, None]
 
-    @cached_property
+    @property
     def handed(self) -> int:
         """Return 1 where a right-handed triad remains one, -1 where it becomes left-handed."""
         return round(float(np.linalg.det(self.matrix)))

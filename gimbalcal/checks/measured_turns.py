@@ -23,6 +23,8 @@ from gimbalcal.rotation import cross_matrix, exponential
 
 MIN_MOTION_RAD = 0.5  # a turn that moves the reference less deviates by less than `MAX_DEVIATION_RAD` under any sign
 MIN_TURNS, MAX_TURNS = 3, 40  # those that move the reference most: enough to distinguish 48 permutations
+MATRICES = np.array([p.matrix for p in PERMUTATIONS])
+LEFT_HANDED = np.array([int(p.handed < 0) for p in PERMUTATIONS])
 MAX_STEPS = 4000  # of a turn; longer ones are averaged
 MIN_SPREAD = 0.5  # of the widest axis: counts of a triad that went as far both ways along every axis
 
@@ -72,8 +74,7 @@ class MeasuredTurns:
     def agreeing_permuted(self, factor: float) -> Array:
         """Return the number of turns (48,) that end where the reference does, by rates times a factor, permuted."""
         if factor not in self._of_permutations:
-            P = np.array([p.matrix for p in PERMUTATIONS])[:, None]
-            C = np.array([self._of(p.handed * factor) for p in PERMUTATIONS])
+            P, C = MATRICES[:, None], np.array([self._of(factor), self._of(-factor)])[LEFT_HANDED]
             self._of_permutations[factor] = agree(self, P @ C @ P.swapaxes(-1, -2))
         return self._of_permutations[factor]
 

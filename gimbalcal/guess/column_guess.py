@@ -165,7 +165,7 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
     sensors = [*log.values(FORCE), *log.values(RATE)]
     if len(sensors) < 3 or np.mean([step_of_most_changes(x)[0] > 0 for x in sensors]) > 0.5:
         return log, ""
-    alike = np.all([np.diff(x, prepend=np.nan) == 0 for x in sensors], axis=0)
+    alike = np.append(False, np.all([x[1:] == x[:-1] for x in sensors], axis=0))
     starts = np.flatnonzero(~alike)
     length = np.diff(starts, append=len(alike))
     long = length >= MIN_HELD_ROWS

@@ -96,6 +96,7 @@ def rate_costs(log: Log) -> dict[str, tuple[float, str]]:
     """Return how unlikely each unit of the gyroscopes of a log is by their numbers, and what shows it."""
     values = log.values(RATE)
     full = np.all([np.isfinite(x) for x in values], axis=0)
+    full = slice(None) if full.all() else full
     counted = any(log.guesses[n].unit == "count" for n in log.names(FORCE))
     return costs_of_rate([x[full] for x in values], counted)
 
