@@ -199,3 +199,11 @@ def test_the_scale_of_counts_is_said_to_be_lost(tmp_path):
     assert export(counted, "json", tmp_path / "a") == ()
     for kind in set(OF_SENSORS) - {"json"}:
         assert "nominal scale of counts" in export(counted, kind, tmp_path / "b")[0]
+
+
+@pytest.mark.parametrize("place", ["name", "0.5"])
+def test_a_table_with_a_field_of_any_length_is_refused_in_one_sentence(tmp_path, place):
+    path = tmp_path / "calibration.csv"
+    path.write_text("name,axis,value,sigma,unit\nbias,x,0.5,0.1,m/s^2\n".replace(place, "9" * 200_000))
+    with pytest.raises(InputError, match="is not CSV: field larger"):
+        read_calibration(path)

@@ -46,13 +46,13 @@ def read(path: Path) -> Imported:
     gimbal_line = next((line.removeprefix(GIMBALS) for line in lines if line.startswith(GIMBALS)), "")
     start = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
     rows = csv.DictReader(lines[start:])
-    missing = [c for c in ("name", "axis", "value", "unit") if c not in (rows.fieldnames or ())]
+    try:
+        columns, body = rows.fieldnames or (), list(rows)
+    except csv.Error as problem:
+        raise InputError(f"{path} is not CSV: {problem}; write lines of {','.join(HEADER)}") from None
+    missing = [c for c in ("name", "axis", "value", "unit") if c not in columns]
     if missing:
         raise InputError(f"{path}, line {start + 1}: the column {missing[0]!r} is missing; write {','.join(HEADER)}")
-    try:
-        body = list(rows)
-    except csv.Error as problem:
-        raise InputError(f"{path} is not CSV: {problem}") from None
     named = [(row["name"], row["axis"]) for row in body]
     gimbals = tuple(gimbal_line.split(", ")) if gimbal_line else gimbals_of(named)
     known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
