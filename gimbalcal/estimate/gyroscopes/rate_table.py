@@ -129,9 +129,18 @@ def on_a_table(recordings: Sequence[Recording]) -> OnTable:
     wanted, unseen = _seen(view)
     first = _fit(view, wanted)
     own = dict(zip(first.parameters, first.x, strict=True))
-    M = rate_matrix(*(np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in GYROSCOPE_INPUT_TERMS))
+    scale_factor, turned = (
+        np.array([own.get(p, 0.0) for p in parameters(CATALOGUE[i])]) for i in GYROSCOPE_INPUT_TERMS
+    )
+    M = rate_matrix(scale_factor, turned * _share_of_unit(turned[turned != 0]))
     view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
     return OnTable(view, _fit(view, wanted), unseen, scale, tuple(len(s.time) for s in each))
+
+
+def _share_of_unit(misalignments: Array) -> float:
+    """Return the share of misalignments (m,) that is of the unit, rms: the rest is how the mountings are turned."""
+    square = float(np.mean(misalignments**2)) if misalignments.size else 0.0
+    return float(np.sqrt(1 - MOUNTING_SIGMA_RAD**2 / square)) if square > MOUNTING_SIGMA_RAD**2 else 0.0
 
 
 def _nominal(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:

@@ -88,8 +88,8 @@ def test_corrected_readings_are_the_table_s_rates():
 def test_errors_are_as_large_as_stated():
     """Over forty draws of noise and of how the unit is bolted on.
 
-    What a mounting turns aside reaches a scale factor through misalignments, which are not known better than it: that
-    sigma is an upper bound.
+    What a mounting turns aside reaches a scale factor through the misalignments of the unit: what they measure beyond
+    the sigma of the mountings, which they hold too.
     """
     known, z = truth(), []
     for k in range(40):
@@ -102,7 +102,7 @@ def test_errors_are_as_large_as_stated():
     size = {of: rms[[p.effect == of for p in made.parameters]] for of in {p.effect for p in made.parameters}}
     assert 0.85 < np.sqrt(np.mean(size["gyro_bias"] ** 2)) < 1.15
     assert 0.85 < np.sqrt(np.mean(size["gyro_misalignment"] ** 2)) < 1.15
-    assert 0.4 < np.sqrt(np.mean(size["gyro_scale_factor"] ** 2)) < 1.1
+    assert 0.8 < np.sqrt(np.mean(size["gyro_scale_factor"] ** 2)) < 1.15
 
 
 def test_one_mounting_tells_one_column_and_names_the_others():
