@@ -156,7 +156,7 @@ def with_caveats(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequen
         return replace(d, outcome=joined([few, *reasons]), provenance={**d.provenance, "untested": True})
     if not reasons:
         return d
-    outcome, stated = joined(reasons), any(r.noise for r in recordings)
+    outcome, stated = joined([d.outcome, *reasons]), any(r.noise for r in recordings)
     of = "stated noise" if stated else "noise of the samples"
     words = f"No catalogued cause is significant, but the residuals exceed the {of}. {outcome}."
     return replace(d, outcome=outcome, in_words=words, provenance={**d.provenance, "noise_stated": stated})

@@ -30,7 +30,13 @@ from gimbalcal.diagnose.search.stepwise import SearchResult, refined, result_of,
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.mismatch import view_mismatches
-from gimbalcal.diagnose.verdict.random_walk import PartOfWalk, RandomWalkFinding, likeliest_walk, part_of_walk
+from gimbalcal.diagnose.verdict.random_walk import (
+    PartOfWalk,
+    RandomWalkFinding,
+    clearest_walk_of_triad,
+    likeliest_walk,
+    part_of_walk,
+)
 from gimbalcal.diagnose.verdict.threshold import detection_limits
 from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
 from gimbalcal.diagnose.view_result import ViewDiagnosis
@@ -51,12 +57,14 @@ def diagnose_estimated_noise(v: View, progress: Progress) -> ViewDiagnosis:
     if c.start.exact:
         return steady
     walking, ln_total, ln_odds = wandering_in(c)
-    if not walking.noise.single_walks:
+    if not walking.noise.sensors_walk:
         return steady
-    walk = _walk_of_sensor(replace(c.start, view=walking), ln_odds, ln_total)
-    progress(f"again, as {diagnosis_sentences.walk_in_words(walk).partition(' wanders')[0]} may wander")
+    walk = _walk_of_sensors(replace(c.start, view=walking), ln_odds, ln_total)
+    progress(f"again, as {diagnosis_sentences.walk_in_words(walk).partition(' wander')[0]} may wander")
     again = judged_diagnosis(stepwise(walking, progress), progress)
     part = part_of_walk(ln_odds, bool(again.findings), bool(again.unexplained), bool(steady.findings))
+    if part is PartOfWalk.INSTEAD and v.added is not None:  # noise that every unit has, if not as much
+        return replace(again, outcome=diagnosis_sentences.walk_to_state(walk))
     if part is PartOfWalk.INSTEAD:
         return _view_diagnosis(result_of(c.start, (), refused=True), (), progress, walk)
     return (steady if part is PartOfWalk.SHARED else again).with_part_of_walk(replace(walk, part=part))
@@ -159,16 +167,18 @@ def serial_correlation(m: Fit, sigma: Array) -> dict[str, float]:
     return {" ".join(key): float(x) for key, x in zip(v.channels, each, strict=True) if x > limit}
 
 
-def _walk_of_sensor(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:
-    """Return the sensor that walks alone in the noises of a view, and the size of its walk."""
+def _walk_of_sensors(first: Fit, ln_odds: float, ln_total: float) -> RandomWalkFinding:
+    """Return the sensor that walks alone in the noises of a view, or the triad that walks, and the size of its walk."""
     unit, bare = rms_misfit(first), np.zeros((first.residual.size, 0))
-    each = [p for p in projections_of(first, bare) if p.node.single_walk]
+    each = [p for p in projections_of(first, bare) if p.node.noise]
     ln = np.array([p.log_evidence() for p in each])
-    sigma = unit * np.array([float(p.scale.sigma(p.misfit[0])) for p in each])
+    weight, sigma = np.exp(ln - ln.max()), unit * np.array([float(p.scale.sigma(p.misfit[0])) for p in each])
     nodes = [p.node for p in each]
+    if first.view.added is not None:
+        return clearest_walk_of_triad(nodes, weight, sigma, ln_odds, ln_total)
     own = np.array([n.scales or (1.0,) for n in nodes]) * (first.view.noise.scales or (1.0,))
     of_axis = {axis: sigma * own[:, k % own.shape[1]] for k, axis in enumerate("xyz")}
-    return likeliest_walk(nodes, np.exp(ln - ln.max()), of_axis, first.view.channels[0][0], ln_odds, ln_total)
+    return likeliest_walk(nodes, weight, of_axis, first.view.channels[0][0], ln_odds, ln_total)
 
 
 def curves_of(c: SearchResult, sigma: Array) -> Curves:

@@ -13,9 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gimbalcal.inference.noise_processes import Chain
 from gimbalcal.number import Array
 
 BATCH_NUMBERS = 2_000_000  # numbers, 16 MB
+HIDDEN = 1e-2  # variance of a mode in that of white noise: it changes ln L by a quarter of its square
 
 
 class Whitening(NamedTuple):
@@ -76,6 +78,47 @@ class Whitening(NamedTuple):
     def log_determinant(self) -> float:
         """ln |V|."""
         return 2 * float(np.log(np.diagonal(self.root, axis1=1, axis2=2)).sum())
+
+
+class Modes(NamedTuple):
+    r"""Columns of random sizes beside noise that each channel has by itself; orthonormal, u (R, m), where it is white.
+
+    .. math:: V = L \left(I + u \Lambda u^T\right) L^T, \qquad
+        V^{-1/2} = \left(I - u \left(1 - (1 + \Lambda)^{-1/2}\right) u^T\right) L^{-1}
+    """
+
+    beside: Chain
+    u: Array  # (R, m)
+    variance: Array  # (m,), Lambda
+
+    @property
+    def rows(self) -> int:
+        """Number of rows R of all channels."""
+        return len(self.u)
+
+    @property
+    def log_determinant(self) -> float:
+        """ln |V|."""
+        channels = self.rows // self.beside.rows
+        return channels * self.beside.log_determinant + float(np.log1p(self.variance).sum())
+
+    def whiten(self, rows: Array) -> Array:
+        """Whiten rows (R, p) of this covariance."""
+        white = _whitened(self.beside, rows)
+        less = 1 - 1 / np.sqrt(1 + self.variance)
+        return np.asarray(white - self.u @ (less[:, None] * (self.u.T @ white)))
+
+
+def modes(X: Array, beside: Chain) -> Modes:
+    """Return columns X (R, p) of independent sizes of unit variance as modes, without those that noise hides."""
+    X = _whitened(beside, X)
+    variance, v = np.linalg.eigh(X.T @ X)
+    shown = variance > HIDDEN
+    return Modes(beside, X @ (v[:, shown] / np.sqrt(variance[shown])), variance[shown])
+
+
+def _whitened(beside: Chain, rows: Array) -> Array:
+    return beside.whiten(rows.reshape(beside.rows, -1)).reshape(rows.shape)
 
 
 def whitening(Phi: Array, Q: Array, H: Array) -> Whitening:

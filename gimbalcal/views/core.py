@@ -34,6 +34,7 @@ from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
 FLAT = 1e6  # sigmas of all rows together that one sigma of a flat prior stands for
+COURSE = 80  # half periods of the course of a sensor in time: what a walk holds beyond them is a 400th of it
 EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 
 
@@ -104,6 +105,7 @@ class View:
     missed_by_turns: Callable[[Sequence[Effect]], float] | None = None  # rad of gravity, with these effects at rest
     misheld: Callable[[], tuple[str, ...]] | None = None  # positions that were not held as read, in sentences
     cache: dict[Any, Any] = field(default_factory=dict)  # models of a search and columns that were scanned
+    columns: dict[tuple[str, str, str], Array] = field(default_factory=dict)  # of sensors that are no channels
 
     def __len__(self) -> int:
         """Return the number of rows n."""
@@ -142,11 +144,12 @@ class View:
 
     @property
     def sensors_may_walk(self) -> bool:
-        """Return whether a single sensor may be asked for a random walk.
+        """Return whether sensors may be asked for a random walk, a single one or all of a triad.
 
         No row of a telescope is a sensor, and nobody knows how far one walked between sessions of an unknown time.
         """
-        return self.session is None and self.noise.wander is not None and self.channels[0][0] in (FORCE, RATE)
+        of_channels = self.noise.wander is not None and self.channels[0][0] in (FORCE, RATE)
+        return self.session is None and (of_channels or self.added is not None)
 
     def of_scales(self, scales: Sequence[float] | Array = ()) -> View:
         """Return the view with these relative scales (C,) of its channels; without any, all scatter alike."""
@@ -173,6 +176,20 @@ class View:
         usual = (self.grade.usual(p) for p in candidates)
         factors = ((p, self.prior_factor * (drift_factor if p.unit.endswith("/h") else 1.0)) for p in usual)
         return tuple(replace(p, sigma=factor * p.sigma) for p, factor in factors)
+
+    def course_of_sensor(self, quantity: str, axis: str) -> Array:
+        """Return columns (n, C, COURSE) of what a sensor that is no channel adds: cosines of its course in time."""
+        t = self.stimulus.time
+        cosines = np.cos(np.pi * np.outer(t / (t[-1] or 1.0), np.arange(1, COURSE + 1)))
+        return self.of_sensor("course", quantity, axis, cosines)
+
+    def of_sensor(self, name: str, quantity: str, axis: str, basis: Array) -> Array:
+        """Return columns (n, C, m) of a basis of this name, added to a sensor that is no channel; computed once."""
+        assert self.added is not None
+        key = name, quantity, axis
+        if key not in self.columns:
+            self.columns[key] = self.added(quantity, axis, basis)
+        return self.columns[key]
 
     def noise_free(self, effects: Sequence[Effect]) -> Rows:
         """Return rows whose columns hold no noise of the readings, for what is not in the model yet.

@@ -10,6 +10,8 @@ from gimbalcal.number import Array
 
 SingleWalk = tuple[str, float, float, float]
 """Axis of a sensor that walks alone, size of its walk, memory and share of what all sensors wander beside it."""
+TriadWalks = tuple[float, ...]
+"""Memory from row to row, and size of the walk of each sensor of each triad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,18 +25,19 @@ class NoiseModel:
 
     Else: sigma (n, C) is what the samples say of one row against another, where they do; sample (n, C) what their
     scatter alone makes of a row, which bounds the scale; wander (n, C, m) how what m sensors wander from row to row
-    shows in the rows, of unit length; single_walks are sensors that may walk alone; scales are the sigmas of the
-    channels beyond these, the least being one, where channels scatter differently. `of_each_channel`: the diagnosis
-    weighs one scale of all channels against one of each, and an estimate has an excess of each. It is set for the axes
-    of gyroscopes, of which one may scatter thirty times as much as another, and of a mount that tracks, where one axis
-    has the errors of the drive; the two channels of stars all over the sky share most terms of a mount, and there own
-    scales name causes that one scale denies, some of them wrongly.
+    shows in the rows, of unit length; single_walks and triad_walks are random walks that one sensor may take, or all of
+    a triad; scales are the sigmas of the channels beyond these, the least being one, where channels scatter
+    differently. `of_each_channel`: the diagnosis weighs one scale of all channels against one of each, and an estimate
+    has an excess of each. It is set for the axes of gyroscopes, of which one may scatter thirty times as much as
+    another, and of a mount that tracks, where one axis has the errors of the drive; the two channels of stars all over
+    the sky share most terms of a mount, and there own scales name causes that one scale denies, some of them wrongly.
     """
 
     sigma: Array | None = None
     sample: Array | None = None
     wander: Array | None = None
     single_walks: tuple[SingleWalk, ...] = ()
+    triad_walks: tuple[TriadWalks, ...] = ()
     scale_known: bool = False  # by the header, by samples inside dwells or by a fit
     block: Array = field(default_factory=lambda: np.zeros(0, dtype=int))
     of_each_channel: bool = False  # whether each channel has a scale of its own where none is known
@@ -43,6 +46,11 @@ class NoiseModel:
     one_scale: bool = False  # of all channels, as one of them shows no noise
     weights: Array | None = None
     kurtosis: float = 0.0
+
+    @property
+    def sensors_walk(self) -> bool:
+        """Whether random walks of sensors are among the noises."""
+        return bool(self.single_walks or self.triad_walks)
 
     @property
     def starts(self) -> Array:

@@ -352,10 +352,17 @@ MAX_LIMITS = 3  # detection limits that a sentence names
 
 
 def walk_in_words(walk: RandomWalkFinding) -> str:
-    """Return the sensor that walks, and the size of its walk."""
+    """Return the sensor that walks, or the triad, and the size of its walk."""
     size = f"{digits(walk.walk)} +- {digits(walk.sigma)} {walk.unit}"
     where = f" in recording {walk.recording}" if walk.recording else ""
+    if "," in walk.axis:
+        return f"the {SENSOR_OF_WALK[walk.quantity]}s wander{where}, each by a random walk of {size}"
     return f"{SENSOR_OF_WALK[walk.quantity]} {walk.axis} wanders{where}, a random walk of {size}"
+
+
+def walk_to_state(walk: RandomWalkFinding) -> str:
+    """Return that a triad wanders, and how the header states it."""
+    return f"{capitalised(walk_in_words(walk))}; state it in [noise] as {SENSOR_OF_WALK[walk.quantity]}_random_walk"
 
 
 def walk_as_explanation(walk: RandomWalkFinding, only: bool) -> str:

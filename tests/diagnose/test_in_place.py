@@ -1,5 +1,7 @@
 """A unit that is turned from stop to stop: what its navigator does wrong names what 30 states leave out."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from gimbalcal import calibrate, diagnose, load_effects
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.effects import CATALOGUE, parameters, with_values
-from gimbalcal.units import from_si
+from gimbalcal.units import from_si, to_si
 from gimbalcal.views.segments import turned_in_place
 from tests.estimate.systematic.table import turning_unit
 from tests.golden import golden_text
@@ -69,6 +71,30 @@ def test_a_noise_larger_than_stated_is_no_physics():
     d = diagnose([turning_unit(drift=lambda t: 3e-3 * rng.standard_normal((len(t), 3)), **SHORT)], grade="navigation")
     assert d.verdict == "adequate"
     golden_text(d.outcome)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_gyroscopes_that_wander_are_no_physics_and_what_states_it_is_said(seed):
+    """The walk adds up to 0.6 of the noise of a sample; where no noise walks it is a drift, or any smooth course."""
+    r = turning_unit(seed=seed, **SHORT)
+    n, lasts = len(r.time), float(np.ptp(r.time))
+    walk = 0.6 * r.noise["gyroscope"] / lasts**0.5  # rad/s/sqrt(s)
+    steps = walk * (lasts / n) ** 0.5 * np.random.default_rng(100 + seed).standard_normal((3, n))
+    rates = {("angular_rate", a): r.channels["angular_rate", a] + np.cumsum(steps[i]) for i, a in enumerate("xyz")}
+    d = diagnose([r.with_channels(rates)])
+    assert (d.verdict, d.findings, d.unexplained, d.laws) == ("adequate", (), (), ())
+    told = re.search(
+        r"The gyroscopes wander, each by a random walk of (\S+) \+- (\S+) deg/h/sqrt\(h\); state", d.outcome
+    )
+    assert told is not None
+    size, sigma = (float(x) for x in told.groups())
+    assert abs(size - from_si(walk, "deg/h/sqrt(h)")) < 3 * sigma < 3 * size
+
+
+def test_a_drift_is_none_of_a_walk():
+    d = diagnose([_hiding("gyro_bias_drift", "y", to_si(8.0, "deg/h/h"), seed=3)])
+    assert [(f["effect"], f["axis"]) for f in d.findings] == [("gyro_bias_drift", "y")]
+    assert d.verdict == "missing-physics"
 
 
 @pytest.mark.usefixtures("own_catalogue")

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gimbalcal.inference.whitening import whitening, whitenings
+from gimbalcal.inference.noise_processes import Chain
+from gimbalcal.inference.whitening import modes, whitening, whitenings
 
 
 def example():
@@ -44,3 +45,16 @@ def test_several_at_once_are_each_what_it_is_alone():
     np.testing.assert_allclose(
         both[1].whiten(np.eye(21)), np.linalg.inv(np.linalg.cholesky(formed(0.5 * Phi, 3 * Q, H))), atol=1e-12
     )
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.4])
+def test_columns_of_random_size_are_whitened_beside_noise_with_a_memory(memory):
+    n, C = 9, 3
+    X = np.random.default_rng(6).standard_normal((n * C, 4)) * [20.0, 3.0, 0.5, 1e-3]
+    of_channel = memory ** np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    V = np.kron(of_channel, np.eye(C)) + X @ X.T
+    made = modes(X, Chain(np.full(n, memory), np.where(np.arange(n) == 0, 1.0, 1 - memory**2)))
+    W = made.whiten(np.eye(n * C))
+    np.testing.assert_allclose(W.T @ W, np.linalg.inv(V), atol=1e-5)
+    assert made.log_determinant == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-4)
+    assert (made.rows, made.u.shape) == (n * C, (n * C, 3))  # what noise hides is left out

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.node import SINGLE_WALK, SINGLE_WALK_PRIOR_AT_REST, Node
+from gimbalcal.diagnose.evidence.node import SINGLE_WALK, SINGLE_WALK_PRIOR_AT_REST, TRIAD_WALK, Node
 from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, WhiteNoise
 from gimbalcal.inference.noise_processes import Cascade, Chain, chain
-from gimbalcal.inference.whitening import whitening, whitenings
+from gimbalcal.inference.whitening import modes, whitening, whitenings
 from gimbalcal.number import Array
-from gimbalcal.views.noise import of_channels
+from gimbalcal.views.noise import SingleWalk, TriadWalks, of_channels
 
 MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where nobody states the noise
 MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
@@ -29,6 +29,10 @@ POLES = (
 
 SLOW_BESIDE_WHITE = ((0.97, 0.4), (0.99, 0.4), (0.99, 0.8))
 """Memory, and share of the variance, of a slow process beside white noise that exceeds its own innovations."""
+
+
+SLIGHT_MEMORY = (0.0, 0.2)  # from row to row, beside walks of triads: a velocity that is not known as well as assumed
+TRIAD_WALK_PRIOR = 0.15  # probability that all sensors of a triad walk, by that of none: as at a known attitude
 
 
 def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
@@ -83,7 +87,7 @@ SINGLE_WALKS = tuple(
 
 
 def single_walks(
-    seen: Array, weight: Array, time: Array, quantity: str, asked: Sequence[tuple[str, float, float, float]]
+    seen: Array, weight: Array, time: Array, quantity: str, asked: Sequence[SingleWalk]
 ) -> tuple[Node, ...]:
     r"""Noises in which one of three sensors walks from where it was at first, beside what all of them wander.
 
@@ -114,6 +118,41 @@ def single_walks(
             noise = {quantity: (walks[b],)}
             nodes[b] = Node(name, noise, prior, scaled.log_determinant, scaled, fresh, axis)
     return tuple(nodes[b] for b in range(len(asked)))
+
+
+TRIAD_WALKS: tuple[TriadWalks, ...] = tuple(
+    w for w in itertools.product(SLIGHT_MEMORY, *[(0.0, *TRIAD_WALK)] * 2) if any(w[1:])
+)
+"""Memory of the rows, and sizes of the walks of each accelerometer and of each gyroscope."""
+
+
+def walks_of_triads(
+    courses: Mapping[str, Array], channels: int, lasts: float, asked: Sequence[TriadWalks]
+) -> tuple[Node, ...]:
+    r"""Return noises in which all sensors of a triad, or of both, walk beside other noise, as asked for.
+
+    .. math:: V = K_\rho + \sum_q w_q^2 C_q C_q^T, \qquad
+        b(t) = N \frac{\sqrt{2 T}}{\pi} \sum_k \frac{z_k}{k} \cos\frac{\pi k t}{T}
+
+    A random walk b of density N, less its mean over the time T that it `lasts` [s], is cosines of k half periods of
+    independent sizes z; the mean is part of the calibration. courses: by quantity, the reduced rows (R, 3, m) that
+    cosines of 1 to m half periods in its sensors make. C_q is such that w is how far the likeliest course of a walk
+    goes, in sigmas of all rows together.
+    """
+    unit, density = dict[str, Array](), dict[str, float]()
+    for quantity, each in courses.items():
+        C = (each / np.arange(1, each.shape[-1] + 1)).reshape(len(each), -1)
+        size = float(np.sqrt(np.linalg.eigvalsh(C.T @ C)[-1]))
+        unit[quantity], density[quantity] = C / size, np.pi / np.sqrt(2 * lasts) / size
+    out, n = [], len(next(iter(courses.values()))) // channels
+    for memory, *sizes in asked:
+        walking = {q: w for q, w in zip(unit, sizes, strict=True) if w}
+        root = modes(np.concatenate([w * unit[q] for q, w in walking.items()], axis=1), _pole(memory, n))
+        noise = {q: (RandomWalk(w * density[q]),) for q, w in walking.items()}
+        name = (("memory", memory), *((f"random walk of {q}", w) for q, w in walking.items()))
+        prior, fresh = TRIAD_WALK_PRIOR / len(TRIAD_WALKS), 1 - memory**2
+        out.append(Node(name, noise, prior, root.log_determinant, root, fresh))
+    return tuple(out)
 
 
 def _pole(rho: float, n: int) -> Chain:

@@ -10,10 +10,11 @@ from operator import iadd
 import numpy as np
 
 from gimbalcal.inference.noise_processes import Cascade, Chain, Noise
-from gimbalcal.inference.whitening import Whitening
+from gimbalcal.inference.whitening import Modes, Whitening
 from gimbalcal.number import Array
 
 SINGLE_WALK = tuple(np.geomspace(2.5, 250.0, 11).tolist())  # sigmas of a dwell mean, of one sensor over the recording
+TRIAD_WALK = (2.0, 6.0, 18.0, 54.0)  # sigmas of all rows, of the likeliest course of a walk of each sensor of a triad
 SINGLE_WALK_PRIOR = 0.01  # prior probability of each of these: three times that of a drift of this accelerometer
 SINGLE_WALK_PRIOR_AT_REST = 0.003  # that of a drift: in a static run and at rest slow causes resemble it
 
@@ -26,7 +27,7 @@ class Node:
     noise: Mapping[str, Noise]  # by quantity, per sigma of a row; that of a gimbal setting in rad
     prior: float
     logdet: float
-    inverse_root: Array | Chain | Cascade | Whitening  # (R,) of a diagonal; of rows of each channel; of all
+    inverse_root: Array | Chain | Cascade | Whitening | Modes  # (R,) of a diagonal; of rows of each channel; of all
     fresh: float = 1.0  # share of the variance of a row that the rows before do not hold
     single_walk: str = ""  # axis of the sensor that walks alone, where one does
     channels: tuple[Node, ...] = ()  # noises, of which each channel has its own
@@ -60,7 +61,7 @@ class Node:
             return white
         if isinstance(root, Chain | Cascade):
             return root.whiten(rows.reshape(root.rows, -1)).reshape(rows.shape)
-        if isinstance(root, Whitening):
+        if isinstance(root, Whitening | Modes):
             white = root.whiten(rows[: root.rows])
             return white if root.rows == len(rows) else np.concatenate([white, rows[root.rows :]])
         return np.concatenate([root[:, None] * rows[: len(root)], rows[len(root) :]])
@@ -91,4 +92,4 @@ class Node:
     def coloured(self) -> int:
         """The number of reduced rows that are not white: all of a device test, the slowest of a static run."""
         root = self.inverse_root
-        return root.rows if isinstance(root, Whitening) else len(root)
+        return root.rows if isinstance(root, Whitening | Modes) else len(root)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from gimbalcal.diagnose.evidence.correlated_noise import (
     noises_of_channels,
     noises_of_unknown_scale,
     single_walks,
+    walks_of_triads,
 )
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.stated_noise import nodes
+from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View
 
 
@@ -25,8 +29,17 @@ def _of_any_scale(v: View) -> tuple[Node, ...]:
     if "noises" not in v.cache:
         n, C = len(v), len(v.channels)
         every = noises_of_channels(n, C) if v.noise.own_memories else noises_of_unknown_scale(n, C, v.noise.wander)
+        if v.noise.triad_walks:
+            courses = {quantity: _courses(v, quantity) for quantity in v.measurement.acts_on}
+            every += walks_of_triads(courses, C, float(np.ptp(v.stimulus.time)), v.noise.triad_walks)
         if v.noise.single_walks and v.noise.wander is not None:
             weight, walks = v.of_scales().weight, v.noise.single_walks
             every += single_walks(v.noise.wander, weight, v.stimulus.time, v.channels[0][0], walks)
         v.cache["noises"] = every
     return v.cache["noises"]
+
+
+def _courses(v: View, quantity: str) -> Array:
+    """Return the reduced rows (R, 3, m) of the courses in time of the sensors of a triad."""
+    each = [v.noise.reduced(v.course_of_sensor(quantity, axis)) for axis in "xyz"]
+    return np.stack(each, axis=1)

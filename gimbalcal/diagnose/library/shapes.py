@@ -153,11 +153,8 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
     rms = float(np.sqrt(np.mean((misfit * w) ** 2)))
     Q = orthonormal(w.reshape(-1, 1) * taken)
     for quantity, axis in ((q, a) for q in (FORCE, RATE) for a in "xyz"):
-        for name, words, basis in _turning(v):
-            key = f"{name} in {quantity} {axis}"
-            if key not in v.cache:
-                v.cache[key] = v.added(quantity, axis, basis)
-            A = (v.cache[key] * w[..., None]).reshape(len(taken), -1)
+        for name, words, columns in _turning(v, quantity, axis):
+            A = (columns * w[..., None]).reshape(len(taken), -1)
             A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
             remainder = A - Q @ (Q.T @ A)
             _, S, Vt = np.linalg.svd(remainder, full_matrices=False)
@@ -170,16 +167,21 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
     return tuple(out)
 
 
-def _turning(v: View) -> Iterator[Shape]:
-    """Yield what a sensor of a unit that is turned may follow."""
+def _turning(v: View, quantity: str, axis: str) -> Iterator[Shape]:
+    """Yield what a sensor of a unit that is turned may follow, as columns (n, C, m)."""
     s = v.stimulus
-    t = s.time / (s.time[-1] or 1.0)
-    yield "time", "a smooth function of time", np.cos(np.pi * np.outer(t, SLOW))
-    yield "fast time", "a pattern in time", np.cos(np.pi * np.outer(t, FAST))
-    yield "orientation", "a smooth function of the direction of gravity", polynomials(_along(v))
-    yield "rate", "a smooth function of the rate of turn", _of_rate(s.rate / (np.abs(s.rate).max() or 1.0))
+
+    def added(name: str, basis: Array) -> Array:
+        return v.of_sensor(name, quantity, axis, basis)
+
+    course = v.course_of_sensor(quantity, axis)
+    yield "time", "a smooth function of time", course[..., : len(SLOW)]
+    yield "fast time", "a pattern in time", course[..., len(SLOW) : len(SLOW) + len(FAST)]
+    yield "orientation", "a smooth function of the direction of gravity", added("orientation", polynomials(_along(v)))
+    rate = _of_rate(s.rate / (np.abs(s.rate).max() or 1.0))
+    yield "rate", "a smooth function of the rate of turn", added("rate", rate)
     if _warms(v):
-        yield "temperature", "a function of temperature", thermal(s.time, _temperature(v))
+        yield "temperature", "a function of temperature", added("temperature", thermal(s.time, _temperature(v)))
 
 
 def _of_rate(rate: Array) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.correlated_noise import SINGLE_WALKS
+from gimbalcal.diagnose.evidence.correlated_noise import SINGLE_WALKS, TRIAD_WALKS
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
@@ -25,7 +25,6 @@ from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.views.core import View
-from gimbalcal.views.noise import SingleWalk
 
 MOST = 12  # of these noises, the likeliest: each is as much work as one of the grid
 CLOSE = 5.0  # nats behind the likeliest within which they count
@@ -75,7 +74,9 @@ def weights(s: Search, nodes: Sequence[Node]) -> Array:
 
 
 def wandering_in(c: SearchResult) -> tuple[View, float, float]:
-    """Return the view with likely random walks of single sensors among its noises, and two ln odds of such a walk.
+    """Return the view with likely random walks of sensors among its noises, and two ln odds of such a walk.
+
+    They are those of single sensors, or of whole triads behind the rows of a navigator.
 
     A walk is likely if its evidence is within a factor of 20 of that of the causes that were found or, where none was,
     20 times that of all other noises. The odds are those of a walk to no walk, and to all causes that were found.
@@ -83,24 +84,28 @@ def wandering_in(c: SearchResult) -> tuple[View, float, float]:
     v = c.start.view
     if not v.sensors_may_walk:
         return v, -np.inf, -np.inf
-    with_walks = replace(c.start, view=with_single_walks(v, SINGLE_WALKS))
+    with_walks = replace(c.start, view=with_walks_of_sensors(v))
     every = projections_of(with_walks, np.zeros((c.start.residual.size, 0)))
     names = {n.name: k for k, n in enumerate(noises(with_walks))}  # at whatever scales of the channels
     ln = np.full(len(names), -np.inf)
     for p in every:
         ln[names[p.node.name]] = np.logaddexp(ln[names[p.node.name]], p.log_evidence())
-    alone = np.array([bool(n.single_walk) for n in noises(with_walks)])
-    total = float(logsumexp(ln[alone]) - logsumexp(ln[~alone]))
-    walks = found_in(c)
-    odds = total - walks
-    if total < (walks - CLAIM if walks >= CLAIM else CLAIM):
+    walking = np.array([bool(n.noise) for n in noises(with_walks)])
+    total = float(logsumexp(ln[walking]) - logsumexp(ln[~walking]))
+    found = found_in(c)
+    odds = total - found
+    if total < (found - CLAIM if found >= CLAIM else CLAIM):
         return v, total, odds
-    return with_single_walks(v, [SINGLE_WALKS[k] for k in likeliest_walks(ln[alone])]), total, odds
+    return with_walks_of_sensors(v, likeliest_walks(ln[walking])), total, odds
 
 
-def with_single_walks(v: View, walks: Sequence[SingleWalk]) -> View:
-    """Return the view with these walks of single sensors among its noises."""
-    return replace(v, noise=replace(v.noise, single_walks=tuple(walks)), cache={})
+def with_walks_of_sensors(v: View, kept: Sequence[int] | None = None) -> View:
+    """Return the view with random walks of sensors among its noises, all or those `kept` by their ordinals."""
+    if v.added is not None:
+        triads = tuple(TRIAD_WALKS[k] for k in (range(len(TRIAD_WALKS)) if kept is None else kept))
+        return replace(v, noise=replace(v.noise, triad_walks=triads), cache={})
+    single = tuple(SINGLE_WALKS[k] for k in (range(len(SINGLE_WALKS)) if kept is None else kept))
+    return replace(v, noise=replace(v.noise, single_walks=single), cache={})
 
 
 def found_in(c: SearchResult) -> float:

@@ -141,7 +141,7 @@ def forward_select(
     selected = list(begun)
     model = with_causes(first, selected)
     for _ in range(MAX_ROUNDS):
-        best = likeliest_missing(model, memory=bool(first.view.noise.single_walks) or first.view.noise.own_memories)
+        best = likeliest_missing(model, memory=first.view.noise.sensors_walk or first.view.noise.own_memories)
         if best.ln_total < CLAIM or not best.named:
             break
         progress(f"selected: {', '.join(c.in_words for c, _ in best.causes)}")

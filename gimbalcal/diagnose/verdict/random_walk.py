@@ -16,7 +16,7 @@ from enum import Enum
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.node import SINGLE_WALK, Node
+from gimbalcal.diagnose.evidence.node import SINGLE_WALK, TRIAD_WALK, Node
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.combine import combine
@@ -29,7 +29,7 @@ from gimbalcal.units import from_si
 
 SHAPE = "a random walk"
 UNITS = {"specific_force": "ug/sqrt(h)", "angular_rate": "deg/h/sqrt(h)"}  # of print
-STEP = float(np.log(SINGLE_WALK[1] / SINGLE_WALK[0]))
+STEP, STEP_OF_TRIADS = (float(np.log(grid[1] / grid[0])) for grid in (SINGLE_WALK, TRIAD_WALK))
 
 
 class PartOfWalk(Enum):
@@ -146,12 +146,29 @@ def _in_common_noises(s: Search) -> Search:
     return ranked(s.fit, s.library, s.rows, projections, factors)
 
 
-def likeliest_walk(
-    nodes: Sequence[Node], weight: Array, units: Mapping[str, Array], quantity: str, ln_odds: float, ln_total: float
+def clearest_walk_of_triad(
+    nodes: Sequence[Node], weight: Array, sigma: Array, ln_odds: float, ln_total: float
 ) -> RandomWalkFinding:
+    """Return the walk of the triad that shows it most, in noises of this weight (nodes,) in which triads walk.
+
+    sigma (nodes,): of a row in each of the noises, in which walks are counted.
+    """
+    shares = {
+        quantity: np.array([w * (quantity in n.noise) for w, n in zip(weight, nodes, strict=True)])
+        for quantity in UNITS
+    }
+    quantity = max(UNITS, key=lambda q: float(shares[q].sum()))
+    walk = likeliest_walk(nodes, shares[quantity], {"": sigma}, quantity, ln_odds, ln_total, STEP_OF_TRIADS)
+    return replace(walk, axis="x, y, z")
+
+
+def likeliest_walk(
+    nodes: Sequence[Node], weight: Array, units: Mapping[str, Array], quantity: str, ln_odds: float, ln_total: float,
+    step: float = STEP,
+) -> RandomWalkFinding:  # fmt: skip
     """Return the likeliest sensor to walk alone in noises of this weight (nodes,), and the size of its walk.
 
-    units: of the noise in each of the nodes (nodes,), SI, by axis.
+    units: of the noise in each of the nodes (nodes,), SI, by axis; step: ln of the ratio of successive sizes.
     """
     axis = nodes[int(np.argmax(weight))].single_walk
     weight = np.array([w * (n.single_walk == axis) for w, n in zip(weight, nodes, strict=True)])
@@ -159,7 +176,7 @@ def likeliest_walk(
     walks = [sum(p.N for p in n.noise.get(quantity, ()) if isinstance(p, RandomWalk)) for n in nodes]
     size = np.log(np.array(walks) * units[axis] + 1e-300)
     mean = float(weight @ size)
-    spread = float(np.sqrt(weight @ (size - mean) ** 2 + STEP**2 / 12))  # of a grid, anywhere between its values
+    spread = float(np.sqrt(weight @ (size - mean) ** 2 + step**2 / 12))  # of a grid, anywhere between its values
     walk = float(from_si(np.exp(mean), UNITS[quantity]))
     return RandomWalkFinding(axis, walk, spread * walk, ln_odds, ln_total, quantity)
 
