@@ -125,10 +125,11 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     growing = {n: x for n, x in table.columns.items() if np.all(np.diff(x) > 0)}
     named = [n for n in growing if (g := by_name(n)) and g.quantity == "time"]
     clock = next(iter([*named, *(n for n, x in growing.items() if clocks.unit_of_epoch(x))]), "")
+    triad = [n for n in table.columns if plain(n) in ("x", "y", "z")]  # three axes, and no axis with its measurement
     angles = {
         n: x
         for n, x in table.columns.items()
-        if n not in (clock, *table.dates)
+        if n not in (clock, *table.dates, *(triad if len(triad) == 3 else ()))
         and (is_anonymous(n) or _is_readout(n))
         and np.all(np.isfinite(x))
         and np.ptp(x) > 0

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gimbalcal.errors import InputError
 from gimbalcal.guess.proposal import propose
 from tests.golden import golden_text, refused
 
@@ -85,6 +86,14 @@ def test_an_axis_has_the_clock_of_the_controller_that_exported_it(tmp_path):
     )
     found = propose([path]).recording
     np.testing.assert_allclose(found.time - found.time[0], 0.01 * np.arange(300), atol=1e-5)
+
+
+def test_two_of_three_axes_that_go_together_are_no_axis_with_its_measurement(tmp_path):
+    """Rates of a unit that is turned about z leak into x: two columns that go together."""
+    z = np.repeat(RNG.uniform(0, 90, 20), 30)
+    path = write(tmp_path / "log.csv", "X, Y, Z", -0.026 * z, RNG.normal(0, 0.1, 600), z)
+    with pytest.raises(InputError, match="no column is a clock"):
+        propose([path])
 
 
 def test_an_equatorial_mount_needs_its_latitude(tmp_path):
