@@ -10,6 +10,7 @@ import json
 import zipfile
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,9 @@ def arrays_table(path: Path) -> Table | None:
         start = file.read(START)
     read = _reader(path, start)
     if read is not None:
-        return frame_table(_columns(path, read(path)), str(path))
+        columns, others = _columns(path, read(path))
+        table = frame_table(columns, str(path))
+        return replace(table, others=(*table.others, *others))
     instead = next((words for magic, words in INSTEAD.items() if start.startswith(magic)), "")
     if instead:
         raise InputError(f"{path} is {instead}")
@@ -179,10 +182,11 @@ def _json(path: Path) -> Mapping[str, Any]:
     return best
 
 
-def _columns(path: Path, variables: Mapping[str, Any]) -> dict[str, Any]:
+def _columns(path: Path, variables: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return vectors and components of matrices of one length, that of most sensors and numbers, by name, and scalars.
 
     Three components are x, y, z, four of them w, x, y, z; a matrix that alone makes the table has columns by number.
+    And the names of what has rows too, but another number of them.
     """
     arrays = {name: np.squeeze(np.asarray(x)) for name, x in variables.items() if x is not None}
     tall = {
@@ -209,7 +213,7 @@ def _columns(path: Path, variables: Mapping[str, Any]) -> dict[str, Any]:
             hint = quantity_of_log(name)
             word = f"{name} {'acc' if hint == FORCE else 'gyro'}" if hint and len(letters) == 3 else name
             out |= {f"{word}_{letters[i] if letters else i + 1}": column for i, column in enumerate(x.T)}
-    return out
+    return out, tuple(f"{name} of {len(x)} rows" for name, x in tall.items() if MIN_ROWS <= len(x) != rows)
 
 
 def _records(path: Path) -> dict[str, Array] | None:

@@ -173,8 +173,9 @@ def test_arrays_of_sensors_make_the_table_whatever_else_is_longer(tmp_path):
     t, f, w = turned()
     longer = np.zeros((len(t) + 1, 4))
     scipy.io.savemat(tmp_path / "log.mat", {"q_reference": longer, "time": t, "Accelerometer": f, "Gyroscope": w})
-    r = propose([tmp_path / "log.mat"]).recording
-    np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-6)
+    made = propose([tmp_path / "log.mat"])
+    np.testing.assert_allclose(made.recording.triad("specific_force"), f, atol=1e-6)
+    assert f"q_reference of {len(longer)} rows" in made.left_out
 
 
 def test_what_is_nested_deep_in_json_is_read_with_its_row(tmp_path):
