@@ -49,7 +49,7 @@ class NoiseModel:
 
     @property
     def sensors_walk(self) -> bool:
-        """Whether random walks of sensors are among the noises."""
+        """Return whether random walks of sensors are among the noises."""
         return bool(self.single_walks or self.triad_walks)
 
     @property

@@ -92,9 +92,9 @@ def wandering_in(c: SearchResult) -> tuple[View, float, float]:
         ln[names[p.node.name]] = np.logaddexp(ln[names[p.node.name]], p.log_evidence())
     walking = np.array([bool(n.noise) for n in noises(with_walks)])
     total = float(logsumexp(ln[walking]) - logsumexp(ln[~walking]))
-    found = found_in(c)
-    odds = total - found
-    if total < (found - CLAIM if found >= CLAIM else CLAIM):
+    causes = found_in(c)
+    odds = total - causes
+    if total < (causes - CLAIM if causes >= CLAIM else CLAIM):
         return v, total, odds
     return with_walks_of_sensors(v, likeliest_walks(ln[walking])), total, odds
 
