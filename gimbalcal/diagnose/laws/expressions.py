@@ -32,6 +32,7 @@ CYCLES, FAST = 30, 150  # waves over the recording, in half turns: in products, 
 SLOW_WAVES = 16  # half turns over the range of a variable other than time
 ORDERS = 8  # harmonics of an angle at the most
 PLACES, WIDTHS = 9, (0.04, 0.12, 0.35)  # of steps and bumps, in shares of the range of a variable
+AS_ONE = 0.9999  # share of the variance of a variable that another says, from which they are one
 KNOTS = (4, 6, 9)  # of a table
 COEFFICIENTS = 8  # of a law at the most
 PULSES, PHASES = (-0.6, 0.0, 0.6), 24  # levels above which a cosine is a pulse, and its phases
@@ -396,21 +397,31 @@ def grids(own: Iterable[Term]) -> list[TermGroup]:
 def pairs(every: Sequence[Sequence[Term]]) -> list[Family]:
     """Return the products of each term with all terms of the variables behind its own.
 
-    Fast waves are multiplied by the variables themselves alone.
+    Fast waves are multiplied by the variables themselves alone. What goes with a variable throughout, as the hour angle
+    of a mount that tracks goes with time, is no other one: such a product is any function of one variable.
     """
+    every = [own for own in every if own]
     slow, out = [grids(t for t in own if not _fast(t)) for own in every], list[Family]()
     for i, own in enumerate(every):
-        plain = [o for k, other in enumerate(slow) if k != i for o in other if o.terms[0].form.key == "x"]
-        out += [(grid, o) for grid in slow[i] for o in itertools.chain(*slow[i + 1 :])]
+        other = [k for k in range(len(every)) if k != i and not _as_one(own[0].variable, every[k][0].variable)]
+        plain = [o for k in other for o in slow[k] if o.terms[0].form.key == "x"]
+        out += [(grid, o) for grid in slow[i] for k in other if k > i for o in slow[k]]
         out += [(grid, o) for grid in grids(t for t in own if _fast(t)) for o in plain]
     return out
+
+
+def _as_one(u: Variable, v: Variable) -> bool:
+    """Return whether two variables go with each other throughout a recording."""
+    a, b = (w.x - w.x.mean() for w in (u, v))
+    return bool((a @ b) ** 2 > AS_ONE * (a @ a) * (b @ b))
 
 
 def triples(every: Sequence[Sequence[Term]]) -> list[Family]:
     """Products of three variables as they are, of angles the first harmonic."""
     plain = [TermGroup((t,)) for own in every for t in own if t.variable.group != "move"
              and (t.form.key == "x" or (t.form.key == "harmonic" and t.constants == (1,)))]  # fmt: skip
-    return list(itertools.combinations(plain, 3))
+    return [law for law in itertools.combinations(plain, 3) if not any(
+        _as_one(a.terms[0].variable, b.terms[0].variable) for a, b in itertools.combinations(law, 2))]  # fmt: skip
 
 
 def tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[Family]:

@@ -8,7 +8,7 @@ import pytest
 import sympy
 
 from gimbalcal.diagnose.entry import diagnose
-from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Term, terms
+from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Term, pairs, terms, triples
 from gimbalcal.diagnose.laws.law_file import _with as printed_form
 from gimbalcal.diagnose.laws.law_file import stated
 from gimbalcal.diagnose.laws.law_search import Ground, Law, Place, block_response, spanned, trimmed
@@ -58,6 +58,19 @@ def test_a_free_origin_stands_in_products_alone():
     assert pair.factors == [(-1, 0), (0, 0)]
     assert Expression((Term(T, FORMS["x"], (), 1),)).factors == [(0,)]
     assert set(MULTIPLIED) == {"force", "angle", "rate", "time", "since", "logged", "course", "move"}
+
+
+def test_what_goes_with_time_is_no_second_variable_of_a_product():
+    """The hour angle of a mount that tracks is the time: a product of both is any function of one variable."""
+    t = np.linspace(0.0, 2000.0, 50)
+    time = Variable("time", "s", t, "", "time", 1000.0)
+    hour = Variable("hour_angle", "rad", 7.3e-5 * t - 0.3, "", "angle")
+    force = Variable("force_x", "g", np.cos(t), "", "force")
+    every = [[Term(v, FORMS["x"], (), 1)] for v in (time, hour, force)]
+    made = {tuple(group.terms[0].variable.name for group in law) for law in pairs(every)}
+    assert made == {("time", "force_x"), ("hour_angle", "force_x")}
+    assert triples(every) == []
+    assert len(triples([*every, [Term(replace(force, name="force_y", x=np.sin(t)), FORMS["x"], (), 1)]])) == 2
 
 
 def test_a_formula_comes_before_a_cause_that_is_much_like_it():
