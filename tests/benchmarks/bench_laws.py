@@ -149,8 +149,9 @@ def left(r: Recording, clean: Recording, names: tuple[str, ...]) -> float:
 
 
 def named_causes(findings: list[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """The causes that are named at p >= 0.5 as --with takes them, and with the first replaced by each of its twins."""
-    named = [f for f in findings if f["probability"] >= SURE]
+    """The causes that are named as --with takes them, those at p >= 0.5 if there are any, and with the first replaced
+    by each of its twins."""
+    named = [f for f in findings if f["probability"] >= SURE] or findings
     each = [f["effect"] if "," in f["axis"] or not f["axis"] else f"{f['effect']}:{f['axis']}" for f in named]
     twins = [t for f in named[:1] for t in f["twins"]]
     return [tuple(each), *((t, *each[1:]) for t in twins)] if named else []
@@ -163,7 +164,7 @@ def predicted(run: Run, laws: list[dict[str, Any]], size: float, named: list[tup
     """
     law, seed = run.hidden, run.seed + SECOND
     second, clean = simulated(seed, law, size), simulated(seed, law, 0.0)
-    with_ = tuple(b for w in laws for b in w["beside"])
+    with_ = tuple(dict.fromkeys([*(b for w in laws for b in w["beside"]), *(named[0] if named else ())]))
     out = {"without": excess(second, clean)}
     if not laws and named:
         out["with"] = min(left(second, clean, names) for names in named)

@@ -20,6 +20,7 @@ from tests.diagnose import plant, static_plant, turned_plant
 from tests.estimate.gyroscopes import test_rate_table
 
 UG, ARCSEC, DEG, HOUR = plant.UG, plant.ARCSEC, turned_plant.DEG, np.pi / 648000
+ROUNDS = 3  # in which a law is evaluated at what is felt
 HAND_CONSTANTS = 12  # of a calibration by the norm of the force
 SECOND = 5000  # added to a seed for the second recording
 
@@ -364,18 +365,24 @@ class UnknownVariable(Exception):
 
 
 def corrected(r: Recording, laws: list[dict[str, Any]]) -> Recording:
-    """The recording with what laws of a diagnosis say taken away."""
+    """The recording with what laws of a diagnosis say taken away: of what is felt, and so in a few rounds.
+
+    What is read holds the law too: a law of a twentieth of the rate, at that rate, would be a twentieth too large.
+    """
     import sympy
 
-    values, channels = variables(r), dict(r.channels)
-    for law in laws:
-        key = (law["channel"], law["axis"])
-        if missing := set(law["variables"]) - set(values):
-            raise UnknownVariable(", ".join(sorted(missing)))
-        x = {name: values[name] for name in law["variables"]}
-        symbols = {name: sympy.Symbol(name, real=True) for name in x}
-        f = sympy.lambdify(list(symbols.values()), sympy.sympify(law["expression"], locals=symbols), "numpy")
-        added = np.broadcast_to(np.asarray(f(*x.values()), dtype=float), r.time.shape)
-        sign = -1 if law["channel"] == "gimbal_angle" else 1  # the true angle is the readout plus its error
-        channels[key] = channels[key] - sign * PRINTED[law["channel"]] * added
-    return replace(r, channels=channels)
+    now = r
+    for _ in range(ROUNDS):
+        values, channels = variables(now), dict(r.channels)
+        for law in laws:
+            key = (law["channel"], law["axis"])
+            if missing := set(law["variables"]) - set(values):
+                raise UnknownVariable(", ".join(sorted(missing)))
+            x = {name: values[name] for name in law["variables"]}
+            symbols = {name: sympy.Symbol(name, real=True) for name in x}
+            f = sympy.lambdify(list(symbols.values()), sympy.sympify(law["expression"], locals=symbols), "numpy")
+            added = np.broadcast_to(np.asarray(f(*x.values()), dtype=float), r.time.shape)
+            sign = -1 if law["channel"] == "gimbal_angle" else 1  # the true angle is the readout plus its error
+            channels[key] = channels[key] - sign * PRINTED[law["channel"]] * added
+        now = replace(r, channels=channels)
+    return now
