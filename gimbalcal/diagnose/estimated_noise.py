@@ -82,10 +82,11 @@ def _by_formulas(
 ) -> tuple[ViewDiagnosis | None, bool]:
     """Return the diagnosis by a formula in the place of causes that it is much likelier than, if there are any."""
     progress("comparing the causes with formulas in what was recorded")
-    names = {cause.key for cause in causes_replaced_by_a_formula(c, [j.cause for j in verdicts])}
+    replaced, doubtful = causes_replaced_by_a_formula(c, [j.cause for j in verdicts])
+    names = {cause.key for cause in replaced}
     rest = [this for this in c.causes if this[0].key not in names]
     if not names:
-        return None, False
+        return None, doubtful
     without = result_of(c.start, rest, [x for x in c.standard if x in rest], refused=True)
     kept = [j for j in verdicts if j.cause.key not in names]
     formulas = _view_diagnosis(without, kept, progress, refused=True).tested(None)

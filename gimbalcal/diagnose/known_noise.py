@@ -24,7 +24,7 @@ from gimbalcal.diagnose.laws.law_claims import (
     Lawful,
     beyond_walk,
     lawful,
-    ln_evidence_of_formula,
+    leave_something,
     misheld,
 )
 from gimbalcal.diagnose.result import (
@@ -136,20 +136,15 @@ def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple
     """Return the diagnosis by a formula where causes leave something, and whether the causes are doubtful."""
     assert isinstance(fit, StatedNoiseFit)
     assert d.hypothesis is not None
-    if not fit.predicts_worse and not _leave_something(c, d.hypothesis.members, fit):
+    members = d.hypothesis.members
+    strange = fit.predicts_worse or fit.scan_p_after < LEFT or strained(c, members) >= CLAIM
+    if not strange and not leave_something(c, members):
         return None, False
     none = unnamed(c)
-    law = lawful(c, none, case.seed, case.progress, instead=True)
+    law = lawful(c, none, case.seed, case.progress, instead=members)
     if law.laws:
         return _view_diagnosis(case, c, none, law), False
     return None, law.formula_is_likelier or fit.explained < MIN_EXPLAINED
-
-
-def _leave_something(c: Ranking, members: Sequence[int], fit: StatedNoiseFit) -> bool:
-    """Return whether causes leave something that a formula may explain: more than noise, or what a formula follows."""
-    if fit.scan_p_after < LEFT or strained(c, members) >= CLAIM:
-        return True
-    return ln_evidence_of_formula(c, members) >= CLAIM
 
 
 def searched(view: View, known: Calibration | None, progress: Progress) -> Search:

@@ -33,8 +33,12 @@ SLOW_WAVES = 16  # half turns over the range of a variable other than time
 ORDERS = 8  # harmonics of an angle at the most
 PLACES, WIDTHS = 9, (0.04, 0.12, 0.35)  # of steps and bumps, in shares of the range of a variable
 AS_ONE = 0.9999  # share of the variance of a variable that another says, from which they are one
-KNOTS = (4, 6, 9)  # of a table
-COEFFICIENTS = 8  # of a law at the most
+KNOTS, KNOTS_OF_PRODUCT = (4, 6, 9, 13, 19), 6  # of a table, and of one in a product at the most
+CYCLIC = 3  # harmonics of a cycle of any shape
+CLEAR = 0.05  # sine of an angle, below which its cosecant is none of a mount
+COEFFICIENTS = 8  # of a law that is no table, at the most
+ONSETS = (0.5, 1.5, 2.0, 3.0)  # powers behind a threshold
+CHIRPS = (1, 2, 3, 4, 6, 8, 12)  # turns that a chirp gains or loses over the recording
 PULSES, PHASES = (-0.6, 0.0, 0.6), 24  # levels above which a cosine is a pulse, and its phases
 VARIED = (0.25, 0.5, 0.8, 1.25, 2.0, 4.0)  # times a constant: where else a law may be
 
@@ -43,7 +47,8 @@ VARIED = (0.25, 0.5, 0.8, 1.25, 2.0, 4.0)  # times a constant: where else a law 
 class Constant:
     """A constant of a form: its letter, its unit ("x" that of the variable, "1/x", or none), and how it is refined.
 
-    kind: "size" of a positive number, "place" on the axis of the variable, "number", or "fixed": as on the grid.
+    kind: "size" of a positive number, "power", which is near its grid, "place" among the values of the variable,
+    "origin", which may lie beyond them, "number", or "fixed": as on the grid.
     """
 
     letter: str
@@ -76,6 +81,11 @@ def _power(x: Array, p: float) -> list[Array]:
     return [np.abs(x) ** p, np.sign(x) * np.abs(x) ** p]
 
 
+def _beyond(x: Array, c: float) -> list[Array]:
+    over = np.maximum(np.abs(x) - c, 0.0)
+    return [over, np.sign(x) * over]
+
+
 def _step(x: Array, c: float, w: float) -> list[Array]:
     return [np.tanh((x - c) / w)]
 
@@ -88,9 +98,31 @@ def _table(x: Array, *knots: float) -> list[Array]:
     return [np.clip(x, a, b) - a for a, b in itertools.pairwise(knots)]
 
 
+def _cyclic(x: Array, k: float) -> list[Array]:
+    return [f(n * k * x) for n in range(1, CYCLIC + 1) for f in (np.cos, np.sin)]
+
+
+def _chirp(x: Array, k: float, tau: float, sign: float) -> list[Array]:
+    phase = k * x + sign * (x / tau) ** 2
+    return [np.cos(phase), np.sin(phase)]
+
+
 WAVES = ("cos({0}*{x})", "sin({0}*{x})")
+
+
+def _shock(x: Array, c: float, tau: float) -> list[Array]:
+    return [(x > c) * np.exp(-np.maximum(x - c, 0.0) / tau)]
+
+
+def _shaking(x: Array, c: float, tau: float, k: float) -> list[Array]:
+    return [_shock(x, c, tau)[0] * f(k * x) for f in (np.cos, np.sin)]
+
+
+CYCLE = (*WAVES, *(f"{f}({n}*{{0}}*{{x}})" for n in range(2, CYCLIC + 1) for f in ("cos", "sin")))
 PLACE, WIDTH, TAU, K = Constant("x0", "x", "place"), Constant("w", "x"), Constant("tau", "x"), Constant("k", "1/x")
-PHASE = Constant("phi", "", "number")
+START = Constant("x0", "x", "fixed")
+LIMIT, POWER = Constant("x0", "x"), Constant("p", "", "power")
+PHASE, ORIGIN = Constant("phi", "", "number"), Constant("x0", "x", "origin")
 FORMS = {
     form.key: form
     for form in (
@@ -100,7 +132,8 @@ FORMS = {
         Form("to x^2", lambda x: [x, x**2], ("{x}", "{x}**2"), (1, 2)),
         Form("to x^3", lambda x: [x, x**2, x**3], ("{x}", "{x}**2", "{x}**3"), (1, 2, 3)),
         Form("|x|", lambda x: [np.abs(x)], ("Abs({x})",), (1,)),
-        Form("power", _power, ("Abs({x})**{0}", "sign({x})*Abs({x})**{0}"), (0, 0), (Constant("p"),)),
+        Form("power", _power, ("Abs({x})**{0}", "sign({x})*Abs({x})**{0}"), (0, 0), (POWER,)),
+        Form("beyond", _beyond, ("Max(0, Abs({x}) - {0})", "sign({x})*Max(0, Abs({x}) - {0})"), (1, 1), (LIMIT,)),
         Form("harmonic", lambda x, n: [np.cos(n * x), np.sin(n * x)], WAVES, (0, 0),
              (Constant("n", "", "fixed"),), True),
         Form("wave", lambda x, k: [np.cos(k * x), np.sin(k * x)], WAVES, (0, 0), (K,), True),
@@ -108,8 +141,7 @@ FORMS = {
         Form("fade", lambda x, tau: [np.exp(-x / tau)], ("exp(-{x}/{0})",), (0,), (TAU,)),
         Form("log", lambda x, tau: [np.log1p(x / tau)], ("log(1 + {x}/{0})",), (0,), (TAU,)),
         Form("ring", _ring, tuple(f"exp(-{{x}}/{{1}})*{w}" for w in WAVES), (0, 0), (K, TAU), True),
-        Form("above", lambda x, c: [(x > c).astype(float)], ("Heaviside({x} - {0})",), (0,),
-             (Constant("x0", "x", "fixed"),)),
+        Form("above", lambda x, c: [(x > c).astype(float)], ("Heaviside({x} - {0})",), (0,), (START,)),
         Form("step", _step, ("tanh(({x} - {0})/{1})",), (0,), (PLACE, WIDTH)),
         Form("knee", lambda x, c: [x, np.maximum(x - c, 0.0)], ("{x}", "Max(0, {x} - {0})"), (1, 1), (PLACE,)),
         Form("bump", lambda x, c, w: [np.exp(-(((x - c) / w) ** 2))], ("exp(-(({x} - {0})/{1})**2)",), (0,),
@@ -120,26 +152,44 @@ FORMS = {
              ("atan2(sin({0}*{x} + {1}), cos({0}*{x} + {1}))",), (0,), (K, PHASE)),
         Form("rectified", lambda x, k, p: [np.cos(k * x + p), np.abs(np.cos(k * x + p))],
              ("cos({0}*{x} + {1})", "Abs(cos({0}*{x} + {1}))"), (0, 0), (K, PHASE)),
+        Form("cyclic", _cyclic, CYCLE, (0,) * len(CYCLE), (K,)),
+        Form("rising", lambda x, k, tau: _chirp(x, k, tau, 1.0),
+             ("cos({0}*{x} + ({x}/{1})**2)", "sin({0}*{x} + ({x}/{1})**2)"), (0, 0), (K, TAU), True),
+        Form("falling", lambda x, k, tau: _chirp(x, k, tau, -1.0),
+             ("cos({0}*{x} - ({x}/{1})**2)", "sin({0}*{x} - ({x}/{1})**2)"), (0, 0), (K, TAU), True),
+        Form("onset", lambda x, c, p: [np.maximum(x - c, 0.0) ** p], ("Max(0, {x} - {0})**{1}",), (0,),
+             (ORIGIN, POWER)),
+        Form("end", lambda x, c, p: [np.maximum(c - x, 0.0) ** p], ("Max(0, {0} - {x})**{1}",), (0,),
+             (ORIGIN, POWER)),
+        Form("window", lambda x, a, b: [((x > a) & (x < b)).astype(float)],
+             ("(Heaviside({x} - {0}) - Heaviside({x} - {1}))",), (0,),
+             (START, Constant("x1", "x", "fixed"))),
+        Form("growth", lambda x, tau: [np.exp(x / tau)], ("exp({x}/{0})",), (0,), (TAU,)),
+        Form("cosecant", lambda x: [1 / np.sin(x), np.cos(x) / np.sin(x)], ("1/sin({x})", "cos({x})/sin({x})"), (0, 0)),
+        Form("shock", _shock, ("Heaviside({x} - {0})*exp(-Max(0, {x} - {0})/{1})",), (0,), (START, TAU)),
+        Form("shaking", _shaking, tuple(f"Heaviside({{x}} - {{0}})*exp(-Max(0, {{x}} - {{0}})/{{1}})*{f}({{2}}*{{x}})"
+                                        for f in ("cos", "sin")), (0, 0), (START, TAU, K), True),
         Form("table", _table, (), ()),
     )
 }  # fmt: skip
 ALONE = {
-    "force": ("x", "x^2", "x^3", "|x|", "power", "wave", "above", "step", "knee"),
-    "angle": ("harmonic", "above", "step", "bump"),
-    "rate": ("x", "x^2", "x^3", "|x|", "power", "above", "step", "knee"),
-    "time": ("x", "to x^2", "to x^3", "wave", "fade", "log", "ring", "above", "step", "knee", "bump"),
-    "since": ("x", "fade", "log"),
-    "logged": ("x", "to x^2", "to x^3", "wave", "above", "step", "knee", "bump"),
+    "force": ("x", "x^2", "x^3", "|x|", "power", "beyond", "wave", "above", "step", "knee"),
+    "angle": ("harmonic", "cosecant", "above", "step", "bump"),
+    "rate": ("x", "x^2", "x^3", "|x|", "power", "beyond", "above", "step", "knee"),
+    "time": ("x", "to x^2", "to x^3", "power", "wave", "rising", "falling", "fade", "log", "ring", "above", "step",
+             "knee", "onset", "end", "window", "shock", "bump"),
+    "since": ("x", "power", "fade", "log"),
+    "logged": ("x", "to x^2", "to x^3", "growth", "wave", "above", "step", "knee", "onset", "end", "window", "bump"),
     "course": ("x", "x^2", "x^3", "|x|", "above"),
-    "move": ("x", "|x|"),
-}  # of a variable of each group by itself
+    "move": ("x", "|x|", "power", "step"),
+}  # fmt: skip # of a variable of each group by itself
 MULTIPLIED = {
     "force": ("x", "x^2", "x^3", "|x|", "wave", "above"),
     "angle": ("harmonic", "above"),
     "rate": ("x", "x^2", "x^3", "|x|", "above"),
     "time": ("x", "to x^2", "wave", "fade", "log", "above"),
     "since": ("x", "fade"),
-    "logged": ("x", "to x^2", "to x^3", "wave", "above"),
+    "logged": ("x", "to x^2", "to x^3", "growth", "wave", "above", "knee"),
     "course": ("x", "x^2", "|x|", "above"),
     "move": ("x",),
 }  # and in products
@@ -158,14 +208,24 @@ class Term:
     def columns(self) -> Array:
         """The columns (n, m)."""
         v = self.variable
-        x = v.x - v.origin if any(self.form.powers) and self.form.key != "knee" else v.x
-        x = x / self.unit_of_power
-        return np.stack(self.form.columns(x, *self.constants), axis=-1)
+        x, per = v.x - v.origin if self.centred else v.x, self.unit_of_power
+        constants = self.constants
+        if per != 1.0:
+            constants = tuple(
+                k / per if c.of == "x" else k for k, c in zip(constants, self.form.constants, strict=True)
+            )
+        return np.stack(self.form.columns(x / per, *constants), axis=-1)
+
+    @property
+    def centred(self) -> bool:
+        """Return whether the form is of the difference from the origin of its variable."""
+        return (any(self.form.powers) and self.form.key != "knee") or self.form.key == "growth"
 
     @property
     def unit_of_power(self) -> float:
         """Return what a variable is divided by, SI: its unit of print where its power is no whole number, else one."""
-        return float(to_si(1.0, self.variable.unit)) if self.form.key == "power" and self.variable.unit else 1.0
+        of_unit = self.form.key in ("power", "onset", "end") and self.variable.unit
+        return float(to_si(1.0, self.variable.unit)) if of_unit else 1.0
 
     @cached_property
     def factors(self) -> Array:
@@ -356,12 +416,24 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
             return min(FAST, len(v.x) // 4)
         return min(SLOW_WAVES, len(np.unique(np.round((v.x - low) / (span or 1.0), 3))) // 2)
 
+    def chirps() -> list[tuple[float, ...]]:
+        return [(np.pi * k / span, span / np.sqrt(2 * np.pi * more)) for k in range(1, CYCLES + 1) for more in CHIRPS]
+
     grids: dict[str, Callable[[], Sequence[tuple[float, ...]]]] = {
         "harmonic": lambda: [(float(n),) for n in range(1, max(1, min(ORDERS, int(highest_order(s)))) + 1)],
         "wave": lambda: [(np.pi * k / span,) for k in range(1, waves() + 1)],
+        "rising": chirps,
+        "falling": chirps,
+        "growth": lambda: [(sign * tau,) for tau in np.geomspace(span / 6, 2 * span, 5) for sign in (1, -1)],
+        "cosecant": lambda: [()] if np.abs(np.sin(v.x)).min() > CLEAR else [],
+        "onset": lambda: [(c, p) for c in (low - span / 3, *places) for p in ONSETS],
+        "end": lambda: [(c, p) for c in (*places, high + span / 3) for p in ONSETS],
+        "shock": lambda: [(c, span * part) for c in _levels(v, s) for part in (0.02, 0.05, 0.12, 0.3)],
+        "window": lambda: list(itertools.combinations(_levels(v, s), 2)),
         "ring": lambda: [(np.pi * k / span, span * part) for k in range(2, CYCLES + 1) for part in (0.08, 0.2, 0.5)],
         "fade": lambda: [(tau,) for tau in np.geomspace(max(2 * _spacing(v.x), span / 50), 1.5 * span, 7)],
         "log": lambda: [(tau,) for tau in np.geomspace(span / 300, span, 6)],
+        "beyond": lambda: [(np.abs(v.x).max() * part,) for part in (0.1, 0.25, 0.4, 0.55, 0.7, 0.85)],
         "power": lambda: [(p,) for p in (0.5, 1.5, 2.5, 4.0)],
         "knee": lambda: [(c,) for c in places],
         "step": lambda: [(c, span * w) for c in places for w in WIDTHS],
@@ -438,7 +510,7 @@ def tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[
             if len(knots) == n and np.diff(knots).min() > 1e-3 * np.ptp(v.x):
                 table = TermGroup((Term(here, FORMS["table"], tuple(knots.tolist()), len(KNOTS)),))
                 out.append((table,))
-                if products and v.group in CENTRED and n < KNOTS[-1]:
+                if products and v.group in CENTRED and n <= KNOTS_OF_PRODUCT:
                     out += [(table, u) for u in plain]
     return out
 
@@ -455,11 +527,17 @@ def relatives(e: Expression, several: bool) -> list[Family]:
         if t.form.key in ("wave", "harmonic"):
             k = t.constants[0]
             phases = 2 * np.pi * np.arange(PHASES) / PHASES
-            variants += [Term(t.variable, FORMS["pulse"], (k, p, q), PHASES * 3) for p in phases for q in PULSES]
+            variants += [Term(t.variable, FORMS["pulse"], (k / n, p, q), PHASES * 9)
+                         for n in (1, 2, 3) for p in phases for q in PULSES]  # fmt: skip
             if several or any(other.free_origin for other in e.terms if other is not t):
                 variants += [Term(t.variable, FORMS["phased"], (k, p), PHASES) for p in phases[: PHASES // 2]]
             variants += [Term(t.variable, FORMS["sawtooth"], (k, p), PHASES) for p in phases]
+            if t.variable.group != "angle":  # of a gimbal the first harmonics have names
+                variants += [Term(t.variable, FORMS["cyclic"], (k / n,), 2) for n in (1, 2)]
             variants += [Term(t.variable, FORMS["rectified"], (k / n, p), PHASES) for n in (1, 2) for p in phases]
+        elif t.form.key == "shock":
+            waves = np.pi * np.arange(2, CYCLES + 1) / span
+            variants += [Term(t.variable, FORMS["shaking"], (*t.constants, k), t.tried * CYCLES) for k in waves]
         elif t.form.key == "above" and t.variable.group != "course":
             variants += [Term(t.variable, FORMS["step"], (*t.constants, span * w), t.tried * 3) for w in WIDTHS]
         elif t.form.key == "|x|" and t.variable.group in ("force", "rate"):
@@ -472,12 +550,14 @@ def _fast(t: Term) -> bool:
     return t.form.key == "wave" and t.constants[0] * float(np.ptp(t.variable.x)) > (CYCLES + 0.5) * np.pi
 
 
-def between(t: Term) -> list[Term]:
-    """A threshold moved as far as the next ones of its grid, in steps; no others."""
-    if t.form.key != "above" or t.variable.group == "course":
+def between(t: Term, k: int) -> list[Term]:
+    """Threshold k of a term moved as far as the next ones of its grid, in steps; no other constant."""
+    constant = t.form.constants[k] if t.form.constants else None
+    if constant is None or (constant.kind, constant.of) != ("fixed", "x") or t.variable.group == "course":
         return []
     step = float(np.ptp(t.variable.x)) / (INSTANTS if t.variable.group == "time" else LEVELS)
-    neighbours = (t.at(c) for c in t.constants[0] + step * np.linspace(-1, 1, STEPS))
+    moved = (t.constants[k] + x for x in step * np.linspace(-1, 1, STEPS))
+    neighbours = (t.at(*t.constants[:k], c, *t.constants[k + 1 :]) for c in moved)
     return [m for m in neighbours if np.ptp(m.columns) > 0]
 
 

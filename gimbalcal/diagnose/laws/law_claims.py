@@ -16,11 +16,11 @@ from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER, UNKNOWN
 from gimbalcal.diagnose.laws.expressions import Expression
-from gimbalcal.diagnose.laws.grounds import ground, together, with_law
+from gimbalcal.diagnose.laws.grounds import with_law
 from gimbalcal.diagnose.laws.law_curve import with_curves
 from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
-from gimbalcal.diagnose.laws.law_search import ABSORBED, RARE, Ground, Law, aliases, laws_of, same, trimmed
-from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared, with_cause
+from gimbalcal.diagnose.laws.law_search import ABSORBED, Ground, Law, aliases, free, same, trimmed
+from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared
 from gimbalcal.diagnose.library.candidates import Candidate, Library, SelectedCause
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
@@ -34,7 +34,7 @@ from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
 from gimbalcal.diagnose.verdict.separation import expected_ln_bayes, fastest
 from gimbalcal.diagnose.verdict.verify import residual_rows, row_sigma, verify
 from gimbalcal.effects import Stage
-from gimbalcal.inference.algebra import basis, orthonormal
+from gimbalcal.inference.algebra import basis, logsumexp, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit
@@ -45,6 +45,8 @@ from gimbalcal.words.naming import spaced
 MOST = 3  # laws of one view
 NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is taken
 MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
+MIN_PREDICTED = 0.5  # of the same, that a law has to explain where nothing known does
+COMPARED = 12  # formulas that together are compared with causes
 MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
 SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it holds
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
@@ -60,6 +62,7 @@ class Lawful:
     recommend: str = ""
     each: tuple[tuple[LawFit, Array], ...] = ()
     formula_is_likelier: bool = False  # than all causes, though it is not good enough to be reported
+    ln_total: float = -np.inf  # ln evidence of the first law and of what it stands beside, against nothing
     known: tuple[SelectedCause, ...] = ()  # causes of the catalogue that explain a view as well as the best formula
 
 
@@ -81,12 +84,6 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
     return best, [*others, *aliases(g, best)]
 
 
-def free(law: Law) -> int:
-    """Return the fitted numbers of a law, rare forms counting as one: of two that are one, that with more is none."""
-    e = law.expression
-    return e.columns.shape[1] + len(e.smooth()) + sum(t.form.key in RARE for t in e.terms)
-
-
 def undetermined(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: str) -> str:
     """Return what would determine a law where these data do not, in a sentence."""
     s = g.places[0].stimulus
@@ -104,11 +101,11 @@ def _more(kind: str) -> str:
     return "further " + {"pointing": "stars", "static-run": "hours"}.get(kind, "positions")
 
 
-def lawful(ranked: Ranking, d: Decision, seed: int, progress: Progress, instead: bool = False) -> Lawful:
+def lawful(ranked: Ranking, d: Decision, seed: int, progress: Progress, instead: Sequence[int] = ()) -> Lawful:
     """Return a formula for what no cause explains, in the noise that the likeliest shape leaves in each recording.
 
     Where positions of one recording were not held as read, that is a fault and no law. ranked: all that was weighed;
-    instead: of causes that leave a rest.
+    instead: of these causes, which leave a rest.
     """
     if d.verdict != "unexplained":
         return Lawful()
@@ -130,8 +127,9 @@ def beyond_walk(
 
     common: the ranking without noises in which a single sensor walks. A walk has no formula.
     """
-    none = unnamed(common) if common.ln_total >= CLAIM else replace(unnamed(common), shapes=())
-    law = lawful(common, none, seed, progress) if none.shapes else Lawful()
+    none = unnamed(common)
+    law = lawful(common, none, seed, progress)
+    none = none if law.laws or common.ln_total >= CLAIM else replace(none, shapes=())
     return none, *against_walk(law, walk, repeat_advice(common.searches[0].fit.view.kind.stabilised))
 
 
@@ -140,7 +138,7 @@ def against_walk(law: Lawful, walk: RandomWalkFinding, advice: str) -> tuple[Law
 
     advice: what distinguishes the two, where the formulas have no advice of their own.
     """
-    odds = max((claimed.evidence for claimed in law.laws), default=-np.inf) - walk.ln_total
+    odds = law.ln_total - walk.ln_total
     return law if odds > -CLAIM else Lawful(recommend=law.recommend or advice), odds
 
 
@@ -152,18 +150,23 @@ def misheld(ranked: Ranking, verdict: str) -> str:
     return misheld_positions([own() if own else () for own in each])
 
 
-def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: bool = False) -> Lawful:
+def law_of_searches(
+    ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: Sequence[int] = ()
+) -> Lawful:
     """Seek a law in recordings of known attitude of one unit that nothing known explains.
 
-    nodes: the likeliest noise of each; ranked: all other hypotheses. instead: of causes that leave a rest; the law then
-    has to be 1000 times as likely as these.
+    nodes: the likeliest noise of each; ranked: all other hypotheses. instead: of these causes, which leave a rest; the
+    law then has to be 1000 times as likely, and they are doubtful where formulas together are likelier.
     """
     searches = ranked.searches
-    b = compared(searches, nodes, ranked, alone=instead)
+    b = compared(searches, nodes, ranked, alone=bool(instead))
     assert b is not None  # every recording of known attitude has outputs
     g, every = b.ground, b.laws
-    best_else = _best_else(ranked) + (TOGETHER + NAMED) * instead
-    best, others = chosen(g, every, best_else - b.ln_known)
+    best_else = _best_else(ranked)
+    best, others = chosen(g, every, best_else + (TOGETHER + NAMED) * bool(instead) - b.ln_known)
+    if best is None and instead:
+        rivals = [law.evidence for law in every[:COMPARED] if not _held_by(ranked, instead, nodes, g, law)]
+        return Lawful(formula_is_likelier=bool(rivals) and float(logsumexp(np.array(rivals))) > best_else)
     if best is not None and not instead and (as_likely := _known(ranked, b.total)):
         return Lawful(
             (),
@@ -183,7 +186,8 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
         return Lawful((), law_sentences.DIFFERENT_SIZES.format(law=printed(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in fits], weights=[len(s.rows.Q) for s in searches]))
                      for w in ("heldout_before", "heldout_after"))  # fmt: skip
-    if after >= before or any(h.checked.explained < MIN_EXPLAINED for h in fits):
+    least = MIN_EXPLAINED if instead else MIN_PREDICTED
+    if after >= before or any(h.checked.explained < least for h in fits):
         return Lawful((), law_sentences.LACK_OF_FIT.format(law=printed(best)), formula_is_likelier=True)
     # once in 1 / LEFT by chance, of the scan as of another noise
     if any(h.left < LEFT or h.strained >= -np.log(LEFT) for h in fits):
@@ -194,23 +198,29 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     remainders = [residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, parts, strict=True)]
     joint = np.concatenate([r.reshape(-1, *g.shape[1:]) for r in remainders])  # rows of one channel, of several
     laws = with_curves(laws, best, x, C, joint, g, others)
-    return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)))
+    return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)), ln_total=b.ln_known + best.evidence)
 
 
-def ln_evidence_of_formula(ranked: Ranking, members: Sequence[int]) -> float:
-    """Return ln evidence of the best formula beside causes in the model, where these leave more than noise."""
-    own, nodes, excess = [], [], []
+def leave_something(ranked: Ranking, members: Sequence[int]) -> bool:
+    """Return whether causes leave more than the likeliest noise, so that a formula may explain more."""
     for k, s in enumerate(ranked.searches):
         f = fit_causes(s, ranked.within(members, k))
-        own.append(with_cause(s, f.members))
-        nodes.append(f.projection.node)
         dof = len(s.rows.Q) - s.rows.q - len(f.index)
-        excess.append((f.misfit - dof) / np.sqrt(2 * max(dof, 1)))
-    each = [g for s, node in zip(own, nodes, strict=True) if (g := ground(s, node)) is not None]
-    if not each or max(excess) < MIN_EXCESS_SIGMAS:
-        return -np.inf
-    laws = laws_of(together(each))
-    return laws[0].evidence if laws else -np.inf
+        if f.misfit - dof > MIN_EXCESS_SIGMAS * np.sqrt(2 * max(dof, 1)):
+            return True
+    return False
+
+
+def _held_by(ranked: Ranking, members: Sequence[int], nodes: Sequence[Node], g: Ground, law: Law) -> bool:
+    """Return whether causes hold what a formula explains of one recording: it is their own formula and no rival."""
+    if len(ranked.searches) > 1:
+        return False
+    s, node = ranked.searches[0], nodes[0]
+    X = basis(g.remainder(node.whiten(s.library.X[:, list(fit_causes(s, ranked.within(members, 0)).index)])))
+    Q = orthonormal(g.remainder(g.whiten(law.columns)))
+    added = Q @ (Q.T @ g.y)
+    rest = added - X @ (X.T @ added)
+    return bool(rest @ rest < SAME_RESPONSE * (added @ added))
 
 
 def _best_else(ranked: Ranking) -> float:
@@ -286,29 +296,36 @@ def _law_in_recording(bare: Search, s: Search, columns: Array, rng: np.random.Ge
     return LawFit(f.x * scale, weight, p_value.p_value, strained(extended, (0,)), checked)
 
 
-def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Return the causes in the place of which a formula of the same rows is much likelier than anything known, or none.
+def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -> tuple[tuple[Candidate, ...], bool]:
+    """Return the causes in the place of which a formula of the same rows is much likelier than anything known, or none;
+    and whether formulas together are likelier than causes that keep their place.
 
     Two causes may imitate a formula together, so all are removed at once, then one after the other. Effects that every
     rig of the kind has stay in the model. A formula that leaves far more scatter than the causes replaces none, and one
     with as many coefficients none if it leaves more scatter at all: in noise with a memory a slow curve has much
     evidence and explains little of what a periodic cause does.
     """
-    special = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind))
+    special, doubtful = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind)), False
     for own in dict.fromkeys([special, *((cause,) for cause in special)]):
         names = {cause.key for cause in own}
         without = with_causes(c.start, [this for this in c.causes if this[0].key not in names])
         s = search(without)
         b = _compared_in(without, s)
-        if b is None or not b.laws or b.laws[0].evidence < max(h.ln_weight for h in s.hypotheses) + CLAIM:
+        if b is None or not b.laws:
+            continue
+        known = max(h.ln_weight for h in s.hypotheses)
+        if b.laws[0].evidence < known + CLAIM:
+            held = (_beyond_known(without, law.columns, s.library, names) <= SAME_RESPONSE for law in b.laws[:COMPARED])
+            rivals = [law.evidence for law, same in zip(b.laws, held, strict=False) if not same]
+            doubtful |= bool(rivals) and float(logsumexp(np.array(rivals))) > known
             continue
         fewer = _visible_columns(without, b.laws[0].columns) < sum(len(cause.parameters) for cause in own)
         limit = MAX_SCATTER_RATIO if fewer else 1.0
         if with_columns(without, b.laws[0].columns).scatter > limit * c.end.scatter:
             continue
         if _beyond_known(without, b.laws[0].columns, s.library, names) > SAME_RESPONSE:
-            return own
-    return ()
+            return own, True
+    return (), doubtful
 
 
 def _visible_columns(m: Fit, columns: Array) -> int:
@@ -350,7 +367,7 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
     shapes shows nothing missing, a formula also needs the prior odds of an unknown cause. The caller states the
     held-out misfit, as it has the numbers of the view. known: causes in the model, as --with takes them.
     """
-    v, laws, with_them, remaining = m.view, list[LawResult](), m, search(m)
+    v, laws, with_them, remaining, total = m.view, list[LawResult](), m, search(m), 0.0
     one = float(np.sqrt(np.mean(v.noise.weighted(sigma) ** 2)))
     hidden = remaining.ln_total < CLAIM
     while not laws or (remaining.ln_total >= 2 * CLAIM and len({o.effect for o in laws}) < MOST):
@@ -367,17 +384,18 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
         if best is None:
             if not laws:
                 return Lawful((), undetermined(every, others, g, v.kind)), m
-            return Lawful(tuple(laws), law_sentences.LACK_OF_FIT.format(law=laws[0].expression)), with_them
+            words = law_sentences.LACK_OF_FIT.format(law=laws[0].expression)
+            return Lawful(tuple(laws), words, ln_total=total), with_them
         with_law_too, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
         if _cancels(best, x):
             words = law_sentences.LACK_OF_FIT.format(law=printed(best))
-            return (Lawful(tuple(laws), words), with_them) if laws else (Lawful((), words), m)
-        with_them = with_law_too
+            return (Lawful(tuple(laws), words, ln_total=total), with_them) if laws else (Lawful((), words), m)
+        with_them, total = with_law_too, total + b.ln_known + best.evidence
         ids = [o.effect for o in laws]
         new = found(best, x, covariance, (0.0, 0.0), others, v.title, ids, v, (*known, *b.name))
         laws += with_curves(new, best, x, covariance, with_them.residual, g, others)
         remaining = search(with_them)
-    return Lawful(tuple(laws)), with_them
+    return Lawful(tuple(laws), ln_total=total), with_them
 
 
 def with_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
@@ -392,7 +410,7 @@ def with_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
 def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool = True) -> str:
     """The manoeuvre that tells a law with coefficients `size` (m,) [SI] from another fastest, as one sentence.
 
-    asked: whether the question is open; else it is empty where no manoeuvre would tell.
+    asked: whether the question is open; else it is empty where no manoeuvre would progress.
     """
 
     def gained(planned: Fit) -> float:

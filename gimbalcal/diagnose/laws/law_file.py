@@ -85,7 +85,7 @@ class {name}(Effect):
 '''
 
 
-LETTERS = "abcdefgh"
+LETTERS = "abcdefghijlmoqrsuvyz"  # of coefficients; the others are those of constants
 CODED = (("Abs(", "absolute("), ("Heaviside(", "above("), ("Max(0, ", "positive("), ("atan2(", "arctan2("))
 
 
@@ -133,13 +133,16 @@ def stated(e: Expression) -> LawText:
 def _words(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tuple[list[str], list[str]]:
     """The columns of a term in print and as Python with arguments in SI."""
     v, at = t.variable, t.variable.origin
-    centred = bool(any(t.form.powers) and at and t.form.key != "knee")
+    centred = bool(t.centred and at)
     x = f"({v.name} - {float(v.printed(at)):.6g})" if centred else v.name
     x = x.replace("- -", "+ ")
     unity = letters[:1] == ["1"] and bool(t.form.constants) and t.form.constants[0].kind in ("fixed", "size")
     words = [w.replace("{0}*", "") if unity else w for w in t.words]
     code = f"({v.code} - {at!r})" if centred else v.code
-    code = code if t.unit_of_power == 1 else f"({code} / {t.unit_of_power!r})"
+    if (per := t.unit_of_power) != 1:
+        code = f"({code} / {per!r})"
+        each = zip(codes, t.form.constants, strict=True)
+        codes = [f"({k} / {per!r})" if c.of == "x" else k for k, c in each]
     if t.form.key == "table":
         coded = [
             f"(absolute({code} - {a!r}) - absolute({code} - {b!r}) + {b - a!r}) / 2"
@@ -275,8 +278,9 @@ def _class(
         t = law.expression.terms[k]
         c, spread, unit = t.constants[j], SIGMAS * spreads[k, j], t.unit_of(j) or "1"
         low, high = c - spread, c + spread
-        if t.form.constants[j].kind == "size":
-            low, high = max(low, c / FARTHEST), min(high, c * FARTHEST)
+        if t.form.constants[j].kind in ("size", "power"):
+            near, far = sorted((c / FARTHEST, c * FARTHEST))
+            low, high = max(low, near), min(high, far)
         fields.append(f'    {letter}: float = constant({c:.9g}, unit="{unit}", low={low:.9g}, high={high:.9g})')
     ends = {name: f"{low:.9g}, {high:.9g}" for name, (low, high) in domain.items()}
     limits = [

@@ -17,7 +17,7 @@ evidence is that of all outputs together, so that a law too weak in each of them
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -44,8 +44,8 @@ from gimbalcal.inference.algebra import basis, orthonormal
 from gimbalcal.number import Array
 
 WEIGHED = 60  # expressions whose evidence is worked out in full
-REFINED = 10  # of these, the best of one, two and three terms are refined in their constants
-EXTENDED = 6  # of these, richer forms are tried in the place of theirs
+REFINED = (14, 16, 4)  # of these, the best of one, two and three terms are refined in their constants
+EXTENDED = (6, 6, 0)  # of these, richer forms are tried in the place of theirs
 SHARE_OF_TRIADS = 3  # by which these numbers are divided for laws of all axes
 ROUNDS = 70  # steps of a refinement for each constant
 CHUNK = 100  # families at a time
@@ -57,9 +57,10 @@ RIDGE = 1e-4  # of a unit column: two that are alike count as one
 SAME_SPACE = 1e-6  # sine of the largest angle between two spaces of columns that are one
 SAME = 0.999  # correlation from which two expressions are one in this recording
 UNUSUAL = 1.5  # nats against a law of an output in gimbal angles, or of a gimbal in forces, and against a rare form
-RARE = ("pulse", "sawtooth", "rectified", "ring")
+RARE = ("pulse", "sawtooth", "rectified", "ring", "cyclic", "rising", "falling", "growth")
 NEEDED = 3.0  # nats that a column of a law has to explain to be kept, at each of its places
 LEAST_VARIANCE = 1e-6  # that a law leaves, of the noise without it
+FARTHEST, FARTHEST_POWER = 3.4, 0.7  # of ln of a size, and of a power, from the grid to where it is refined
 FAR = 2.0  # ranges of a variable from its middle, beyond which powers are not printed from its reference
 
 
@@ -184,6 +185,7 @@ class Law:
     expression: Expression
     evidence: float
     response: BlockResponse
+    cost: float = 0.0
 
     @property
     def columns(self) -> Array:
@@ -238,7 +240,7 @@ def laws_of(g: Ground, products: bool = True) -> list[Law]:
     chosen = list[tuple[Target, Expression]]()
     for several, share in ((False, 1), (True, SHARE_OF_TRIADS)):
         own = [s for s in scored if (len(s[1].places) > 1) is several]
-        chosen += _extended_and_refined(own, EXTENDED // share, REFINED // share, WEIGHED // share)
+        chosen += _extended_and_refined(own, share)
     if not chosen:
         return []
     chosen = [(target, e.of({v.name: v for v in target.places[0].variables})) for target, e in chosen]
@@ -246,26 +248,40 @@ def laws_of(g: Ground, products: bool = True) -> list[Law]:
     laws = []
     for (target, e), gained in zip(chosen, ln, strict=True):
         cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _unusual(target.places[0], e)
-        laws.append(Law(target.places, e, float(gained - cost), target.response))
+        laws.append(Law(target.places, e, float(gained - cost), target.response, float(cost)))
     return sorted(laws, key=lambda law: -law.evidence)
+
+
+def weighed_in(g: Ground, law: Law) -> Law:
+    """Return a law with its evidence in another ground of the same recordings."""
+    keys = [(p.channel, p.axis) for p in law.places]
+    places = tuple(p for p in g.places if (p.channel, p.axis) in keys)
+    e = law.expression.of({v.name: v for v in places[0].variables})
+    gained = g.evidence([_columns_at(places, spanned(e.columns))])[0]
+    return Law(places, e, float(gained - law.cost), block_response(g, places), law.cost)
 
 
 Scored = tuple[float, "Target", Expression]  # what an expression explains at a target
 
 
-def _extended_and_refined(
-    scored: list[Scored], extended: int, refined: int, weighed: int
-) -> list[tuple[Target, Expression]]:
-    """Return the expressions to be weighed: of the best, richer forms too, and the best of each length refined."""
-    scored.sort(key=lambda f: -f[0])
-    for _, target, e in scored[:extended]:
+def _extended_and_refined(scored: list[Scored], share: int) -> list[tuple[Target, Expression]]:
+    """Return the expressions to be weighed: of the best, richer forms too, and the best of each length refined.
+
+    share: by which the numbers of these are divided.
+    """
+
+    def first(most: Sequence[int]) -> Iterator[tuple[bool, Target, Expression]]:
+        """Yield all in order, and whether each is among so many of as many terms."""
+        number_of = [0, 0, 0]
+        for _, target, e in sorted(scored, key=lambda f: -f[0]):
+            number_of[len(e.terms) - 1] += 1
+            yield number_of[len(e.terms) - 1] <= most[len(e.terms) - 1] // share, target, e
+
+    for _, target, e in [own for own in first(EXTENDED) if own[0]]:
         scored += _best([target], relatives(e, len(target.places) > 1))
-    scored.sort(key=lambda f: -f[0])
-    out, number_of = list[tuple[Target, Expression]](), [0, 0, 0]
-    for _, target, e in scored:
-        number_of[len(e.terms) - 1] += 1
-        best = number_of[len(e.terms) - 1] <= refined
-        if best or len(out) < weighed:
+    out = list[tuple[Target, Expression]]()
+    for best, target, e in first(REFINED):
+        if best or len(out) < WEIGHED // share:
             out.append((target, _refined(target.response, e) if best else e))
     return [(target, e) for target, e in out if _carried(target.response, e)]
 
@@ -325,6 +341,12 @@ def _compared(targets: Sequence[Target], products: bool) -> tuple[list[Scored], 
     return _best(targets, laws), np.bincount(lengths, minlength=4)[1:]
 
 
+def free(law: Law) -> int:
+    """Return the fitted numbers of a law, rare forms counting as one: of two that are one, that with more is none."""
+    e = law.expression
+    return e.columns.shape[1] + len(e.smooth()) + sum(t.form.key in RARE for t in e.terms)
+
+
 def spanned(X: Array) -> Array:
     """Return columns (n, q) of rms one that span those of X (n, m) and are orthogonal to each other."""
     U, S, _ = np.linalg.svd(X / np.maximum(np.sqrt((X**2).mean(axis=0)), 1e-300), full_matrices=False)
@@ -372,7 +394,8 @@ def _best(targets: Sequence[Target], laws: Sequence[Family]) -> list[Scored]:
     for k in range(0, len(laws), CHUNK):
         by_width: dict[int, list[tuple[Family, Array]]] = {}
         for law in laws[k : k + CHUNK]:
-            if (B := targets[0].of_all.means(law)).shape[1] <= COEFFICIENTS:
+            B = targets[0].of_all.means(law)
+            if B.shape[1] <= COEFFICIENTS or law[0].terms[0].form.key == "table":
                 by_width.setdefault(B.shape[1], []).append((law, B))
         for m, own in by_width.items():
             each = gains(targets[0].of_all, np.concatenate([B for _, B in own], axis=-1)) - 2.0 * m
@@ -455,7 +478,9 @@ class _Move:
     @property
     def unit(self) -> float:
         """The change of the constant [SI] for a small change of what is moved."""
-        return {"size": abs(self.value), "place": self.span}.get(self.kind, 1.0)
+        return {"size": abs(self.value), "power": self.value, "place": self.span, "origin": self.span}.get(
+            self.kind, 1.0
+        )
 
     @property
     def step(self) -> float:
@@ -463,16 +488,17 @@ class _Move:
         c = self.e.terms[self.i].form.constants[self.j]
         if c.of == "1/x":
             return float(np.log1p(np.pi / self.span / max(self.value, 1e-300) / 3))
-        return {"size": 0.3, "place": 0.03}.get(self.kind, 0.2)
+        return {"size": 0.3, "power": 0.2, "place": 0.03, "origin": 0.1}.get(self.kind, 0.2)
 
     def at(self, u: float) -> tuple[int, int, float]:
         """The constant moved by u, within what its variable may tell."""
-        if self.kind == "size":
-            return self.i, self.j, self.value * float(np.exp(np.clip(u, -3.4, 3.4)))
+        if self.kind in ("size", "power"):
+            farthest = FARTHEST if self.kind == "size" else FARTHEST_POWER
+            return self.i, self.j, self.value * float(np.exp(np.clip(u, -farthest, farthest)))
         x = self.value + u * self.unit
-        if self.kind == "place":
-            logged = self.e.terms[self.i].variable.x
-            x = float(np.clip(x, logged.min(), logged.max()))
+        if self.kind in ("place", "origin"):
+            logged, beyond = self.e.terms[self.i].variable.x, self.span * (self.kind == "origin")
+            x = float(np.clip(x, logged.min() - beyond, logged.max() + beyond))
         return self.i, self.j, float(x)
 
 
@@ -484,8 +510,8 @@ def _refined(response: BlockResponse, e: Expression) -> Expression:
     """The expression with its smooth constants where they take away most."""
     from scipy.optimize import minimize
 
-    for i, t in enumerate(e.terms):
-        others = [e.replaced((*e.terms[:i], moved, *e.terms[i + 1 :])) for moved in between(t)]
+    for i, k in [(i, k) for i, t in enumerate(e.terms) for k in range(len(t.constants))]:
+        others = [e.replaced((*e.terms[:i], moved, *e.terms[i + 1 :])) for moved in between(e.terms[i], k)]
         e = max([e, *others], key=lambda tried: _worth(response, tried))
     moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
     if not moves:

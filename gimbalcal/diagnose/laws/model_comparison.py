@@ -17,7 +17,7 @@ from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
 from gimbalcal.diagnose.evidence.projection import projected
 from gimbalcal.diagnose.laws.grounds import ground, together
-from gimbalcal.diagnose.laws.law_search import Ground, Law, laws_of
+from gimbalcal.diagnose.laws.law_search import Ground, Law, free, laws_of, weighed_in
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, log_evidence, reduced
@@ -70,26 +70,33 @@ def compared(
     g = common_ground(searches)
     if g is None:
         return None
-    best = Beside(g, laws_of(g), searches=tuple(searches))
+    by_itself, others = laws_of(g), list[Beside]()
     for h in () if alone else _likely(ranked):
         member = h.members[0]
         own = tuple(with_cause(s, ranked.within((member,), k)) for k, s in enumerate(searches))
-        if (g := common_ground(own)) is not None:
-            c = ranked.library.candidates[member]
-            best = _better(best, Beside(g, laws_of(g, products=False), c, h.ln_weight, own), ranked)
+        if (ground_beside := common_ground(own)) is not None:
+            laws = laws_of(ground_beside, products=False)
+            others.append(Beside(ground_beside, laws, ranked.library.candidates[member], h.ln_weight, own))
+            by_itself += [weighed_in(g, law) for law in laws[:1]]
+    best = Beside(g, sorted(by_itself, key=lambda law: -law.evidence), searches=tuple(searches))
+    for other in others:
+        best = _better(best, other, ranked)
     return best
 
 
 def _better(best: Beside, other: Beside, ranked: Ranking) -> Beside:
-    """The other one where it says as much: a name is worth more than a formula, another name has to be likelier.
+    """The other one where it says as much: a name is worth more than a longer formula, another name has to be likelier.
 
-    As every law it has to come near the best of what else was weighed.
+    A name that makes the formula no shorter has to make it likelier. As every law it has to come near the best of what
+    else was weighed.
     """
     if not other.laws or other.laws[0].evidence < CLAIM:
         return best
     if other.total < max(h.ln_weight for h in ranked.hypotheses) - TOGETHER:
         return best
-    return other if other.total > best.total - NAMED * (best.known is None) else best
+    shorter = not best.laws or free(other.laws[0]) < free(best.laws[0])
+    needed = 0.0 if best.known else -NAMED if shorter else CLAIM
+    return other if other.total > best.total + needed else best
 
 
 def _likely(ranked: Ranking) -> list[Hypothesis]:

@@ -94,16 +94,19 @@ def _every(s: Stimulus) -> list[Variable]:
 
 
 def _of_moves(s: Stimulus) -> list[Variable]:
-    """Return what the last move before a dwell was: its direction about each gimbal, and the force that it changed."""
-    out = [
-        Variable(f"approach_{_plain(name)}", "", np.sign(np.round(s.move_angle[:, i], 6)),
-                 f"sign(moved(s, {name!r}))", "move")
-        for i, name in enumerate(s.axis_names)
-        if len(np.unique(np.sign(np.round(s.move_angle[:, i], 6)))) > 1
-    ]  # fmt: skip
+    """Return what the last move before a dwell was: about each gimbal, and the force before it and its change."""
+    out = list[Variable]()
+    for i, name in enumerate(s.axis_names):
+        angle, code = np.round(s.move_angle[:, i], 6), f"moved(s, {name!r})"
+        if len(np.unique(np.sign(angle))) > 1:
+            out.append(Variable(f"approach_{_plain(name)}", "", np.sign(angle), f"sign({code})", "move"))
+        out.append(Variable(f"{_plain(name)}_change", "rad", s.move_angle[:, i], code, "move"))
     if s.true_angle is None:
-        out += [Variable(f"force_change_{a}", "g", s.move_force[:, i], f"s.move_force[:, {i}]", "move")
-                for i, a in enumerate("xyz")]  # fmt: skip
+        for i, a in enumerate("xyz"):
+            change, code = s.move_force[:, i], f"s.move_force[:, {i}]"
+            out.append(Variable(f"force_change_{a}", "g", change, code, "move"))
+            before = Variable(f"before_force_{a}", "g", s.force[:, i] - change, f"(s.force[:, {i}] - {code})", "move")
+            out.append(before)
     return out
 
 

@@ -25,8 +25,8 @@ from gimbalcal.recording import Recording, Site, write
 from gimbalcal.report.diagnosis_page import diagnosis_report
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.words.diagnosis_headline import headline
-from tests.benchmarks import unknown_mount
-from tests.benchmarks.law_plants import misfit
+from tests.benchmarks import unknown_hand, unknown_mount
+from tests.benchmarks.law_plants import corrected, misfit
 from tests.diagnose import plant, static_plant
 from tests.golden import golden_text
 
@@ -129,6 +129,52 @@ def test_a_law_is_flagged_where_it_is_extrapolated():
     warmer = {**r.channels, ("temperature", ""): r.channels["temperature", ""] + 10}
     (remark,) = calibration.apply(replace(r, channels=warmer)).remarks[len(r.remarks) :]
     assert "extrapolates law_specific_force_y: temperature from 3" in remark
+
+
+def test_a_strong_law_is_no_random_walk():
+    """A bump of 12 sigmas of a row in time: a walk may have made it, of 27 numbers where the bump has four."""
+    bump = lambda b: plant.on(1, np.exp(-(((b.t - 1300.0) / 170.0) ** 2)))  # noqa: E731
+    d = diagnose([plant.record(np.random.default_rng(376), bump, 208 * plant.UG, rows=120)])
+    (law,) = d.laws
+    assert law.beside == ()
+    assert {p.name: p.value for p in law.parameters} == pytest.approx({"a": 208, "x0": 1300, "w": 170}, rel=0.05)
+    assert "wanders" not in d.outcome
+
+
+def test_what_follows_the_temperature_in_any_way_is_predicted(tmp_path):
+    """A law of the temperature of no particular form is told by a formula or a table that predicts a second run."""
+    knots, values = np.linspace(20.0, 26.5, 9), np.array([0.0, 1.0, -1.2, 0.4, 1.1, -0.3, -1.0, 0.9, 0.0])
+    free = lambda b: plant.on(2, np.interp(b.body, knots, values))  # noqa: E731
+    first, second, clean = (plant.record(np.random.default_rng(seed), free, size * plant.UG, rows=120)
+                            for seed, size in ((3, 60.0), (4, 60.0), (4, 0.0)))  # fmt: skip
+    d = diagnose([first])
+    (law,) = d.laws
+    assert law.variables == ("temperature",)
+    left, whole = (misfit(r)[0] - misfit(clean)[0] for r in (corrected(second, [law.to_dict()]), second))
+    assert left < 0.1 * whole
+    assert explained(d, first, tmp_path) < 1.3
+
+
+def test_a_cause_is_not_sure_where_formulas_are_likelier():
+    """A preamplifier that saturates is much like an odd quadratic, and a hyperbolic tangent fits it better."""
+    made = unknown_hand.Setup(thermometer=True, rests=44)
+
+    def tanh(h):
+        return {"force": np.outer(np.tanh(2 * h.f[:, 0]), [1.0, 0, 0])}
+
+    seed = 696
+    size = 30 / unknown_hand.strength(seed, made, tanh)
+    d = diagnose([unknown_hand.record(seed, made, ((tanh, size),))])
+    assert not [f for f in d.findings if f.probability >= 0.5]
+
+
+def test_what_is_on_between_two_instants_is_found_to_a_row():
+    relay = lambda b: plant.on(2, 1.0 * ((b.t > 1500.0) & (b.t < 1860.0)))  # noqa: E731
+    (law,) = diagnose([plant.record(np.random.default_rng(5), relay, 75 * plant.UG, rows=120)]).laws
+    assert law.form.startswith("a*(Heaviside(time - 1")
+    e, t = sympy.sympify(law.expression), sympy.Symbol("time")
+    on = [float(e.subs(t, x)) for x in (1480.0, 1515.0, 1845.0, 1895.0)]
+    assert np.abs(on) == pytest.approx([0.0, 75.0, 75.0, 0.0], rel=0.1, abs=0.1)
 
 
 def test_what_acts_on_two_axes_is_two_laws(tmp_path):

@@ -134,8 +134,8 @@ def test_every_form_has_as_many_words_as_columns():
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 def test_a_form_is_printed_in_the_units_of_its_coefficients(form):
     """The formula in printed units is the column in SI, with the unit by which its coefficient is divided."""
-    unit = "rad" if form.key == "harmonic" else "deg/s"  # of angles alone
-    x = np.linspace(0.1, 3.0, 41) if form.key in ("log", "fade", "ring") else np.linspace(-3.0, 3.0, 41)
+    unit = "rad" if form.key in ("harmonic", "cosecant") else "deg/s"  # of angles alone
+    x = np.linspace(0.1, 3.0, 41) if form.key in ("log", "fade", "ring", "cosecant") else np.linspace(-3.0, 3.0, 41)
     n = len(form.constants) or (4 if form.key == "table" else 0)
     constants = tuple(np.linspace(0.5, 2.5, n).tolist())
     t = Term(Variable("rate_z", unit, x, "", "rate"), form, constants, 1)
@@ -147,7 +147,7 @@ def test_a_form_is_printed_in_the_units_of_its_coefficients(form):
         f = sympy.lambdify("rate_z", sympy.sympify(text, locals={"rate_z": sympy.Symbol("rate_z")}).subs(others))
         power = by.count(unit) * (int(by.rpartition("^")[2]) if "^" in by else 1)
         per = float(to_si(1.0, unit)) ** power
-        np.testing.assert_allclose(f(in_print) * per * np.ones(41), t.columns[:, k], atol=1e-4)
+        np.testing.assert_allclose(f(in_print) * per * np.ones(41), t.columns[:, k], rtol=1e-5, atol=1e-4)
 
 
 def test_a_law_is_trimmed_where_the_calibration_has_as_many_parameters_as_there_are_rows():
