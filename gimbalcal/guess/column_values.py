@@ -20,6 +20,7 @@ from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import to_si
 
 MAX_RATE = 35.0  # rad/s, 2000 deg/s: the range of the fastest gyroscopes in such units
+MIN_FAST_ROWS = 3  # beyond it, of a turn: fewer are broken lines of the log
 USUAL_NOISE_DEG_S, MAX_BIAS_DEG_S = 0.05, 3.0  # of gyroscopes, from row to row and at rest
 RATE_UNIT_COSTS = {"rad/s": 0.0, "deg/s": 0.0, "deg/h": 4.0}  # nats, of the units of gyroscopes before any number
 MAX_BIAS_COST = 3.0  # nats: a larger one may be a steady turn
@@ -209,7 +210,7 @@ def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[floa
         why = [f"{sigma:.2g} deg/s from row to row"] if sigma > 0 else []
         excess = np.log(np.degrees(bias * size) / MAX_BIAS_DEG_S) if bias > 0 else 0.0
         cost += min(0.5 * max(0.0, excess) ** 2, MAX_BIAS_COST)
-        if fastest * size > MAX_RATE:
+        if fastest * size > MAX_RATE and _rows_beyond(triad, levels, MAX_RATE / size) >= MIN_FAST_ROWS:
             cost, why = cost + TOO_FAST_COST, [f"up to {fastest:.4g}, more than any hand turns"]
         if any(abs(np.degrees(step * size) / lsb - 1) < 1e-3 for lsb in LSB_DEG_S) and step not in ROUND:
             cost, why = (
@@ -225,6 +226,11 @@ def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[floa
     else:
         counts = UNLIKE_COUNTS_COST
     return {**out, "count": (counts, range_in_counts)}
+
+
+def _rows_beyond(triad: Sequence[Array], levels: Sequence[float], limit: float) -> int:
+    """Return the most rows in which a column (n,) of a triad is farther than a limit from its level."""
+    return max(int(np.count_nonzero(np.abs(x - level) > limit)) for x, level in zip(triad, levels, strict=True))
 
 
 def quantum(x: Array) -> float:

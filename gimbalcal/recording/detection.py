@@ -90,7 +90,9 @@ def detect(
     triads = [[*t.values()] for t in (channels, rates) if t]
     position = np.zeros(n, dtype=np.int64)
     level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
-    m, floor, variances, of_rates = _window(triads, n, step, (QUIET_FORCE * level, 0.0 if raw else QUIET_RATE))
+    quiet_rate = 0.0 if raw else QUIET_RATE
+    small = (QUIET_FORCE * level if gravity else quiet_rate, quiet_rate)
+    m, floor, variances, of_rates = _window(triads, n, step, small)
     loud = gravity and len(channels) == 3 and np.sqrt(floor.sum()) > LOUD * level
     if m == 0 or (loud and np.sqrt(floor.sum()) > max(map(_quantum, triads[0]))):  # coarse steps are no vibration
         return position

@@ -81,6 +81,15 @@ def test_a_gyroscope_turns_as_fast_as_it_leaves_its_level():
     assert fast["deg/s"][0] < fast["rad/s"][0] - 15
 
 
+def test_a_broken_line_of_the_log_turns_no_gyroscope():
+    rate = np.radians(0.1) * np.random.default_rng(3).standard_normal((3, 30_000))
+    in_radians = costs_of_rate(rate, False)["rad/s"][0]
+    rate[1, 700] = 1106.0
+    assert costs_of_rate(rate, False)["rad/s"][0] == pytest.approx(in_radians, abs=1e-3)
+    rate[1, 700:703] = 1106.0
+    assert costs_of_rate(rate, False)["rad/s"][0] > in_radians + 15
+
+
 def test_a_bias_that_no_gyroscope_has_and_the_step_of_a_chip_show_the_unit():
     rng = np.random.default_rng(2)
     chip = [np.round(rng.normal(b, 0.2, 5000) * 16.4) / 16.4 for b in (0.1, -2.0, 0.4)]

@@ -344,6 +344,16 @@ def test_a_gyroscope_is_judged_by_what_it_does_at_rest():
     assert not position[turning].any()
 
 
+def test_gyroscopes_alone_rest_while_their_bias_wanders_by_less_than_any_motion():
+    rng, n = np.random.default_rng(4), 3000
+    steps = rng.standard_normal((n, 3)) * [2e-4, 2e-6, 2e-6]
+    rate = 2e-3 + 0.9 * np.cumsum(steps, axis=0) / 15 + 1e-5 * rng.standard_normal((n, 3))
+    gyros = dict(zip("xyz", rate.T, strict=True))
+    time = np.arange(n) / 50.0
+    assert (detect(time, gyros, gyros, gravity=False) > 0).mean() > 0.8
+    assert (detect(time, gyros, {a: 30 * x for a, x in gyros.items()}, raw=True, gravity=False) > 0).mean() < 0.5
+
+
 def test_units_do_not_matter():
     time, channels, _ = turned_by_hand(np.random.default_rng(7), 8, 50.0)
     counts = {axis: 32768 + 4100 * f for axis, f in channels.items()}
