@@ -26,6 +26,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import textwrap
 import time
 import tomllib
 from collections import Counter
@@ -697,8 +698,9 @@ def report(states: Sequence[dict[str, Any]]) -> None:
         counts += Counter(state["counts"])
         say(f"{state['next']} inputs, seed {state['seed']}: {len(state['finds'])} wrong when they were run")
         for find in state["finds"]:
-            typed = json.dumps(" ".join(find["arguments"]))[1:-1][:90]
-            say(f"    {find['number']}: {find['wrong'][:90]}; {typed}")
+            typed = json.dumps(" ".join(find["arguments"]))[1:-1]
+            each = (textwrap.shorten(words, 100, placeholder=" ...") for words in (find["wrong"], typed))
+            say(f"    {find['number']}: {'; '.join(each)}")
         if "again" in state:
             say(f"    run again at the end: {state['again']} of them wrong")
     say("")
