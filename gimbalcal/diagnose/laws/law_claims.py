@@ -410,7 +410,7 @@ def with_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
 def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool = True) -> str:
     """The manoeuvre that tells a law with coefficients `size` (m,) [SI] from another fastest, as one sentence.
 
-    asked: whether the question is open; else it is empty where no manoeuvre would progress.
+    asked: whether the question is open; else it is empty where no manoeuvre would distinguish them.
     """
 
     def gained(planned: Fit) -> float:
