@@ -144,7 +144,7 @@ def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple
     law = lawful(c, none, case.seed, case.progress, instead=members)
     if law.laws:
         return _view_diagnosis(case, c, none, law), False
-    return None, law.formula_is_likelier or fit.explained < MIN_EXPLAINED
+    return None, law.formula_is_likelier or (strange and fit.explained < MIN_EXPLAINED)
 
 
 def searched(view: View, known: Calibration | None, progress: Progress) -> Search:

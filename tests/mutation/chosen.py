@@ -49,7 +49,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.detection", "_windows", "mean[first:stop] = about + level", "mean[first:stop] = about"),
         ("recording.dwell", "whole_means", "weight.max() / 2", "weight.max() * 2"),
         ("recording.dwell", "usual_step", "way = p == 0", "way = p > 0"),
-        ("recording.dwell", "_mean", "np.average(off, weights=weight)", "np.average(off)"),
+        ("recording.dwell", "_mean", "(off * weight).sum() / weight.sum()", "off.mean()"),
         ("recording.dwell", "_mean", "2 * np.pi * np.round(off / (2 * np.pi))", "np.pi * np.round(off / np.pi)"),
         ("recording.dwell", "rests_are_means", "> MEANS *", "< MEANS *"),
     ),

@@ -80,8 +80,16 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
     best = min(first, key=lambda law: (free(law), len(printed(law)), -law.evidence))
     equivalent = [law for law in equivalent if law.places != best.places or printed(law) != printed(best)]
     alike = [same(g, best, law) for law in equivalent]
-    others = [law for law, one in zip(equivalent, alike, strict=True) if not one or free(law) <= free(best)]
-    return best, [*others, *aliases(g, best)]
+    alike = [
+        one and (free(law) > free(best) or _forms(law) == _forms(best))
+        for one, law in zip(alike, equivalent, strict=True)
+    ]
+    return best, [*(law for law, one in zip(equivalent, alike, strict=True) if not one), *aliases(g, best)]
+
+
+def _forms(law: Law) -> list[tuple[str, str]]:
+    """Return form and variable of each term of a law, by which it is the same at whatever constants."""
+    return [(t.form.key, t.variable.name) for t in law.expression.terms]
 
 
 def undetermined(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: str) -> str:
@@ -212,9 +220,12 @@ def leave_something(ranked: Ranking, members: Sequence[int]) -> bool:
 
 
 def _held_by(ranked: Ranking, members: Sequence[int], nodes: Sequence[Node], g: Ground, law: Law) -> bool:
-    """Return whether causes hold what a formula explains of one recording: it is their own formula and no rival."""
+    """Return whether causes hold what a formula explains of one recording: it is their own formula and no rival.
+
+    Of several recordings, which have calibration constants of their own, formulas are taken for those of the causes.
+    """
     if len(ranked.searches) > 1:
-        return False
+        return True
     s, node = ranked.searches[0], nodes[0]
     X = basis(g.remainder(node.whiten(s.library.X[:, list(fit_causes(s, ranked.within(members, 0)).index)])))
     Q = orthonormal(g.remainder(g.whiten(law.columns)))
