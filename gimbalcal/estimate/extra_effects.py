@@ -26,7 +26,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.units import to_si
 
 WhyNotShown = Callable[[type[Effect]], str]  # `Recording.why_not_shown`
-PRIOR_FACTOR = 100.0  # times the catalogue's prior: what is asked for is fitted, not held
+PRIOR_FACTOR = 1e4  # times the catalogue's prior, which is of navigation grade: what is asked for is fitted, not held
 
 
 @dataclass(frozen=True)

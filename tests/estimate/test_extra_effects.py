@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gimbalcal import calibrate
 from gimbalcal.calibration import from_dict
 from gimbalcal.estimate.extra_effects import extra_effects
 from gimbalcal.estimate.unit import inertial_unit
@@ -14,6 +15,7 @@ from gimbalcal.pipeline import load, three_stage
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import block_means
 from gimbalcal.simulate import simulate
+from tests.benchmarks import unknown_hand
 from tests.diagnose.plant import ARCSEC, UG, known, record
 from tests.golden import golden_text, refused
 
@@ -117,3 +119,15 @@ def test_what_needs_an_angle_is_refused_where_none_is_known():
         extra_effects(["gimbal_flexure"], [r])
     with refused():
         inertial_unit(r, (), extra_effects(["base_tilt_drift"], [r]))
+
+
+def test_an_effect_of_the_size_of_a_consumer_unit_is_fitted_and_not_held():
+    """The usual sizes of the catalogue are those of a navigation unit, and of a channel per unit as it was logged."""
+
+    def squared(h):
+        return {"force": np.outer((h.supply - h.supply.mean()) ** 2, [0, 0, 1.0])}
+
+    r = unknown_hand.record(7, unknown_hand.Setup(supply=True, rests=44), ((squared, 0.15),))
+    made = calibrate(r, more=["bias_covariate_squared:z"])
+    (k,) = [p for p in made.to_dict()["parameters"] if p["name"] == "bias_per_squared_covariate"]
+    assert abs(k["value"] - 150000) < 4 * k["sigma"] < 40000
