@@ -50,6 +50,10 @@ class Axis:
                 f"got {self.direction!r} and {self.sign!r}"
             )
 
+    def rotation(self, readout: Array) -> Array:
+        """Return the direction cosine matrix (..., 3, 3) of this axis alone at its readouts (...) [rad]."""
+        return frame_rotation(self.direction, self.sign * readout + self.offset)
+
 
 @dataclass(frozen=True)
 class Platform:
@@ -88,7 +92,7 @@ class Platform:
             )
         chain = None
         for i, axis in enumerate(self.axes):
-            link = frame_rotation(axis.direction, axis.sign * angles[..., i] + axis.offset)
+            link = axis.rotation(angles[..., i])
             tilt = None if tilts is None else np.asarray(tilts)[..., i, :]
             if tilt is not None and (tilt.dtype == object or tilt.any()):  # most axes of most chains are not tilted
                 link = link @ tilt_rotation(tilt)
@@ -98,8 +102,11 @@ class Platform:
         return chain
 
     def attitudes(self, angles: Array) -> list[Array]:
-        """Return the direction cosine matrix (..., 3, 3) from the base to each axis, the platform first."""
-        links = [frame_rotation(a.direction, a.sign * angles[..., i] + a.offset) for i, a in enumerate(self.axes)]
+        """Return the direction cosine matrix (..., 3, 3) from the base to each axis, the platform first.
+
+        angles (..., k): as in `attitude`, without tilts of the axes.
+        """
+        links = [axis.rotation(angles[..., i]) for i, axis in enumerate(self.axes)]
         return [reduce(np.matmul, links[i:]) for i in range(len(links))]
 
     def angles(self, readings: Mapping[str, ArrayLike], shape: tuple[int, ...]) -> Array:

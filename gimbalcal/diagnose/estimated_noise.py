@@ -25,7 +25,7 @@ from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
 from gimbalcal.diagnose.search.refit import with_constants
 from gimbalcal.diagnose.search.relinearise import about_first_cause
-from gimbalcal.diagnose.search.single_axis_random_walk import wandering_in
+from gimbalcal.diagnose.search.sensor_random_walks import wandering_in
 from gimbalcal.diagnose.search.stepwise import SearchResult, refined, result_of, stepwise
 from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
@@ -51,7 +51,7 @@ SERIAL_SIGMAS = 5.0  # of a correlation of successive residuals that is none by 
 
 
 def diagnose_estimated_noise(v: View, progress: Progress) -> ViewDiagnosis:
-    """Return the diagnosis of a view whose scale of noise is fitted, in which one sensor may walk alone."""
+    """Return the diagnosis of a view whose scale of noise is fitted, in which one sensor, or a triad, may walk."""
     c = about_first_cause(stepwise(v, progress), progress)
     steady = judged_diagnosis(c, progress)
     if c.start.exact:

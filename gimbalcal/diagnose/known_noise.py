@@ -24,7 +24,7 @@ from gimbalcal.diagnose.laws.law_claims import (
     Lawful,
     beyond_walk,
     lawful,
-    leave_something,
+    leave_more_than_noise,
     misheld,
 )
 from gimbalcal.diagnose.result import (
@@ -40,7 +40,7 @@ from gimbalcal.diagnose.search.combine import combine
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.relinearise import about_causes, about_settings
-from gimbalcal.diagnose.search.single_axis_random_walk import wandering
+from gimbalcal.diagnose.search.sensor_random_walks import wandering
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
 from gimbalcal.diagnose.verdict.findings import findings_of_recordings
@@ -137,14 +137,14 @@ def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple
     assert isinstance(fit, StatedNoiseFit)
     assert d.hypothesis is not None
     members = d.hypothesis.members
-    strange = fit.predicts_worse or fit.scan_p_after < LEFT or strained(c, members) >= CLAIM
-    if not strange and not leave_something(c, members):
+    contradicted = fit.predicts_worse or fit.scan_p_after < LEFT or strained(c, members) >= CLAIM
+    if not contradicted and not leave_more_than_noise(c, members):
         return None, False
     none = unnamed(c)
     law = lawful(c, none, case.seed, case.progress, instead=members)
     if law.laws:
         return _view_diagnosis(case, c, none, law), False
-    return None, law.formula_is_likelier or (strange and fit.explained < MIN_EXPLAINED)
+    return None, law.formula_is_likelier or (contradicted and fit.explained < MIN_EXPLAINED)
 
 
 def searched(view: View, known: Calibration | None, progress: Progress) -> Search:

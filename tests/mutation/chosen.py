@@ -223,15 +223,15 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "without_walks.ln_total - clearest.ln_total"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "from_si(np.exp(mean)", "from_si(mean"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "spread * walk, ln_odds", "spread, ln_odds"),
-        ("diagnose.search.single_axis_random_walk", "wandering", "s.ln_total >= CLAIM", "s.ln_total < CLAIM"),
-        ("diagnose.search.single_axis_random_walk", "wandering", "s.ln_total - CLAIM", "s.ln_total + CLAIM"),
+        ("diagnose.search.sensor_random_walks", "wandering", "s.ln_total >= CLAIM", "s.ln_total < CLAIM"),
+        ("diagnose.search.sensor_random_walks", "wandering", "s.ln_total - CLAIM", "s.ln_total + CLAIM"),
     ),
     "diagnose/verdict/test_random_walk.py::test_a_weak_drift_is_told_with_the_walk_that_it_may_be": (
         ("diagnose.verdict.random_walk", "_in_common_noises", "logsumexp(joint, axis=0) - logsumexp(null)",
          "logsumexp(joint, axis=0)"),
     ),
     "diagnose/verdict/test_random_walk.py::test_a_clear_drift_is_no_walk": (
-        ("diagnose.search.single_axis_random_walk", "weights", "np.log(n.prior) +", "-np.log(n.prior) +"),
+        ("diagnose.search.sensor_random_walks", "weights", "np.log(n.prior) +", "-np.log(n.prior) +"),
     ),
     "diagnose/test_cost.py::test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded": (
         ("diagnose.cost", "_swung", "(v.max() - v.min()) / 2 * turn", "(v.max() - v.min()) * turn"),

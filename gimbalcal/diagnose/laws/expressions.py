@@ -107,9 +107,6 @@ def _chirp(x: Array, k: float, tau: float, sign: float) -> list[Array]:
     return [np.cos(phase), np.sin(phase)]
 
 
-WAVES = ("cos({0}*{x})", "sin({0}*{x})")
-
-
 def _shock(x: Array, c: float, tau: float) -> list[Array]:
     return [(x > c) * np.exp(-np.maximum(x - c, 0.0) / tau)]
 
@@ -118,6 +115,7 @@ def _shaking(x: Array, c: float, tau: float, k: float) -> list[Array]:
     return [_shock(x, c, tau)[0] * f(k * x) for f in (np.cos, np.sin)]
 
 
+WAVES = ("cos({0}*{x})", "sin({0}*{x})")
 CYCLE = (*WAVES, *(f"{f}({n}*{{0}}*{{x}})" for n in range(2, CYCLIC + 1) for f in ("cos", "sin")))
 PLACE, WIDTH, TAU, K = Constant("x0", "x", "place"), Constant("w", "x"), Constant("tau", "x"), Constant("k", "1/x")
 START = Constant("x0", "x", "fixed")

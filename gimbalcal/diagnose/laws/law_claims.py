@@ -45,7 +45,7 @@ from gimbalcal.words.naming import spaced
 MOST = 3  # laws of one view
 NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is taken
 MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
-MIN_PREDICTED = 0.5  # of the same, that a law has to explain where nothing known does
+MIN_EXPLAINED_ALONE = 0.5  # of the same, that a law has to explain where nothing known does
 COMPARED = 12  # formulas that together are compared with causes
 MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
 SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it holds
@@ -194,7 +194,7 @@ def law_of_searches(
         return Lawful((), law_sentences.DIFFERENT_SIZES.format(law=printed(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in fits], weights=[len(s.rows.Q) for s in searches]))
                      for w in ("heldout_before", "heldout_after"))  # fmt: skip
-    least = MIN_EXPLAINED if instead else MIN_PREDICTED
+    least = MIN_EXPLAINED if instead else MIN_EXPLAINED_ALONE
     if after >= before or any(h.checked.explained < least for h in fits):
         return Lawful((), law_sentences.LACK_OF_FIT.format(law=printed(best)), formula_is_likelier=True)
     # once in 1 / LEFT by chance, of the scan as of another noise
@@ -209,7 +209,7 @@ def law_of_searches(
     return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)), ln_total=b.ln_known + best.evidence)
 
 
-def leave_something(ranked: Ranking, members: Sequence[int]) -> bool:
+def leave_more_than_noise(ranked: Ranking, members: Sequence[int]) -> bool:
     """Return whether causes leave more than the likeliest noise, so that a formula may explain more."""
     for k, s in enumerate(ranked.searches):
         f = fit_causes(s, ranked.within(members, k))

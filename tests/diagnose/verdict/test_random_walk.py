@@ -11,9 +11,9 @@ from gimbalcal.diagnose.evidence.node import SINGLE_WALK
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.known_noise import searched
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.diagnose.search import single_axis_random_walk
+from gimbalcal.diagnose.search import sensor_random_walks
 from gimbalcal.diagnose.search.ranking import Hypothesis
-from gimbalcal.diagnose.search.single_axis_random_walk import CLOSE, wandering, weights
+from gimbalcal.diagnose.search.sensor_random_walks import CLOSE, wandering, weights
 from gimbalcal.diagnose.verdict.decide import Decision
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
@@ -153,8 +153,8 @@ def test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone(monkeypatch, l
 )  # fmt: skip
 def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):
     walks = [SimpleNamespace(single_walk="x", k=k) for k in range(len(ln))]
-    monkeypatch.setattr(single_axis_random_walk, SINGLE, lambda _: walks)
-    monkeypatch.setattr(single_axis_random_walk, WEIGHTS, lambda *_: np.array(ln))
+    monkeypatch.setattr(sensor_random_walks, SINGLE, lambda _: walks)
+    monkeypatch.setattr(sensor_random_walks, WEIGHTS, lambda *_: np.array(ln))
     s = SimpleNamespace(
         ln_total=ln_total, fit=SimpleNamespace(view=SimpleNamespace(kind=MULTI_POSITION)), null=np.zeros(1)
     )
@@ -164,8 +164,8 @@ def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):
 @pytest.mark.parametrize(("together", "kept"), [(8.5, [0, 1]), (9.5, [])])
 def test_none_walks_alone_where_all_walking_is_likelier(monkeypatch, together, kept):
     walks = [SimpleNamespace(single_walk="x", k=0), SimpleNamespace(single_walk="", k=1)]
-    monkeypatch.setattr(single_axis_random_walk, SINGLE, lambda _: walks)
-    monkeypatch.setattr(single_axis_random_walk, WEIGHTS, lambda *_: np.array([9.0, together]))
+    monkeypatch.setattr(sensor_random_walks, SINGLE, lambda _: walks)
+    monkeypatch.setattr(sensor_random_walks, WEIGHTS, lambda *_: np.array([9.0, together]))
     s = SimpleNamespace(ln_total=8.0, fit=SimpleNamespace(view=SimpleNamespace(kind=STATIC_RUN)), null=np.zeros(1))
     assert [n.k for n in wandering(s)] == kept
 

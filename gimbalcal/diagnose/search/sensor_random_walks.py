@@ -1,8 +1,9 @@
-r"""One sensor that wanders further than any noise of the grid: it competes with what would be named instead.
+r"""Sensors that wander further than any noise of the grid: their walk competes with what would be named instead.
 
-Its walk has no law that a column could hold. What of it the calibration leaves is in the fast part: twelve cosines, the
-first twelve terms of its series, leave half of what shows. It is a covariance, and stands among the noises: a cause is
-then claimed against it as against any noise, and sizes beside it carry what it leaves open.
+Of channels that are sensors one walks alone; behind the innovations of a navigator all sensors of a triad walk. A walk
+has no law that a column could hold. What of it the calibration leaves is in the fast part: twelve cosines, the first
+twelve terms of its series, leave half of what shows. It is a covariance, and stands among the noises: a cause is then
+claimed against it as against any noise, and sizes beside it carry what it leaves open.
 """
 
 from __future__ import annotations
@@ -101,11 +102,12 @@ def wandering_in(c: SearchResult) -> tuple[View, float, float]:
 
 def with_walks_of_sensors(v: View, kept: Sequence[int] | None = None) -> View:
     """Return the view with random walks of sensors among its noises, all or those `kept` by their ordinals."""
-    if v.added is not None:
-        triads = tuple(TRIAD_WALKS[k] for k in (range(len(TRIAD_WALKS)) if kept is None else kept))
-        return replace(v, noise=replace(v.noise, triad_walks=triads), cache={})
-    single = tuple(SINGLE_WALKS[k] for k in (range(len(SINGLE_WALKS)) if kept is None else kept))
-    return replace(v, noise=replace(v.noise, single_walks=single), cache={})
+    ordinals = range(len(SINGLE_WALKS if v.added is None else TRIAD_WALKS)) if kept is None else kept
+    if v.added is None:
+        noise = replace(v.noise, single_walks=tuple(SINGLE_WALKS[k] for k in ordinals))
+    else:
+        noise = replace(v.noise, triad_walks=tuple(TRIAD_WALKS[k] for k in ordinals))
+    return replace(v, noise=noise, cache={})
 
 
 def found_in(c: SearchResult) -> float:
