@@ -79,7 +79,7 @@ def judged_diagnosis(c: SearchResult, progress: Progress) -> ViewDiagnosis:
 
 def _by_formulas(
     c: SearchResult, verdicts: Sequence[Judgement], progress: Progress
-) -> tuple[ViewDiagnosis | None, bool]:
+) -> tuple[ViewDiagnosis | None, frozenset[str]]:
     """Return the diagnosis by a formula in the place of causes that it is much likelier than, if there are any."""
     progress("comparing the causes with formulas in what was recorded")
     replaced, doubtful = causes_replaced_by_a_formula(c, [j.cause for j in verdicts])
@@ -90,7 +90,7 @@ def _by_formulas(
     without = result_of(c.start, rest, [x for x in c.standard if x in rest], refused=True)
     kept = [j for j in verdicts if j.cause.key not in names]
     formulas = _view_diagnosis(without, kept, progress, refused=True).tested(None)
-    return (formulas if formulas.laws else None), True
+    return (formulas if formulas.laws else None), doubtful
 
 
 def _view_diagnosis(
@@ -125,7 +125,7 @@ def _view_diagnosis(
         if lawful.known and not findings and not refused and walk is None:
             with_known = result_of(c.start, lawful.known, refused=True)
             perhaps = _view_diagnosis(with_known, judged_in_turn(with_known), progress, refused=True).tested(None)
-            return replace(perhaps.doubted(), unexplained=shapes)
+            return replace(perhaps.doubted(perhaps.effects_found), unexplained=shapes)
         lawful = with_heldout(lawful, fit_law)
         if walk is not None:
             advice = diagnosis_sentences.repeat_advice(v.kind.stabilised, by_hand=not v.stimulus.axis_names)

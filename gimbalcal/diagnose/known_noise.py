@@ -132,19 +132,20 @@ def diagnose_known_noise(
     return diagnosis.tested(formulas).with_part_of_walk(walk)
 
 
-def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple[ViewDiagnosis | None, bool]:
-    """Return the diagnosis by a formula where causes leave something, and whether the causes are doubtful."""
+def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple[ViewDiagnosis | None, frozenset[str]]:
+    """Return the diagnosis by a formula where causes leave something, and the ids of doubtful effects."""
     assert isinstance(fit, StatedNoiseFit)
     assert d.hypothesis is not None
     members = d.hypothesis.members
     contradicted = fit.predicts_worse or fit.scan_p_after < LEFT or strained(c, members) >= CLAIM
     if not contradicted and not leave_more_than_noise(c, members):
-        return None, False
+        return None, frozenset()
     none = unnamed(c)
     law = lawful(c, none, case.seed, case.progress, instead=members)
     if law.laws:
-        return _view_diagnosis(case, c, none, law), False
-    return None, law.formula_is_likelier or (contradicted and fit.explained < MIN_EXPLAINED)
+        return _view_diagnosis(case, c, none, law), frozenset()
+    doubtful = law.formula_is_likelier or (contradicted and fit.explained < MIN_EXPLAINED)
+    return None, frozenset(c.library.candidates[m].effect for m in members) if doubtful else frozenset()
 
 
 def searched(view: View, known: Calibration | None, progress: Progress) -> Search:

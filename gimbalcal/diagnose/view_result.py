@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass, replace
 
 from gimbalcal.calibration import Calibration
@@ -66,13 +66,22 @@ class ViewDiagnosis:
         """The view as diagnosis.json calls it."""
         return "forces" if self.view.measurement.known_attitude else self.view.name
 
-    def doubted(self) -> ViewDiagnosis:
-        """Return the diagnosis with findings that are hardly likely.
+    def doubted(self, effects: Container[str]) -> ViewDiagnosis:
+        """Return the diagnosis with findings of these effects, by id, that are hardly likely.
 
         A formula says it better, much is left, or rows held out are predicted worse.
         """
-        doubted = tuple(replace(f, probability=min(f.probability, MAX_DOUBTED_PROBABILITY)) for f in self.findings)
-        return replace(self, findings=doubted, verdict="not-identifiable")
+        doubted = tuple(
+            replace(f, probability=min(f.probability, MAX_DOUBTED_PROBABILITY)) if f.effect in effects else f
+            for f in self.findings
+        )
+        certain = any(f.effect not in effects and not f.twins for f in self.findings)
+        return replace(self, findings=doubted, verdict=self.verdict if certain else "not-identifiable")
+
+    @property
+    def effects_found(self) -> frozenset[str]:
+        """The ids of the effects of the findings."""
+        return frozenset(f.effect for f in self.findings)
 
     def with_walk(self, walk: RandomWalkFinding, only: bool) -> ViewDiagnosis:
         """Return the diagnosis with the walk of a sensor as the `only` explanation, or as another one."""
@@ -95,16 +104,16 @@ class ViewDiagnosis:
         """Return the diagnosis, the walk of a sensor beside its formulas, which are so much likelier than the walk."""
         return self if ln_odds > CLAIM else self.with_walk(walk, only=ln_odds < -CLAIM)
 
-    def tested(self, by_formulas: Callable[[], tuple[ViewDiagnosis | None, bool]] | None) -> ViewDiagnosis:
+    def tested(self, by_formulas: Callable[[], tuple[ViewDiagnosis | None, frozenset[str]]] | None) -> ViewDiagnosis:
         """Return the diagnosis after formulas and rows held out have been asked whether its causes stand.
 
-        by_formulas: the diagnosis by formulas in the place of causes, if there is one, and whether causes are doubtful.
+        by_formulas: the diagnosis by formulas in the place of causes, if there is one, and the ids of doubtful effects.
         """
         if not self.findings:
             return self
-        formulas, doubtful = by_formulas() if by_formulas else (None, False)
+        formulas, doubtful = by_formulas() if by_formulas else (None, frozenset[str]())
         if formulas is not None:
             return formulas
         if self.fit.predicts_worse:
-            return replace(self.doubted(), outcome=diagnosis_sentences.WORSE_HELD_OUT)
-        return self.doubted() if doubtful else self
+            return replace(self.doubted(self.effects_found), outcome=diagnosis_sentences.WORSE_HELD_OUT)
+        return self.doubted(doubtful) if doubtful else self

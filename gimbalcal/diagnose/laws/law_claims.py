@@ -307,17 +307,20 @@ def _law_in_recording(bare: Search, s: Search, columns: Array, rng: np.random.Ge
     return LawFit(f.x * scale, weight, p_value.p_value, strained(extended, (0,)), checked)
 
 
-def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -> tuple[tuple[Candidate, ...], bool]:
+def causes_replaced_by_a_formula(
+    c: SearchResult, causes: Sequence[Candidate]
+) -> tuple[tuple[Candidate, ...], frozenset[str]]:
     """Return the causes in the place of which a formula of the same rows is much likelier than anything known, or none;
-    and whether formulas together are likelier than causes that keep their place.
+    and the ids of effects that keep their place although formulas together are likelier.
 
     Two causes may imitate a formula together, so all are removed at once, then one after the other. Effects that every
     rig of the kind has stay in the model. A formula that leaves far more scatter than the causes replaces none, and one
     with as many coefficients none if it leaves more scatter at all: in noise with a memory a slow curve has much
-    evidence and explains little of what a periodic cause does.
+    evidence and explains little of what a periodic cause does. A formula that spans a cause is no rival of it, but the
+    cause and something beside it.
     """
-    special, doubtful = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind)), False
-    for own in dict.fromkeys([special, *((cause,) for cause in special)]):
+    special, doubtful = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind)), set[str]()
+    for own in dict.fromkeys([special, *((cause,) for cause in special)] if special else []):
         names = {cause.key for cause in own}
         without = with_causes(c.start, [this for this in c.causes if this[0].key not in names])
         s = search(without)
@@ -326,25 +329,37 @@ def causes_replaced_by_a_formula(c: SearchResult, causes: Sequence[Candidate]) -
             continue
         known = max(h.ln_weight for h in s.hypotheses)
         if b.laws[0].evidence < known + CLAIM:
-            held = (_beyond_known(without, law.columns, s.library, names) <= SAME_RESPONSE for law in b.laws[:COMPARED])
-            rivals = [law.evidence for law, same in zip(b.laws, held, strict=False) if not same]
-            doubtful |= bool(rivals) and float(logsumexp(np.array(rivals))) > known
+            rivals = [law.evidence for law in b.laws[:COMPARED] if _rivals(without, law.columns, s.library, names)]
+            if rivals and float(logsumexp(np.array(rivals))) > known:
+                doubtful |= {cause.effect for cause in own}
             continue
         fewer = _visible_columns(without, b.laws[0].columns) < sum(len(cause.parameters) for cause in own)
         limit = MAX_SCATTER_RATIO if fewer else 1.0
         if with_columns(without, b.laws[0].columns).scatter > limit * c.end.scatter:
             continue
         if _beyond_known(without, b.laws[0].columns, s.library, names) > SAME_RESPONSE:
-            return own, True
-    return (), doubtful
+            return own, frozenset(cause.effect for cause in causes)
+    return (), frozenset(doubtful)
 
 
 def _visible_columns(m: Fit, columns: Array) -> int:
     """Return how many of the columns (n, C, q) of a formula the model does not hold already."""
-    Q, A = basis(m.reduced(m.jacobian)), m.reduced(columns)
+    A = m.reduced(columns)
     norm = np.linalg.norm(A, axis=0)
-    remainder = (A - Q @ (Q.T @ A)) / np.where(norm > 0, norm, 1.0)
+    remainder = _beyond_model(m, A) / np.where(norm > 0, norm, 1.0)
     return int(np.linalg.matrix_rank(remainder, tol=ABSORBED))
+
+
+def _rivals(m: Fit, columns: Array, known: Library, names: Container[Key]) -> bool:
+    """Return whether a formula with columns (n, C, q) says something else than causes of these names do.
+
+    Causes that hold what the formula explains are the same formula; where it spans one of them, it is that cause and
+    something beside it.
+    """
+    law, X = orthonormal(_beyond_model(m, m.reduced(columns))), _beyond_model(m, known.X)
+    named = [v for c in known.candidates if c.key in names for v in c.variants]
+    spanned = any(_spans(law, X[:, list(v.index)]) for v in named)
+    return not spanned and _beyond_known(m, columns, known, names) > SAME_RESPONSE
 
 
 def _beyond_known(m: Fit, columns: Array, known: Library, names: Container[Key]) -> float:
@@ -353,16 +368,25 @@ def _beyond_known(m: Fit, columns: Array, known: Library, names: Container[Key])
     A cause whose columns the formula spans is a term of it, as the square of the temperature is of a polynomial: such
     causes are added to those of these names.
     """
-    Q = basis(m.reduced(m.jacobian))
-    A, X, y = (B - Q @ (Q.T @ B) for B in (m.reduced(columns), known.X, m.reduced(m.residual[:, :, None])))
+    A, X, y = (_beyond_model(m, B) for B in (m.reduced(columns), known.X, m.reduced(m.residual[:, :, None])))
     law = orthonormal(A)
-    norm = np.linalg.norm(X, axis=0)
-    term = np.linalg.norm(X - law @ (law.T @ X), axis=0) < SAME_COLUMN * norm
     every = [(c.key in names, list(v.index)) for c in known.candidates if not c.rival for v in c.variants]
-    X = X[:, [i for named, index in every if named or term[index].all() for i in index]]
+    X = X[:, [i for named, index in every if named or _spans(law, X[:, index]) for i in index]]
     added = A @ np.linalg.lstsq(A, y, rcond=1e-9)[0]
     unexplained = added - X @ np.linalg.lstsq(X, added, rcond=1e-9)[0]
     return float((unexplained**2).sum() / max((added**2).sum(), 1e-300))
+
+
+def _beyond_model(m: Fit, rows: Array) -> Array:
+    """Return what the columns of the model do not hold of reduced rows (R, p)."""
+    Q = basis(m.reduced(m.jacobian))
+    return rows - Q @ (Q.T @ rows)
+
+
+def _spans(law: Array, X: Array) -> bool:
+    """Return whether an orthonormal basis (R, q) of a formula holds columns (R, m)."""
+    beyond = np.linalg.norm(X - law @ (law.T @ X), axis=0)
+    return bool((beyond < SAME_COLUMN * np.linalg.norm(X, axis=0)).all())
 
 
 def _compared_in(m: Fit, s: Search) -> Beside | None:
