@@ -50,9 +50,13 @@ MIN_SETTINGS = 20  # whose residuals show a correlation
 SERIAL_SIGMAS = 5.0  # of a correlation of successive residuals that is none by chance
 
 
-def diagnose_estimated_noise(v: View, progress: Progress) -> ViewDiagnosis:
+def select_causes(v: View, progress: Progress) -> SearchResult:
+    """Return the causes that a view whose scale of noise is fitted is likeliest to lack, before they are judged."""
+    return about_first_cause(stepwise(v, progress), progress)
+
+
+def diagnose_selected(c: SearchResult, progress: Progress) -> ViewDiagnosis:
     """Return the diagnosis of a view whose scale of noise is fitted, in which one sensor, or a triad, may walk."""
-    c = about_first_cause(stepwise(v, progress), progress)
     steady = judged_diagnosis(c, progress)
     if c.start.exact:
         return steady
@@ -63,7 +67,7 @@ def diagnose_estimated_noise(v: View, progress: Progress) -> ViewDiagnosis:
     progress(f"again, as {diagnosis_sentences.walk_in_words(walk).partition(' wander')[0]} may wander")
     again = judged_diagnosis(stepwise(walking, progress), progress)
     part = part_of_walk(ln_odds, bool(again.findings), bool(again.unexplained), bool(steady.findings))
-    if part is PartOfWalk.INSTEAD and v.added is not None:  # noise that every unit has, if not as much
+    if part is PartOfWalk.INSTEAD and walking.added is not None:  # noise that every unit has, if not as much
         return replace(again, outcome=diagnosis_sentences.walk_to_state(walk))
     if part is PartOfWalk.INSTEAD:
         return _view_diagnosis(result_of(c.start, (), refused=True), (), progress, walk)

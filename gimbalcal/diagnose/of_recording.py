@@ -20,10 +20,11 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.estimated_noise import diagnose_estimated_noise
+from gimbalcal.diagnose.estimated_noise import diagnose_selected, select_causes
 from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.verdict.verify import row_sigma
 from gimbalcal.diagnose.view_result import ViewDiagnosis
 from gimbalcal.effects import CATALOGUE, Effect, known_effect
 from gimbalcal.effects.baseline_effects import BASELINE
@@ -136,7 +137,7 @@ def diagnose_views(request: DiagnosisRequest, *views: View) -> ViewDiagnosis:
     if views[0].noise.scale_known:
         return diagnose_known_noise(views, request.calibration, request.seed, request.progress)
     (v,) = views
-    return diagnose_estimated_noise(v, request.progress)
+    return diagnose_selected(select_causes(v, request.progress), request.progress)
 
 
 def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
@@ -197,22 +198,23 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
         notes.append(diagnosis_sentences.omitted_frames(request.recording.time[frames > 0], most))
         request.progress(notes[-1])
         request = request.of(request.recording.select(np.flatnonzero(frames == 0)))
-    while True:
+    for rounds in range(ROUNDS, -1, -1):
         v = single_view(request)
-        d = diagnose_views(request, v)
-        n = len(v)
-        sought = v.kind.sighting and not v.noise.own_memories and n <= MAX_FILTERED_STARS and rounds < ROUNDS
-        off = outliers(d.curves.after) if sought else []
-        if not 0 < len(off) <= MAX_OUTLIER_SHARE * n:
-            return [replace(d, used=request.recording if notes else None)], notes
-        number = v.stimulus.position
-        size = [float(from_si(float(np.linalg.norm(d.curves.after[k] * d.sigma[k])), v.unit)) for k in off]
+        if not v.kind.sighting or v.noise.own_memories or len(v) > MAX_FILTERED_STARS:
+            return [replace(diagnose_views(request, v), used=request.recording if notes else None)], notes
+        c = select_causes(v, request.progress)  # formulas, which may follow a few outliers, are sought without these
+        residual, number = c.with_shapes.residual, v.stimulus.position
+        off = outliers(residual / row_sigma(c.with_shapes)) if rounds else []
+        if not 0 < len(off) <= MAX_OUTLIER_SHARE * len(v):
+            break
+        size = [float(from_si(float(np.linalg.norm(residual[k])), v.unit)) for k in off]
         at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
-        why = MISTAKEN if at is None else why_far(d.curves.after * d.sigma, at[:, : len(v.channels)], off, axis)
-        rounds += 1
+        why = MISTAKEN if at is None else why_far(residual, at[:, : len(v.channels)], off, axis)
         notes.append(diagnosis_sentences.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
         request.progress(notes[-1])
-        request = request.of(replace(request.recording, position=number).select(np.delete(np.arange(n), off)))
+        request = request.of(replace(request.recording, position=number).select(np.delete(np.arange(len(v)), off)))
+    d = diagnose_selected(c, request.progress)
+    return [replace(d, used=request.recording if notes else None)], notes
 
 
 def single_view(request: DiagnosisRequest) -> View:

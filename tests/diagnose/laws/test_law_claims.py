@@ -13,11 +13,21 @@ import sympy
 
 from gimbalcal import calibrate, load_effects
 from gimbalcal.diagnose.entry import diagnose
+from gimbalcal.diagnose.laws import law_claims
 from gimbalcal.diagnose.laws.expressions import Expression, terms
-from gimbalcal.diagnose.laws.law_claims import _visible_columns, separating_manoeuvre
+from gimbalcal.diagnose.laws.law_claims import (
+    _rivals,
+    _visible_columns,
+    causes_replaced_by_a_formula,
+    separating_manoeuvre,
+)
 from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.diagnose.laws.law_search import Law, Place
+from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.variables import variables
+from gimbalcal.diagnose.search.ranking import is_usual
+from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.stepwise import result_of
 from gimbalcal.effects import CATALOGUE, Stage
 from gimbalcal.pipeline import load
 from gimbalcal.platform import BENCH
@@ -387,3 +397,30 @@ def test_a_column_that_shows_in_no_row_is_not_visible():
     columns = np.zeros((*o.residual.shape, 2))
     columns[..., 1] = np.random.default_rng(2).standard_normal(o.residual.shape)
     assert _visible_columns(o, columns) == 1
+
+
+def bare_mount():
+    """Return the fit of a mount without errors before anything is sought."""
+    mount = unknown_mount.record(3, unknown_mount.Setup())
+    return start(mount.kind.view_of(mount, ()).without_nuisances())
+
+
+def test_a_formula_that_spans_a_cause_is_no_rival_of_it():
+    """The cause and something beside it, not something in its place, as what holds none of it would be."""
+    o = bare_mount()
+    known = library(o)
+    cause = next(c for c in known.candidates if c.effect == "tube_flexure")
+    own = o.expanded(known.X[:, list(cause.variants[0].index)])
+    other = np.random.default_rng(2).standard_normal((*o.residual.shape, 1))
+    assert not _rivals(o, own, known, {cause.key})
+    assert not _rivals(o, np.concatenate([own, other], axis=2), known, {cause.key})
+    assert _rivals(o, other, known, {cause.key})
+
+
+def test_causes_that_every_rig_has_are_not_compared_with_formulas(monkeypatch):
+    """No formula takes their place; formulas in what they leave say nothing of them."""
+    o = bare_mount()
+    usual = [c for c in library(o).candidates if is_usual(c, "pointing")]
+    monkeypatch.setattr(law_claims, "search", None)
+    assert usual
+    assert causes_replaced_by_a_formula(result_of(o, ()), usual) == ((), frozenset())
