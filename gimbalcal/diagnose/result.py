@@ -126,7 +126,8 @@ class LawCurve:
     """A law over what it follows, for a picture: rows (n,) in units of print, with what the recording shows there.
 
     x: of the one variable of the law, else what the law adds. law, sigma: what it adds, and one sigma of it by its
-    coefficients. observed: that and what the sensor's residual leaves. others: laws that fit as well, in print.
+    coefficients. observed: that and what the sensor's residual leaves. predicted: what it adds where it is fitted to
+    rows elsewhere in its domain. others: laws that fit as well, in print.
     """
 
     x: Array
@@ -134,6 +135,7 @@ class LawCurve:
     law: Array
     sigma: Array
     observed: Array
+    predicted: Array
     others: tuple[tuple[str, Array], ...] = ()
 
 

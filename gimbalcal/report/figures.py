@@ -131,12 +131,23 @@ def _in_view(p: Panel) -> Array | None:
 
 
 def formula_over_variable(c: LawCurve, title: str, unit: str) -> Chart:
-    """Draw a formula with its sigma over what it follows, partial residuals about it, and formulas that fit as well."""
+    """Draw a formula with its sigma over what it follows, and formulas that fit as well.
+
+    About it stand partial residuals and, in each part of the domain, what it predicts if it is fitted to the others.
+    """
     order = np.argsort(c.x, kind="stable")
-    line, shown = order[thin(len(order))], order[np.isfinite(c.observed[order])]
-    groups = [g for g in np.array_split(shown, min(shown.size, MAX_BARS) or 1) if g.size]
-    x, y = (np.array([v[g].mean() for g in groups]) for v in (c.x, c.observed))
-    points = [Points(x, y, "ink", size=2.4, label="observed")] if groups else []
+    line = order[thin(len(order))]
+
+    def means(v: Array) -> tuple[Array, Array]:
+        shown = order[np.isfinite(v[order])]
+        groups = [g for g in np.array_split(shown, min(shown.size, MAX_BARS) or 1) if g.size]
+        return np.array([c.x[g].mean() for g in groups]), np.array([v[g].mean() for g in groups])
+
+    drawn = (
+        Points(*means(c.predicted), ORANGE, "square", 3.0, label="predicted, fitted to the other fifths"),
+        Points(*means(c.observed), "ink", size=2.4, label="observed"),
+    )
+    points = [p for p in drawn if len(p.x)]
     others = [Line(c.x[line], other[line], "grey", text, DASHES[k + 1]) for k, (text, other) in enumerate(c.others)]
     band = Band(c.x[line], (c.law - c.sigma)[line], (c.law + c.sigma)[line], BLUE, "one σ")
     return Chart((band, *others, Line(c.x[line], c.law[line], BLUE, "formula"), *points), title, c.x_label, f"[{unit}]")

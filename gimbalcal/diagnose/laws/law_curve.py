@@ -3,9 +3,10 @@ r"""A law over what it follows, beside what the recording shows there and the la
 The residual of the rows belongs to no sensor alone. With g what one unit, added to the output, makes of the rows, the
 part of the residual r that the sensor can have made is
 
-.. math:: \\delta_i = \\frac{g_i \\cdot r_i}{g_i \\cdot g_i} ,
+.. math:: \delta_i = \frac{g_i \cdot r_i}{g_i \cdot g_i} ,
 
-and the partial residual, the law plus that, scatters about the law as the noise does.
+and the partial residual, the law plus that, scatters about the law as the noise does. Beside it stands what the law
+predicts in each part of its domain where it is fitted to the other parts alone.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ import numpy as np
 
 from gimbalcal.diagnose.answer import PRINTED
 from gimbalcal.diagnose.laws.law_file import printed
-from gimbalcal.diagnose.laws.law_search import ABSORBED, Ground, Law
+from gimbalcal.diagnose.laws.law_search import ABSORBED, Ground, Law, Place
 from gimbalcal.diagnose.result import LawCurve, LawResult
+from gimbalcal.inference.algebra import basis
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
 MAX_OTHERS = 2  # laws that fit as well, in a picture
+FOLDS = 5  # parts of the domain, each of which is predicted from the others
 MIN_RESPONSE = 0.2  # of the largest response of a row: less shows mostly noise of the sensor
 
 
@@ -41,7 +44,7 @@ def with_curves(
     def in_print(y: Array) -> Array:
         return np.asarray(from_si(y, unit))
 
-    out = []
+    predicted, out = _held_out(law, x.reshape(len(law.places), -1), alone, g), []
     for k, (result, place) in enumerate(zip(laws, law.places, strict=True)):
         own = slice(k * B.shape[1], (k + 1) * B.shape[1])
         value, sigma = B @ x[own], np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", B, covariance[own, own], B), 0.0))
@@ -58,6 +61,7 @@ def with_curves(
             law=in_print(value),
             sigma=in_print(sigma),
             observed=in_print(observed),
+            predicted=in_print(predicted[k]),
             others=tuple((printed(o), in_print(_aligned(o, law, k, value, g))) for o in others),
         )))  # fmt: skip
     return tuple(out)
@@ -68,12 +72,42 @@ def _of_same_places(law: Law, others: Sequence[Law]) -> list[Law]:
     return list({printed(o): o for o in alike}.values())[:MAX_OTHERS]
 
 
+def _held_out(law: Law, x: Array, alone: bool, g: Ground) -> Array:
+    """Return what a law adds at its q places (q, n) [SI] in each part of its domain, fitted to the other parts.
+
+    x (q, m): coefficients of the fit to all rows; nonlinear constants are those of that fit. Rows of a part are left
+    out by an addition of any size in each of its blocks. Where the other parts do not show every coefficient it is NaN.
+    """
+    B, block = law.expression.columns, law.places[0].block
+    value = B @ x.T
+    order = law.expression.variables[0].x if alone else value[:, 0]
+    rank = np.argsort(np.argsort(np.bincount(block, order) / np.bincount(block)))
+    part = rank * FOLDS // len(rank)
+    A, out = g.remainder(g.whiten(law.columns)), np.full(value.T.shape, np.nan)
+    for k in range(FOLDS):
+        own = np.flatnonzero(part == k)
+        even = (block[:, None] == own).astype(float)
+        N = basis(np.concatenate([g.remainder(g.whiten(place.columns(even))) for place in law.places], axis=1))
+        others, held = A - N @ (N.T @ A), np.isin(block, own)
+        if held.all() or (np.linalg.norm(others, axis=0) < ABSORBED * np.linalg.norm(A, axis=0)).any():
+            continue
+        size = np.linalg.lstsq(others, g.y - N @ (N.T @ g.y), rcond=1e-9)[0].reshape(x.shape)
+        for q, place in enumerate(law.places):
+            out[q, held] = _moved(B @ size[q], value[:, q], law, place, g, ~held)[held]
+    return out
+
+
 def _aligned(other: Law, law: Law, k: int, value: Array, g: Ground) -> Array:
     """Return what another law adds at place k (n,) [SI], moved to the `value` of a law by what is calibrated there."""
-    x, B = law.expression.variables[0].x, other.expression.columns
     size = np.linalg.lstsq(g.remainder(g.whiten(other.columns)), g.y, rcond=1e-9)[0]
-    added = B @ size.reshape(len(law.places), -1)[k]
+    added = other.expression.columns @ size.reshape(len(law.places), -1)[k]
+    return _moved(added, value, law, law.places[k], g, np.ones(len(value), bool))
+
+
+def _moved(added: Array, value: Array, law: Law, place: Place, g: Ground, rows: Array) -> Array:
+    """Return `added` (n,) moved to the `value` of a law in some rows, by the constant and slope that are calibrated."""
+    x = law.expression.variables[0].x
     line = np.stack([np.ones_like(x), (x - x.mean()) / max(float(np.ptp(x)), 1e-300)], axis=1)
-    A = g.whiten(law.places[k].columns(line))
+    A = g.whiten(place.columns(line))
     taken = line[:, np.linalg.norm(g.remainder(A), axis=0) < ABSORBED * np.linalg.norm(A, axis=0)]
-    return np.asarray(added + taken @ np.linalg.lstsq(taken, value - added, rcond=1e-9)[0])
+    return np.asarray(added + taken @ np.linalg.lstsq(taken[rows], (value - added)[rows], rcond=1e-9)[0])

@@ -10,6 +10,7 @@ import jsonschema
 import numpy as np
 import pytest
 import sympy
+from numpy.testing import assert_allclose
 
 from gimbalcal import calibrate, load_effects
 from gimbalcal.diagnose.entry import diagnose
@@ -21,8 +22,9 @@ from gimbalcal.diagnose.laws.law_claims import (
     causes_replaced_by_a_formula,
     separating_manoeuvre,
 )
+from gimbalcal.diagnose.laws.law_curve import _held_out
 from gimbalcal.diagnose.laws.law_file import source
-from gimbalcal.diagnose.laws.law_search import Law, Place
+from gimbalcal.diagnose.laws.law_search import Ground, Law, Place
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.variables import variables
 from gimbalcal.diagnose.search.ranking import is_usual
@@ -130,6 +132,35 @@ def test_the_curve_of_a_law_goes_through_what_the_recording_shows():
     assert np.all(c.sigma < 0.1 * np.ptp(c.law))
     assert "curve" not in law.to_dict()
     assert "formula for specific force y" in diagnosis_report(d)
+    assert np.nanstd(c.predicted - c.law) < 0.2 * np.std(c.law)
+    assert np.isfinite(c.predicted).mean() > 0.7
+
+
+def test_what_a_law_predicts_is_fitted_to_rows_elsewhere():
+    """Rows that are left out by additions of any size are the rows that a fit to the others never sees."""
+    o = fit_baseline(view_at_known_attitude(plant.record(np.random.default_rng(4), dwell=20)))
+    block, seen = o.view.noise.block, variables(o.rows.seen[Stage.ACCELEROMETER])
+    place = Place("specific_force", "z", seen, o.view.stimulus, block, lambda X: X[:, None, :])
+    follows = next(v for v in seen if v.name == "force_x")
+    law = Law((place,), Expression((terms(follows, o.view.stimulus, ("x^3",))[0],)), 50.0, ())
+    n, rng = len(block), np.random.default_rng(5)
+    B, one = law.expression.columns, np.ones((n, 1))
+    y = 2 * B[:, 0] + np.std(B) * rng.standard_normal(n)
+    Q = one / np.sqrt(n)
+    g = Ground([place], lambda X: X.reshape(-1, X.shape[-1]), Q, y - Q @ (Q.T @ y), None, (n, 1))
+    x = np.linalg.lstsq(g.remainder(B), g.y, rcond=None)[0]
+    predicted = _held_out(law, x[None], True, g)[0]
+    rank = np.argsort(np.argsort(np.bincount(block, follows.x) / np.bincount(block)))
+    part = (rank * 5 // len(rank))[block]
+    assert set(part) == set(range(5))
+    changed = []
+    for k in range(5):
+        elsewhere, value = part != k, B @ x
+        size = np.linalg.lstsq(np.concatenate([B, one], axis=1)[elsewhere], y[elsewhere], rcond=None)[0][:1]
+        moved = B @ size + np.mean((value - B @ size)[elsewhere])
+        assert_allclose(predicted[part == k], moved[part == k], rtol=1e-9, atol=1e-9 * np.std(B))
+        changed.append(abs(float(size[0] - x[0])))
+    assert max(changed) > 0.01
 
 
 def test_a_law_is_flagged_where_it_is_extrapolated():
