@@ -34,6 +34,8 @@ UNITS: Mapping[str, tuple[str, str, str]] = {
     "angular_rate": ("deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)"),
 }
 WORDS = {"specific_force": "accelerometer", "angular_rate": "gyroscope"}
+MAX_LATE = 0.01  # of the rows, that a clock without jitter stamps late because rows before them are missing
+MAX_WAIT = 2.5  # steps, that such a row is late
 
 
 @dataclass(frozen=True)
@@ -224,19 +226,29 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
 
 
 def _stretches(recording: Recording) -> tuple[list[slice], float]:
-    """Return stretches of rows at rest without a gap of the clock, and the step of the clock [s]."""
+    """Return stretches of rows at rest without a pause of the clock, and its step [s].
+
+    Rows that wait to be read are stamped late by turns. Where more than `MAX_LATE` of them are, a row is missing only
+    where the clock pauses for more than `MAX_WAIT` steps, and the mean is the step.
+    """
     step = recording.step if len(recording.time) > 1 else 1.0
     rests = stops(recording) if recording.kind.rotating else dwells(recording)
-    cut = np.flatnonzero(np.diff(recording.time) > MISSED * step) + 1
-    out = []
+    dt = np.diff(recording.time)
+    late = MISSED * step
+    if np.mean(dt > late) > MAX_LATE:
+        late = MAX_WAIT * step
+        step = float(np.mean(dt[dt <= late]))
+    cut = np.flatnonzero(dt > late) + 1
+    pieces: list[slice] = []
     for d in rests:
         inside = cut[(cut > d.start) & (cut < d.stop)]
-        ends = [d.start, *map(int, inside), d.stop]
-        out += [slice(a, b) for a, b in pairwise(ends) if b - a >= MIN_ROWS]
+        pieces += [slice(a, b) for a, b in pairwise([d.start, *map(int, inside), d.stop])]
+    out = [p for p in pieces if p.stop - p.start >= MIN_ROWS]
     if not out:
-        longest = max((d.stop - d.start for d in rests), default=0)
+        unbroken = " without a pause of the clock" if any(d.stop - d.start >= MIN_ROWS for d in rests) else ""
+        longest = amount(max((p.stop - p.start for p in pieces), default=0), "row")
         raise InputError(
-            f"{recording.title!r}: the longest rest has {amount(longest, 'row')}, and noise takes {MIN_ROWS} or more; "
+            f"{recording.title!r}: the longest rest{unbroken} has {longest}, and noise takes {MIN_ROWS} or more; "
             "leave the unit alone for an hour while it is logged"
         )
     return out, step

@@ -47,6 +47,16 @@ def test_density_is_found_in_one_rest_and_in_many(turns):
     assert stated["gyroscope"] == StatedNoise(pytest.approx(0.3 * DEG / 60 * np.sqrt(50), rel=0.03), "rad/s")
 
 
+def test_stamps_of_rows_that_waited_to_be_read_leave_a_rest_whole():
+    """A fourth of the rows is stamped 17 ms after the row before, where most are 10 ms after it: none is missing."""
+    r = unit(rate=80.0)
+    late = np.cumsum(np.tile([10, 10, 17, 13], 1500)) / 1e3
+    white = noise_at_rest(replace(r, time=late))[0].coefficient(0)
+    assert white.value == pytest.approx(100, rel=0.03)
+    with refused():
+        noise_at_rest(replace(r, time=late + 5.0 * (np.arange(6000) // 20)))
+
+
 def test_the_first_point_of_a_curve_is_as_uncertain_as_its_degrees_of_freedom_leave_it():
     """White noise of N samples: two thirds of N, so that the deviation is known to sqrt(3 / N) / 2 of itself."""
     for c in noise_at_rest(unit()):
