@@ -5,6 +5,7 @@ r"""Checks of whole columns, where something was suspicious while their rows wen
   L in n rows is expected :math:`n p^{L-1}` times; a run is refused below 1e-6. Where sigma <= q nothing can be said:
   a quiet channel with coarse steps may well stand still. That holds for the sigma of the rows of the run, as the other
   sensors of the triad show it: elsewhere the unit may move.
+* a channel with a dead band reads zero in such a run, and in many more rows than it reads any of the next values.
 * a clipped channel reads exactly its largest (or smallest) value far more often than any value close to it.
 """
 
@@ -160,11 +161,22 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
     start, stop = max(runs, key=lambda run: run[1] - run[0])
     value = f"{s.whole(c.name)[start]:.10g} {c.unit}"
     why = f"all {stop - start} rows read {value} although the noise is {sigma:.2g} {c.unit}, so the channel is "
+    if zeros := _within_dead_band(s.whole(c.name), start, stop, quantum):
+        cure = "log what the sensor reads, or leave its column out"
+        return f"{s.place_of(c, start, stop)}{why}set to zero about it, by a dead band, in {zeros} rows; {cure}"
     cure = "dead; leave its column" if stop - start == n else "frozen; leave those rows"
     others = [s.place(*run).rpartition(", ")[2] for run in runs if run != (start, stop)]
     more = [*others[:MAX_STRETCHES], *([f"{len(others) - MAX_STRETCHES} more"] if len(others) > MAX_STRETCHES else [])]
     also = f", and {', '.join(more)} likewise" if others else ""
     return f"{s.place_of(c, start, stop)}{why}{cure} out{also}, or correct [noise]"
+
+
+def _within_dead_band(x: Array, start: int, stop: int, quantum: float) -> int:
+    """Return how many rows of a channel (n,) are zero, if the run of one value is and many others are; else 0."""
+    zeros = int(np.count_nonzero(x == 0))
+    near = np.count_nonzero(np.abs(x) < (NEXT_VALUES + 0.5) * quantum) - zeros
+    others = zeros - (stop - start)
+    return zeros if x[start] == 0 and others > max(MIN_ROWS, CLIPPED_RATIO * near / (2 * NEXT_VALUES)) else 0
 
 
 def _calm(s: StreamChecks, c: Column, start: int, stop: int, quantum: float) -> bool:

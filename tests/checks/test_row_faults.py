@@ -164,6 +164,24 @@ def test_a_temperature_of_no_sensor_is_refused_with_its_row(tmp_path, reading):
     golden_text(refusal(tmp_path, samples=text(table)))
 
 
+def test_a_dead_band_about_zero_is_no_frozen_channel(tmp_path):
+    """Steps of 0.01 mg, noise of 0.3 mg, and zero for half a second now and then as a driver sets it."""
+    rng = np.random.default_rng(5)
+    x = np.round(rng.normal([0.0, 0.0, 1.0], 3e-4, (3000, 3)), 5)
+    for k in range(0, 3000, 200):
+        x[k : k + 25, 1] = 0.0
+    samples = "t,ax,ay,az\n" + "".join(f"{0.02 * k:.2f},{a:.5f},{b:.5f},{c:.5f}\n" for k, (a, b, c) in enumerate(x))
+    at = tmp_path / "band"
+    at.mkdir()
+    (at / "recording.toml").write_text(
+        'format = 1\nkind = "multi-position"\ntitle = "band"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
+        + "".join(f'a{a} = {{ quantity = "specific_force", axis = "{a}", unit = "g" }}\n' for a in "xyz")
+    )
+    (at / "samples.csv").write_text(samples)
+    with pytest.raises(InputError, match=r"by a dead band, in 4\d\d rows"):
+        read(at)
+
+
 @pytest.mark.parametrize("frozen", [False, True])
 def test_a_channel_of_coarse_steps_stands_still_where_its_unit_does(tmp_path, frozen):
     """Steps of 0.02 g, noise of 8 mg, motion of 0.1 g before the rest; frozen: the others go on moving beside it."""
