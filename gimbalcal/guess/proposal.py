@@ -35,7 +35,7 @@ from gimbalcal.guess.pointing_run import (
     with_unnamed_angles,
 )
 from gimbalcal.guess.space_stable import static_run
-from gimbalcal.guess.stored_arrays import arrays_table, is_text
+from gimbalcal.guess.stored_arrays import arrays_tables, is_text
 from gimbalcal.guess.text_table import Table, head_of, tables_of
 from gimbalcal.guess.turned_by_table import (
     TurnedLog,
@@ -166,8 +166,11 @@ def propose(
     dates = Dates()
     tables: dict[Path, Table] = {}
     for path in logs:
-        whole = arrays_table(path) or rawimu(path)
-        tables |= {path: whole} if whole else tables_of(path, dates)
+        if arrays := arrays_tables(path):
+            tables |= arrays
+        else:
+            whole = rawimu(path)
+            tables |= {path: whole} if whole else tables_of(path, dates)
     return of_tables(tables, title, rate, place)
 
 
@@ -445,7 +448,8 @@ def _in_units(log: Log, context: _Context) -> Proposal:
             "sign = -1 at all three: no rest shows it"
         )
     if not log.has(FORCE):
-        turning = float(np.degrees(np.linalg.norm(np.median(recording.triad(RATE), axis=0))))
+        rates = [np.median(recording.triad(RATE)[d.rows], axis=0) for d in dwells(recording)]  # of a steady turn each
+        turning = float(np.degrees(np.median(np.linalg.norm(rates, axis=1))))
         notes["kind"] = "gyroscopes without accelerometers are enough for `gimbalcal noise`" + (
             f"; they read {turning:.4g} deg/s throughout, a turn: a column with the angle or the rate of the table "
             "that turned them would calibrate them"

@@ -48,8 +48,8 @@ INSTEAD = {
 }
 
 
-def arrays_table(path: Path) -> Table | None:
-    """Return the columns of a file that is no text; None for a text.
+def arrays_tables(path: Path) -> dict[Path, Table]:
+    """Return the columns of a file that is no text, or of each part of a run in it by path and name; none of a text.
 
     Raises InputError for one that holds no table, or in a form that only another program reads, with what to do.
     """
@@ -57,16 +57,14 @@ def arrays_table(path: Path) -> Table | None:
         start = file.read(START)
     read = _reader(path, start)
     if read is not None:
-        columns, others = _columns(path, read(path))
-        table = frame_table(columns, str(path))
-        return replace(table, others=(*table.others, *others))
+        return {each: _table(each, variables) for each, variables in _parts(path, read(path)).items()}
     instead = next((words for magic, words in INSTEAD.items() if start.startswith(magic)), "")
     if instead:
         raise InputError(f"{path} is {instead}")
     if is_text(path):
-        return None
+        return {}
     if (records := _records(path)) is not None:
-        return frame_table(records, str(path))
+        return {path: frame_table(records, str(path))}
     raise InputError(
         f"{path} is a binary file of no known kind; save the log as text, one row in a line with names above"
     )
@@ -182,6 +180,32 @@ def _json(path: Path) -> Mapping[str, Any]:
     return best
 
 
+def _parts(path: Path, variables: Mapping[str, Any]) -> dict[Path, Mapping[str, Any]]:
+    """Return the variables of each part of a run by path and name: arrays of one triad each, and one has other rows.
+
+    Arrays of as many rows each may be several triads at once, and all variables stay together.
+    """
+    tall = {name: _tall(x) for name, x in variables.items() if x is not None and np.ndim(x)}
+    triads = {name: x for name, x in tall.items() if x.ndim == 2 and x.shape[1] == 3 and len(x) >= MIN_ROWS}
+    quantities = {quantity_of_log(name) for name in triads}
+    if len(triads) < len(tall) or len(quantities) > 1 or "" in quantities or len({*map(len, triads.values())}) < 2:
+        return {path: variables}
+    common = {name: x for name, x in variables.items() if name not in triads}
+    return {path / name: {**common, quantities.copy().pop(): x} for name, x in triads.items()}
+
+
+def _tall(x: Any) -> Array:
+    """Return an array with a row for each reading, of which there are more than components."""
+    x = np.squeeze(np.asarray(x))
+    return x.T if x.ndim == 2 and x.shape[0] < x.shape[1] else x
+
+
+def _table(path: Path, variables: Mapping[str, Any]) -> Table:
+    columns, others = _columns(path, variables)
+    table = frame_table(columns, str(path))
+    return replace(table, others=(*table.others, *others))
+
+
 def _columns(path: Path, variables: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return vectors and components of matrices of one length, that of most sensors and numbers, by name, and scalars.
 
@@ -189,9 +213,7 @@ def _columns(path: Path, variables: Mapping[str, Any]) -> tuple[dict[str, Any], 
     And the names of what has rows too, but another number of them.
     """
     arrays = {name: np.squeeze(np.asarray(x)) for name, x in variables.items() if x is not None}
-    tall = {
-        name: x.T if x.ndim == 2 and x.shape[0] < x.shape[1] else x for name, x in arrays.items() if x.ndim in (1, 2)
-    }
+    tall = {name: _tall(x) for name, x in arrays.items() if x.ndim in (1, 2)}
     width, sensors = Counter[int](), Counter[int]()
     for name, x in tall.items():
         width[len(x)] += 1 if x.ndim == 1 else x.shape[1]

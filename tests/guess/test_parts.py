@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+import scipy.io
 
 import gimbalcal
 from gimbalcal.guess.proposal import propose
 from gimbalcal.recording import dwells
-from tests.golden import refused
+from tests.golden import golden_text, refused
 
 G = 9.80665
 FACES = np.concatenate([np.eye(3), -np.eye(3)])
@@ -129,3 +130,28 @@ def test_a_row_that_any_part_loses_is_noted(tmp_path):
     lines = paths[3].read_text().splitlines(keepends=True)
     paths[3].write_text("".join([*lines[:80], "," + lines[80].partition(",")[2], *lines[81:]]))
     assert propose(paths).notes["time"] == "face3.csv: 1 of 500 rows have no time and are left out"
+
+
+def test_six_faces_in_one_file_of_arrays(tmp_path):
+    """An array of one triad for each face, of as many rows as it was held: parts of one run, not the longest alone."""
+    path = tmp_path / "faces.mat"
+    arrays = {f"face_{k}_accel": forces(face, k)[: SECONDS * RATE - k] for k, face in enumerate(FACES)}
+    scipy.io.savemat(path, arrays)
+    found = propose([path], latitude=45.0, rate=RATE)
+    assert len(dwells(found.recording)) == 6
+    assert len(found.recording.time) == sum(map(len, arrays.values()))
+    got = calibrated(found.recording)
+    np.testing.assert_allclose([got[name] for name in BIASES], BIAS / found.recording.site.gravity * 1e6, atol=250)
+
+
+def test_turns_of_a_table_in_one_file_of_arrays_are_said_to_be_turns(tmp_path):
+    """60 deg/s about each axis there and back: nothing is at rest although the mean of all of them is none."""
+    rng = np.random.default_rng(2)
+    arrays = {
+        f"turn_{k}_gyro": np.radians(60 * face) + 0.001 * rng.standard_normal((400 + 10 * k, 3))
+        for k, face in enumerate(FACES)
+    }
+    scipy.io.savemat(tmp_path / "turns.mat", arrays)
+    found = propose([tmp_path / "turns.mat"], rate=RATE)
+    assert len(found.recording.time) == sum(map(len, arrays.values()))
+    golden_text(found.notes["kind"])
