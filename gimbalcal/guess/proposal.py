@@ -211,11 +211,16 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
         gyroscopes = context.noting("sensors", f"gyroscopes alone{missing_table(log, 'samples' in notes)}")
         return _multi_position(log, gyroscopes, above)
     if missing:
+        lacking = (
+            "no three columns are a triad of accelerometers or gyroscopes by their names, and no two an axis with its "
+            "measurement"
+            if len(missing) == 3 and not rates
+            else f"no column is an accelerometer along {' and '.join(missing)} by its name"
+        )
         raise InputError(
-            f"{first}: no column is an accelerometer along {' and '.join(missing)} by its name "
-            f"({', '.join(tables[first].columns)}){missing_table(log, 'samples' in notes)}; name the columns "
-            "acc_x, acc_y, acc_z, gyro_x, ..., time, or those of a mount az_true, el_true, az_encoder, el_encoder, or "
-            "write a header and use `gimbalcal import csv`"
+            f"{first}: {lacking} ({', '.join(tables[first].columns)}){missing_table(log, 'samples' in notes)}; name "
+            "the columns acc_x, acc_y, acc_z, gyro_x, ..., time, or those of a mount az_true, el_true, az_encoder, "
+            "el_encoder, or write a header and use `gimbalcal import csv`"
         )
     if still := static_run(log, place.latitude):
         recording = context.recording(still[0], "space-stable", kind="static-run")
