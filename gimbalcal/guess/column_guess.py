@@ -34,6 +34,7 @@ JOINED_CLOCK = "time of two columns"
 MIN_STEP = 0.05  # of the norm of the force, from row to row: no log is so slow, but a table of positions is
 MAX_NORM_SPREAD = 0.1  # of the force at all but a few dwells
 MAX_DWELLS = 2000  # rows of such a table
+MAX_NUMBERED = 100  # rows that are numbered as positions although the force hardly turns: a count of samples has more
 MIN_HELD_ROWS, MIN_PROBABILITY = 20, 1e-6  # equal rows of all sensors that may be held, and that chance leaves so
 
 
@@ -73,6 +74,8 @@ def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str], units: M
     dwell_rows = _rows_are_dwells(log)
     if dwell_rows:
         log = _table_of_dwells(log)
+    elif _numbers_each_row(log):  # a count of rows, whatever it is called
+        log = log.without("position")
     log = _with_row_clock(path, log, rate, dwell_rows, table.rate)
     log, note = _without_held_rows(log)
     notes |= {"held": note} if note else {}
@@ -181,9 +184,15 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
 
 def _rows_are_dwells(log: Log) -> bool:
     """Return whether each row is the mean of a position: numbered, or with a force that turns from row to row."""
-    force, numbers = log.values(FORCE), next(iter(log.values("position")), np.zeros(2))
-    distinct = len(numbers) <= MAX_DWELLS and len(np.unique(numbers)) == len(numbers)
-    return len(force) == 3 and (distinct or _turns_each_row(force))
+    force = log.values(FORCE)
+    if len(force) != 3:
+        return False
+    return (_numbers_each_row(log) and len(force[0]) <= MAX_NUMBERED) or _turns_each_row(force)
+
+
+def _numbers_each_row(log: Log) -> bool:
+    """Return whether a column of positions holds another number in each row."""
+    return any(len(np.unique(x)) == len(x) > 1 for x in log.values("position"))
 
 
 def _turns_each_row(force: Sequence[Array]) -> bool:

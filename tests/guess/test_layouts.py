@@ -47,6 +47,29 @@ def test_rows_that_the_recorder_held_are_left_out(tmp_path):
     assert len(found.recording.time) == len(t) - 118
 
 
+@pytest.mark.parametrize("n", [150, 3000])
+def test_a_column_that_numbers_each_sample_is_no_column_of_positions(tmp_path, n):
+    rng = np.random.default_rng(9)
+    f, w = rng.normal([0.0, 0.0, G], 0.02, (n, 3)), rng.normal(0, 1e-3, (n, 3))
+    path = rows(tmp_path / "rest.csv", "Number,ax,ay,az,wx,wy,wz", np.arange(1.0, n + 1), *f.T, *w.T)
+    found = propose([path], rate=100.0)
+    assert len(dwells(found.recording)) == 1
+    assert "Number" in found.left_out
+
+
+def test_a_table_of_small_tilts_is_numbered_by_its_positions(tmp_path):
+    tilt = np.radians(np.arange(12.0) - 6)
+    f = G * np.stack([np.sin(tilt), 0 * tilt, np.cos(tilt)], axis=-1)
+    found = propose([rows(tmp_path / "tilts.csv", "Number,ax,ay,az", np.arange(1.0, 13), *f.T)])
+    assert len(dwells(found.recording)) == 12
+
+
+def test_a_gyroscope_alone_beside_a_thermometer_is_refused_for_what_is_missing(tmp_path):
+    t = 0.1 * np.arange(300)
+    with refused():
+        propose([rows(tmp_path / "gyro.csv", "tstamp,temp,rate", t, 20 + 0 * t, 0.01 * np.sin(t))])
+
+
 def test_stamps_of_packets_that_overlap_do_not_begin_again(tmp_path):
     """Some packets of four rows are stamped 5 ms too early, in us: 86,400 us are no day."""
     t, f, w = turned()
