@@ -55,9 +55,8 @@ _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky"
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
 _COSINE = re.compile(r"\W*cos[\s_(]*(?:el|elev|elevation|dec|alt)\b\)?", re.IGNORECASE)
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
-_READOUT = frozenset(
-    ["angle", "pos", "position", "winkel", "theta", "phi", "counter", "resolver", "servo", "axis", "achse", "encoder"]
-)
+_ANGLE_WORDS = frozenset(["angle", "winkel", "theta", "phi"])
+_READOUT = _ANGLE_WORDS | {"pos", "position", "counter", "resolver", "servo", "axis", "achse", "encoder"}
 MIN_JUMP_DEG, MIN_AROUND_DEG, MIN_UP_DEG = 1.0, 90.0, 30.0  # of azimuths and elevations of stars without names
 MIN_CORRELATION, MAX_COLUMNS = 0.98, 6  # of a readout and a measurement of one axis; columns of such a table
 MAX_OFFSET_DEG = 1.0  # deg; offsets beyond are arcseconds
@@ -141,30 +140,51 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     ]
     even = {n for n, x in angles.items() if len(angles) > 2 and _is_count(x)}
     pairs = [p for p in pairs if not even.intersection(p)]
+    signal = "" if pairs else _signal_beside(next(iter(angles), ""), table, clock)
+    if signal:
+        pairs, angles = [(signal, *angles)], {**angles, signal: table.columns[signal]}
     if len(pairs) != 1:
         return None
     first, second = pairs[0]
     roles = [{_ROLE.get(w) for w in plain(n).split("_")} for n in pairs[0]]
-    if "true" in roles[0] and "true" not in roles[1]:
+    if "true" in roles[0] and "true" not in roles[1] and not signal:
         first, second = second, first
     units = [unit if (unit := unit_written(plain(n))) in ANGLES else "" for n in (first, second)]
-    usual = "deg" if np.ptp(angles[first]) > 2 * np.pi else "rad"
+    usual = "deg" if np.ptp(angles[second if signal else first]) > 2 * np.pi else "rad"
     read, true = (np.asarray(to_si(angles[n], u or usual)) for n, u in zip((first, second), units, strict=True))
+    if signal:
+        read = np.polyval(np.polyfit(read, true, 1), read)
     time, remarks = (_seconds(clock, table), ()) if clock else in_order(path, len(read))
     axis = KNOWN["rate-table"].axes[0].name
     run = pointing_run(path, KNOWN["rate-table"], ANYWHERE, time, {axis: read}, {axis: true})
     why = {
-        ("gimbal_angle", axis): (first, "its place before the other, or its name: what was commanded or read"),
+        ("gimbal_angle", axis): (
+            first,
+            "it goes with the angle; its line against it is taken for zero and scale, which these data do not test"
+            if signal
+            else "its place before the other, or its name: what was commanded or read",
+        ),
         ("true_angle", axis): (second, "the other column that goes with it: what was measured"),
         **({("time", ""): (clock, "its name" if clock in named else "its numbers, which state days")} if clock else {}),
     }
     notes = {
         "kind": "one axis, read out and measured: two columns that go together",
-        "order": "exchange gimbal_angle and true_angle where the first column is the measurement",
+        "order": "" if signal else "exchange gimbal_angle and true_angle where the first column is the measurement",
         "unit": f"angles are taken in {usual}, by how far they go" if not all(units) else "",
     }
     left_out = tuple(n for n in (*table.columns, *table.others) if n not in (first, second, clock))
     return PointingRun(replace(run, title=title, remarks=remarks), why, {k: v for k, v in notes.items() if v}, left_out)
+
+
+def _signal_beside(angle: str, table: Table, clock: str) -> str:
+    """Return the column of a signal that goes with an angle by name, where a table holds no others; else empty."""
+    words, others = plain(angle), [n for n in table.columns if n not in (angle, clock)]
+    called = unit_written(words) in ANGLES or bool(_ANGLE_WORDS.intersection(words.split("_")))
+    if not called or len(others) != 1 or ((g := by_name(others[0])) and g.quantity != "weight"):
+        return ""  # counts are called as the number of samples is
+    x = table.columns[others[0]]
+    alike = np.all(np.isfinite(x)) and np.ptp(x) > 0
+    return others[0] if alike and abs(np.corrcoef(x, table.columns[angle])[0, 1]) > MIN_CORRELATION else ""
 
 
 def _is_readout(name: str) -> bool:

@@ -88,6 +88,26 @@ def test_an_axis_has_the_clock_of_the_controller_that_exported_it(tmp_path):
     np.testing.assert_allclose(found.time - found.time[0], 0.01 * np.arange(300), atol=1e-5)
 
 
+@pytest.mark.parametrize("head", ["Angle (deg),Voltage [V]", "adc counts,theta"])
+def test_a_signal_beside_an_angle_by_name_is_read_along_its_line(tmp_path, head):
+    angle = np.linspace(-60.0, 60.0, 61)
+    signal = 2.5 + 0.03 * angle + 0.1 * np.sin(np.radians(3 * angle))
+    columns = (angle, signal) if head.startswith("Angle") else (signal, angle)
+    made = propose([write(tmp_path / "s.csv", head, *columns)])
+    run = made.recording
+    axis = run.platform.axes[0].name
+    np.testing.assert_allclose(np.degrees(run.channels["true_angle", axis]), angle, atol=1e-6)
+    line = np.polyval(np.polyfit(signal, angle, 1), signal)
+    np.testing.assert_allclose(np.degrees(run.channels["gimbal_angle", axis]), line, atol=1e-3)
+    golden_text(next(g.why for g in made.guesses.values() if g.quantity == "gimbal_angle"))
+
+
+def test_a_current_beside_a_torque_is_no_angle(tmp_path):
+    x = np.linspace(0.0, 1.0, 30)
+    with refused():
+        propose([write(tmp_path / "m.csv", "current,torque", x, 2 * x + 0.01 * x**2)])
+
+
 def test_two_of_three_axes_that_go_together_are_no_axis_with_its_measurement(tmp_path):
     """Rates of a unit that is turned about z leak into x: two columns that go together."""
     z = np.repeat(RNG.uniform(0, 90, 20), 30)
