@@ -142,7 +142,7 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     pairs = [p for p in pairs if not even.intersection(p)]
     signal = "" if pairs else _signal_beside(next(iter(angles), ""), table, clock)
     if signal:
-        pairs, angles = [(signal, *angles)], {**angles, signal: table.columns[signal]}
+        pairs, angles = [(signal, next(iter(angles)))], {**angles, signal: table.columns[signal]}
     if len(pairs) != 1:
         return None
     first, second = pairs[0]
@@ -153,7 +153,7 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     usual = "deg" if np.ptp(angles[second if signal else first]) > 2 * np.pi else "rad"
     read, true = (np.asarray(to_si(angles[n], u or usual)) for n, u in zip((first, second), units, strict=True))
     if signal:
-        read = np.polyval(np.polyfit(read, true, 1), read)
+        read = np.asarray(np.polyval(np.polyfit(read, true, 1), read))
     time, remarks = (_seconds(clock, table), ()) if clock else in_order(path, len(read))
     axis = KNOWN["rate-table"].axes[0].name
     run = pointing_run(path, KNOWN["rate-table"], ANYWHERE, time, {axis: read}, {axis: true})
