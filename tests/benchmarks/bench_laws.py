@@ -19,7 +19,7 @@ no law); unsure cause (named below p = 0.5); wrong cause (at p >= 0.5); adequate
 
 Shares are of designs that determine the law: its variables are those of the first law (or known causes are the law);
 its form is right (class right, by a closed form); the rms of the second recording with what was found is within 1.1 of
-that with the law itself; a wrong cause is named at p >= 0.5.
+that with the law itself, at the temperatures that the thermometer says; a wrong cause is named at p >= 0.5.
 """
 
 import argparse
@@ -49,6 +49,7 @@ from tests.benchmarks.law_plants import (
     degrees,
     excess,
     left_by_causes,
+    left_by_itself,
     simulated,
     size_of,
 )  # fmt: skip
@@ -173,7 +174,8 @@ def predicted(run: Run, laws: list[dict[str, Any]], size: float, named: list[tup
             out["with"] = excess(corrected(second, laws), clean, with_)
         except InputError:  # a law so wrong that the recording is refused
             out["with"] = 10 * out["without"]
-    out["ratio"] = float(np.sqrt(1 + out.get("with", out["without"]) ** 2 / degrees(clean)))
+    dof, out["itself"] = degrees(clean), left_by_itself(seed, law, size)
+    out["ratio"] = float(np.sqrt((1 + out.get("with", out["without"]) ** 2 / dof) / (1 + out["itself"] ** 2 / dof)))
     return out
 
 

@@ -5,6 +5,7 @@ law may follow under the name that the package prints, taken from the plant and 
 """
 
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from gimbalcal import calibrate
+from gimbalcal.calibration.calibration import Residual
+from gimbalcal.calibration.correction import correct
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
@@ -92,10 +95,18 @@ def hand(seed: int, law: Hidden, size: float) -> Recording:
     return unknown_hand.record(seed, made, ((error, size),))
 
 
+@dataclass(frozen=True, eq=False)
+class Night(unknown_mount.Sky):
+    """Where the stars are, and the temperature [degC] of the dome."""
+
+    T: Array
+
+
 def _of_mount(law: Hidden) -> tuple[unknown_mount.Setup, unknown_mount.Error]:
     part = {"azimuth": [1.0, 0.0], "elevation": [0.0, 1.0], "up": [0.0, 1.0]}[law.where]
     key = "sky" if law.where == "up" else "readout"
-    return unknown_mount.Setup(**{"stars": 90, **_own(law)}), lambda k: {key: np.outer(law.value(k), part)}
+    made = unknown_mount.Setup(**{"stars": 90, **_own(law)})
+    return made, lambda k: {key: np.outer(law.value(Night(**vars(k), T=dome(k.t))), part)}
 
 
 def mount(seed: int, law: Hidden, size: float) -> Recording:
@@ -226,27 +237,16 @@ def alien(r: Recording, kind: str, rng: np.random.Generator) -> Recording:
     return replace(r, channels=channels)
 
 
-def misfit(r: Recording, with_: tuple[str, ...] = ()) -> tuple[float, float]:
-    """Square of the misfit in sigmas of the noise, and its degrees of freedom; of unstated noise in its own units."""
-    if r.kind.stabilised or (r.has("gimbal_angle") and not r.kind.sighting and not r.kind.rotating):
-        from gimbalcal.diagnose.evidence.stated_noise import nominal
-        from gimbalcal.inference.algebra import orthonormal
+def misfit(r: Recording) -> tuple[float, float]:
+    """Square of the misfit in sigmas of the noise that the header states, and its degrees of freedom."""
+    from gimbalcal.diagnose.evidence.stated_noise import nominal
+    from gimbalcal.inference.algebra import orthonormal
 
-        o = fit_baseline(view_at_known_attitude(r))
-        node = nominal(o)
-        Q, y = orthonormal(node.whiten(o.reduced(o.Z))), node.whiten(o.reduced(o.residual[:, :, None]))[:, 0]
-        y = y - Q @ (Q.T @ y)
-        return float(y @ y), float(len(y) - Q.shape[1])
-    made = calibrate(r, more=list(with_)) if with_ else calibrate(r)
-    return _sum(made.residual.rms), float(max(made.residual.dof, 1))
-
-
-def _sum(rms: Mapping[str, float]) -> float:
-    return float(sum((x / _UNIT[re.split("[: ]", key)[0]]) ** 2 for key, x in rms.items()))
-
-
-_UNIT = {"specific_force": 1e-4, "rate_at_rest": 1e-6, "gravity_direction": 1e-4, "pointing": ARCSEC,
-         "angular_rate": 1e-4}  # fmt: skip
+    o = fit_baseline(view_at_known_attitude(r))
+    node = nominal(o)
+    Q, y = orthonormal(node.whiten(o.reduced(o.Z))), node.whiten(o.reduced(o.residual[:, :, None]))[:, 0]
+    y = y - Q @ (Q.T @ y)
+    return float(y @ y), float(len(y) - Q.shape[1])
 
 
 def excess(r: Recording, clean: Recording, with_: tuple[str, ...] = ()) -> float:
@@ -255,17 +255,19 @@ def excess(r: Recording, clean: Recording, with_: tuple[str, ...] = ()) -> float
         return _of_norms(r, clean)
     if clean.title == "z up" and not with_:
         return _of_rates(r, clean)
-    (a, _), (b, dof) = misfit(r, with_), misfit(clean, with_)
-    if a < b:
-        return 0.0
-    return float(np.sqrt(a - b if clean.noise and not clean.kind.sighting else (a / b - 1) * dof))
+    if clean.noise and not clean.kind.sighting:
+        return float(np.sqrt(max(misfit(r)[0] - misfit(clean)[0], 0.0)))
+    return _worse(*(calibrate(x, more=list(with_)).residual for x in (r, clean)))
 
 
 def degrees(clean: Recording) -> float:
     """Degrees of freedom of the rows in which an excess is counted."""
     if clean.title == "hand":
         return float(len(np.unique(clean.position[clean.position > 0])) - HAND_CONSTANTS)
-    return misfit(clean)[1]
+    if clean.noise and not clean.kind.sighting:
+        return misfit(clean)[1]
+    left = calibrate(clean).residual
+    return float(max(left.dof, 1) * len(_kinds(left)))
 
 
 def left_by_causes(r: Recording, clean: Recording, names: tuple[str, ...]) -> float:
@@ -273,7 +275,22 @@ def left_by_causes(r: Recording, clean: Recording, names: tuple[str, ...]) -> fl
     a, b = (calibrate(x, more=list(names)).residual for x in (r, clean))
     if clean.noise and not clean.kind.sighting:
         return float(np.sqrt(max(a.chi2 - b.chi2, 0.0)))
-    return float(np.sqrt(max(_sum(a.rms) / _sum(b.rms) - 1, 0.0) * max(b.dof, 1)))
+    return _worse(a, b)
+
+
+def _kinds(left: Residual) -> Counter[str]:
+    """Kinds of rows, of each of which a fit counts its degrees of freedom, and of how many channels each is."""
+    return Counter(re.split("[: ]", key)[0] for key in left.rms)
+
+
+def _worse(a: Residual, b: Residual) -> float:
+    """Sigmas by which one fit is worse than another in the same noise, which is what the other leaves of each channel.
+
+    Each kind of row counts for itself: where rates at rest and turns are added in one unit, the noisier hide the law.
+    """
+    channels = _kinds(b)
+    square = sum(((a.rms[k] / x) ** 2 - 1) / channels[re.split("[: ]", k)[0]] for k, x in b.rms.items())
+    return float(np.sqrt(max(square, 0.0) * max(b.dof, 1)))
 
 
 def _of_rates(r: Recording, clean: Recording) -> float:
@@ -320,6 +337,19 @@ def size_of(seed: int, law: Hidden, sigmas: float) -> float:
     return size * sigmas / 100.0
 
 
+def left_by_itself(seed: int, law: Hidden, size: float) -> float:
+    """Sigmas that a law leaves where it is taken at what the thermometer says: no formula of the readings leaves less.
+
+    Its parameters and origins are the true ones.
+    """
+    if "temperature" not in law.follows.split("|")[0].split():
+        return 0.0
+    clean = simulated(seed, law, 0.0)
+    read, name = clean.channels["temperature", ""], {"positions": "body", "hand": "felt"}.get(law.rig, "T")
+    error = replace(law, value=lambda s: law.value(s) - law.value(replace(s, **{name: read})))
+    return excess(simulated(seed, error, size), clean)
+
+
 def variables(r: Recording) -> Variables:
     """What a law may follow in a recording, by the names and in the units that the package prints."""
     out: dict[str, Array] = {"time": r.time, "time_of_day": np.mod(r.time, 86400.0)}
@@ -364,6 +394,13 @@ class UnknownVariable(Exception):
     """A law follows what `variables` does not know by that name, and can not be judged."""
 
 
+def felt(r: Recording) -> Recording:
+    """The recording with the forces and rates that its own calibration makes of the readings, biases removed."""
+    sensors = [key for key in r.channels if key[0] in ("specific_force", "angular_rate")]
+    made = correct(calibrate(r), r) if sensors else r
+    return r.with_channels({key: made.channels[key] for key in sensors})
+
+
 def corrected(r: Recording, laws: list[dict[str, Any]]) -> Recording:
     """The recording with what laws of a diagnosis say taken away: of what is felt, and so in a few rounds.
 
@@ -373,7 +410,7 @@ def corrected(r: Recording, laws: list[dict[str, Any]]) -> Recording:
 
     now = r
     for _ in range(ROUNDS):
-        values, channels = variables(now), dict(r.channels)
+        values, channels = variables(felt(now)), dict(r.channels)
         for law in laws:
             key = (law["channel"], law["axis"])
             if missing := set(law["variables"]) - set(values):

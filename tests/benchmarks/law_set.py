@@ -3,7 +3,7 @@
 import numpy as np
 
 from gimbalcal.number import Array
-from tests.benchmarks.law_plants import ALIEN, NONE, RIGS, Hidden, dome, parallactic
+from tests.benchmarks.law_plants import ALIEN, NONE, RIGS, Hidden, parallactic
 from tests.diagnose.plant import Bench, came
 
 TURN = 2 * np.pi
@@ -193,10 +193,10 @@ LAWS: dict[str, Hidden] = {
         "mount", "azimuth", lambda k: np.mod(4 * k.outer / np.pi, 1.0), "azimuth"),
     "counterweight touches": Hidden("mount", "elevation", lambda k: np.maximum(k.inner - 0.9, 0.0), "elevation"),
     "lee of the dome": Hidden("mount", "up", lambda k: np.maximum(np.sin(k.outer - 1.0), 0.0), "azimuth"),
-    "mirror cell cools": Hidden("mount", "elevation", lambda k: (dome(k.t) - 12.0) * np.cos(k.inner),
+    "mirror cell cools": Hidden("mount", "elevation", lambda k: (k.T - 12.0) * np.cos(k.inner),
                                 "elevation temperature", options=DOME),
     "pads of the mirror stick": Hidden(  # thermometer of 0.3 degC
-        "mount", "elevation", lambda k: step(dome(k.t), 11.5, 0.6), "temperature", options=DOME + noisy(0.3)),
+        "mount", "elevation", lambda k: step(k.T, 11.5, 0.6), "temperature", options=DOME + noisy(0.3)),
     "air handling": Hidden("mount", "up", lambda k: square(k.t / 2900.0 + 0.1), "time"),
     "rail joint, sky by sectors": Hidden(  # azimuth only grows with time
         "mount", "elevation", lambda k: step(k.outer, 0.4, 0.5), "azimuth", False, (("clustered", True),)),
@@ -302,7 +302,7 @@ LAST_2: dict[str, Hidden] = {
                            "azimuth elevation"),
     "hydrostatic pads": Hidden("mount", "up", lambda k: bump(k.outer, 0.9, 0.5), "azimuth"),
     "oil film after a slew": Hidden("mount", "elevation", lambda k: power(k.moved[:, 1], 0.5), "elevation_change"),
-    "truss in the night": Hidden("mount", "up", lambda k: (dome(k.t) - 11.0) ** 2, "temperature", options=DOME),
+    "truss in the night": Hidden("mount", "up", lambda k: (k.T - 11.0) ** 2, "temperature", options=DOME),
     "commutation": Hidden("rate table", "z", lambda m: m.w[:, 2] * np.cos(6 * m.table), "rate_z table"),
     "cable twists": Hidden("rate table", "y", lambda m: np.maximum(m.table - 6.0, 0.0), "table"),
 }  # fmt: skip

@@ -7,7 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from tests.benchmarks.collecting import collect, kept
-from tests.benchmarks.law_plants import ALIEN, RIGS, Hidden, simulated, variables
+from tests.benchmarks.law_plants import (
+    ALIEN,
+    DEG,
+    HOUR,
+    RIGS,
+    Hidden,
+    corrected,
+    excess,
+    left_by_itself,
+    simulated,
+    size_of,
+    variables,
+)
 from tests.benchmarks.law_set import CLEAN, FRESH, LAST, LAST_2, LAWS
 
 
@@ -39,6 +51,23 @@ def test_alien_noise_is_added_to_every_rig_and_differs_from_its_own():
             changed = {k for k, x in r.channels.items() if not np.array_equal(x, own.channels[k])}
             assert changed, (rig, kind)
             assert all(np.isfinite(r.channels[k]).all() for k in changed)
+
+
+def test_a_true_law_of_rates_explains_turns_although_the_gyroscopes_are_biased():
+    law = LAWS["scale factor settles"]
+    size = size_of(6, law, 30.0)
+    r, clean = simulated(7, law, size), simulated(7, law, 0.0)
+    said = {"channel": "angular_rate", "axis": "z", "variables": ["rate_z", "time"],
+            "expression": f"{size * DEG / HOUR}*rate_z*exp(-time/45)"}  # fmt: skip
+    assert excess(r, clean) > 15
+    assert excess(corrected(r, [said]), clean) < 1
+
+
+def test_a_law_is_worth_no_more_than_the_thermometer_that_it_is_taken_at():
+    law = Hidden("rotation", "gyro z", lambda m: np.sin(m.T), "temperature", options=(("noisy", 0.2),))
+    exact = Hidden("rotation", "gyro z", lambda m: np.sin(m.T), "temperature")
+    assert 1 < left_by_itself(7, law, 1e-4) < excess(simulated(7, law, 1e-4), simulated(7, law, 0.0)) / 2
+    assert left_by_itself(7, exact, 1e-4) < 0.1
 
 
 @dataclass(frozen=True)
