@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects.history import slope
-from gimbalcal.number import Array
+from gimbalcal.number import Array, arctan2, cos, sin
 
 REFERENCE_TEMPERATURE = 20.0  # degC, T0 of the cards
 
@@ -88,6 +88,21 @@ class Stimulus:
     def turning_faster(self) -> Array:
         """Return angular acceleration (n, 3) [rad/s^2] of the sensor block."""
         return slope(self.rate, self.time, self.visit) if self.rate_slope is None else self.rate_slope
+
+    def parallactic_angle(self) -> Array:
+        r"""Return the angle q (n,) [rad] by which the field of a mount with azimuth A and elevation h turns.
+
+        .. math:: \tan q = \frac{-\sin A \cos L}{\cos h \sin L - \sin h \cos A \cos L}
+
+        with L the latitude; zero on other platforms. Raises ValueError where the latitude is unknown.
+        """
+        if set(self.axis_names) != {"azimuth", "elevation"}:
+            return 0 * self.time
+        if self.latitude is None:
+            raise ValueError("the parallactic angle needs the latitude of the site")
+        A, h = (self.angle[:, self.axis_names.index(name)] for name in ("azimuth", "elevation"))
+        sL, cL = np.sin(self.latitude), np.cos(self.latitude)
+        return arctan2(-sin(A) * cL, cos(h) * sL - sin(h) * cos(A) * cL)
 
     def temperature_excess(self) -> Array:
         """Return T - T0 (n,) [degC]. Raises ValueError where temperature was not recorded."""

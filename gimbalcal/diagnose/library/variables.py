@@ -74,6 +74,8 @@ def _every(s: Stimulus) -> list[Variable]:
         out += [Variable(f"force_{a}", "g", s.force[:, i], f"s.force[:, {i}]", "force") for i, a in enumerate("xyz")]
     out += [Variable(_plain(name), "rad", s.angle[:, i], f"angle(s, {name!r})", "angle")
             for i, name in enumerate(s.axis_names)]  # fmt: skip
+    if s.latitude is not None and set(s.axis_names) == {"azimuth", "elevation"}:
+        out.append(Variable("parallactic_angle", "rad", s.parallactic_angle(), "s.parallactic_angle()", "angle"))
     out += [Variable(f"rate_{a}", "deg/s", s.rate[:, i], f"s.rate[:, {i}]", "rate") for i, a in enumerate("xyz")]
     out += [Variable("time", "s", s.time, "s.time", "time", _middle(s.time))]
     if s.visit[-1] > s.visit[0]:

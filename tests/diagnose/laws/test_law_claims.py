@@ -38,7 +38,7 @@ from gimbalcal.report.diagnosis_page import diagnosis_report
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.words.diagnosis_headline import headline
 from tests.benchmarks import unknown_hand, unknown_mount
-from tests.benchmarks.law_plants import corrected, misfit
+from tests.benchmarks.law_plants import corrected, misfit, parallactic
 from tests.diagnose import plant, static_plant
 from tests.golden import golden_text
 
@@ -250,6 +250,16 @@ def test_a_threshold_is_found_in_a_static_run(tmp_path):
     assert str(T) == "temperature"
     assert sympy.solve(step.args[0], T)[0] == pytest.approx(23.0, abs=0.05)
     assert explained(d, r, tmp_path) < 1.1
+
+
+def test_a_law_of_the_field_that_turns_is_one_of_the_parallactic_angle(tmp_path):
+    """The angle between the vertical and the hour circle, by an independent solution of the triangle at the star."""
+    r = sky(lambda k: {"readout": np.column_stack([0 * k.t, np.sin(2 * parallactic(k) + 0.7)])}, 12.0)
+    d = diagnose([r])
+    (law,) = d.laws
+    assert (law.axis, law.variables) == ("elevation", ("parallactic_angle",))
+    assert "2*parallactic_angle" in law.form
+    assert explained(d, r, tmp_path) < 1.2
 
 
 def test_an_instant_is_told_to_a_row():
