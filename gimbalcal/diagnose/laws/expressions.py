@@ -39,7 +39,10 @@ CLEAR = 0.05  # sine of an angle, below which its cosecant is none of a mount
 COEFFICIENTS = 8  # of a law that is no table, at the most
 ONSETS = (0.5, 1.5, 2.0, 3.0)  # powers behind a threshold
 CHIRPS = (1, 2, 3, 4, 6, 8, 12)  # turns that a chirp gains or loses over the recording
-PULSES, PHASES = (-0.6, 0.0, 0.6), 24  # levels above which a cosine is a pulse, and its phases
+PULSES, PHASES = np.cos(np.pi * np.arange(1, 8) / 8).tolist(), 24  # levels above which a cosine is a pulse; its phases
+HARMONIC = 4  # of a pulse, the highest that may show most
+TURNED = 0.9 * 2 * np.pi  # of the phase of a wave: where it does not come round, its shape is not to be seen
+POWERS = (0.5, 1.5, 2.5, 4.0)  # of the size of a variable, from which a search starts
 VARIED = (0.25, 0.5, 0.8, 1.25, 2.0, 4.0)  # times a constant: where else a law may be
 
 
@@ -172,7 +175,7 @@ FORMS = {
 }  # fmt: skip
 ALONE = {
     "force": ("x", "x^2", "x^3", "|x|", "power", "beyond", "wave", "above", "step", "knee"),
-    "angle": ("harmonic", "cosecant", "above", "step", "bump"),
+    "angle": ("harmonic", "cosecant", "above", "step", "bump", "beyond", "onset", "end"),
     "rate": ("x", "x^2", "x^3", "|x|", "power", "beyond", "above", "step", "knee"),
     "time": ("x", "to x^2", "to x^3", "power", "wave", "rising", "falling", "fade", "log", "ring", "above", "step",
              "knee", "onset", "end", "window", "shock", "bump"),
@@ -233,9 +236,9 @@ class Term:
 
     @cached_property
     def family(self) -> str:
-        """The term whatever its constants, but for the order of a rare wave of an angle."""
+        """The term whatever its constants, but for the order of a rare wave."""
         order = f" {self.constants[0]:.3g}" if self.form.key in ("pulse", "sawtooth", "rectified") else ""
-        return f"{self.form.key}{order * (self.variable.group == 'angle')} of {self.variable.name}"
+        return f"{self.form.key}{order} of {self.variable.name}"
 
     @property
     def free_origin(self) -> bool:
@@ -432,7 +435,7 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
         "fade": lambda: [(tau,) for tau in np.geomspace(max(2 * _spacing(v.x), span / 50), 1.5 * span, 7)],
         "log": lambda: [(tau,) for tau in np.geomspace(span / 300, span, 6)],
         "beyond": lambda: [(np.abs(v.x).max() * part,) for part in (0.1, 0.25, 0.4, 0.55, 0.7, 0.85)],
-        "power": lambda: [(p,) for p in (0.5, 1.5, 2.5, 4.0)],
+        "power": lambda: [(p,) for p in POWERS],
         "knee": lambda: [(c,) for c in places],
         "step": lambda: [(c, span * w) for c in places for w in WIDTHS],
         "bump": lambda: [(c, span * w) for c in places for w in WIDTHS],
@@ -523,16 +526,17 @@ def relatives(e: Expression, several: bool) -> list[Family]:
         span = float(np.ptp(t.variable.x))
         variants = list[Term]()
         if t.form.key in ("wave", "harmonic"):
-            k = t.constants[0]
+            k, of_angle = t.constants[0], t.variable.group == "angle"
             phases = 2 * np.pi * np.arange(PHASES) / PHASES
-            variants += [Term(t.variable, FORMS["pulse"], (k / n, p, q), PHASES * 9)
-                         for n in (1, 2, 3) for p in phases for q in PULSES]  # fmt: skip
+            slower = [k / n for n in range(1, HARMONIC + 1) if (not of_angle or k % n == 0) and k / n * span > TURNED]
+            variants += [Term(t.variable, FORMS["pulse"], (c, p, q), PHASES * len(PULSES) * HARMONIC)
+                         for c in slower for p in phases for q in PULSES]  # fmt: skip
             if several or any(other.free_origin for other in e.terms if other is not t):
                 variants += [Term(t.variable, FORMS["phased"], (k, p), PHASES) for p in phases[: PHASES // 2]]
-            variants += [Term(t.variable, FORMS["sawtooth"], (k, p), PHASES) for p in phases]
-            if t.variable.group != "angle":  # of a gimbal the first harmonics have names
-                variants += [Term(t.variable, FORMS["cyclic"], (k / n,), 2) for n in (1, 2)]
-            variants += [Term(t.variable, FORMS["rectified"], (k / n, p), PHASES) for n in (1, 2) for p in phases]
+            variants += [Term(t.variable, FORMS["sawtooth"], (c, p), PHASES) for c in slower[:1] for p in phases]
+            if not of_angle:  # of a gimbal the first harmonics have names
+                variants += [Term(t.variable, FORMS["cyclic"], (c,), 2) for c in slower[:2]]
+            variants += [Term(t.variable, FORMS["rectified"], (c, p), PHASES) for c in slower[:2] for p in phases]
         elif t.form.key == "shock":
             waves = np.pi * np.arange(2, CYCLES + 1) / span
             variants += [Term(t.variable, FORMS["shaking"], (*t.constants, k), t.tried * CYCLES) for k in waves]

@@ -15,11 +15,12 @@ import numpy as np
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.noises import noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER, UNKNOWN
+from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.grounds import with_law
 from gimbalcal.diagnose.laws.law_curve import with_curves
 from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
-from gimbalcal.diagnose.laws.law_search import ABSORBED, Ground, Law, aliases, free, same, trimmed
+from gimbalcal.diagnose.laws.law_search import ABSORBED, SAME, Ground, Law, aliases, centred, free, response_of, trimmed
 from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared
 from gimbalcal.diagnose.library.candidates import Candidate, Library, SelectedCause
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
@@ -43,7 +44,7 @@ from gimbalcal.words.diagnosis_sentences import misheld_positions, repeat_advice
 from gimbalcal.words.naming import spaced
 
 MOST = 3  # laws of one view
-NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is taken
+NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is taken, of as many the likeliest
 MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
 MIN_EXPLAINED_ALONE = 0.5  # of the same, that a law has to explain where nothing known does
 COMPARED = 12  # formulas that together are compared with causes
@@ -67,28 +68,36 @@ class Lawful:
 
 
 def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
-    """The law of most evidence, a closed form before a table, and those that fit as well; none where no law comes near.
+    """The law to be stated, a closed form before a table, and those that are nearly as likely; none where none is near.
 
     shape: ln evidence of the best shape without a cause.
     """
     if not laws or laws[0].evidence < max(CLAIM, shape - TOGETHER):
         return None, []
-    equivalent = [trimmed(g, law) for law in laws if law.evidence > laws[0].evidence - TOGETHER]
-    equivalent = [law for law in equivalent if not law.expression.simpler] or equivalent
-    first = [law for law in equivalent if not any(t.form.key == "table" for t in law.expression.terms)] or equivalent
-    first = [law for law in first if law.evidence > first[0].evidence - NEARLY_BEST_NATS]
-    best = min(first, key=lambda law: (free(law), len(printed(law)), -law.evidence))
-    equivalent = [law for law in equivalent if law.places != best.places or printed(law) != printed(best)]
-    alike = [same(g, best, law) for law in equivalent]
-    alike = [
-        one and (free(law) > free(best) or _forms(law) == _forms(best))
-        for one, law in zip(alike, equivalent, strict=True)
-    ]
-    return best, [*(law for law, one in zip(equivalent, alike, strict=True) if not one), *aliases(g, best)]
+    near = [trimmed(g, law) for law in laws if law.evidence > laws[0].evidence - 2 * TOGETHER]
+    near = sorted((law for law in near if not law.expression.simpler), key=lambda law: -law.posterior) or near
+    equivalent = [law for law in near if law.posterior > near[0].posterior - TOGETHER]
+    closed = [law for law in equivalent if not any(t.form.key == "table" for t in law.expression.terms)]
+    first = [law for law in closed if not law.wants_another_form] or closed or equivalent
+    first = [law for law in first if law.posterior > first[0].posterior - NEARLY_BEST_NATS]
+    shortest = min(first, key=lambda law: (free(law), -law.posterior))
+    best, rivals, others = centred(g, shortest), [law for law in equivalent if law is not shortest], list[Law]()
+    responses = {law: response_of(g, law) for law in (best, *rivals)}
+    for law in rivals:
+        alike = (o for o in (best, *others) if responses[o] @ responses[law] > SAME)
+        if not any(_says_more(law, known) or _forms(law) == _forms(known) for known in alike):
+            others.append(law)
+    return best, [*others, *aliases(g, best)]
+
+
+def _says_more(law: Law, known: Law) -> bool:
+    """Return whether a law has more numbers than a known one that follows nothing else."""
+    of, own = ({v.name for v in one.expression.variables} for one in (known, law))
+    return of <= own and free(law) > free(known)
 
 
 def _forms(law: Law) -> list[tuple[str, str]]:
-    """Return form and variable of each term of a law, by which it is the same at whatever constants."""
+    """Return form and variable of each term of a law: at constants that make no difference here it is the same law."""
     return [(t.form.key, t.variable.name) for t in law.expression.terms]
 
 
@@ -167,8 +176,7 @@ def law_of_searches(
     law then has to be 1000 times as likely, and they are doubtful where formulas together are likelier.
     """
     searches = ranked.searches
-    b = compared(searches, nodes, ranked, alone=bool(instead))
-    assert b is not None  # every recording of known attitude has outputs
+    b, nodes = _sought(ranked, nodes, alone=bool(instead))
     g, every = b.ground, b.laws
     best_else = _best_else(ranked)
     best, others = chosen(g, every, best_else + (TOGETHER + NAMED) * bool(instead) - b.ln_known)
@@ -209,6 +217,18 @@ def law_of_searches(
     return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)), ln_total=b.ln_known + best.evidence)
 
 
+def _sought(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> tuple[Beside, Sequence[Node]]:
+    """Return the laws with which most is said, sought in the likeliest noise without one and in that which is stated.
+
+    A noise that explains what a law adds hides the law: what is switched looks like the walk of a sensor. The evidence
+    is that over all noises in either case.
+    """
+    stated = [nominal(s.fit) for s in ranked.searches]
+    among = [nodes] if [n.name for n in nodes] == [n.name for n in stated] else [nodes, stated]
+    each = [(b, own) for own in among if (b := compared(ranked.searches, own, ranked, alone)) is not None]
+    return max(each, key=lambda found: found[0].total)  # every recording of known attitude has outputs
+
+
 def leave_more_than_noise(ranked: Ranking, members: Sequence[int]) -> bool:
     """Return whether causes leave more than the likeliest noise, so that a formula may explain more."""
     for k, s in enumerate(ranked.searches):
@@ -227,11 +247,9 @@ def _held_by(ranked: Ranking, members: Sequence[int], nodes: Sequence[Node], g: 
     if len(ranked.searches) > 1:
         return True
     s, node = ranked.searches[0], nodes[0]
-    X = basis(g.remainder(node.whiten(s.library.X[:, list(fit_causes(s, ranked.within(members, 0)).index)])))
-    Q = orthonormal(g.remainder(g.whiten(law.columns)))
-    added = Q @ (Q.T @ g.y)
-    rest = added - X @ (X.T @ added)
-    return bool(rest @ rest < SAME_RESPONSE * (added @ added))
+    X = s.library.X[:, list(fit_causes(s, ranked.within(members, 0)).index)]
+    A, X = g.remainder(g.whiten(law.columns)), g.remainder(node.whiten(X))
+    return _share_beyond(A, X, g.y) < SAME_RESPONSE
 
 
 def _best_else(ranked: Ranking) -> float:
@@ -372,9 +390,18 @@ def _beyond_known(m: Fit, columns: Array, known: Library, names: Container[Key])
     law = orthonormal(A)
     every = [(c.key in names, list(v.index)) for c in known.candidates if not c.rival for v in c.variants]
     X = X[:, [i for named, index in every if named or _spans(law, X[:, index]) for i in index]]
-    added = A @ np.linalg.lstsq(A, y, rcond=1e-9)[0]
-    unexplained = added - X @ np.linalg.lstsq(X, added, rcond=1e-9)[0]
-    return float((unexplained**2).sum() / max((added**2).sum(), 1e-300))
+    return _share_beyond(A, X, y[:, 0])
+
+
+def _share_beyond(law: Array, X: Array, y: Array) -> float:
+    """Return the share of the squared response of columns `law` (R, q), fitted to y (R,), that X (R, p) does not hold.
+
+    Of all rows what the model has taken up is removed.
+    """
+    Q, held = basis(law), basis(X)
+    added = Q @ (Q.T @ y)
+    rest = added - held @ (held.T @ added)
+    return float(rest @ rest / max(float(added @ added), 1e-300))
 
 
 def _beyond_model(m: Fit, rows: Array) -> Array:

@@ -17,7 +17,7 @@ evidence is that of all outputs together, so that a law too weak in each of them
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,7 +27,9 @@ from gimbalcal.diagnose.laws.expressions import (
     ALONE,
     COEFFICIENTS,
     MULTIPLIED,
+    ONSETS,
     ORDERS,
+    POWERS,
     Expression,
     Family,
     between,
@@ -44,7 +46,7 @@ from gimbalcal.inference.algebra import basis, orthonormal
 from gimbalcal.number import Array
 
 WEIGHED = 60  # expressions whose evidence is worked out in full
-REFINED = (14, 16, 4)  # of these, the best of one, two and three terms are refined in their constants
+REFINED = (20, 16, 4)  # of these, the best of one, two and three terms are refined in their constants
 EXTENDED = (6, 6, 0)  # of these, richer forms are tried in the place of theirs
 SHARE_OF_TRIADS = 3  # by which these numbers are divided for laws of all axes
 ROUNDS = 70  # steps of a refinement for each constant
@@ -58,6 +60,8 @@ SAME_SPACE = 1e-6  # sine of the largest angle between two spaces of columns tha
 SAME = 0.999  # correlation from which two expressions are one in this recording
 UNUSUAL = 1.5  # nats against a law of an output in gimbal angles, or of a gimbal in forces, and against a rare form
 RARE = ("pulse", "sawtooth", "rectified", "ring", "cyclic", "rising", "falling", "growth")
+JUMPS = ("pulse", "sawtooth", "above", "window")
+FINER = 2.0 ** -np.arange(0.0, 8.0, 0.5)  # of the first step of a constant, where its likelihood is looked at
 NEEDED = 3.0  # nats that a column of a law has to explain to be kept, at each of its places
 LEAST_VARIANCE = 1e-6  # that a law leaves, of the noise without it
 FARTHEST, FARTHEST_POWER = 3.4, 0.7  # of ln of a size, and of a power, from the grid to where it is refined
@@ -207,6 +211,28 @@ class Law:
 
         By ordinals of term and constant; the value, or the range of the variable, where the data do not determine it.
         """
+        return {(m.i, m.j): sigma * m.unit for m, sigma in self._determined}
+
+    @property
+    def posterior(self) -> float:
+        """The evidence less what refined constants cost, which the data determine more finely than their grids do.
+
+        What a constant costs is ln of the step of its grid over the width of its likelihood.
+        """
+        finer = [3 * m.step / (np.sqrt(2 * np.pi) * sigma) for m, sigma in self._determined]
+        return self.evidence - float(np.log(np.maximum(finer, 1.0)).sum())
+
+    @property
+    def wants_another_form(self) -> bool:
+        """Return whether a power is at the end of what is tried, where the law tends to a step or to a limit."""
+        powers = [t.constants[j] for t in self.expression.terms for j, c in enumerate(t.form.constants)
+                  if c.kind == "power"]  # fmt: skip
+        low, high = POWERS[0] * np.exp(0.99 * -FARTHEST_POWER), ONSETS[-1] * np.exp(0.99 * FARTHEST_POWER)
+        return any(not low < p < high for p in powers)
+
+    @cached_property
+    def _determined(self) -> list[tuple[_Move, float]]:
+        """Each constant that was refined, with one sigma of it in the units in which it is moved."""
         e = _at_rows(self.expression, self.response)
         moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
         h = np.array([m.step / 4 for m in moves])
@@ -222,7 +248,7 @@ class Law:
                 ) / (4 * h[a] * h[b])  # fmt: skip
         lam, V = np.linalg.eigh(H)
         C = (V / np.maximum(lam, 1.0)) @ V.T
-        return {(m.i, m.j): float(np.sqrt(C[k, k]) * m.unit) for k, m in enumerate(moves)}
+        return [(m, float(np.sqrt(C[k, k]))) for k, m in enumerate(moves)]
 
 
 def laws_of(g: Ground, products: bool = True) -> list[Law]:
@@ -269,18 +295,17 @@ def _extended_and_refined(scored: list[Scored], share: int) -> list[tuple[Target
 
     share: by which the numbers of these are divided.
     """
-
-    def first(most: Sequence[int]) -> Iterator[tuple[bool, Target, Expression]]:
-        """Yield all in order, and whether each is among so many of as many terms."""
-        number_of = [0, 0, 0]
-        for _, target, e in sorted(scored, key=lambda f: -f[0]):
-            number_of[len(e.terms) - 1] += 1
-            yield number_of[len(e.terms) - 1] <= most[len(e.terms) - 1] // share, target, e
-
-    for _, target, e in [own for own in first(EXTENDED) if own[0]]:
-        scored += _best([target], relatives(e, len(target.places) > 1))
+    richer, refined = [0, 0, 0], [0, 0, 0]
+    for _, target, e in sorted(scored, key=lambda f: -f[0]):
+        n = len(e.terms) - 1
+        if richer[n] < EXTENDED[n] // share and (more := relatives(e, len(target.places) > 1)):
+            richer[n] += 1  # of those that may become something else
+            scored += _best([target], more)
     out = list[tuple[Target, Expression]]()
-    for best, target, e in first(REFINED):
+    for _, target, e in sorted(scored, key=lambda f: -f[0]):
+        n = len(e.terms) - 1
+        refined[n] += 1
+        best = refined[n] <= REFINED[n] // share
         if best or len(out) < WEIGHED // share:
             out.append((target, _refined(target.response, e) if best else e))
     return [(target, e) for target, e in out if _carried(target.response, e)]
@@ -379,6 +404,32 @@ def trimmed(g: Ground, law: Law) -> Law:
     return replace(law, expression=full)
 
 
+def centred(g: Ground, law: Law) -> Law:
+    """Return a law whose jumps are in the middle of where the data allow them.
+
+    Between two rows the likelihood of a jump is level, and a search ends anywhere there; the mean over the likelihood
+    of each constant errs least on the next recording.
+    """
+    e = begun = _at_rows(law.expression, law.response)
+    worth = _worth(law.response, begun)
+    variance = float(np.clip((g.y @ g.y - 2 * worth) / max(len(g.y) - g.Q.shape[1], 1), LEAST_VARIANCE, 1.0))
+    for i, j in 2 * _jumps(e):
+        move = _Move(e, i, j)
+        u = move.step * np.concatenate([-FINER, [0.0], FINER[::-1]])
+        ln = np.array([_worth(law.response, _moved(e, [move], [x])) for x in u]) / variance
+        p = np.exp(ln - ln.max()) * np.gradient(u)
+        e = _moved(e, [move], [float(p @ u / p.sum())])
+    if worth - _worth(law.response, e) > variance:  # constants that go with each other: their middle is off the ridge
+        return law
+    return replace(law, expression=e.of({v.name: v for v in law.expression.variables}))
+
+
+def _jumps(e: Expression) -> list[tuple[int, int]]:
+    """Return term and constant of what says where an expression jumps, waves of an angle and zero apart."""
+    return [(i, j) for i, t in enumerate(e.terms) if t.form.key in JUMPS and t.variable.group != "course"
+            for j, c in enumerate(t.form.constants) if t.refined(j) or c.of == "x"]  # fmt: skip
+
+
 def _unusual(place: Place, e: Expression) -> float:
     """Nats against what stands for another: angles of what is felt in an output, forces in a gimbal; and rare forms."""
     of = "force" if place.channel in ("gimbal_angle", "pointing") else "angle"
@@ -386,7 +437,8 @@ def _unusual(place: Place, e: Expression) -> float:
 
 
 def _best(targets: Sequence[Target], laws: Sequence[Family]) -> list[Scored]:
-    """Return the best constants of each family at each target; at several places those that are better than at one.
+    """Return the best families of each length at each target, at their best constants; at several places those that are
+    better than at one.
 
     What they explain is less the cost of coefficients and grid.
     """
@@ -410,7 +462,9 @@ def _best(targets: Sequence[Target], laws: Sequence[Family]) -> list[Scored]:
     for target, top in zip(targets, tops, strict=True):
         others = [single[p] for p in target.places if p in single and len(target.places) > 1]
         better = [b for key, b in top.items() if all(b[0] > own[key][0] for own in others if key in own)]
-        out += [(gain, target, e) for gain, e in sorted(better, key=lambda b: -b[0])[:WEIGHED]]
+        for n in (1, 2, 3):  # products are many, and would leave no room for what a single term may become
+            as_long = [(gain, target, e) for gain, e in better if len(e.terms) == n]
+            out += sorted(as_long, key=lambda scored: -scored[0])[:WEIGHED]
     return out
 
 
@@ -478,9 +532,8 @@ class _Move:
     @property
     def unit(self) -> float:
         """The change of the constant [SI] for a small change of what is moved."""
-        return {"size": abs(self.value), "power": self.value, "place": self.span, "origin": self.span}.get(
-            self.kind, 1.0
-        )
+        of = {"size": abs(self.value), "power": self.value, "place": self.span, "origin": self.span, "fixed": self.span}
+        return of.get(self.kind, 1.0)
 
     @property
     def step(self) -> float:
@@ -488,7 +541,7 @@ class _Move:
         c = self.e.terms[self.i].form.constants[self.j]
         if c.of == "1/x":
             return float(np.log1p(np.pi / self.span / max(self.value, 1e-300) / 3))
-        return {"size": 0.3, "power": 0.2, "place": 0.03, "origin": 0.1}.get(self.kind, 0.2)
+        return {"size": 0.3, "power": 0.2, "place": 0.03, "fixed": 0.03, "origin": 0.1}.get(self.kind, 0.2)
 
     def at(self, u: float) -> tuple[int, int, float]:
         """The constant moved by u, within what its variable may tell."""
@@ -502,7 +555,7 @@ class _Move:
         return self.i, self.j, float(x)
 
 
-def _moved(e: Expression, moves: Sequence[_Move], u: Array) -> Expression:
+def _moved(e: Expression, moves: Sequence[_Move], u: Sequence[float] | Array) -> Expression:
     return e.at([m.at(float(x)) for m, x in zip(moves, u, strict=True)])
 
 
@@ -546,12 +599,8 @@ def aliases(g: Ground, law: Law) -> list[Law]:
     return out
 
 
-def same(g: Ground, one: Law, other: Law) -> bool:
-    """Return whether two laws are one here: each explains the columns of the other, calibration removed."""
-
-    def fit(law: Law) -> Array:
-        Q = orthonormal(g.remainder(g.whiten(law.columns)))
-        return np.asarray(Q @ (Q.T @ g.y))
-
-    a, b = fit(one), fit(other)
-    return bool(a @ b > SAME * np.linalg.norm(a) * np.linalg.norm(b))
+def response_of(g: Ground, law: Law) -> Array:
+    """Return what a law, fitted, adds to the whitened rows, calibration removed, as a unit vector (R,)."""
+    Q = orthonormal(g.remainder(g.whiten(law.columns)))
+    added = Q @ (Q.T @ g.y)
+    return np.asarray(added / max(float(np.linalg.norm(added)), 1e-300))

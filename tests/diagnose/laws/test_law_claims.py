@@ -262,6 +262,16 @@ def test_a_law_of_the_field_that_turns_is_one_of_the_parallactic_angle(tmp_path)
     assert explained(d, r, tmp_path) < 1.2
 
 
+def test_what_is_on_in_working_hours_is_no_walk_of_the_sensor():
+    """The force holds the first harmonic of a day, so that higher ones have to lead to the wave that is switched."""
+    on = lambda r: np.outer(np.abs(np.mod(r.t / 3600.0, 24.0) - 12.5) < 4.5, [1.0, 0, 0])  # noqa: E731
+    d = diagnose([static_plant.record(np.random.default_rng(5), on, 17 * plant.UG)])
+    (law,) = d.laws
+    assert law.axis == "x"
+    assert law.form.startswith("a*sign(cos(")
+    assert any("time" in own for own in (law.form, *law.alternatives))
+
+
 def test_an_instant_is_told_to_a_row():
     r = static_plant.record(
         np.random.default_rng(106), lambda r: np.outer((r.t > 100000) * r.ideal[:, 0], [0, 0, 1.0]), 19 * plant.UG

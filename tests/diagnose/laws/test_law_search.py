@@ -8,10 +8,11 @@ import pytest
 import sympy
 
 from gimbalcal.diagnose.entry import diagnose
-from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Term, pairs, terms, triples
+from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Term, pairs, relatives, terms, triples
+from gimbalcal.diagnose.laws.law_claims import chosen
 from gimbalcal.diagnose.laws.law_file import _with as printed_form
 from gimbalcal.diagnose.laws.law_file import stated
-from gimbalcal.diagnose.laws.law_search import Ground, Law, Place, block_response, spanned, trimmed
+from gimbalcal.diagnose.laws.law_search import Ground, Law, Place, block_response, centred, spanned, trimmed
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import view_at_known_attitude
@@ -158,3 +159,62 @@ def test_a_law_is_trimmed_where_the_calibration_has_as_many_parameters_as_there_
     g = Ground((place,), lambda X: X.reshape(n, -1), np.eye(n), np.ones(n), lambda sets: np.zeros(len(sets)), (n, 1))
     law = Law((place,), Expression((Term(T, FORMS["to x^3"], (), 1),)), 0.0, block_response(g, [place]))
     assert len(trimmed(g, law).expression.groups) == 1
+
+
+def curved(size, shape=lambda T: np.maximum(T - 22.0, 0.0) ** 1.6):
+    """A ground of 60 rows with an onset at 22 degC of this size in noise of one, and laws of it by their forms."""
+    T = np.linspace(20.5, 25.0, 60)
+    v, n = Variable("temperature", "degC", T, "", "logged", 22.75, 20.0), len(T)
+    place = Place("specific_force", "x", (v,), rich("multi-position"), np.arange(n), lambda X: X[:, None, :])
+    Q = np.ones((n, 1)) / np.sqrt(n)
+    y = size * shape(T) + np.random.default_rng(1).standard_normal(n)
+    g = Ground((place,), lambda X: X.reshape(n, -1), Q, y - Q @ (Q.T @ y), lambda sets: np.zeros(len(sets)), (n, 1))
+    response = block_response(g, [place])
+
+    def law(key, evidence, *constants):
+        return Law((place,), Expression((Term(v, FORMS[key], constants, 1),)), evidence, response)
+
+    return g, law
+
+
+def test_the_likeliest_law_is_chosen_and_not_the_one_of_the_fewest_words():
+    g, law = curved(3.0)
+    laws = [law("step", 83.7, 24.2, 1.2), law("onset", 82.7, 22.2, 1.8), law("growth", 82.3, 1.0)]
+    best, others = chosen(g, laws, 0.0)
+    assert [t.form.key for t in best.expression.terms] == ["step"]
+    assert {o.expression.terms[0].form.key for o in others} == {"onset", "growth"}
+
+
+def test_a_constant_costs_how_finely_it_is_determined():
+    """A hundred times the signal tells threshold and power a hundred times as finely: ln 100 for each."""
+    weak, strong = (made("onset", 50.0, 22.0, 1.6) for _, made in (curved(30.0), curved(3000.0)))
+    assert weak.posterior < weak.evidence == strong.evidence
+    assert weak.posterior - strong.posterior == pytest.approx(2 * np.log(100), abs=0.5)
+    assert strong.spreads()[0, 0] < weak.spreads()[0, 0] / 50
+
+
+def test_a_power_at_the_end_of_its_range_gives_way_to_another_form():
+    g, law = curved(3.0)
+    best, _ = chosen(g, [law("onset", 50.0, 22.2, 0.2484), law("step", 49.0, 24.2, 1.2)], 0.0)
+    assert best.expression.terms[0].form.key == "step"
+    best, _ = chosen(g, [law("onset", 50.0, 22.2, 1.6), law("step", 48.0, 24.2, 1.2)], 0.0)
+    assert best.expression.terms[0].form.key == "onset"
+
+
+def test_a_jump_is_put_in_the_middle_of_where_the_data_allow_it():
+    g, law = curved(30.0, lambda T: 1.0 * (T > 22.75))
+    rows = law("above", 0.0, 22.0).expression.variables[0].x
+    below, beyond = rows[29:31]
+    jump = centred(g, law("above", 50.0, below + 0.01 * (beyond - below)))
+    assert jump.expression.terms[0].constants[0] == pytest.approx((below + beyond) / 2, abs=0.2 * (beyond - below))
+
+
+def test_no_wave_is_switched_that_does_not_come_round():
+    """Nor is one of an angle that does not close over a turn."""
+    x = np.linspace(-1.0, 1.0, 50)
+    made = {}
+    for group, span, k in (("time", 2.0, 3.2), ("time", 2.0, 9.6), ("angle", 6.2, 4.0)):
+        t = Term(Variable("v", "", span / 2 * x, "", group), FORMS["wave"], (k,), 1)
+        of = [own[0].terms[0] for own in relatives(Expression((t,)), several=False)]
+        made[group, k] = {round(o.constants[0], 6) for o in of if o.form.key in ("pulse", "sawtooth", "rectified")}
+    assert made == {("time", 3.2): {3.2}, ("time", 9.6): {9.6, 4.8, 3.2}, ("angle", 4.0): {4.0, 2.0, 1.0}}
