@@ -114,6 +114,22 @@ def mean_rates(time: Array, rate: Array) -> tuple[Array, Array, Array]:
     return (rate[1:] + rate[:-1]) / 2, bend, np.cross(rate[:-1], rate[1:]) * dt / 12
 
 
+def composed(C: Array) -> Array:
+    """Return the rotation (m, 3, 3) of n steps C (m, n, 3, 3), each from the frame in which the one before ended."""
+    while (n := C.shape[1]) > 1:  # in pairs: later ones stand on the left
+        C = np.concatenate([C[:, 1::2] @ C[:, : n - n % 2 : 2], C[:, n - n % 2 :]], axis=1)
+    return np.asarray(C[:, 0])
+
+
+def rotation_between(a: Array, b: Array, handed: int = 1) -> Array:
+    """Return R (3, 3) for which R a is nearest to b, vectors (n, 3), by least squares; handed -1: a mirrored rotation.
+
+    Source: G. Wahba, SIAM Review 7 (1965) 409, solved by the singular value decomposition.
+    """
+    U, _, Vt = np.linalg.svd(b.T @ a)
+    return np.asarray(U @ np.diag([1.0, 1.0, handed * np.sign(np.linalg.det(U @ Vt))]) @ Vt)
+
+
 def normal_to(u: Array) -> Array:
     """Return a unit vector across each of u (..., 3)."""
     least = np.eye(3)[np.argmin(np.abs(u), axis=-1)]

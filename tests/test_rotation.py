@@ -77,6 +77,29 @@ def test_mean_rates_are_right_to_the_fifth_order_in_the_step():
     assert all(first / second > 6 for first, second in pairwise(error))
 
 
+@pytest.mark.parametrize("n", [1, 2, 7, 8])
+def test_rotations_one_after_the_other_are_composed_with_the_last_on_the_left(n):
+    C = rotation.exponential(np.random.default_rng(n).standard_normal((3, n, 3)))
+    one_by_one = np.broadcast_to(np.eye(3), (3, 3, 3))
+    for k in range(n):
+        one_by_one = C[:, k] @ one_by_one
+    np.testing.assert_allclose(rotation.composed(C), one_by_one, atol=1e-14)
+
+
+@pytest.mark.parametrize("handed", [1, -1])
+def test_rotation_between_vectors_is_the_nearest_of_its_hand(handed):
+    rng = np.random.default_rng(3)
+    a, R = rng.standard_normal((20, 3)), rotation.exponential(rng.standard_normal(3))
+    R = R * handed  # of three components, -1 mirrors
+    np.testing.assert_allclose(rotation.rotation_between(a, a @ R.T, handed), R, atol=1e-14)
+    other = rotation.rotation_between(a, a @ R.T, -handed)
+    assert np.linalg.det(other) == pytest.approx(-handed)
+    noisy = a @ R.T + 0.01 * rng.standard_normal(a.shape)
+    assert Rotation.from_matrix(handed * rotation.rotation_between(a, noisy, handed)).approx_equal(
+        Rotation.align_vectors(handed * noisy, a)[0], 1e-12
+    )
+
+
 def test_normal_is_a_unit_vector_across():
     u = np.concatenate([np.eye(3), np.random.default_rng(2).standard_normal((5, 3))])
     n = rotation.normal_to(u)

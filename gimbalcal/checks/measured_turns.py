@@ -19,7 +19,7 @@ from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, PERMUTATIONS,
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells, moves_between_dwells
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
-from gimbalcal.rotation import cross_matrix, exponential
+from gimbalcal.rotation import composed, cross_matrix, exponential
 
 MIN_MOTION_RAD = 0.5  # a turn that moves the reference less deviates by less than `MAX_DEVIATION_RAD` under any sign
 MIN_TURNS, MAX_TURNS = 3, 40  # those that move the reference most: enough to distinguish 48 permutations
@@ -87,7 +87,7 @@ class MeasuredTurns:
         M = correction.clock * (correction.matrices[RATE][1] if RATE in correction.matrices else np.eye(3))
         sizes = np.abs(M).max(axis=1)
         if np.ptp(sizes) > 0:  # some axes in another unit: M is diagonal
-            return rotations(exponential(np.diag(M) * self.vectors))
+            return composed(exponential(np.diag(M) * self.vectors))
         P = M / sizes[0]
         return np.asarray(P @ self._of(float(sizes[0] * np.round(np.linalg.det(P)))) @ P.T)
 
@@ -96,7 +96,7 @@ class MeasuredTurns:
         if factor not in self._of_factor:
             angle, X, XX = self._about_axes
             turned = factor * angle
-            self._of_factor[factor] = rotations(np.eye(3) - np.sin(turned) * X + (1 - np.cos(turned)) * XX)
+            self._of_factor[factor] = composed(np.eye(3) - np.sin(turned) * X + (1 - np.cos(turned)) * XX)
         return self._of_factor[factor]
 
     @cached_property
@@ -177,13 +177,6 @@ def _means(time: Array, y: Array) -> tuple[Array, Array]:
         total = np.add.reduceat(dt, starts)
         mean, dt = np.add.reduceat(mean * dt[:, None], starts) / total[:, None], total
     return mean, dt
-
-
-def rotations(C: Array) -> Array:
-    """Return C (m, 3, 3) of every turn from those of its steps (m, n, 3, 3)."""
-    while (n := C.shape[1]) > 1:  # in pairs: later ones stand on the left
-        C = np.concatenate([C[:, 1::2] @ C[:, : n - n % 2 : 2], C[:, n - n % 2 :]], axis=1)
-    return np.asarray(C[:, 0])
 
 
 def agree(turns: MeasuredTurns, C: Array) -> Array:

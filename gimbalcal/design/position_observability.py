@@ -29,6 +29,7 @@ from gimbalcal.entries import Json, plain
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.fit import information_of
 from gimbalcal.forward import jacobian
+from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, Unobservable, information, solve
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.navigate.stationary_base import ideal_static_run
@@ -268,27 +269,22 @@ def assess_information(
     rows = info.rows[:, :-1]
     solution = solve(Information(tuple(calibrated), np.column_stack([rows[:, :p], info.rows[:, -1]]), info.count))
     confounded = _confounded_parameters(rows[:, :p], solution)
-    basis = _basis(rows[:, :p])
+    seen = orthonormal(rows[:, :p], MIN_SIGNAL_TO_NOISE)
     groups: dict[str, list[int]] = {}
     for i, q in enumerate(info.parameters[p:], start=p):
         groups.setdefault(q.effect, []).append(i)
-    residual = {e: rows[:, i] - basis @ (basis.T @ rows[:, i]) for e, i in groups.items()}
+    residual = {e: rows[:, i] - seen @ (seen.T @ rows[:, i]) for e, i in groups.items()}
     candidates = []
     for e, own in groups.items():
         whole, strength = float(np.linalg.norm(rows[:, own])), float(np.linalg.norm(residual[e]))
         candidates.append(NotCalibrated(e, strength, 1 - strength / whole if whole > 0 else 0.0))
-    visible = {c.effect: residual[c.effect] for c in candidates if c.strength > MIN_SIGNAL_TO_NOISE}
+    clear = (c.effect for c in candidates if c.strength > MIN_SIGNAL_TO_NOISE)
+    visible = {effect: orthonormal(residual[effect], MIN_SIGNAL_TO_NOISE) for effect in clear}
     for one, other in combinations(visible, 2):
-        cosine = float(np.linalg.svd(_basis(visible[one]).T @ _basis(visible[other]), compute_uv=False)[-1])
+        cosine = float(np.linalg.svd(visible[one].T @ visible[other], compute_uv=False)[-1])
         if cosine > CONFOUNDED_COSINE:
             confounded.append(Confounded(one, other, cosine))
     return Observability(name, solution, tuple(confounded), tuple(candidates), noise)
-
-
-def _basis(rows: Array) -> Array:
-    """Return an orthonormal basis of the directions that exceed the noise."""
-    U, S, _ = np.linalg.svd(rows, full_matrices=False)
-    return np.asarray(U[:, S >= MIN_SIGNAL_TO_NOISE])
 
 
 def _confounded_parameters(rows: Array, solution: Solution) -> list[Confounded]:

@@ -26,6 +26,7 @@ from gimbalcal.estimate.extra_effects import (
 )
 from gimbalcal.estimate.noise_memory import added_by_memory
 from gimbalcal.forward import Rows
+from gimbalcal.inference.algebra import basis
 from gimbalcal.inference.gauss_newton import MAX_QUADRATIC_STEPS, gauss_newton
 from gimbalcal.inference.information import (
     MIN_SIGNAL_TO_NOISE,
@@ -226,7 +227,7 @@ class ViewsFit:
             return np.inf
         rows = np.concatenate([self.whitened[0], _prior_rows(self.solution.parameters)[0]])
         ordinal, _ = _scales(self.views)
-        return float(_dof(_basis(rows)[: len(ordinal)], ordinal, ordinal >= 0).min())
+        return float(_dof(basis(rows, MIN_RELATIVE_SIGNAL)[: len(ordinal)], ordinal, ordinal >= 0).min())
 
     @cached_property
     def left_out(self) -> tuple[tuple[Array, ...], Array]:
@@ -343,7 +344,7 @@ def fit(
         if not np.any(shape > 0):
             return excess
         J, r = rows(x)
-        Q, out = _basis(J), excess.copy()
+        Q, out = basis(J, MIN_RELATIVE_SIGNAL), excess.copy()
         e = (r - Q @ (Q.T @ r))[: len(known)]
         free, w = _dof(Q[: len(known)], ordinal, shape > 0), np.where(shape > 0, shape, 1.0)
         for k, nu in enumerate(free):
@@ -521,12 +522,6 @@ def _scales(views: Sequence[View]) -> tuple[NDArray[np.int64], list[NDArray[np.i
         ordinals.setdefault(v.name, new)
     of_views = [ordinals[v.name] for v in views]
     return np.concatenate([np.resize(k, len(_variances(v)[0])) for k, v in zip(of_views, views, strict=True)]), of_views
-
-
-def _basis(J: Array) -> Array:
-    """Return an orthonormal basis (q, rank) of what columns J (q, p) make of rows."""
-    U, S, _ = np.linalg.svd(J / (np.linalg.norm(J, axis=0) + 1e-300), full_matrices=False)
-    return np.asarray(U[:, MIN_RELATIVE_SIGNAL * S.max(initial=0.0) < S])
 
 
 def _dof(Q: Array, ordinal: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:

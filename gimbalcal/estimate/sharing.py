@@ -44,7 +44,7 @@ from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
-from gimbalcal.rotation import small_rotation_vector
+from gimbalcal.rotation import rotation_between, small_rotation_vector
 from gimbalcal.units import from_si
 
 UNIT_STAGES = SENSOR_STAGES | GYROSCOPE_STAGES | {Stage.ENCODER, Stage.AXIS_TILT}
@@ -207,8 +207,7 @@ def cross_check(
     a, b = (dwell_means(c.apply(r)).triad(FORCE) for r, c in (one, other))
     if len(a) < MIN_DWELLS:
         raise InputError(f"{len(a)} rests are too few to hold one triad against the other; hold at least {MIN_DWELLS}")
-    U, _, Vt = np.linalg.svd(b.T @ a)
-    R = U @ np.diag([1.0, 1.0, float(np.sign(np.linalg.det(U @ Vt)))]) @ Vt
+    R = rotation_between(a, b)
     g, expected = one[0].site.gravity, ROUNDING_SIGMA**2
     for force, (_, c) in ((a, one), (b, other)):
         taken = sum(CATALOGUE[p.effect].stage in SENSOR_STAGES for p in c.parameters)  # out of one number a rest

@@ -25,16 +25,19 @@ def eigh(G: Array) -> tuple[Array, Array]:
     return lam, V
 
 
-def orthonormal(Z: Array) -> Array:
-    """Return an orthonormal basis (R, q) of the columns, without numerically null directions."""
+def orthonormal(Z: Array, least: float = MIN_SINGULAR_VALUE) -> Array:
+    """Return an orthonormal basis (R, q) of the directions in which columns Z (R, p) are longer than `least`."""
     U, S, _ = np.linalg.svd(Z, full_matrices=False)
-    return np.asarray(U[:, S > MIN_SINGULAR_VALUE])
+    return np.asarray(U[:, S > least])
 
 
-def basis(A: Array) -> Array:
-    """Return an orthonormal basis (R, q) of columns A (R, p), whatever their units."""
+def basis(A: Array, least: float = MIN_RELATIVE_SINGULAR_VALUE) -> Array:
+    """Return an orthonormal basis (R, q) of columns A (R, p), whatever their units.
+
+    least: singular value over the largest, of columns of length one, below which a direction is rounding.
+    """
     U, S, _ = np.linalg.svd(A / (np.linalg.norm(A, axis=0) + 1e-300), full_matrices=False)
-    return np.asarray(U[:, S > MIN_RELATIVE_SINGULAR_VALUE * S.max(initial=1e-300)])
+    return np.asarray(U[:, S > least * S.max(initial=1e-300)])
 
 
 def logsumexp(x: Array, axis: int | None = None) -> Array:

@@ -42,7 +42,7 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.rotation import exponential, rotation_vector
+from gimbalcal.rotation import exponential, rotation_between, rotation_vector
 
 MAX_UNSTEADY_ANGLE_RAD = 1e-4  # rad
 MAX_INTERVAL_S = 10.0  # s, of an interval that the navigator takes in one step
@@ -215,8 +215,7 @@ def _in_carried_axes(dt: Array, rate: Array, force: Array, site: InertialSite) -
     earth_turn = (t - dt / 2)[:, None] * rate_at(site.latitude)
     up = exponential(-earth_turn) @ np.array([0.0, 0.0, -site.gravity])  # turned with the Earth
     wanted = np.cumsum(up * dt[:, None], axis=0)
-    U, _, Vt = np.linalg.svd(wanted.T @ velocity)
-    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
+    return rotation_between(velocity, wanted)
 
 
 def _still(intervals: Intervals) -> bool:

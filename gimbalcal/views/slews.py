@@ -31,6 +31,7 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.effects.history import integral, slope
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows, linearise
+from gimbalcal.inference.algebra import basis
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -243,8 +244,7 @@ class _Onto:
             lever = np.stack([np.cross(faster, e) + np.cross(w, np.cross(w, e)) for e in np.eye(3)], axis=-1)
             Q = [each, tilted, path[:, None, None] * tilted, lever]
         columns = np.concatenate(Q, axis=-1).reshape(3 * len(w), -1)
-        U, S, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False)
-        U = U[:, S > 1e-6 * S.max(initial=1e-300)]
+        U = basis(columns, 1e-6)
         t = T.ravel()
         p = t - U @ (U.T @ t)
         return p.reshape(T.shape), U, float(p @ p) / max(float(t @ t), 1e-300)

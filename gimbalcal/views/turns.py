@@ -33,7 +33,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.dwell import moves_between_dwells
 from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.rotation import cross_matrix, exponential, mean_rates, normal_to
+from gimbalcal.rotation import composed, cross_matrix, exponential, mean_rates, normal_to
 from gimbalcal.views.core import Measurement, View, gyroscope_parameters_without, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import inverted
@@ -159,15 +159,9 @@ def _rough_scale(turns: Turns) -> float:
     largest = np.median((np.linalg.norm(turns.reading, axis=-1) * turns.step).sum(1))
     guesses = np.geomspace(0.2, 20, 60) / largest  # a median turn between 0.2 and 20 rad, 8 % apart
     phi = turns.reading * turns.step[..., None]
-    misfit = [np.mean((turns.after - _carried(exponential(g * phi), turns.before)) ** 2) for g in guesses]
+    turned = (apply_matrix(composed(exponential(g * phi)), turns.before) for g in guesses)
+    misfit = [np.mean((turns.after - f) ** 2) for f in turned]
     return float(guesses[int(np.argmin(misfit))])
-
-
-def _carried(C: Array, f: Array) -> Array:
-    """Vectors f (m, 3) in the frame at the end of rotations from sample to sample C (m, n, 3, 3)."""
-    for k in range(C.shape[1]):
-        f = apply_matrix(C[:, k], f)
-    return f
 
 
 def gravity_after_turns(turns: Turns, accelerometers: Calibration | None = None, known: Sequence[Effect] = ()) -> View:

@@ -103,8 +103,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "checks/test_gravity_turns.py": (
         ("checks.input_errors", "AxisPermutation.inverse", "sign * self.matrix.T", "sign * self.matrix"),
-        ("checks.measured_turns", "rotations", "C[:, 1::2] @ C[:, : n - n % 2 : 2]",
-         "C[:, : n - n % 2 : 2] @ C[:, 1::2]"),
+        ("rotation", "composed", "C[:, 1::2] @ C[:, : n - n % 2 : 2]", "C[:, : n - n % 2 : 2] @ C[:, 1::2]"),
         ("checks.measured_turns", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
         ("checks.measured_turns", "MeasuredTurns.deviation", "2 * np.arcsin(", "np.arcsin("),
     ),

@@ -374,8 +374,7 @@ def free(law: Law) -> int:
 
 def spanned(X: Array) -> Array:
     """Return columns (n, q) of rms one that span those of X (n, m) and are orthogonal to each other."""
-    U, S, _ = np.linalg.svd(X / np.maximum(np.sqrt((X**2).mean(axis=0)), 1e-300), full_matrices=False)
-    return np.asarray(U[:, S > 1e-6 * S[0]] * np.sqrt(len(X)))
+    return basis(X, 1e-6) * np.sqrt(len(X))
 
 
 def _at_rows(e: Expression, response: BlockResponse) -> Expression:

@@ -37,6 +37,7 @@ from gimbalcal.estimate.accelerometers.position_fit import (
 )
 from gimbalcal.estimate.extra_effects import ExtraEffect, sizes_shown
 from gimbalcal.estimate.fit import ViewsFit
+from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array, apply_matrix
@@ -155,8 +156,7 @@ def _interchanged(J: Array, r: Array, swapped: Array, pair: tuple[int, int], fal
 
 def _seen_basis(J: Array) -> Array:
     """Orthonormal basis (m, 3, rank) of what parameters can do, J (m, 3, p) whitened and prior-scaled."""
-    U, S, _ = np.linalg.svd(J.reshape(-1, J.shape[-1]), full_matrices=False)
-    return np.asarray(U[:, S >= MIN_SIGNAL_TO_NOISE].reshape(*J.shape[:2], -1))
+    return orthonormal(J.reshape(-1, J.shape[-1]), MIN_SIGNAL_TO_NOISE).reshape(*J.shape[:2], -1)
 
 
 def _falls(basis: Array, rest: Array, free: Array) -> Array:

@@ -30,7 +30,7 @@ from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
-from gimbalcal.rotation import exponential
+from gimbalcal.rotation import exponential, rotation_between
 from gimbalcal.units import from_si
 from gimbalcal.views.attitude import (
     INTERVAL_S,
@@ -209,16 +209,13 @@ def _first_mounting(title: str, time: Array, y: Array, known: Reference, lag: fl
     inside = (at - lag > time[0]) & (at - lag < time[-1])
     mine = np.stack([np.interp(at[inside] - lag, time, y[:, i]) for i in range(3)], axis=1)
     a, b = mine - mine.mean(0), w[inside] - w[inside].mean(0)
-    U, _, Vt = np.linalg.svd(a.T @ b)
-    handed = float(np.sign(np.linalg.det(U @ Vt)))
-    proper, mirrored = (U @ np.diag([1.0, 1.0, d]) @ Vt for d in (handed, -handed))
-    if handed < 0:
-        misfits = [float(np.linalg.norm(a - b @ R.T)) for R in (proper, mirrored)]
-        if misfits[0] > MIRROR_RATIO * misfits[1]:
-            raise InputError(
-                f"the rates of {title!r} are a mirror image of the attitude's: one axis counts backwards, "
-                "or two are interchanged; correct axis or sign in [columns]"
-            )
+    proper, mirrored = (rotation_between(b, a, handed) for handed in (1, -1))
+    turned, as_mirrored = (float(np.linalg.norm(a - b @ R.T)) for R in (proper, mirrored))
+    if turned > MIRROR_RATIO * as_mirrored:
+        raise InputError(
+            f"the rates of {title!r} are a mirror image of the attitude's: one axis counts backwards, "
+            "or two are interchanged; correct axis or sign in [columns]"
+        )
     return proper
 
 
