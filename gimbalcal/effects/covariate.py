@@ -10,7 +10,7 @@ import numpy as np
 
 from gimbalcal.earth import HOUR
 from gimbalcal.effects.effect import TRIAD, Effect, Grid, Role, Stage, Stimulus, constant, effect, parameter
-from gimbalcal.effects.history import Dynamics, integrated, late
+from gimbalcal.effects.history import Dynamics, late
 from gimbalcal.number import Array
 
 
@@ -63,10 +63,6 @@ class BiasCovariateLagged(Effect):
     k: Array = parameter(TRIAD, unit="ug", sigma=10, name="bias_per_lagged_covariate")
     tau: float = constant(0.3 * HOUR, unit="h", low=0.02 * HOUR, high=6 * HOUR, grid=Grid.LAG)
     covariate: str = ""
-
-    def contribution(self, s: Stimulus) -> Array:
-        """Return the output added [m/s^2]."""
-        return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the channel as the sensor has followed it by now."""

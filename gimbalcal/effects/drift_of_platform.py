@@ -23,7 +23,7 @@ from gimbalcal.effects.effect import (
     effect,
     parameter,
 )
-from gimbalcal.effects.history import Dynamics, added_up, integrated
+from gimbalcal.effects.history import Dynamics, added_up
 from gimbalcal.number import Array, cos, exp, sin
 
 SCHULER_PERIOD = 84.4 * 60  # 2 pi sqrt(R / g)
@@ -98,10 +98,6 @@ class GyroGSensitivity(Effect):
     sources = ("ieee528", "lawrence1998")
     D: Array = parameter(MATRIX_AXES, unit="deg/h/g", sigma=0.02, name="g_sensitivity")
 
-    def contribution(self, s: Stimulus) -> Array:
-        """Return the rotation in platform axes [rad], (n, 3)."""
-        return integrated(self.dynamics(s), s.time)
-
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the states of the turn since the first sample."""
         return added_up(false_rate.by_force(self.D, s))
@@ -123,10 +119,6 @@ class GyroG2Sensitivity(Effect):
     kinds = ("static-run",)
     sources = ("ieee528", "lawrence1998")
     E: Array = parameter(PLATFORM_AXES, unit="deg/h/g^2", sigma=0.01, name="g2_sensitivity")
-
-    def contribution(self, s: Stimulus) -> Array:
-        """Return the rotation in platform axes [rad], (n, 3)."""
-        return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the states of the turn since the first sample."""
@@ -151,10 +143,6 @@ class GyroTemperatureDrift(Effect):
     kinds = ("static-run",)
     sources = ("ieee952",)
     epsilon_T: Array = parameter(PLATFORM_AXES, unit="deg/h/degC", sigma=0.001, name="thermal_drift")
-
-    def contribution(self, s: Stimulus) -> Array:
-        """Return the rotation in platform axes [rad], (n, 3)."""
-        return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the states of the turn since the first sample."""

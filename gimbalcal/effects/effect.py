@@ -1,8 +1,9 @@
 """The contract of a physical effect: parameters, one contribution, a card.
 
 An effect is a frozen dataclass whose fields are its parameter values and whose single method `contribution` returns
-what it adds at its stage of the forward model. Zero means absent. Contributions of one stage add, so their order
-cannot matter. A truth, a prior and an estimate are the same type: a tuple of effects.
+what it adds at its stage of the forward model; one that remembers may give its states (`dynamics`) instead. Zero means
+absent. Contributions of one stage add, so their order cannot matter. A truth, a prior and an estimate are the same
+type: a tuple of effects.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any, ClassVar, TypeVar, dataclass_transform
 
 import numpy as np
 
-from gimbalcal.effects.history import Dynamics
+from gimbalcal.effects.history import Dynamics, integrated
 from gimbalcal.effects.stimulus import REFERENCE_TEMPERATURE
 from gimbalcal.effects.stimulus import Stimulus as Stimulus  # noqa: PLC0414 (an effect finds its whole contract here)
 from gimbalcal.errors import InputError
@@ -185,11 +186,14 @@ class Effect:
         return kind in cls.kinds
 
     def contribution(self, s: Stimulus) -> Array:
-        """Return what the effect adds at its stage; shape and unit as `Stage` says."""
-        raise NotImplementedError
+        """Return what the effect adds at its stage, as `Stage` says; of one that remembers, its states."""
+        states = self.dynamics(s)
+        if states is None:
+            raise NotImplementedError(f"{self.id} has neither a contribution nor states")
+        return integrated(states, s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics | None:  # noqa: ARG002 (those that remember read it)
-        """Return states behind an effect that remembers: integrated, they are its contribution. None for all others."""
+        """Return the states of an effect that remembers, which its contribution integrates; None for all others."""
         return None
 
 

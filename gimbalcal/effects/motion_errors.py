@@ -15,7 +15,7 @@ from gimbalcal.effects.effect import (
     effect,
     parameter,
 )
-from gimbalcal.effects.history import Dynamics, added_up, integrated, slope
+from gimbalcal.effects.history import Dynamics, added_up, slope
 from gimbalcal.number import Array
 
 
@@ -98,10 +98,6 @@ class GravityLeakage(Effect):
     sources = ("groves2013",)
     kappa: float = parameter(SCALAR, unit="1", sigma=1, name="gravity_leakage")
 
-    def contribution(self, s: Stimulus) -> Array:
-        """Return the rotation in platform axes [rad], (n, 3)."""
-        return integrated(self.dynamics(s), s.time)
-
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the states of the tilt since the first sample."""
         return added_up(self.kappa * s.rate)
@@ -124,10 +120,6 @@ class TorquerScaleFactor(Effect):
     kinds = ("multi-position", "rotation")
     sources = ("britting1971",)
     kappa: Array = parameter(TRIAD, unit="ppm", sigma=50, name="torquer_scale_factor")
-
-    def contribution(self, s: Stimulus) -> Array:
-        """Return the rotation in platform axes [rad], (n, 3)."""
-        return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the states of the turn beyond the one commanded."""

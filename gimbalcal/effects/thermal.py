@@ -20,7 +20,7 @@ from gimbalcal.effects.effect import (
     effect,
     parameter,
 )
-from gimbalcal.effects.history import Dynamics, integrated, late, smoothed_rate
+from gimbalcal.effects.history import Dynamics, late, smoothed_rate
 from gimbalcal.number import Array, cos, exp
 
 
@@ -111,10 +111,6 @@ class BiasTemperatureLagged(Effect):
     sources = ("ieee1293",)
     b_L: Array = parameter(TRIAD, unit="ug/degC", sigma=10)
     tau: float = constant(0.3 * HOUR, unit="h", low=0.02 * HOUR, high=6 * HOUR, grid=Grid.LAG)
-
-    def contribution(self, s: Stimulus) -> Array:
-        """Return the output added [m/s^2]."""
-        return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the temperature that the sensor has by now."""
@@ -282,10 +278,6 @@ class SelfHeating(Effect):
     sources = ("lawrence1998",)
     H: Array = parameter(TRIAD, unit="ug", sigma=5, name="self_heating")
     tau: float = constant(0.2 * HOUR, unit="h", low=0.02 * HOUR, high=3 * HOUR, grid=Grid.LAG)
-
-    def contribution(self, s: Stimulus) -> Array:
-        """Return the output added [m/s^2]."""
-        return integrated(self.dynamics(s), s.time)
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the temperature of each sensor, in units of what 1 g makes of it."""
