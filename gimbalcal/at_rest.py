@@ -22,7 +22,7 @@ from gimbalcal.number import Array
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording, Source, dwells
 from gimbalcal.recording.dwell import MISSED
-from gimbalcal.recording.record import SENSORS, Key
+from gimbalcal.recording.record import FORCE, RATE, SENSOR_OF, SENSORS, Key
 from gimbalcal.units import from_si, is_raw
 from gimbalcal.views.segments import stops
 
@@ -33,7 +33,6 @@ UNITS: Mapping[str, tuple[str, str, str]] = {
     "specific_force": ("ug/sqrt(Hz)", "ug", "ug/sqrt(h)"),
     "angular_rate": ("deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)"),
 }
-WORDS = {"specific_force": "accelerometer", "angular_rate": "gyroscope"}
 MAX_LATE = 0.01  # of the rows, that a clock without jitter stamps late because rows before them are missing
 MAX_WAIT = 2.5  # steps, that such a row is late
 
@@ -115,7 +114,7 @@ class RestNoise(Displayed, Entry):
     def to_frame(self, kind: str = "polars") -> Any:
         """Return a row for each coefficient of each sensor, nan where only `below` is known; "polars" or "pandas"."""
         rows = [
-            (f"{WORDS[c.quantity]} {c.axis} {c.sensor}".strip(), name, x.value, x.sigma, x.below, x.unit)
+            (f"{SENSOR_OF[c.quantity]} {c.axis} {c.sensor}".strip(), name, x.value, x.sigma, x.below, x.unit)
             for c in self.channels
             for name in ("white_noise", "bias_instability", "random_walk")
             for x in [getattr(c, name)]
@@ -125,7 +124,7 @@ class RestNoise(Displayed, Entry):
 
     def plot(self) -> Figure:
         """Return a matplotlib figure of the Allan deviation of each sensor, with one sigma and the fitted noise."""
-        figure, axes = panels([f"{WORDS[c.quantity]} {c.axis} {c.sensor}".strip() for c in self.channels])
+        figure, axes = panels([f"{SENSOR_OF[c.quantity]} {c.axis} {c.sensor}".strip() for c in self.channels])
         for ax, c in zip(axes, self.channels, strict=True):
             ax.errorbar(c.tau_s, c.deviation, c.sigma, fmt=".", ms=3, lw=0.8)
             ax.plot(c.tau_s, c.model, lw=1)
@@ -154,7 +153,7 @@ class Channel:
     @property
     def name(self) -> str:
         """Name for people."""
-        return " ".join(filter(None, [WORDS[self.key[0]], self.key[1], self.sensor]))
+        return " ".join(filter(None, [SENSOR_OF[self.key[0]], self.key[1], self.sensor]))
 
     @property
     def units(self) -> tuple[str, str, str]:
@@ -305,12 +304,12 @@ def in_words(channels: tuple[Channel, ...]) -> str:
     """Return the answer: the largest coefficients of channels that follow the model, and those that do not."""
     unmodelled = [c.name for c in channels if c.fitted.p_value < MIN_P_VALUE]
     parts = []
-    for quantity, word in WORDS.items():
+    for quantity in (FORCE, RATE):
         every = [c for c in channels if c.key[0] == quantity]
         mine = [c for c in every if c.name not in unmodelled] or every  # else the numbers mean nothing
         if not mine:
             continue
-        parts.append(f"{word}s: {', '.join(_largest(mine, k) for k in range(3))}")
+        parts.append(f"{SENSOR_OF[quantity]}s: {', '.join(_largest(mine, k) for k in range(3))}")
     sentence = "; ".join(parts)
     if unmodelled:
         one = "s" if len(unmodelled) == 1 else ""

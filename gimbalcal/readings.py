@@ -17,10 +17,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Rows, difference, linearise, picked, predict
 from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus_from_readings, with_phase_of_force
 from gimbalcal.number import Array
-from gimbalcal.recording import SENSORS, Recording
+from gimbalcal.recording import Recording
 from gimbalcal.recording.record import Key
-
-SENSOR_OF = {quantity: sensor for sensor, quantity in SENSORS.items()}
 
 
 @dataclass(frozen=True, eq=False)

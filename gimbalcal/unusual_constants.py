@@ -15,7 +15,7 @@ from itertools import islice
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.checks.input_errors import CLOCK_UNITS, SENSOR, Correction, in_other_units, scaled, trials
+from gimbalcal.checks.input_errors import CLOCK_UNITS, Correction, in_other_units, scaled, trials
 from gimbalcal.checks.sidereal import measured_latitude
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
@@ -23,16 +23,16 @@ from gimbalcal.effects.sensor_grades import drift_rate_factor
 from gimbalcal.errors import alternatives
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.estimate.gyroscopes.residual_checks import WRONG_RANGE
+from gimbalcal.forward import AXES
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording
-from gimbalcal.recording.record import ANGLE
+from gimbalcal.recording.record import ANGLE, SENSOR_OF
 from gimbalcal.units import from_si
 
 MIN_SIGMAS = 3.0  # by which a constant has to be beyond
 MAX_TRIALS, MAX_SHOWN = 6, 2
 ALIKE = 0.2  # relative, of a scale factor and a ratio of units
 MIN_LATITUDE_ERROR_RAD = 1e-3
-ATTITUDE_AXES = ("roll", "pitch", "yaw")
 SCALED = {"scale_factor": "specific_force", "gyro_scale_factor": "angular_rate"}
 Again = Callable[[Sequence[Recording]], Calibration]
 Limit = Callable[[Parameter], float]
@@ -77,7 +77,7 @@ def with_reversed_angle(c: Calibration, recordings: Sequence[Recording], again: 
         other = again([correction.corrected(r) for r in recordings])
         return other.residual.chi2 if other.explained else np.inf
 
-    names = {"attitude_error": ATTITUDE_AXES, ANGLE: recordings[0].platform.axis_names}
+    names = {"attitude_error": AXES["attitude_error"], ANGLE: recordings[0].platform.axis_names}
     angles = [(q, a) for q, axes in names.items() for a in axes if (q, a) in recordings[0].channels]
     tried = trials(
         (scaled(q, [a], -1.0, f"{q.replace('_', ' ')} {a} is of the opposite sign", a, names[q]) for q, a in angles),
@@ -151,7 +151,7 @@ def corrections(c: Calibration, recordings: Sequence[Recording], limit: Limit) -
 def _of_sensors(sizes: Sequence[float], axes: Sequence[str], quantity: str, r: Recording) -> Iterator[Correction]:
     """Yield the other sign and other units of the sensors whose scale is wrong, all of them together."""
     several = len(axes) > 1
-    which = f"the {SENSOR[quantity]}{'s' if several else ''} {' and '.join(axes)} {'are' if several else 'is'}"
+    which = f"the {SENSOR_OF[quantity]}{'s' if several else ''} {' and '.join(axes)} {'are' if several else 'is'}"
     if all(size < 0 for size in sizes):
         yield scaled(quantity, axes, -1.0, f"{which} of the opposite sign")
     words = which + " in {unit}, not in {stated}"

@@ -22,8 +22,9 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration.calibration import Calibration
-from gimbalcal.calibration.readout import AXES, Counts, Readout
+from gimbalcal.calibration.readout import Counts, Readout
 from gimbalcal.effects import CATALOGUE, Parameter, Stage, with_values
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import parse
 
@@ -83,7 +84,7 @@ def _conversion(p: Parameter, before: dict[str, Counts], after: dict[str, Counts
     quantity = output_of(p)
     if quantity not in before:
         return 1.0, 0.0
-    axes = [AXES.index(p.axis[0])] if p.axis[:1] in AXES else [0, 1, 2]
+    axes = [TRIAD.index(p.axis[0])] if p.axis[:1] in TRIAD else [0, 1, 2]
     (k, N0), (k_new, N0_new) = (
         (np.array(n.scale)[axes], np.array(n.offset)[axes]) for n in (before[quantity], after[quantity])
     )

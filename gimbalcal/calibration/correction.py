@@ -23,7 +23,7 @@ import numpy as np
 from gimbalcal.calibration.mount_correction import Mount, mount, with_readouts
 from gimbalcal.calibration.readout import Readout, in_counts, in_si, with_noise
 from gimbalcal.effects import Effect, Stimulus
-from gimbalcal.effects.effect import GIMBALS, happens_once, lacking
+from gimbalcal.effects.effect import GIMBALS, TRIAD, happens_once, lacking
 from gimbalcal.errors import InputError
 from gimbalcal.forward import accelerometers, gyroscopes
 from gimbalcal.inversion import invert, response
@@ -36,7 +36,6 @@ from gimbalcal.recording.record import ANGLE, FORCE, RATE, Key
 if TYPE_CHECKING:
     from gimbalcal.calibration.calibration import Calibration
 
-AXES = ("x", "y", "z")
 MAX_READOUT_STEPS = 50  # of readout = true - error(readout), which contracts tenfold or more
 ROUNDING = 16 * float(np.finfo(float).eps)  # of the largest angle, below which a step is rounding
 MAX_LAST_STEP = 1e-6  # rad, of the readouts near gimbal lock
@@ -147,7 +146,7 @@ def _initial_stimulus(recording: Recording) -> Stimulus:
     """Return the stimulus of the readings as they are; gyroscopes alone, without a platform, have zero force."""
     if recording.platform.axes or recording.has(FORCE):
         return stimulus_from_readings(recording)
-    nothing = {(FORCE, a): np.zeros(len(recording.time)) for a in AXES}
+    nothing = {(FORCE, a): np.zeros(len(recording.time)) for a in TRIAD}
     return stimulus_from_readings(recording.with_channels(nothing))
 
 
@@ -210,7 +209,7 @@ def _with_mount(recording: Recording, effects: Sequence[Effect]) -> tuple[Record
 
 
 def _columns(quantity: str, v: Array) -> dict[Key, Array]:
-    return {(quantity, a): v[:, i] for i, a in enumerate(AXES)}
+    return {(quantity, a): v[:, i] for i, a in enumerate(TRIAD)}
 
 
 def _of(calibration: Calibration, recording: Recording) -> tuple[Effect, ...]:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.entries import Entry, Json, entry_from
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -23,7 +24,6 @@ from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import COLOURED, FORCE, RATE, SENSORS
 
-AXES = ("x", "y", "z")
 DRAWING = "drawing"  # sense in which a file counts `gimbal_zero`: that of the platform's drawing
 
 
@@ -128,7 +128,7 @@ def with_noise(recording: Recording, quantity: str, gain: Array) -> Recording:
     Noise that is stated as one sigma of all axes remains one: the root mean square of the three.
     """
     square = (gain**2).mean(axis=0)  # of output i by input j
-    by_axis = np.array([recording.scatter.get((quantity, a), np.nan) for a in AXES])
+    by_axis = np.array([recording.scatter.get((quantity, a), np.nan) for a in TRIAD])
     known = np.where(np.isfinite(by_axis), by_axis, 0.0)
     out = np.sqrt(square @ known**2)
     factor = float(np.sqrt(square.sum(axis=1).mean()))
@@ -136,16 +136,16 @@ def with_noise(recording: Recording, quantity: str, gain: Array) -> Recording:
         recording,
         noise=_sizes_scaled(recording.noise, quantity, factor),
         scatter=dict(recording.scatter)
-        | {(quantity, a): float(out[i]) for i, a in enumerate(AXES) if np.isfinite(by_axis[i])},
+        | {(quantity, a): float(out[i]) for i, a in enumerate(TRIAD) if np.isfinite(by_axis[i])},
     )
 
 
 def _scaled(recording: Recording, quantity: str, values: Array, scale: Array, unit: str) -> Recording:
     """Return the recording with values (n, 3) of a quantity in another unit, its scatter and noise times scale (3,)."""
-    by_axis = {(quantity, a): float(scale[i]) for i, a in enumerate(AXES)}
+    by_axis = {(quantity, a): float(scale[i]) for i, a in enumerate(TRIAD)}
     return replace(
-        recording.with_channels({(quantity, a): values[:, i] for i, a in enumerate(AXES)}),
-        units={**recording.units, **{(quantity, a): unit for a in AXES}},
+        recording.with_channels({(quantity, a): values[:, i] for i, a in enumerate(TRIAD)}),
+        units={**recording.units, **{(quantity, a): unit for a in TRIAD}},
         scatter={k: v * by_axis.get(k, 1.0) for k, v in recording.scatter.items()},
         noise=_sizes_scaled(recording.noise, quantity, float(scale.mean())),
     )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from gimbalcal.checks.input_errors import AXES
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwell_means
@@ -99,7 +99,7 @@ class Examined:
         if word == "any":
             return r.has(rest)
         if item in (FORCE, RATE):
-            return set(r.axes(item)) == set(AXES)
+            return set(r.axes(item)) == set(TRIAD)
         known = {
             "latitude": r.site.latitude is not None,
             "attitude": self.attitude_known,

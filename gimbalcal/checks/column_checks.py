@@ -20,7 +20,7 @@ from gimbalcal.checks.check import EVERY, POSITIONS, SIGHTINGS, STATIC, Check
 from gimbalcal.checks.stream_checks import GAP, STRIDE, StreamChecks
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
-from gimbalcal.recording.record import SENSORS
+from gimbalcal.recording.record import SENSOR_OF
 from gimbalcal.units import from_si, is_raw, to_si
 
 # SI; no sensor reads so much anywhere; and at rest, some ten g and beyond any bias
@@ -128,14 +128,13 @@ def _many(n: int) -> float:
 
 def _noise(s: StreamChecks, c: Column) -> float:
     """Return the scatter of the triad, or the header's noise where that is less or nothing scatters at all."""
-    sensor = next(name for name, quantity in SENSORS.items() if quantity == c.quantity)
     own = [other for other in s.sensors if other.sensor == c.sensor]
     triad = [other for other in own if other.quantity == c.quantity] or [c]  # a gimbal stands for itself
     if s.kind.rotating and all(0.5 < STRIDE * s.repeats[t.name] / s.n < 0.95 for t in triad):
         return 0.0  # a simulation without noise: what scatters is the motion
     sigma = max(to_si(s.scatter.get(t.name, 0.0), t.unit) for t in triad)
     shown = sigma if sigma > SMOOTH * max(to_si(s.largest(t), t.unit) for t in triad) else 0.0
-    stated = s.header.noise.get(sensor, shown)
+    stated = s.header.noise.get(SENSOR_OF[c.quantity], shown)
     return from_si(min(stated, shown) if shown else stated, c.unit)
 
 

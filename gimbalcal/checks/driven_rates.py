@@ -19,7 +19,8 @@ from math import pi
 import numpy as np
 
 from gimbalcal.checks.check import ROTATION, Check, Examined
-from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, Correction, in_other_units, permuted, scaled, trials
+from gimbalcal.checks.input_errors import PERMUTATIONS, Correction, in_other_units, permuted, scaled, trials
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -175,8 +176,9 @@ def _corrections(r: Recording, physical: bool) -> Iterator[Correction]:
         )
     for p in PERMUTATIONS[1:]:
         yield replace(permuted(RATE, p), words=f"if {p.in_words(RATE)}")
-    stated = [r.units.get((RATE, a), QUANTITIES[RATE].si) for a in AXES]
-    yield from in_other_units(RATE, AXES, stated, "if they read {unit}, not {stated}", 'write unit = "{unit}" for them')
+    stated = [r.units.get((RATE, a), QUANTITIES[RATE].si) for a in TRIAD]
+    words = "if they read {unit}, not {stated}"
+    yield from in_other_units(RATE, TRIAD, stated, words, 'write unit = "{unit}" for them')
 
 
 CHECKS = (Check(rates_of_the_table, ROTATION, ("driven",)),)

@@ -14,8 +14,9 @@ from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, Column
 from gimbalcal.recording.header import Header
 from gimbalcal.recording.lines import place
+from gimbalcal.recording.noise_levels import SETTING_SIGMA_RAD
 from gimbalcal.recording.samples import Batch
-from gimbalcal.units import from_si, is_raw, to_si
+from gimbalcal.units import from_si, is_raw
 
 Mask = NDArray[np.bool_]
 Masks = dict[str, Mask]
@@ -25,7 +26,6 @@ MAX_SHARE_MISSING = 0.5  # of all rows: beyond, the rows are not what they are t
 MAX_SPIKE = {"specific_force": 100.0, "angular_rate": 35.0}  # SI; a reading beyond is refused, not left out
 SPIKES_OF_A_RUN = {"gimbal_angle": np.inf, "attitude_error": np.inf}  # of a static run these go on and on as well
 SPIKES_OF_DWELLS = {"gimbal_angle": np.inf}  # of positions, as long as each is held
-SETTING_SIGMA_RAD = float(to_si(1.0, "arcsec"))  # usual repeatability of a gimbal
 RELEVANT_SIGMAS = 10.0  # of the repeatability: what shows in a mean of 60
 MAX_PLACES, MAX_COLUMNS = 3, 6  # that a remark names
 

@@ -19,7 +19,6 @@ import numpy as np
 from gimbalcal.checks.check import POSITIONS, STATIC, Check, Examined
 from gimbalcal.checks.input_errors import (
     AS_STATED,
-    AXES,
     MAX_DEVIATION_RAD,
     MIN_AGREEMENT,
     MIN_GAIN,
@@ -31,6 +30,7 @@ from gimbalcal.checks.input_errors import (
     scaled,
     trials,
 )
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
 from gimbalcal.recording.dwell import dwells
@@ -77,7 +77,7 @@ def unit_of_some(e: Examined) -> str:
     stated = misfit(AS_STATED)
     if stated < MAX_NORM_ERROR or len(force) < FEWEST_RESTS:
         return ""
-    few = [(a,) for a in AXES] + [*combinations(AXES, 2)]
+    few = [(a,) for a in TRIAD] + [*combinations(TRIAD, 2)]
     corrections = [
         scaled(FORCE, axes, size / FORCE_UNITS.get(_unit(rests, axes[0]), 1.0), " and ".join(axes), unit)
         for axes in few
@@ -155,7 +155,7 @@ def gimbals_turn_less_than_the_force(e: Examined) -> str:
 def unit_of_one_by_angles(e: Examined) -> str:
     """Refuse one accelerometer that follows the predicted force in another unit."""
     ideal = _predicted(e.rests.platform, e.rests.angles()) * e.rests.site.gravity
-    for i, axis in enumerate(AXES):
+    for i, axis in enumerate(TRIAD):
         size = float(ideal[:, i] @ ideal[:, i])
         slope = float(e.force[:, i] @ ideal[:, i]) / size if size > len(ideal) else 1.0
         off = np.linalg.norm(e.force[:, i] - slope * ideal[:, i]) / np.linalg.norm(e.force[:, i])

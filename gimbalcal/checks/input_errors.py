@@ -15,17 +15,16 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
-from gimbalcal.recording.record import Recording
+from gimbalcal.recording.record import SENSOR_OF, Recording
 from gimbalcal.units import is_raw, to_si
 
-AXES = ("x", "y", "z")
 MAX_DEVIATION_RAD = np.radians(15.0)  # far above gimbal zeros, misalignments and hand-set angles, below a wrong axis
 MIN_AGREEMENT = 0.9  # share of rests, turns or rows that a correct reading of the columns explains
 MIN_GAIN = 2  # rests or turns that a correction explains beyond those explained as stated
-SENSOR = {"specific_force": "accelerometer", "angular_rate": "gyroscope"}
 SIGN_CONVENTION = {
     "specific_force": " (f = a - g: one whose axis points down reads -9.8 m/s^2 at rest)",
     "angular_rate": "",
@@ -81,15 +80,15 @@ class AxisPermutation:
         >>> AxisPermutation(signs=(1, 1, -1)).in_words("angular_rate")
         'the gyroscope z had the opposite sign'
         """
-        sensor, moved, parts = SENSOR[quantity], [AXES[a] for a, b in enumerate(self.order) if a != b], []
+        sensor, moved, parts = SENSOR_OF[quantity], [TRIAD[a] for a, b in enumerate(self.order) if a != b], []
         if len(moved) == 2:
             parts.append(f"the {sensor}s {moved[0]} and {moved[1]} are interchanged")
         elif moved:
-            parts.append(f"the {sensor}s called {', '.join(AXES[b] for b in self.order)} are really x, y, z")
+            parts.append(f"the {sensor}s called {', '.join(TRIAD[b] for b in self.order)} are really x, y, z")
         if self.signs == (-1, -1, -1):
             parts.append(f"every {sensor} has the wrong sign{SIGN_CONVENTION[quantity]}")
         elif -1 in self.signs:
-            wrong = " and ".join(AXES[i] for i in range(3) if self.signs[i] < 0)
+            wrong = " and ".join(TRIAD[i] for i in range(3) if self.signs[i] < 0)
             parts.append(f"the {sensor}{'s' if ' ' in wrong else ''} {wrong} had the opposite sign")
         return " and ".join(parts) or "the columns are as stated"
 
@@ -101,8 +100,8 @@ class AxisPermutation:
         """
         out = []
         for i in (i for i in range(3) if self.order[i] != i or self.signs[i] < 0):
-            keys = [f'axis = "{AXES[i]}"'] * (self.order[i] != i) + ["sign = -1"] * (self.signs[i] < 0)
-            out.append(f"for {SENSOR[quantity]} {AXES[self.order[i]]} write {', '.join(keys)}")
+            keys = [f'axis = "{TRIAD[i]}"'] * (self.order[i] != i) + ["sign = -1"] * (self.signs[i] < 0)
+            out.append(f"for {SENSOR_OF[quantity]} {TRIAD[self.order[i]]} write {', '.join(keys)}")
         return ", ".join(out)
 
 
@@ -212,12 +211,12 @@ def permuted(quantity: str, permutation: AxisPermutation) -> Correction:
     """Return the correction of a triad whose axes, or signs, are others."""
     handed = "; as stated they make a left-handed triad" if permutation.handed < 0 else ""
     return Correction(
-        permutation.in_words(quantity) + handed, permutation.remedy(quantity), {quantity: (AXES, permutation.matrix)}
+        permutation.in_words(quantity) + handed, permutation.remedy(quantity), {quantity: (TRIAD, permutation.matrix)}
     )
 
 
 def scaled(
-    quantity: str, axes: Iterable[str], factor: float, words: str, remedy: str = "", of: tuple[str, ...] = AXES
+    quantity: str, axes: Iterable[str], factor: float, words: str, remedy: str = "", of: tuple[str, ...] = TRIAD
 ) -> Correction:
     """Return the correction of columns that are to be multiplied by a factor, some of the axes `of` a quantity."""
     few = set(axes)
@@ -232,7 +231,7 @@ def exchanged(quantity: str, of: tuple[str, ...], i: int, j: int, words: str) ->
 
 
 def in_other_units(
-    quantity: str, axes: Sequence[str], stated: Iterable[str], words: str, remedy: str = "", of: tuple[str, ...] = AXES
+    quantity: str, axes: Sequence[str], stated: Iterable[str], words: str, remedy: str = "", of: tuple[str, ...] = TRIAD
 ) -> Iterator[Correction]:
     """Yield the corrections by which columns that state one unit are in another.
 

@@ -15,7 +15,8 @@ from functools import cached_property
 import numpy as np
 
 from gimbalcal.checks.column_checks import at_end_of_range
-from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, PERMUTATIONS, Correction
+from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, PERMUTATIONS, Correction
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells, moves_between_dwells
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
@@ -112,7 +113,7 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
 
     None for too few of them, or without gyroscopes along all axes.
     """
-    if set(recording.axes(RATE)) != set(AXES):
+    if set(recording.axes(RATE)) != set(TRIAD):
         return None
     visits = dwells(recording)
     y = recording.triad(RATE)
@@ -142,7 +143,7 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
 
 def down(recording: Recording) -> Array | None:
     """Return the direction of the force at each rest (m, 3, 1); counts are centred, where every axis went both ways."""
-    if set(recording.axes(FORCE)) != set(AXES):
+    if set(recording.axes(FORCE)) != set(TRIAD):
         return None
     y = recording.triad(FORCE)
     f = np.array([y[d.rows].mean(0) for d in dwells(recording)]).reshape(-1, 3)

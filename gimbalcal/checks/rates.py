@@ -25,7 +25,6 @@ from gimbalcal.checks.check import POSITIONS, ROTATION, STATIC, Check, Examined
 from gimbalcal.checks.driven_rates import agrees_with_the_table
 from gimbalcal.checks.input_errors import (
     AS_STATED,
-    AXES,
     CLOCK_UNITS,
     MIN_AGREEMENT,
     MIN_GAIN,
@@ -38,6 +37,7 @@ from gimbalcal.checks.input_errors import (
 )
 from gimbalcal.checks.measured_turns import MeasuredTurns, down, gimbals_read, turns_of
 from gimbalcal.earth import EARTH_RATE
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.dwell import dwells
@@ -76,7 +76,7 @@ def turns_between_rests(e: Examined) -> str:
     stages: tuple[Callable[[], Iterable[tuple[Correction, int]]], ...] = (  # a correction, and the permutation after it
         lambda: (*product(units, (0,)), *product(scales, others)),
         lambda: product(units, others),
-        lambda: ((_in_some(c, few), 0) for c in units for k in (1, 2) for few in combinations(AXES, k)),
+        lambda: ((_in_some(c, few), 0) for c in units for k in (1, 2) for few in combinations(TRIAD, k)),
     )
 
     def misfit(each: tuple[Correction, int]) -> float:
@@ -132,7 +132,7 @@ class EarthRate:
     @cached_property
     def without(self) -> float:
         """Return the rms [rad/s] that rates of zero leave."""
-        return self.residual(scaled(RATE, AXES, 0.0, ""))
+        return self.residual(scaled(RATE, TRIAD, 0.0, ""))
 
     def agrees(self, correction: Correction) -> bool:
         """Return whether corrected rates show the Earth's."""
@@ -196,8 +196,8 @@ def _units(recording: Recording) -> list[Correction]:
     increments = f'they are what each step of {step:.3g} s adds to the angle (write quantity = "angle_increment")'
     stated = recording.units.get((RATE, "x"), QUANTITIES[RATE].si)
     corrections = [
-        scaled(RATE, AXES, 1 / step, increments),
-        *in_other_units(RATE, AXES, [stated], 'the rates are in {unit} (write unit = "{unit}")'),
+        scaled(RATE, TRIAD, 1 / step, increments),
+        *in_other_units(RATE, TRIAD, [stated], 'the rates are in {unit} (write unit = "{unit}")'),
         *(Correction(f"the time is in {u}", clock=f) for f, u in CLOCK_UNITS.items()),
     ]
     return [c for c in corrections if abs(_size(c) - 1) > 1e-6]
@@ -212,12 +212,12 @@ def _scales(recording: Recording, turns: MeasuredTurns) -> list[Correction]:
     if not recording.counted(RATE):
         return [AS_STATED]
     turned = [(np.linalg.norm(w, axis=1) * dt).sum() for w, dt in zip(turns.reading, turns.step, strict=True)]
-    return [scaled(RATE, AXES, float(g), "") for g in MEDIAN_TURNS_RAD / np.median(turned)]
+    return [scaled(RATE, TRIAD, float(g), "") for g in MEDIAN_TURNS_RAD / np.median(turned)]
 
 
 def _composed(unit: Correction, permutation: AxisPermutation) -> Correction:
     """Return a permutation of the gyroscopes in another unit."""
-    return replace(unit, matrices={RATE: (AXES, _size(unit) / unit.clock * permutation.matrix)})
+    return replace(unit, matrices={RATE: (TRIAD, _size(unit) / unit.clock * permutation.matrix)})
 
 
 def _permuted_in_words(unit: Correction, number: int, ambiguous: bool) -> str:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.number import Array
+from gimbalcal.recording.document import LARGEST
 
 Rows = NDArray[np.int64]
 
@@ -40,7 +41,6 @@ MAX_SHARE = 0.01  # of the rows; what departs more often is no fault of single r
 MAX_SHARE_STILL = 5 * MAX_SHARE  # of the rows with d != 0 where a channel stands still: a spike shows in five rows
 MIN_ROWS = 4 * STRETCH
 ENOUGH = 2048  # rows whose lower quartile is that of the recording
-LARGEST = 1e100  # beyond any reading in any unit
 MAX_STEP_FAST_S = 0.1  # a turn in a slower log may be over within a row
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from gimbalcal.checks.check import ROTATION, SOME_ROWS, Check, Examined
 from gimbalcal.checks.forces import ALIKE, FORCE_UNITS, MAX_NORM_ERROR, NO_GRAVITY, unit_of_every_row, unit_of_some
-from gimbalcal.checks.input_errors import AXES
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import FORCE, RATE
@@ -34,7 +34,7 @@ FEW = 0.01  # of the rows; where more are beyond, the unit is wrong
 def one_column_twice(e: Examined) -> str:
     """Refuse two axes that read the same in every row: one column, named twice."""
     for q in (FORCE, RATE):
-        for a, b in combinations(AXES, 2):
+        for a, b in combinations(TRIAD, 2):
             x, y = e.recording.channels[q, a], e.recording.channels[q, b]
             if np.ptp(x) > 0 and np.array_equal(x, y):
                 return (
@@ -50,7 +50,7 @@ def impossible_readings(e: Examined) -> str:
         y = e.recording.triad(q)
         rows = np.flatnonzero((np.abs(y) > MAX_READING[q]).any(axis=1))
         if 0 < len(rows) < FEW * len(y):
-            axis = AXES[int(np.argmax(np.abs(y[rows[0]])))]
+            axis = TRIAD[int(np.argmax(np.abs(y[rows[0]])))]
             others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
             return (
                 f"at {e.recording.time[rows[0]]:.10g} s {q} {axis} is "
@@ -87,7 +87,7 @@ def norm_from_rest_to_rest(e: Examined) -> str:
     size = np.linalg.norm(e.force, axis=1) / e.recording.site.gravity
     if np.sqrt(np.mean((size - 1) ** 2)) <= MAX_NORM_ERROR:
         return ""
-    reach = ", ".join(f"{a} {e.force[:, i].min():.3g} to {e.force[:, i].max():.3g}" for i, a in enumerate(AXES))
+    reach = ", ".join(f"{a} {e.force[:, i].min():.3g} to {e.force[:, i].max():.3g}" for i, a in enumerate(TRIAD))
     return (
         f"at rest the force is {size.min():.2g} to {size.max():.2g} times gravity ({reach} "
         "m/s^2), where each accelerometer should go from -9.8 to 9.8 and their norm stay; one of them is not what "

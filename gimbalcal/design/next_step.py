@@ -36,6 +36,7 @@ from gimbalcal.kinematics import sidereal_phase, stimulus_from_angles, stimulus_
 from gimbalcal.navigate.stationary_base import ideal_static_run
 from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording, completed, dwell_means
+from gimbalcal.recording.noise_levels import SETTING_SIGMA_RAD
 from gimbalcal.recording.record import ANGLE, FORCE
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.commands import Hold
@@ -51,7 +52,6 @@ DURATIONS = (1.0, 3.0)  # of the dwells so far
 WARMER_K, WARMING_S = 6.0, 7200.0  # a bench without a chamber: two hours for 6 K
 STATIC_HOURS = (6.0, 12.0, 24.0)
 TURN_BY_HAND_S = 10.0
-SETTING_RAD = np.deg2rad(1 / 3600)  # of a gimbal whose repeatability nobody states
 REACHED = 1.01  # times a sigma that is asked for
 SETTLED = 3.0  # nats: a factor 20
 SAME = 1e-6  # relative difference of what two candidates are worth
@@ -314,7 +314,7 @@ class _Bench:
         if not sample:
             raise InputError(f"{like.title!r} states no noise of its accelerometers, and none shows; add it to [noise]")
         setting = like.sigma("gimbal_angle")
-        setting = (SETTING_RAD if setting is None else setting) if self.known else np.inf
+        setting = (SETTING_SIGMA_RAD if setting is None else setting) if self.known else np.inf
         return rows_at_rest(s, self.like.platform, self.wanted, sample, setting, weight)
 
     @property

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from gimbalcal.effects import false_rate
 from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.effects.gyroscope import KINDS
 from gimbalcal.number import Array
-
-KINDS = ("rotation", "multi-position")
 
 
 @effect

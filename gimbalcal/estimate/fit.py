@@ -47,6 +47,7 @@ SCALE_TOLERANCE = 1e-6  # relative change of the excess sigma at which the round
 VIEW_TOLERANCE = 1e-6  # `TOLERANCE` of the first `MAX_QUADRATIC_STEPS` of a fit of views; after them estimates creep
 ROUNDING = 1e-10  # of the prior sigma: a smaller step is rounding, however small sigma is
 MIN_SINGULAR_RATIO = 1e-9  # of columns of length one, below which rows say nothing of a combination
+MIN_NUMBERS_LEFT = 6  # numbers beyond the parameters that tell how rows scatter about a model
 LEAST_SIGNAL = 1e-6  # `min_signal` of a fit without priors
 SIGNIFICANT_EXCESS = 3.0  # sigmas of chi^2 above its degrees of freedom, below which the known noise explains the rows
 MAX_PRIOR_SIGMAS = 1e3  # beyond them positions mean nothing: 0.5 g of bias, 50 % of scale, 33 deg

@@ -23,7 +23,7 @@ from itertools import product
 import numpy as np
 
 from gimbalcal.effects.process import GaussMarkov, WhiteNoise
-from gimbalcal.inference.coloured import least_squares
+from gimbalcal.inference.coloured import MIN_CHI2, least_squares
 from gimbalcal.number import Array
 
 MEMORY = (0.3, 0.6, 0.8, 0.9, 0.96, 0.99)  # from row to row
@@ -36,7 +36,6 @@ NOISES = {
 PRIOR_WHITE = 0.5  # probability that rows do not remember each other
 MIN_TIMES = 5.0  # that the rows outlast the memory: a longer one is a constant of this recording
 MIN_DOF = 5.0  # of a channel: fewer show no memory
-MIN_CHI2 = 1e-200  # of rows without noise, so that the logarithm is finite
 MIN_SHARE = 1e-3  # root of a channel's share of the information; of what it knows less, other channels tell it
 
 

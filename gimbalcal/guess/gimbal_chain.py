@@ -16,7 +16,8 @@ from math import pi
 import numpy as np
 
 from gimbalcal.checks.forces import as_predicted
-from gimbalcal.checks.input_errors import AXES, MAX_DEVIATION_RAD, MIN_AGREEMENT, Correction, Trial, trials
+from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, MIN_AGREEMENT, Correction, Trial, trials
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.guess.column_names import ANGLES, plain, unit_written
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Axis, Platform
@@ -147,7 +148,7 @@ def _candidates(names: tuple[str, ...], first: Platform | None, varied: bool) ->
         backwards = [n for n, sign in zip(names, signs, strict=True) if sign < 0]
         words = f"{KNOWN_CHAIN}, the {' and the '.join(backwards)} readout backwards" if backwards else KNOWN_CHAIN
         words += ", all three accelerometers reversed (the log holds gravity)" * of_gravity
-        matrices = {ANGLE: (names, np.diag(signs)), **({FORCE: (AXES, -np.eye(3))} if of_gravity else {})}
+        matrices = {ANGLE: (names, np.diag(signs)), **({FORCE: (TRIAD, -np.eye(3))} if of_gravity else {})}
         yield from (Correction(words, matrices=matrices, platform=p) for p in known)
     several = len(names) == MAX_AXES
     offsets = [(0.0, pi) if several else QUARTER_TURNS] * len(names)

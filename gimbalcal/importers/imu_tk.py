@@ -14,12 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.input_errors import AXES, Correction, scaled
+from gimbalcal.checks.input_errors import Correction, scaled
 from gimbalcal.checks.measured_turns import turns_of
 from gimbalcal.earth import G0
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import InputError
 from gimbalcal.importers.registry import importer
-from gimbalcal.importers.unit_log import TRIAD, text_matrix, unit_log
+from gimbalcal.importers.unit_log import text_matrix, unit_log
 from gimbalcal.quantities import check
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import FORCE, RATE, Recording
@@ -69,7 +70,7 @@ def _in_unit(recording: Recording, quantity: str, unit: str, why: str) -> Record
 
 
 def _counts_in(unit: str, quantity: str) -> Correction:
-    return scaled(quantity, AXES, float(to_si(1.0, unit)), unit)
+    return scaled(quantity, TRIAD, float(to_si(1.0, unit)), unit)
 
 
 def _unit_of_force(recording: Recording) -> tuple[str, str]:

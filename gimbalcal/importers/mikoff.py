@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.importers.registry import importer, number
-from gimbalcal.importers.unit_log import TRIAD, text_matrix, unit_log
+from gimbalcal.importers.unit_log import text_matrix, unit_log
 from gimbalcal.recording.record import Recording
 
 

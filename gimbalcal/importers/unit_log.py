@@ -15,8 +15,6 @@ from gimbalcal.recording.lines import EMPTY
 from gimbalcal.recording.record import Key, Recording, Source
 from gimbalcal.recording.scatter import pooled
 
-TRIAD = ("x", "y", "z")
-
 
 def text_matrix(path: Path, columns: int) -> Array:
     """Return numbers separated by blanks or commas, `columns` to a line; a missing one is a NaN."""

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import InputError, alternatives
 from gimbalcal.platform import Platform
 from gimbalcal.recording.dates import names_iso
@@ -13,15 +14,14 @@ from gimbalcal.recording.document import Document
 from gimbalcal.recording.record import Key
 from gimbalcal.units import is_raw
 
-_TRIAD = ("x", "y", "z")
 AXES: Mapping[str, tuple[str, ...] | None] = {
     "time": (),
     "position": (),
     "weight": (),
-    "specific_force": _TRIAD,
-    "angular_rate": _TRIAD,
-    "velocity_increment": _TRIAD,
-    "angle_increment": _TRIAD,
+    "specific_force": TRIAD,
+    "angular_rate": TRIAD,
+    "velocity_increment": TRIAD,
+    "angle_increment": TRIAD,
     "gimbal_angle": None,  # the platform's
     "true_angle": None,
     "attitude_error": ("roll", "pitch", "yaw"),

@@ -13,9 +13,12 @@ from gimbalcal.inference.white_noise import white_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import COLOURED, SENSORS, Key, Recording
+from gimbalcal.units import to_si
 
 TAU = HOUR
 COARSE = 3.0  # octaves between the time constants of a flicker: its spectrum is right within 7 %, with few states
+
+SETTING_SIGMA_RAD = float(to_si(1.0, "arcsec"))  # repeatability of a good gimbal, where nobody states it
 
 
 def header_noise(recording: Recording) -> Mapping[str, Noise]:

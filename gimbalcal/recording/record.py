@@ -43,6 +43,7 @@ SENSORS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Names in ``[noise]`` and the quantity that each speaks of."""
+SENSOR_OF = {quantity: sensor for sensor, quantity in SENSORS.items()}
 
 COLOURED: Mapping[str, tuple[str, str]] = MappingProxyType(
     {

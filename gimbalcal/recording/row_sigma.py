@@ -18,7 +18,7 @@ from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.errors import InputError
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.header import Header
-from gimbalcal.recording.record import SENSORS
+from gimbalcal.recording.record import SENSOR_OF
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import is_raw, to_si
 
@@ -69,4 +69,4 @@ def by_sigma(header: Header, stream: Iterable[Batch], dropouts: Dropouts) -> tup
 
 def _sensor(of: str) -> str:
     """Return the word of [noise] that speaks of a quantity; the noise of a star is that of its readout."""
-    return next((name for name, quantity in SENSORS.items() if quantity == of), "gimbal_angle")
+    return SENSOR_OF.get(of, "gimbal_angle")

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import alternatives
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
@@ -30,7 +31,6 @@ DIRECTIONS: Mapping[str, tuple[float, float, float]] = {  # in north, east, down
     "up": (0.0, 0.0, -1.0),
     "down": (0.0, 0.0, 1.0),
 }
-BODY = ("x", "y", "z")
 TABLE = ("outer", "inner")
 
 
@@ -112,7 +112,7 @@ class RotationSchedule:
         name = self.moves[i].axis
         if name == "outer":
             return np.asarray(C_bn.T @ np.array(DIRECTIONS[self.outer or self.start[0]]))
-        return np.eye(3)[BODY.index(self.inner if name == "inner" else name)]
+        return np.eye(3)[TRIAD.index(self.inner if name == "inner" else name)]
 
     def attitudes(self) -> Array:
         """Return C_bn (m + 1, 3, 3) at each stop: columns are x, y and z of the unit in north, east, down."""

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import InputError, alternatives, amount, shortened
 from gimbalcal.platform import KNOWN, Platform
 from gimbalcal.recording.document import LARGEST, Document
 from gimbalcal.recording.header import platform_of
 from gimbalcal.recording.writing import platform_toml, toml_text
-from gimbalcal.schedule.commands import BODY, DIRECTIONS, TABLE, Hold, Move, RotationSchedule, Schedule
+from gimbalcal.schedule.commands import DIRECTIONS, TABLE, Hold, Move, RotationSchedule, Schedule
 from gimbalcal.schedule.published import ROTATIONS, SCHEDULES
 from gimbalcal.units import from_si
 
@@ -115,9 +116,9 @@ def read_rotation(name: str | Path) -> RotationSchedule:
     entries = document.tables("moves", content["moves"])
     moves = tuple(_move(document, i, entry) for i, entry in enumerate(entries, start=1))
     inner, outer = content.get("inner", "z"), content.get("outer", "")
-    if inner not in BODY or (outer and outer not in [*DIRECTIONS]):
+    if inner not in TRIAD or (outer and outer not in [*DIRECTIONS]):
         raise InputError(
-            f"{document.where('', 'outer' if inner in BODY else 'inner')}: inner is x, y or z of the unit, and outer "
+            f"{document.where('', 'outer' if inner in TRIAD else 'inner')}: inner is x, y or z of the unit, and outer "
             f"one of {alternatives(list(DIRECTIONS))}"
         )
     ramp = _number(document, content, "ramp", "time", 1.0, "")
@@ -134,9 +135,9 @@ def read_rotation(name: str | Path) -> RotationSchedule:
 
 def _start(document: Document, entry: Any) -> tuple[str, str, str]:
     where = document.where("", "start")
-    if not isinstance(entry, dict) or set(entry) != set(BODY):
+    if not isinstance(entry, dict) or set(entry) != set(TRIAD):
         raise InputError(f'{where}: say where the axes point, start = {{ x = "east", y = "north", z = "up" }}')
-    for axis in BODY:
+    for axis in TRIAD:
         if entry[axis] not in [*DIRECTIONS]:
             raise InputError(f"{where}: {axis} points to {entry[axis]!r}; write {alternatives(list(DIRECTIONS))}")
     return (str(entry["x"]), str(entry["y"]), str(entry["z"]))
@@ -145,8 +146,8 @@ def _start(document: Document, entry: Any) -> tuple[str, str, str]:
 def _move(document: Document, number: int, entry: Any) -> Move:
     where = f"{document.where('moves')}, move {number}"
     document.only("moves", ("axis", "angle", "rate", "stop"), entry)
-    if entry.get("axis") not in (*BODY, *TABLE):
-        raise InputError(f"{where}: the axis is {alternatives([*BODY, *TABLE])}, got {entry.get('axis')!r}")
+    if entry.get("axis") not in (*TRIAD, *TABLE):
+        raise InputError(f"{where}: the axis is {alternatives([*TRIAD, *TABLE])}, got {entry.get('axis')!r}")
     if "angle" not in entry:
         raise InputError(f'{where}: write how far it turns, angle = {{ value = 90, unit = "deg" }}')
     angle = document.number("moves", "angle", entry["angle"], "angle")

@@ -21,19 +21,17 @@ from gimbalcal.inference.information import information, solve
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.kinematics import refuse_other_platform
 from gimbalcal.number import Array
-from gimbalcal.readings import SENSOR_OF, Readings, readings
+from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording, block_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
-from gimbalcal.recording.noise_levels import header_noise, sample_sigma
-from gimbalcal.recording.record import FORCE
-from gimbalcal.units import to_si
+from gimbalcal.recording.noise_levels import SETTING_SIGMA_RAD, header_noise, sample_sigma
+from gimbalcal.recording.record import FORCE, SENSOR_OF
 from gimbalcal.views.core import Fit, Measurement, View, recording_fields
 from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
 POSITIONS = Measurement("positions", "", acts_on=(FORCE, "gimbal_angle"), known_attitude=True)
 STATIC_RUN = Measurement("static run", "", acts_on=(FORCE,), known_attitude=True)
-DEFAULT_SETTING = float(to_si(1.0, "arcsec"))
 FOLDS = 12  # stretches of a static run that are held out in turn
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
 NOISELESS = 1e-11  # of gravity: what a simulation without noise leaves
@@ -56,7 +54,7 @@ def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), k
     if not read.columns("specific_force"):
         raise InputError(f"{recording.title!r} has no specific_force channel: there is nothing to explain")
     noise = NoiseModel(row_sigma(read, known), scale_known=True, block=_blocks(recording))
-    setting = one_sigma(header_noise(recording).get("gimbal_angle", (SettingError(DEFAULT_SETTING),)))
+    setting = one_sigma(header_noise(recording).get("gimbal_angle", (SettingError(SETTING_SIGMA_RAD),)))
     return view_of_readings(read, noise, baseline, setting=None if recording.kind.stabilised else setting)
 
 

@@ -19,10 +19,10 @@ from gimbalcal.inference.white_noise import white_sigma
 from gimbalcal.kinematics import required_latitude
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import SENSORS, Dwell, Recording, dwells
+from gimbalcal.recording import Dwell, Recording, dwells
 from gimbalcal.recording.detection import with_rests
 from gimbalcal.recording.dwell import MISSED
-from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.recording.record import FORCE, RATE, SENSOR_OF
 from gimbalcal.rotation import mean_rates
 
 AVERAGED_QUANTITIES = (FORCE, RATE, "temperature", "covariate")
@@ -319,12 +319,11 @@ def _refuse_lost_turns(recording: Recording, stop_dwells: Sequence[Dwell], pause
 def _noise(recording: Recording, stop_dwells: Sequence[Dwell]) -> tuple[Array, Array, bool]:
     """Return one sigma (6,) of a sample of each channel, stated or else estimated; the estimates; whether stated."""
     sigma, shown = np.empty(6), np.empty(6)
-    of = {quantity: sensor for sensor, quantity in SENSORS.items()}
-    stated = all(of[q] in recording.noise for q in (FORCE, RATE))
+    stated = all(SENSOR_OF[q] in recording.noise for q in (FORCE, RATE))
     for i, key in enumerate(CHANNELS):
         each = [_scatter(recording.channels[key][d.rows]) for d in stop_dwells]
         shown[i] = np.sqrt(np.mean(np.square(each)))
-        sigma[i] = recording.noise.get(of[key[0]], shown[i])
+        sigma[i] = recording.noise.get(SENSOR_OF[key[0]], shown[i])
     if not np.all(sigma > 0):
         bad = [" ".join(key) for key, s in zip(CHANNELS, sigma, strict=True) if not s > 0]
         raise InputError(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from gimbalcal.earth import HOUR
 from gimbalcal.errors import amount
+from gimbalcal.words.calibration_sentences import MAX_RELATIVE_EXCESS, MIN_P_VALUE
 from gimbalcal.words.naming import (
     answered,
     as_sentence,
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
     from gimbalcal.navigate.summary import NavigationSummary
 
 MAX_STATES = 4  # that a headline names
-MIN_P_VALUE = 1e-3  # of all parameters jointly; a smaller one is not attributed to chance
-MAX_RELATIVE_EXCESS = 0.1  # of errors over sigmas; less changes no decision, however significant
 MAX_NAMED = 3  # parameters that a headline names
 RECORD_IT = "Next: turn the rig through schedule.toml while it logs."
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Fit = Literal["fits", "misfit", "overstated", "reserved"]
 MIN_P_VALUE = 1e-3  # below it an excess is not attributed to chance
-MAX_RELATIVE_EXCESS = 0.1  # of the residual over the noise; less changes no decision, however significant
+MAX_RELATIVE_EXCESS = 0.1  # of residuals over the noise or errors over sigma; less changes no decision
 MIN_EXCESS_SCATTER = 1.5  # of positions over the noise of their means, from which on it is reported
 
 

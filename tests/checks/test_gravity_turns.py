@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from gimbalcal.checks.input_errors import AXES, PERMUTATIONS, scaled
+from gimbalcal.checks.input_errors import PERMUTATIONS, scaled
 from gimbalcal.checks.measured_turns import RATE, MeasuredTurns, agree, turns_of
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import frame_rotation
 
 RIGHT = np.pi / 2
-AS_READ = scaled(RATE, AXES, 1.0, "")
+AS_READ = scaled(RATE, TRIAD, 1.0, "")
 
 
 @pytest.mark.parametrize("steps", [2, 3, 5])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gimbalcal.checks.input_errors import AXES, Correction, in_other_units, scaled, trials
+from gimbalcal.checks.input_errors import Correction, in_other_units, scaled, trials
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import InputError
 from tests.checks.test_table import multi_position
 
@@ -49,12 +50,12 @@ def test_a_correction_under_which_a_recording_is_refused_does_not_agree():
 
 def test_units_are_those_that_the_columns_do_not_state():
     words = "they are in {unit}, not in {stated}"
-    corrections = list(in_other_units("angular_rate", AXES, ["deg/s"] * 3, words))
+    corrections = list(in_other_units("angular_rate", TRIAD, ["deg/s"] * 3, words))
     assert "they are in rad/s, not in deg/s" in [c.words for c in corrections]
     factor = next(c for c in corrections if "in rad/s" in c.words).factor("angular_rate")
     assert factor == pytest.approx(180 / np.pi, rel=1e-12)
-    assert not list(in_other_units("angular_rate", AXES, ["deg/s", "rad/s"], words))
-    assert not list(in_other_units("angular_rate", AXES, ["count"] * 3, words))
+    assert not list(in_other_units("angular_rate", TRIAD, ["deg/s", "rad/s"], words))
+    assert not list(in_other_units("angular_rate", TRIAD, ["count"] * 3, words))
 
 
 def test_a_correction_changes_channels_scatter_clock_and_place_alone():

@@ -22,13 +22,12 @@ from gimbalcal.inference.information import prior
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.noise_levels import header_noise, sample_sigma
+from gimbalcal.recording.noise_levels import SETTING_SIGMA_RAD, header_noise, sample_sigma
 from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import View
 from gimbalcal.views.local import VisitRows, eliminate
 from gimbalcal.views.positions import Noise, by_visit, in_noise, numbers_of_visits
 
-FIRST_SETTING_RAD = np.deg2rad(1 / 3600)  # rad, start of the search: what a good gimbal repeats to
 FIRST_SAMPLE_SIGMA = 1e-5 * G0  # m/s^2, start of the search
 HEADER, SAMPLES, RESIDUAL, ATTITUDE = "header", "samples", "residual", "attitude unknown"
 
@@ -91,7 +90,7 @@ def noise_of_positions(recording: Recording) -> Noise:
     elif "gimbal_angle" in stated:
         setting, setting_from = one_sigma(stated["gimbal_angle"]), HEADER
     else:
-        setting, setting_from = FIRST_SETTING_RAD, RESIDUAL
+        setting, setting_from = SETTING_SIGMA_RAD, RESIDUAL
     return Noise(force or FIRST_SAMPLE_SIGMA, setting, source if force else RESIDUAL, setting_from)
 
 

@@ -25,6 +25,7 @@ from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit, independent
 from gimbalcal.estimate.gyroscopes.revolutions import triangle
+from gimbalcal.inference.coloured import MIN_CHI2
 from gimbalcal.inference.information import chi2_about_mean
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
@@ -45,7 +46,6 @@ from gimbalcal.views.attitude import (
 
 PARTS = 3
 MIN_ROWS_EACH = 3.0  # rows of a third for each parameter
-MIN_CHI2 = 1e-200  # of rows without noise
 SIGNIFICANCE = 1e-3  # probability below which the thirds differ
 
 

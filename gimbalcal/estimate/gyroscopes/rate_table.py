@@ -29,7 +29,7 @@ from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.position_fit import SAMPLES
 from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
-from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
+from gimbalcal.estimate.fit import LEAST_SIGNAL, MIN_NUMBERS_LEFT, ViewsFit, fit
 from gimbalcal.estimate.grade import graded
 from gimbalcal.estimate.gyroscopes.residual_checks import rates_in_words
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal, selected
@@ -53,7 +53,6 @@ from gimbalcal.views.rest_rates import MIN_RATE_SIGMA
 
 BASE = (*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS)
 FURTHER = ("gyro_scale_asymmetry", "gyro_scale_nonlinearity")
-MIN_NUMBERS_LEFT = 6  # numbers that must be left to tell the scatter of stretches about a linear model
 MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some cannot be distinguished
 
 

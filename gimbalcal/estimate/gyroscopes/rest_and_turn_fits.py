@@ -28,7 +28,7 @@ from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.errors import InputError, amount
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
-from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit, independent
+from gimbalcal.estimate.fit import LEAST_SIGNAL, MIN_NUMBERS_LEFT, ViewsFit, fit, independent
 from gimbalcal.estimate.term_selection import coefficients, needed, refusal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -42,7 +42,6 @@ BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
 MIN_DWELLS = 6  # four unknowns an axis, and something to test them on
 MIN_RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 MIN_TURNS = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
-MIN_NUMBERS_LEFT = 6  # of the turns, to tell their scatter beside what the accelerometers leave open
 
 
 def rests(recording: Recording, accelerometers: Calibration, turns: Turns | None = None) -> View:
