@@ -11,7 +11,7 @@ r"""Checks of whole columns, where something was suspicious while their rows wen
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import erf, log, sqrt
 
 import numpy as np
@@ -264,32 +264,34 @@ def at_end_of_range(y: Array) -> Array:
 
 def runs_of(pieces: Sequence[Array], least: float) -> list[tuple[int, int]]:
     """Return first row and end of every run of at least `least` equal values, in pieces that follow each other."""
-    out: list[tuple[int, int]] = []
-    first, begun, last = 0, 0, np.nan
-    for x in pieces:
-        starts = np.flatnonzero(np.concatenate([[x[0] != last], x[1:] != x[:-1]])) + first
-        bounds = np.concatenate([[begun], starts])
-        long = np.flatnonzero(np.diff(bounds) >= least)
-        out += [(int(bounds[k]), int(bounds[k + 1])) for k in long]
-        begun, last, first = int(bounds[-1]), x[-1], first + len(x)
-    return [*out, (begun, first)] if first - begun >= least else out
+    each = ((b, np.flatnonzero(np.diff(b) >= least)) for b in _bounds_of_runs(pieces))
+    return [(int(b[k]), int(b[k + 1])) for b, long in each for k in long]
 
 
 def longest_run(pieces: Sequence[Array]) -> tuple[int, int, float]:
     """Return first row and end of the longest run of equal values, and the mean length of the other runs.
 
-    The values come in pieces that follow each other; a run may go on from one to the next.
+    The values come in pieces that follow each other.
     """
-    first, stop, runs, n, begun, last = 0, 0, 0, 0, 0, np.nan
-    for x in pieces:
-        ends = np.flatnonzero(x[1:] != x[:-1]) + 1 + n  # of all runs of the piece but the last
-        if n and x[0] != last:
-            ends = np.concatenate([[n], ends])
-        begins = np.concatenate([[begun], ends]).astype(np.int64)
-        n, last, begun, runs = n + len(x), x[-1], int(begins[-1]), runs + len(ends)
-        lengths = np.diff(begins, append=n)
-        k = int(np.argmax(lengths))
-        if lengths[k] > stop - first:
-            first, stop = int(begins[k]), int(begins[k] + lengths[k])
-    others = (n - (stop - first)) / runs if runs else 1.0
+    first, stop, runs, n = 0, 0, 0, 0
+    for b in _bounds_of_runs(pieces):
+        lengths, n = np.diff(b), int(b[-1])
+        runs += len(lengths)
+        k = int(np.argmax(lengths)) if len(lengths) else 0
+        if len(lengths) and lengths[k] > stop - first:
+            first, stop = int(b[k]), int(b[k + 1])
+    others = (n - (stop - first)) / (runs - 1) if runs > 1 else 1.0
     return first, stop, float(others)
+
+
+def _bounds_of_runs(pieces: Sequence[Array]) -> Iterator[Array]:
+    """Yield the first rows of runs of equal values: of those that end in a piece and of the next; last, of the last.
+
+    A run may go on from one piece to the next.
+    """
+    begun, n, last = 0, 0, np.nan
+    for x in pieces:
+        starts = np.flatnonzero(np.concatenate([[bool(n) and x[0] != last], x[1:] != x[:-1]])) + n
+        yield np.concatenate([[begun], starts]).astype(np.int64)
+        begun, n, last = int(starts[-1]) if len(starts) else begun, n + len(x), x[-1]
+    yield np.array([begun, n])

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from gimbalcal.checks.column_checks import at_end_of_range
-from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, PERMUTATIONS, Correction
+from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, MIN_AGREEMENT, PERMUTATIONS, Correction
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells, moves_between_dwells
@@ -82,6 +82,18 @@ class MeasuredTurns:
     def agreeing_by_factor(self, factors: Array) -> Array:
         """Return the number of turns (k,) that end where the reference does, with all rates times each of `factors`."""
         return np.array([int(agree(self, self._of(factor))) for factor in factors.tolist()])
+
+    def fitting_factor(self, factors: Array) -> tuple[float, int] | None:
+        """Return the least of some factors (k,) of all rates at which nearly all turns end where the reference does.
+
+        Neighbouring factors that do are one, and larger ones go round once more. And how many turns do; None for none.
+        """
+        agreeing = self.agreeing_by_factor(factors)
+        fits = np.flatnonzero(agreeing >= MIN_AGREEMENT * len(self.reading))
+        if not len(fits):
+            return None
+        fits = fits[: 1 + int(np.argmax(np.append(np.diff(fits) > 1, True)))]
+        return float(np.exp(np.log(factors[fits]).mean())), int(max(agreeing[fits]))
 
     def turned(self, correction: Correction) -> Array:
         """Return C (m, 3, 3) of every turn by corrected rates."""
@@ -158,15 +170,10 @@ def down(recording: Recording) -> Array | None:
 
 def _attitude(recording: Recording) -> Array | None:
     """Return C_bp (m, 3, 3) at each rest by the gimbals."""
-    if not gimbals_read(recording):
+    if not recording.platform.axes or not recording.has(ANGLE):
         return None
     angles = recording.angles()
     return np.asarray(recording.platform.attitude(np.array([angles[d.start] for d in dwells(recording)])))
-
-
-def gimbals_read(recording: Recording) -> bool:
-    """Return whether gimbal readouts say how the unit stands."""
-    return bool(recording.platform.axes) and recording.has(ANGLE)
 
 
 def _means(time: Array, y: Array) -> tuple[Array, Array]:

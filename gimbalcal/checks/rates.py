@@ -35,7 +35,7 @@ from gimbalcal.checks.input_errors import (
     scaled,
     trials,
 )
-from gimbalcal.checks.measured_turns import MeasuredTurns, down, gimbals_read, turns_of
+from gimbalcal.checks.measured_turns import MeasuredTurns, down, turns_of
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array
@@ -71,7 +71,7 @@ def turns_between_rests(e: Examined) -> str:
     if stated >= MIN_AGREEMENT * n:
         return ""
     units = [] if e.recording.counted(RATE) else _units(e.recording)
-    ambiguous = not gimbals_read(e.recording) and turns.reference == "gravity"
+    ambiguous = not e.attitude_known and turns.reference == "gravity"
     others = range(1, len(PERMUTATIONS))
     stages: tuple[Callable[[], Iterable[tuple[Correction, int]]], ...] = (  # a correction, and the permutation after it
         lambda: (*product(units, (0,)), *product(scales, others)),
@@ -98,19 +98,14 @@ def turns_between_rests(e: Examined) -> str:
 
 def _any_factor(recording: Recording, turns: MeasuredTurns, stated: int) -> str:
     """Name any other factor of all rates: a unit that is in no list."""
-    n, far = len(turns.reading), np.abs(np.log(FACTORS)) > np.log(MAX_SCALE_ERROR)
-    agreeing = turns.agreeing_by_factor(FACTORS)
-    if np.any(agreeing[~far] >= MIN_AGREEMENT * n):
+    as_stated = FACTORS[np.abs(np.log(FACTORS)) <= np.log(MAX_SCALE_ERROR)]
+    found = turns.fitting_factor(FACTORS)
+    if found is None or turns.fitting_factor(as_stated) is not None:
         return ""
-    agreeing[~far] = 0
-    fits = np.flatnonzero(agreeing >= MIN_AGREEMENT * n)
-    if not len(fits):
-        return ""
-    fits = fits[: 1 + int(np.argmax(np.append(np.diff(fits) > 1, True)))]  # larger ones go round once more
-    factor = float(np.exp(np.log(FACTORS[fits]).mean()))
+    factor, agreeing = found
     return (
-        f"only {stated} of {n} turns between rests are by {turns.reference} what the gyroscopes say, and "
-        f"{max(agreeing[fits])} if every rate were some {factor:.2g} times what it is; correct the unit of their "
+        f"only {stated} of {len(turns.reading)} turns between rests are by {turns.reference} what the gyroscopes say, "
+        f"and {agreeing} if every rate were some {factor:.2g} times what it is; correct the unit of their "
         f"columns, {recording.units.get((RATE, 'x'), 'rad/s')!r}, or of the time"
     )
 
@@ -166,7 +161,7 @@ def earth_at_rest(e: Examined) -> str:
     if not earth.agrees(correction):
         return ""
     named = [] if by_turns else [(p, RATE)]
-    named += [] if gimbals_read(r) else [(p.inverse(), FORCE)]
+    named += [] if e.attitude_known else [(p.inverse(), FORCE)]
     south = "the latitude has the opposite sign, or " if p == REVERSED else ""
     due, stated, corrected = (
         3600 * np.degrees(x) for x in (earth.due, earth.residual(AS_STATED), earth.residual(correction))

@@ -392,15 +392,11 @@ def _physical_cost(proposal: Proposal, clock_is_open: bool) -> float:
 
 def common_factor(turns: MeasuredTurns | None) -> str:
     """Return a sentence on the factor of all rates at which the turns fit gravity; empty where there is none."""
-    if turns is None:
+    if turns is None or (found := turns.fitting_factor(FACTORS)) is None:
         return ""
-    agreeing = turns.agreeing_by_factor(FACTORS)
-    fits = np.flatnonzero(agreeing >= MIN_AGREEMENT * len(turns.reading))
-    if not len(fits):
-        return ""
-    factor = float(np.exp(np.log(FACTORS[fits]).mean()))
+    factor, agreeing = found
     return (
-        f"{max(agreeing)} of {len(turns.reading)} turns between rests fit gravity at {factor:.3g} times their rate, so "
+        f"{agreeing} of {len(turns.reading)} turns between rests fit gravity at {factor:.3g} times their rate, so "
         f"the gyroscopes read {1 / factor:.2f} of what turned, all alike, as where the range is another than the "
         "one that was read; the calibration finds it as a scale error"
     )
