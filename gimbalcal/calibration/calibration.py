@@ -15,7 +15,15 @@ import numpy as np
 
 from gimbalcal.atomic import write_json
 from gimbalcal.calibration.arrays import FrameT, correct_arrays, correct_frame
-from gimbalcal.calibration.content_checks import refuse_misfit, refuse_mount, refuse_other_definitions, refuse_unsound
+from gimbalcal.calibration.content_checks import (
+    CalibrationFile,
+    HistoryRow,
+    StageRow,
+    refuse_misfit,
+    refuse_mount,
+    refuse_other_definitions,
+    refuse_unsound,
+)
 from gimbalcal.calibration.correction import correct, corrupt, extrapolations
 from gimbalcal.calibration.matrices import TriadCorrection, corrections
 from gimbalcal.calibration.provenance import Provenance
@@ -23,7 +31,7 @@ from gimbalcal.calibration.readout import Readout, from_content
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import stated_law
-from gimbalcal.entries import Entry, Json, entry_from, plain, read_json
+from gimbalcal.entries import Json, entry_from, plain, read_json
 from gimbalcal.errors import InputError
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
@@ -99,64 +107,6 @@ class StageResult:
 
 SENSOR_AXES = ("misalignment", "gyro_misalignment")
 """Effects, and names, of the misalignments of input axes."""
-
-
-@dataclass(frozen=True)
-class HistoryRow(Entry):
-    """The history of a stage in calibration.json: a list over time for each label."""
-
-    time_s: list[float]
-    values: dict[str, list[float]]
-    sigmas: dict[str, list[float]]
-
-
-@dataclass(frozen=True)
-class StageRow(Entry):
-    """A stage in calibration.json; a number that is not finite is null."""
-
-    name: str
-    values: dict[str, float | None]
-    sigmas: dict[str, float | None]
-    rms: float | None
-    in_words: str
-    history: HistoryRow | None = None
-
-
-@dataclass(frozen=True)
-class ParameterRow(Entry):
-    """A parameter in calibration.json; `refuse_unsound` checks its numbers."""
-
-    name: str
-    axis: str
-    value: Any
-    sigma: Any
-    unit: str
-    effect: str | None = None
-    covariate: str = ""
-
-
-@dataclass(frozen=True)
-class ResidualRow(Entry):
-    """The residual in calibration.json; `refuse_misfit` checks its numbers."""
-
-    chi2: Any
-    dof: Any
-    rms: dict[str, Any]
-    navigation: Json | None = None
-
-
-@dataclass(frozen=True)
-class CalibrationFile(Entry):
-    """Keys of calibration.json and their types; provenance and readout are read by their own modules."""
-
-    method: str
-    outcome: str
-    parameters: tuple[ParameterRow, ...]
-    covariance: Any
-    unobservable: tuple[Unobservable, ...]
-    residual: ResidualRow
-    provenance: dict[str, Any]
-    stages: tuple[StageRow, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -413,54 +363,52 @@ def from_dict(content: object, gimbals: Sequence[str] = ()) -> Calibration:
     version = content.get("format") if isinstance(content, dict) else None
     if not isinstance(content, dict) or version != FORMAT:
         raise InputError(f"calibration has format {version!r}, this version reads format {FORMAT}")
-    entry_from(CalibrationFile, content, "")
-    readout = from_content(content)
-    rows = content["parameters"]
-    gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r["name"], r["axis"]) for r in rows])
+    file = entry_from(CalibrationFile, content, "")
+    readout, rows = from_content(content), file.parameters
+    gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r.name, r.axis) for r in rows])
     known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
-    missing = [f"{r['name']}:{r['axis']}" for r in rows if (r["name"], r["axis"]) not in known]
-    origin = Provenance.read(content["provenance"])
+    missing = [f"{r.name}:{r.axis}" for r in rows if (r.name, r.axis) not in known]
+    origin = Provenance.read(file.provenance)
     if origin.mount:
         refuse_mount(origin.mount)
-    refuse_other_definitions([r["effect"] for r in rows if "effect" in r], origin.effects or ())
+    refuse_other_definitions([r.effect for r in rows if r.effect is not None], origin.effects or ())
     if missing:
         raise InputError(f"the calibration has parameters that this version does not know: {', '.join(missing)}")
-    chosen = tuple(known[r["name"], r["axis"]] for r in rows)
-    refuse_unsound(rows, chosen, content["covariance"])
-    residual = content["residual"]
-    refuse_misfit(residual)
-    x = np.array([to_si(r["value"], r["unit"]) for r in rows], dtype=float)
-    stages = tuple(_stage(s) for s in content.get("stages", []))
-    covariates = {r["effect"]: r["covariate"] for r in rows if r.get("covariate")}
+    chosen = tuple(known[r.name, r.axis] for r in rows)
+    refuse_unsound(rows, chosen, file.covariance)
+    refuse_misfit(file.residual)
+    x = np.array([to_si(r.value, r.unit) for r in rows], dtype=float)
+    covariates = {r.effect: r.covariate for r in rows if r.covariate}
     effects = with_values((), chosen, x, gimbals)
     return Calibration(
-        method=content["method"],
+        method=file.method,
         effects=tuple(
             replace(e, covariate=covariates[e.id]) if e.id in covariates else e  # type: ignore[call-arg]
             for e in effects
         ),
         parameters=chosen,
-        covariance=np.array(content["covariance"], dtype=float),
-        unobservable=entry_from(tuple[Unobservable, ...], content["unobservable"], "unobservable"),
-        residual=Residual(residual["chi2"], residual["dof"], residual["rms"], residual.get("navigation", {})),
-        outcome=content["outcome"],
+        covariance=np.array(file.covariance, dtype=float),
+        unobservable=file.unobservable,
+        residual=Residual(file.residual.chi2, file.residual.dof, file.residual.rms, file.residual.navigation or {}),
+        outcome=file.outcome,
         provenance=origin,
-        stages=stages,
+        stages=tuple(map(_stage, file.stages)),
         readout=readout,
     )
 
 
-def _stage(s: Json) -> StageResult:
-    if s["values"].keys() != s["sigmas"].keys():
-        raise InputError(f"stages / {s['name']}: there must be a sigma for each of its values, by the same names")
-    estimates, sigmas = (np.array([*s[key].values()], dtype=float) for key in ("values", "sigmas"))
-    history = _history(s["history"], tuple(s["values"])) if "history" in s else None
-    return StageResult(s["name"], tuple(s["values"]), estimates, sigmas, s["rms"], s["in_words"], history)
+def _stage(s: StageRow) -> StageResult:
+    if s.values.keys() != s.sigmas.keys():
+        raise InputError(f"stages / {s.name}: there must be a sigma for each of its values, by the same names")
+    estimates, sigmas = (np.array([*x.values()], dtype=float) for x in (s.values, s.sigmas))
+    history = _history(s.history, tuple(s.values)) if s.history else None
+    rms = math.nan if s.rms is None else s.rms
+    return StageResult(s.name, tuple(s.values), estimates, sigmas, rms, s.in_words, history)
 
 
-def _history(content: Json, labels: tuple[str, ...]) -> StageHistory:
-    time = np.array(content["time_s"], dtype=float)
-    lists = [content[key].get(label, []) for key in ("values", "sigmas") for label in labels]
+def _history(row: HistoryRow, labels: tuple[str, ...]) -> StageHistory:
+    time = np.array(row.time_s, dtype=float)
+    lists = [by_label.get(label, []) for by_label in (row.values, row.sigmas) for label in labels]
     if any(len(x) != len(time) for x in lists):
         raise InputError("stages / history: each of its lists must have a number for each of time_s")
     both = np.array(lists, dtype=float).T

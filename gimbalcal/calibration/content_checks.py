@@ -1,4 +1,4 @@
-"""Check the content of a calibration.json before its numbers are used.
+"""The content of a calibration.json: its keys with their types, and checks of its numbers before they are used.
 
 A file that was edited by hand, truncated, or written by another program is refused, and the message names the place of
 the fault: it would otherwise correct recordings silently with a wrong unit or an impossible variance.
@@ -7,6 +7,7 @@ the fault: it would otherwise correct recordings silently with a wrong unit or a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
@@ -15,8 +16,9 @@ import numpy as np
 from gimbalcal.calibration.provenance import MountAxes
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.loading import EffectFile, outside
-from gimbalcal.entries import Json
+from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError, shortened
+from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
 
@@ -28,7 +30,66 @@ CORRELATION_TOLERANCE = 1e-6  # of a correlation matrix: symmetry, and how negat
 SHA_DIGITS = 12  # of a SHA-256 in a message
 
 
-def refuse_unsound(rows: Sequence[Json], known: Sequence[Parameter], covariance: Any) -> None:
+@dataclass(frozen=True)
+class HistoryRow(Entry):
+    """The history of a stage in calibration.json: a list over time for each label."""
+
+    time_s: list[float]
+    values: dict[str, list[float]]
+    sigmas: dict[str, list[float]]
+
+
+@dataclass(frozen=True)
+class StageRow(Entry):
+    """A stage in calibration.json; a number that is not finite is null."""
+
+    name: str
+    values: dict[str, float | None]
+    sigmas: dict[str, float | None]
+    rms: float | None
+    in_words: str
+    history: HistoryRow | None = None
+
+
+@dataclass(frozen=True)
+class ParameterRow(Entry):
+    """A parameter in calibration.json; `refuse_unsound` checks its numbers."""
+
+    name: str
+    axis: str
+    value: Any
+    sigma: Any
+    unit: str
+    prior_sigma: Any = None
+    effect: str | None = None
+    covariate: str = ""
+
+
+@dataclass(frozen=True)
+class ResidualRow(Entry):
+    """The residual in calibration.json; `refuse_misfit` checks its numbers."""
+
+    chi2: Any
+    dof: Any
+    rms: dict[str, Any]
+    navigation: Json | None = None
+
+
+@dataclass(frozen=True)
+class CalibrationFile(Entry):
+    """Keys of calibration.json and their types; provenance and readout are read by their own modules."""
+
+    method: str
+    outcome: str
+    parameters: tuple[ParameterRow, ...]
+    covariance: Any
+    unobservable: tuple[Unobservable, ...]
+    residual: ResidualRow
+    provenance: dict[str, Any]
+    stages: tuple[StageRow, ...] = ()
+
+
+def refuse_unsound(rows: Sequence[ParameterRow], known: Sequence[Parameter], covariance: Any) -> None:
     """Raise InputError where parameters or covariance [SI] cannot be those of a calibration.
 
     known: the parameter that each row names.
@@ -38,30 +99,28 @@ def refuse_unsound(rows: Sequence[Json], known: Sequence[Parameter], covariance:
         if p.label in row_of:
             raise InputError(f"parameters {row_of[p.label]} and {i} are both {p.label}; keep one of them")
         row_of[p.label] = i
-        unit = row["unit"]
-        if parse(str(unit)).dimension != parse(p.unit).dimension:
+        unit = row.unit
+        if parse(unit).dimension != parse(p.unit).dimension:
             raise InputError(
                 f"parameter {i}, {p.label}, is in {unit!r}, which is not a unit of it; give it in {p.unit}"
             )
-        for name in ("value", "sigma"):
-            if not _finite(row[name]):
+        for name, number in (("value", row.value), ("sigma", row.sigma)):
+            if not _finite(number):
                 raise InputError(
-                    f"parameter {i}, {p.label}: its {name} must be a finite number, got {shortened(repr(row[name]))}"
+                    f"parameter {i}, {p.label}: its {name} must be a finite number, got {shortened(repr(number))}"
                 )
-        if row["sigma"] < 0:
-            raise InputError(f"parameter {i}, {p.label}: its sigma is negative, {row['sigma']:g} {unit}")
-        if abs(float(to_si(float(row["value"]), str(unit)))) > MAX_VALUE * p.sigma:
-            raise InputError(
-                f"parameter {i}, {p.label}: {float(row['value']):g} {unit} is beyond anything that is built"
-            )
-        prior = row.get("prior_sigma")
+        if row.sigma < 0:
+            raise InputError(f"parameter {i}, {p.label}: its sigma is negative, {row.sigma:g} {unit}")
+        if abs(float(to_si(float(row.value), unit))) > MAX_VALUE * p.sigma:
+            raise InputError(f"parameter {i}, {p.label}: {float(row.value):g} {unit} is beyond anything that is built")
+        prior = row.prior_sigma
         if prior is not None and not (_finite(prior) and prior > 0):
             raise InputError(
                 f"parameter {i}, {p.label}: its prior_sigma must be above zero, got {shortened(repr(prior))}"
             )
-        if row.get("effect", p.effect) != p.effect:
+        if row.effect not in (None, p.effect):
             raise InputError(
-                f"parameter {i}, {p.label}, is of the effect {p.effect}, not of {shortened(repr(row['effect']))}"
+                f"parameter {i}, {p.label}, is of the effect {p.effect}, not of {shortened(repr(row.effect))}"
             )
     _refuse_covariance(rows, known, covariance)
 
@@ -76,9 +135,9 @@ def _finite(number: Any) -> bool:
         return False
 
 
-def refuse_misfit(residual: Json) -> None:
+def refuse_misfit(residual: ResidualRow) -> None:
     """Raise InputError where the residual of a calibration.json has a number that is not zero or more."""
-    named = {"chi2": residual["chi2"], "dof": residual["dof"], **residual["rms"]}
+    named = {"chi2": residual.chi2, "dof": residual.dof, **residual.rms}
     for name, number in named.items():
         if not (_finite(number) and 0 <= number < MAX_NUMBER):
             raise InputError(
@@ -140,7 +199,7 @@ def not_finite(title: str, name: str) -> InputError:
     )
 
 
-def _refuse_covariance(rows: Sequence[Json], known: Sequence[Parameter], covariance: Any) -> None:
+def _refuse_covariance(rows: Sequence[ParameterRow], known: Sequence[Parameter], covariance: Any) -> None:
     n = len(rows)
     try:
         P: Array = np.array(covariance, dtype=float).reshape((n, n) if np.size(covariance) == n * n else (-1,))
@@ -154,10 +213,10 @@ def _refuse_covariance(rows: Sequence[Json], known: Sequence[Parameter], covaria
     for p, variance, row in zip(known, np.diag(P), rows, strict=True):
         if variance < 0:
             raise InputError(f"the variance of {p.label} is negative, {variance:.3g}")
-        sigma_of = float(from_si(float(np.sqrt(variance)), row["unit"]))
-        if abs(sigma_of - row["sigma"]) > SIGMA_TOLERANCE * max(sigma_of, row["sigma"]):
+        sigma_of = float(from_si(float(np.sqrt(variance)), row.unit))
+        if abs(sigma_of - row.sigma) > SIGMA_TOLERANCE * max(sigma_of, row.sigma):
             raise InputError(
-                f"the sigma of {p.label} is {row['sigma']:.4g} {row['unit']} and the covariance gives {sigma_of:.4g}; "
+                f"the sigma of {p.label} is {row.sigma:.4g} {row.unit} and the covariance gives {sigma_of:.4g}; "
                 "correct the one that was changed"
             )
     sigma = np.sqrt(np.diag(P))
