@@ -24,6 +24,7 @@ import numpy as np
 
 from gimbalcal.design.position_observability import STATIC_SENSORS, information_at_rest
 from gimbalcal.design.rig_positions import rows_at_rest, stepped_rig
+from gimbalcal.design.turning import bound
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import HOUR
 from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, known_effect, parameters
@@ -341,8 +342,8 @@ class _Bench:
         if temperatures := self._temperature():
             plan = plan.with_channels({k: np.full(len(plan.time), v) for k, v in temperatures.items()})
         s = stimulus_from_angles(plan) if self.known else self.stimulus(plan)
-        F = np.eye(len(self.wanted)) + _squared(self.rows(s, np.full(len(plan.time), self.weight), self.like))
-        return np.sqrt(np.diag(np.linalg.inv(F))) * np.array([p.sigma for p in self.wanted])
+        rows = self.rows(s, np.full(len(plan.time), self.weight), self.like).reshape(-1, len(self.wanted))
+        return bound(rows) * np.array([p.sigma for p in self.wanted])
 
     def rows_of_run(self, *parts: Recording) -> Array:
         """Return the rows (q, p) of a static run, in one part or several, about these parameters.

@@ -21,6 +21,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.guess import date_formats
 from gimbalcal.guess.column_names import by_name, is_unit, plain, unit_written
 from gimbalcal.guess.message_log import tables_in
+from gimbalcal.importers.pointing_files import sexagesimal
 from gimbalcal.importers.text_file import encoding_of, frame_of
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
@@ -261,8 +262,8 @@ def _in_first_unit(cell: str | None) -> float:
     """Return a sexagesimal cell in its first unit: ``"-00:30:36"`` is -0.51, the sign belongs to the whole."""
     if cell is None or not SEXAGESIMAL.fullmatch(cell):
         return np.nan
-    parts = [float(part) for part in re.findall(r"\d+\.?\d*", cell.replace(",", "."))]
-    return (-1.0 if cell.lstrip().startswith("-") else 1.0) * sum(x / 60**i for i, x in enumerate(parts[:3]))
+    first, *others = re.findall(r"\d+\.?\d*", cell.replace(",", "."))[:3]
+    return sexagesimal(["-" * cell.lstrip().startswith("-") + first, *others])
 
 
 def _layout(head: Sequence[str]) -> TableLayout | None:

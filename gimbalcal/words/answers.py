@@ -103,8 +103,7 @@ def turning_answer(o: TurningObservability) -> str:
     if unseen:
         text += f" {capitalised(counted(unseen, 'combination'))} cannot be observed: turn about another axis, too."
     if low:
-        text += f" Hardly better known than before: {', '.join(low[:MAX_STATES])}"
-        text += f" and {len(low) - MAX_STATES} more." if len(low) > MAX_STATES else "."
+        text += f" Hardly better known than before: {listed(low, MAX_STATES)}."
     return text if unseen or low else f"{text} Next: record it, then `gimbalcal calibrate` the recording."
 
 
@@ -134,11 +133,10 @@ def _goal(plan: NextPlan) -> str:
         short = [f"{p.name} {p.axis}".strip() for p in plan.not_reached]
         if not short:
             return f"All {counted(len(plan.parameters), 'parameter')} reach the σ that was asked for."
-        named = listed([spaced(name) for name in short[:MAX_NAMED]])
-        more = f" and {len(short) - MAX_NAMED} more" if len(short) > MAX_NAMED else ""
+        named = listed([spaced(name) for name in short], MAX_NAMED)
         verb = "has" if len(short) == 1 else "have"
         total = amount(len(plan.parameters), "parameter")
-        return f"{len(short)} of {total} {verb} not reached the σ that was asked for: {named}{more}."
+        return f"{len(short)} of {total} {verb} not reached the σ that was asked for: {named}."
     if plan.separation is None:
         return ""
     verb = "separate" if len(plan.separate) > 1 else "show"
@@ -218,9 +216,7 @@ def _max_mean_sigmas(parameters: int) -> float:
 
 
 def _names(rows: Sequence[ParameterErrors]) -> str:
-    names = [label_in_words(r.parameter) for r in rows[:MAX_NAMED]]
-    more = len(rows) - MAX_NAMED
-    return listed([*names, f"{more} more"] if more > 0 else names)
+    return listed([label_in_words(r.parameter) for r in rows], MAX_NAMED)
 
 
 def _reasons(c: CampaignSummary) -> str:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 Fit = Literal["fits", "misfit", "overstated", "reserved"]
 MIN_P_VALUE = 1e-3  # below it an excess is not attributed to chance
 MAX_RELATIVE_EXCESS = 0.1  # of residuals over the noise or errors over sigma; less changes no decision
+MAX_NAMED = 4  # parameters that are not determined, of which a sentence gives the names
 MIN_EXCESS_SCATTER = 1.5  # of positions over the noise of their means, from which on it is reported
 
 
@@ -85,8 +86,7 @@ def _determined(c: Calibration) -> str:
     parameters, confounded = c.parameters, _confounded(c)
     if not c.null_directions:
         return f"All {counted(len(parameters), 'parameter')} are determined."
-    more = [f"{len(confounded) - 4} more"] if len(confounded) > 4 else []
-    names = listed([*map(label_in_words, confounded[:4]), *more])
+    names = listed([*map(label_in_words, confounded)], MAX_NAMED)
     separately = " separately" if len(confounded) > 1 else ""
     determined = f"{len(parameters) - len(confounded)} of {len(parameters)} parameters are determined"
     return f"{determined}; these data do not determine {names}{separately} (the report gives the reason)."

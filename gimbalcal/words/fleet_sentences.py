@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gimbalcal.errors import amount
@@ -29,14 +28,14 @@ def fleet_in_words(f: FleetSummary) -> str:
         first = f.outside[0]
         are = "is" if len(outside) == 1 else "are"
         text += (
-            f" {_few(outside)} {are} outside the distribution of the others, most clearly "
+            f" {listed(outside, MAX_NAMED)} {are} outside the distribution of the others, most clearly "
             f"{named(first.name, first.axis)} of {first.unit}."
         )
     else:
         text += " No unit is outside the distribution of the others."
     drifting = [named(p.name, p.axis) for p in f.parameters if p.drifts]
     if drifting:
-        text += f" {capitalised(_few(drifting))} changed with the date of the units."
+        text += f" {capitalised(listed(drifting, MAX_NAMED))} changed with the date of the units."
     return text + _next_step(f)
 
 
@@ -46,12 +45,6 @@ def prior_in_words(f: FleetSummary) -> str:
         return ""
     prior = f"The fleet that was the prior of {amount(f.with_prior, 'calibration')} is taken out here"
     return f"{prior}: these are the estimates of the units' own data."
-
-
-def _few(names: Sequence[str]) -> str:
-    """Return the first of some names in a list, and how many others there are."""
-    others = len(names) - MAX_NAMED
-    return listed([*names[:MAX_NAMED], f"{others} more"] if others > 0 else names)
 
 
 def _next_step(f: FleetSummary) -> str:

@@ -80,12 +80,13 @@ def counted(n: int, noun: str, plural: str = "") -> str:
     return f"{number} {noun if n == 1 else plural or noun + 's'}"
 
 
-def listed(items: Sequence[str]) -> str:
-    """Return items as a list in a sentence.
+def listed(items: Sequence[str], most: int = 0) -> str:
+    """Return items as a list in a sentence; of more than `most`, if that is given, the first and how many others.
 
-    >>> listed(["a", "b", "c"])
-    'a, b and c'
+    >>> listed(["a", "b", "c"]), listed(["a", "b", "c", "d"], 2)
+    ('a, b and c', 'a, b and 2 more')
     """
+    items = [*items[:most], f"{len(items) - most} more"] if 0 < most < len(items) else items
     return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
 
 
