@@ -24,7 +24,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[1]
+from tests.paths import ROOT
+
 PYTHONS = ("3.11", "3.12", "3.13")
 SUITE = ("tests/test_api.py", "tests/test_linearise.py", "tests/test_effects_contract.py", "tests/cli")
 FOR_TESTS = ("pytest", "hypothesis", "jsonschema")

@@ -24,9 +24,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
 from tests.golden import golden_text, refused
 from tests.guess.test_proposal import turned
-
-DATA = Path(__file__).resolve().parents[1] / "data"
-XSENS = DATA / "xsens_positions"
+from tests.paths import CONCEALED, DATA, DEVICE, STATIC, XSENS
 
 
 def test_calibrate_is_the_command(command, capsys):
@@ -60,7 +58,7 @@ def test_a_calibration_shows_itself():
 
 
 def test_arrays_are_corrected_as_a_recording_is():
-    r = gimbalcal.read(DATA / "space_stable_18")
+    r = gimbalcal.read(DEVICE)
     made = gimbalcal.calibrate(r)
     assert made.method == "three-stage"
     sensors = gimbalcal.Calibration(
@@ -122,7 +120,7 @@ def test_arrays_of_a_unit_that_counts():
 
 
 def test_diagnose_is_a_function_and_a_package():
-    found = gimbalcal.diagnose(DATA / "space_stable_concealed")
+    found = gimbalcal.diagnose(CONCEALED)
     assert found.verdict == "missing-physics"
     told = str(found).splitlines()
     assert "Next: use the calibration.json" in str(found)
@@ -180,7 +178,7 @@ def test_recordings_and_results_print_themselves_and_calibrations_are_read_again
         gimbalcal.calibrate(tmp_path / "log.csv")
     with refused():
         made.apply(np.zeros((3, 3)))
-    found = gimbalcal.diagnose(DATA / "space_stable_concealed")
+    found = gimbalcal.diagnose(CONCEALED)
     found.write(str(tmp_path / "diagnosis.json"))
     assert json.loads((tmp_path / "diagnosis.json").read_text()) == found.to_dict()
     r.write(str(tmp_path / "again"))
@@ -272,14 +270,14 @@ def test_a_clock_of_dates_corrects_a_frame_as_a_clock_of_seconds_does():
 
 
 def test_one_name_or_file_is_a_sequence_of_it(tmp_path):
-    device = gimbalcal.read(DATA / "space_stable_18")
+    device = gimbalcal.read(DEVICE)
     one = gimbalcal.next_step(device, separate="cubic_nonlinearity:z", most=1)
     assert one.separate == ("cubic_nonlinearity:z",)
     named, given = (gimbalcal.next_step(device, reach=x, most=1).target for x in ("wu2018-18", EIGHTEEN_POSITIONS))
     np.testing.assert_array_equal(named, given)
     missing = str(tmp_path / "cal.json")
     with pytest.raises(InputError, match="cal"):
-        gimbalcal.navigate(DATA / "space_stable_static", missing)
+        gimbalcal.navigate(STATIC, missing)
 
 
 def test_tables_are_frames_of_polars_or_of_pandas(monkeypatch):
@@ -298,7 +296,7 @@ def test_plans_noise_and_navigation_are_functions_and_show_themselves():
     """In a notebook: the text of the console and a drawing."""
     simulated, truth = gimbalcal.simulate("demo", seed=3)
     assert {e.id for e in truth} >= {"bias", "scale_factor"}
-    static = DATA / "space_stable_static"
+    static = STATIC
     made = gimbalcal.calibrate([simulated])
     navigation = gimbalcal.navigate(static, {"mine": made}, samples=2)
     assert [p.calibration for p in navigation.position] == ["none", "mine"]
@@ -320,7 +318,7 @@ def test_plans_noise_and_navigation_are_functions_and_show_themselves():
         turns,
         noise,
         following,
-        gimbalcal.diagnose(DATA / "space_stable_concealed"),
+        gimbalcal.diagnose(CONCEALED),
     )
     for result in shown:
         page = result._repr_html_()

@@ -14,8 +14,9 @@ import pytest
 from gimbalcal.cli import gimbalcal
 from gimbalcal.report.chart import BLUE, Chart, Points
 from tests.golden import same
+from tests.paths import DEVICE, ROOT, XSENS
 
-DOCS = Path(__file__).parents[1] / "docs"
+DOCS = ROOT / "docs"
 
 
 def test_the_page_of_effects_is_that_of_the_catalogue():
@@ -112,14 +113,13 @@ def test_unknown_names_are_reported():
     assert unknown_names(page) == ["gimbalcal calibrat", "calibrate --metod", "--nothing", "tests.no", "docs/no.md"]
 
 
-DATA = DOCS.parent / "data"
 WRITTEN = {
     "observability": [["observe", "wu2018-18"], ["observe", "wei2022-30", "--states", "30"]],
-    "calibration": [["calibrate", str(DATA / "xsens_positions")]],
-    "diagnosis": [["diagnose", str(DATA / "xsens_positions")]],
+    "calibration": [["calibrate", str(XSENS)]],
+    "diagnosis": [["diagnose", str(XSENS)]],
     "budget": [["budget", "wu2018-18", "--hours", "6"]],
     "truth": [["simulate", "demo"]],
-    "next": [["next", str(DATA / "xsens_positions")], ["next", str(DATA / "space_stable_18"), "--reach", "wu2018-18"]],
+    "next": [["next", str(XSENS)], ["next", str(DEVICE), "--reach", "wu2018-18"]],
     "campaign": [["campaign", "demo", "-n", "2", "--workers", "1"]],
 }
 

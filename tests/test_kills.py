@@ -2,14 +2,15 @@
 
 import subprocess
 import sys
-from pathlib import Path
+
+from tests.paths import ROOT
 
 
 def test_twenty_kills_tear_nothing_and_leave_nothing():
     """In a process of its own, which forks."""
     run = subprocess.run(
         [sys.executable, "-m", "tests.fuzzing.kills", "-n", "20", "calibrate", "new", "apply", "calibrate --store"],
-        cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False,
+        cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     assert run.stdout.startswith("20 kills")

@@ -1,13 +1,12 @@
 """Every notebook runs from its first cell to its last, as a reader would run it."""
 
-from pathlib import Path
-
 import jupytext
 import matplotlib.pyplot as plt
 import pytest
 from IPython.core.interactiveshell import InteractiveShell
 
-ROOT = Path(__file__).resolve().parent.parent
+from tests.paths import ROOT
+
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.py"))
 
 

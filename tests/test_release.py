@@ -12,9 +12,9 @@ import yaml
 import gimbalcal
 from gimbalcal.cli import gimbalcal as program
 from gimbalcal.diagnose import Diagnosis
+from tests.paths import DATA, ROOT
 from tests.release import differences, oldest
 
-ROOT = Path(__file__).parents[1]
 STABILITY = (ROOT / "docs" / "stability.md").read_text(encoding="utf-8")
 
 
@@ -62,7 +62,7 @@ def test_every_file_has_a_licence_whose_text_is_here():
     assert shipped == set(declared["license"].split(" AND "))
     for file in declared["license-files"]:
         assert "Copyright" in (ROOT / file).read_text(encoding="utf-8")
-    table = (ROOT / "data" / "README.md").read_text(encoding="utf-8")
+    table = (DATA / "README.md").read_text(encoding="utf-8")
     folders = {p.parts[1] for p in map(Path, tracked) if p.parts[0] == "data" and len(p.parts) > 2}
     rows = {m[1]: m[2] for m in re.finditer(r"^\| `(\w+)` \|.*\| ([^|]+) \|$", table, re.MULTILINE)}
     assert set(rows) == folders

@@ -1,7 +1,5 @@
 """One set of rows and four ways to them agree: fit of positions, static run, diagnosis, forward model."""
 
-from pathlib import Path
-
 import numpy as np
 
 from gimbalcal.estimate.static_run.system import static_readings
@@ -11,8 +9,8 @@ from gimbalcal.pipeline import load
 from gimbalcal.recording import dwell_means
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.views.positions import Noise, by_visit, view_of_positions
+from tests.paths import DEVICE, STATIC
 
-DATA = Path(__file__).parents[1] / "data"
 ROUNDING = 1e-12  # of the largest: products of the same numbers in another order
 
 
@@ -21,7 +19,7 @@ def same(one, other):
 
 
 def test_positions():
-    (recording,) = load([DATA / "space_stable_18"])
+    (recording,) = load([DEVICE])
     means = dwell_means(recording)
     o = fit_baseline(view_at_known_attitude(means), steps=0)
     view = view_of_positions(means, Noise(1e-4, 5e-6), [q.effect for q in o.parameters])
@@ -36,7 +34,7 @@ def test_positions():
 
 
 def test_static_run():
-    (recording,) = load([DATA / "space_stable_static"])
+    (recording,) = load([STATIC])
     run = static_readings(recording)
     o = fit_baseline(view_at_known_attitude(recording), steps=0)
     scale = np.array([q.sigma for q in o.parameters])

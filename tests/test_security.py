@@ -4,7 +4,6 @@ import contextlib
 import json
 import shutil
 import zipfile
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -18,8 +17,8 @@ from gimbalcal.importers import import_files
 from gimbalcal.importers.sandboxed_reader import matlab_variables
 from gimbalcal.pipeline import load
 from gimbalcal.recording import memory_limit
+from tests.paths import DEVICE, XSENS
 
-DATA = Path(__file__).resolve().parent.parent / "data"
 HEADER = """
 format = 1
 kind = "multi-position"
@@ -110,7 +109,7 @@ def test_archives_and_parquet_that_unpack_to_gigabytes(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"would take 0\.006 GB"):
         propose([tmp_path / "bomb.npz"])
     folder = tmp_path / "r"
-    shutil.copytree(DATA / "space_stable_18", folder)
+    shutil.copytree(DEVICE, folder)
     header = folder / "recording.toml"
     header.write_text(header.read_text().replace("samples.csv", "samples.parquet"))
     few = pl.read_csv(folder / "samples.csv").head(1)
@@ -135,7 +134,7 @@ def test_a_matlab_file_that_crashes_its_reader_harms_nobody(tmp_path):
 
 def test_a_title_is_no_code(command, tmp_path):
     folder = tmp_path / "r"
-    shutil.copytree(DATA / "xsens_positions", folder)
+    shutil.copytree(XSENS, folder)
     header = folder / "recording.toml"
     odd = "<script>alert(1)</script> $x^$ \\\\frac{ & 'quoted'"
     header.write_text(header.read_text().replace("Xsens MTi, turned by hand", odd))

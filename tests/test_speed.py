@@ -3,13 +3,11 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from tests.benchmarks.bench_gate import OTHER_MACHINE
-
-ROOT = Path(__file__).parents[1]
+from tests.paths import ROOT
 
 
 def test_no_ratio_to_a_peer_is_worse_by_a_fifth():

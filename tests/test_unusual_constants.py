@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,20 +18,20 @@ from gimbalcal.methods import calibrate
 from gimbalcal.recording import read, write
 from gimbalcal.unusual_constants import beyond_grade, corrections, largest_usual, with_question
 from tests.golden import golden_text
+from tests.paths import DEVICE, STATIC, XSENS
 
 HOUR = 3600.0
-DATA = Path(__file__).resolve().parent.parent / "data"
 
 
 @pytest.fixture(scope="module")
 def device():
-    r = read(DATA / "space_stable_18")
+    r = read(DEVICE)
     return r.select(np.arange(len(r.time)) % 10 == 0)
 
 
 @pytest.fixture(scope="module")
 def run():
-    return read(DATA / "space_stable_static")
+    return read(STATIC)
 
 
 def limit(grade, lasted=HOUR):
@@ -66,7 +65,7 @@ def test_a_sound_unit_is_not_asked_about(device, method):
 
 
 def test_a_real_unit_is_not_asked_about():
-    assert calibrate([DATA / "xsens_positions"])[0].outcome == ""
+    assert calibrate([XSENS])[0].outcome == ""
 
 
 def test_the_zero_of_gyroscopes_that_count_is_no_question():
@@ -74,7 +73,7 @@ def test_the_zero_of_gyroscopes_that_count_is_no_question():
     p = next(p for p in parameters(CATALOGUE["gyro_bias"]) if p.axis == "x")
     bias, cov = with_values((), (p,), np.array([7.0])), np.array([[1e-12]])
     unit = Graded(GRADES["tactical"], "")
-    r = read(DATA / "xsens_positions")
+    r = read(XSENS)
 
     def never(_):
         raise InputError("no slip")

@@ -5,9 +5,7 @@ from pathlib import Path
 import polars as pl
 
 from tests.bad_input.spoil import (
-    DEVICE,
     GIMBALS,
-    STATIC,
     Change,
     both,
     data,
@@ -19,6 +17,7 @@ from tests.bad_input.spoil import (
     unit,
     without,
 )
+from tests.paths import DEVICE, STATIC
 
 FILES: dict[str, tuple[Path, Change]] = {
     "empty file": (DEVICE, data(lambda _: b"")),

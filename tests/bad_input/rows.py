@@ -5,10 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from tests.bad_input.spoil import (
-    DEVICE,
     FORCE,
     GIMBALS,
-    STATIC,
     TURN,
     Change,
     G,
@@ -21,6 +19,7 @@ from tests.bad_input.spoil import (
     swapped,
     times,
 )
+from tests.paths import DEVICE, STATIC
 
 RUN_GIMBALS = ("platform", "middle", "outer")
 ATTITUDE = ("roll", "pitch", "yaw")

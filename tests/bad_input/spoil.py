@@ -10,8 +10,6 @@ import polars as pl
 
 from gimbalcal.number import Array
 
-DATA = Path(__file__).resolve().parents[2] / "data"
-DEVICE, STATIC = DATA / "space_stable_18", DATA / "space_stable_static"
 FORCE = ("accel_x", "accel_y", "accel_z")
 GIMBALS = ("platform", "inner", "middle")
 TURN = np.pi / 180

@@ -8,8 +8,9 @@ import time
 
 import pytest
 
-from tests.bad_input.spoil import DEVICE, STATIC, cell, copy
+from tests.bad_input.spoil import cell, copy
 from tests.golden import golden_text
+from tests.paths import DEVICE, STATIC
 
 
 def test_unknown_terms_are_refused_with_the_known_ones(run, tmp_path):

@@ -26,9 +26,8 @@ from gimbalcal.simulate.scenario import check_content
 from gimbalcal.simulate.turned import schedule_of
 from tests.fuzzing import seeds
 from tests.history.calibrations import calibration
+from tests.paths import DEVICE, ROOT
 
-DATA = Path(__file__).resolve().parents[2] / "data"
-DEVICE = DATA / "space_stable_18"
 SCHEDULE = '[platform]\nname = "space-stable"\n[schedule]\n'
 TURNS = 'kind = "rotation"\nmoves = [{ axis = "z", angle = { value = 90, unit = "deg" } }]\n'
 Command = Callable[..., int]
@@ -245,7 +244,7 @@ def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path, monkeypatch
     own = Path(".made-12345678")  # of the same pattern, with a file that nobody here wrote
     own.mkdir()
     (own / "mine").touch()
-    environment = {**os.environ, "PYTHONPATH": str(DATA.parent)}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     for _ in range(2):
         subprocess.run([sys.executable, "-c", KILLED], check=False, env=environment)
         assert len(list(tmp_path.iterdir())) > 1

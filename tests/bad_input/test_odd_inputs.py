@@ -9,7 +9,6 @@ import pytest
 
 from gimbalcal.methods import calibrate
 from tests.bad_input.spoil import (
-    DEVICE,
     FORCE,
     GIMBALS,
     TURN,
@@ -34,6 +33,7 @@ from tests.bad_input.spoil import (
     without,
 )
 from tests.golden import golden_text
+from tests.paths import DEVICE
 
 
 def backwards(held, at):

@@ -11,7 +11,7 @@ from gimbalcal.effects import values
 from gimbalcal.methods import calibrate
 from gimbalcal.pipeline import load
 from gimbalcal.recording import dwells, read, write
-from tests.bad_input.spoil import DEVICE
+from tests.paths import DEVICE
 
 
 @pytest.fixture(scope="module")

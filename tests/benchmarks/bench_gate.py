@@ -30,6 +30,7 @@ from gimbalcal.recording import read
 from tests.benchmarks.bench_speed import WORSE, ratios
 from tests.benchmarks.collecting import say
 from tests.benchmarks.day_of_samples import make as static_run
+from tests.paths import DEVICE
 
 ROUNDS, TRIES = 4, 4
 OTHER_MACHINE = 3  # the status
@@ -64,7 +65,7 @@ def _allan(rate: np.ndarray) -> list[float]:
 
 def calibration(_: Path) -> tuple[Work, Work]:
     """The 18 coefficients of a space-stable platform in three stages; singular values of small matrices."""
-    recording = gimbalcal.read(Path(__file__).parents[2] / "data" / "space_stable_18")
+    recording = gimbalcal.read(DEVICE)
     J = np.random.default_rng(5).standard_normal((54, 18))
     return lambda: gimbalcal.calibrate(recording), lambda: [np.linalg.svd(J, full_matrices=False) for _ in range(500)]
 

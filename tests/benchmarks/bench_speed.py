@@ -28,6 +28,7 @@ from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import find
 from tests.benchmarks.collecting import say
 from tests.benchmarks.day_of_samples import make as static_run
+from tests.paths import CONCEALED, ROOT
 
 REPEATS, WORSE = 3, 1.2
 READ = "from gimbalcal.recording import read; read('{of}', average_s=60.0)"
@@ -110,7 +111,7 @@ def command(*words: str) -> str:
     return COMMAND.format(words=", ".join(map(repr, words)))
 
 
-DEVICE = str(Path(__file__).resolve().parents[2] / "data" / "space_stable_concealed")
+DEVICE = str(CONCEALED)
 ROWS = (
     Row("day, Parquet", static_run, (24.0, "samples.parquet"), READ, "polars mean", MEAN.replace("{kind}", "parquet")),
     Row("day, CSV", static_run, (24.0, "samples.csv"), READ, "polars mean", MEAN.replace("{kind}", "csv")),
@@ -143,7 +144,7 @@ def measured(code: str, of: Path) -> tuple[float, float]:
         ours = code.replace("{of}", str(of)).replace("{out}", str(of.parent / f"results-{repeat}"))
         with subprocess.Popen(
             [sys.executable, "-c", ours], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
-            cwd=Path(__file__).parents[2],
+            cwd=ROOT,
         ) as process:  # fmt: skip
             _, status, used = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)

@@ -14,8 +14,9 @@ from gimbalcal.number import Array
 from gimbalcal.recording import write
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import find
-from tests.bad_input.spoil import DATA, Change, both, called, column, header, lines, rows, swapped, times, without
+from tests.bad_input.spoil import Change, both, called, column, header, lines, rows, swapped, times, without
 from tests.estimate.pointing.mounts import ALT_AZ, effects, run, sky
+from tests.paths import DATA
 
 AXES = "xyz"
 DWELL = 5  # whose rows are changed where one is

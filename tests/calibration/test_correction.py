@@ -2,7 +2,6 @@
 
 import dataclasses
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from gimbalcal.platform import BENCH, SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
 from tests.golden import refused
+from tests.paths import DEVICE
 
 SENSORS = (Stage.ENCODER, Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER, *GYROSCOPE_STAGES)
 LOSSY = ("dead_zone",)  # a flat law: what is in it cannot be told back
@@ -142,7 +142,7 @@ def test_a_dead_zone_leaves_the_reading():
 
 def test_readouts_that_no_rounds_settle_are_refused():
     """They came out without a word, where a mount drifts by degrees, and `apply` did not take them back."""
-    (true,) = load([Path(__file__).parents[2] / "data" / "space_stable_18"])
+    (true,) = load([DEVICE])
     K = parameters(CATALOGUE["gyro_g2_sensitivity"])
     small, large = (calibration(with_values((), K, np.full(len(K), size))) for size in (1e-7, 3e-7))
     np.testing.assert_allclose(small.corrupt(small.apply(true)).angles(), true.angles(), atol=1e-14)

@@ -1,7 +1,5 @@
 """T, K and b of a triad against the correction of the package and against the cost function of imu_tk."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -10,8 +8,8 @@ import gimbalcal
 from gimbalcal.calibration import Calibration, Counts, Readout, Residual
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.number import Array
+from tests.paths import XSENS
 
-DATA = Path(__file__).resolve().parents[2] / "data"
 ACCELEROMETERS = ("bias", "scale_factor", "misalignment")
 GYROSCOPES = ("gyro_bias", "gyro_scale_factor", "gyro_misalignment")
 
@@ -48,7 +46,7 @@ def test_a_triad_without_its_linear_terms_has_none():
 
 def test_the_norm_alone_gives_what_imu_tk_minimises():
     """g^2 - |T K (X - B)|^2 over nine numbers, T upper triangular: the cost of imu_tk on the same means."""
-    recording = gimbalcal.read(DATA / "xsens_positions")
+    recording = gimbalcal.read(XSENS)
     c = gimbalcal.calibrate(recording)
     m, X, g = c.matrices["accelerometers"], recording.triad("specific_force"), recording.site.gravity
 

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from gimbalcal.platform import BENCH, KNOWN, SPACE_STABLE, Axis, Platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.simulate import simulate
 from tests.golden import refused
+from tests.paths import DEVICE, STATIC
 
 ARCSEC = np.deg2rad(1 / 3600)
 MOUNT = Platform("mount", (Axis("declination", "y"), Axis("hour_angle", "z")))
@@ -146,7 +146,6 @@ def test_a_two_axis_mount_is_calibrated_written_read_and_applied(tmp_path):
 
 
 def test_every_estimator_says_which_gimbals_it_had():
-    data = Path(__file__).parents[2] / "data"
-    positions, run = load([data / "space_stable_18", data / "space_stable_static"])
+    positions, run = load([DEVICE, STATIC])
     for made in (three_stage([positions]), three_stage([run]), three_stage([positions, run]), multiposition(positions)):
         assert made.readout.gimbals == SPACE_STABLE.axis_names

@@ -13,11 +13,7 @@ from gimbalcal.cli import gimbalcal
 from gimbalcal.recording import dwell_means, read
 from gimbalcal.simulate import simulate_to
 from tests.golden import golden_text
-
-ROOT = Path(__file__).resolve().parents[2]
-DEVICE = ROOT / "data" / "space_stable_18"
-STATIC = ROOT / "data" / "space_stable_static"
-XSENS = ROOT / "data" / "xsens_positions"
+from tests.paths import DEVICE, STATIC, XSENS
 
 
 def test_help_loads_nothing_heavy():
@@ -100,7 +96,7 @@ def test_a_recording_is_not_written_over_itself(command, capsys, tmp_path):
 
 
 def test_declined_terms_are_told(command, capsys):
-    assert command("calibrate", ROOT / "data" / "xsens_positions", "--method", "multiposition") == 0
+    assert command("calibrate", XSENS, "--method", "multiposition") == 0
     assert "note: these data do not show scale nonlinearity, cubic nonlinearity" in capsys.readouterr().err
     page = Path("xsens_positions-calibration/report.html").read_text()
     for term in ("scale_nonlinearity", "cubic_nonlinearity"):

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-from pathlib import Path
 
 import click
 import pytest
@@ -11,12 +10,12 @@ from click.testing import CliRunner
 from gimbalcal.cli import CONTEXT, GROUPS, first_sentence, gimbalcal
 from gimbalcal.cli.catalogue import matching_effects
 from tests.golden import refused
+from tests.paths import DATA, ROOT
 
-ROOT = Path(__file__).parents[2]
 PAGES = [
     *(p for p in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in p.parts),
     ROOT / "README.md",
-    ROOT / "data" / "README.md",
+    DATA / "README.md",
 ]
 BLOCK = re.compile(r"^```(?:console|sh|bash)?\n(.*?)^```", re.MULTILINE | re.DOTALL)
 

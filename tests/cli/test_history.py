@@ -1,14 +1,12 @@
 """`--store` and `compare` as a user meets them."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 
 from tests.golden import golden_text
 from tests.history.calibrations import calibration
-
-XSENS = Path(__file__).resolve().parents[2] / "data" / "xsens_positions"
+from tests.paths import XSENS
 
 
 def test_a_store_grows_and_is_compared(command, capsys, tmp_path):

@@ -7,10 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.golden import golden_text
-
-ROOT = Path(__file__).resolve().parents[2]
-DEVICE = ROOT / "data" / "space_stable_18"
-XSENS = ROOT / "data" / "xsens_positions"
+from tests.paths import DEVICE, XSENS
 
 PULSES = "wang2019-accelerometers-3arcmin"
 

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +9,9 @@ import pytest
 from gimbalcal.recording import write
 from tests.estimate.pointing.mounts import ALT_AZ, effects, run, sky
 from tests.golden import golden_text
+from tests.paths import XSENS
 
 Command = Callable[..., int]
-DATA = Path(__file__).resolve().parents[2] / "data"
 TRUTH = {"gimbal_zero__azimuth": -500.0, "base_tilt__north": 25.0, "tube_flexure": 15.0}
 
 
@@ -56,7 +55,7 @@ def test_terms_are_added_and_omitted(command, capsys, night, tmp_path):
     assert [t["term"] for t in content["provenance"]["tpoint"]] == ["IA", "IE", "AN", "AW", "TF", "TX"]
     assert 'id="terms"' in (out / "report.html").read_text()
     assert command("calibrate", night, "--without", "TX", "--quiet") == 2
-    assert command("calibrate", DATA / "xsens_positions", "--without", "bias", "--quiet") == 2
+    assert command("calibrate", XSENS, "--without", "bias", "--quiet") == 2
     golden_text(capsys.readouterr().err)
 
 

@@ -1,16 +1,12 @@
 """`gimbalcal navigate` as a user meets it: the contract of navigation.json, the page, and refusals."""
 
 import json
-from pathlib import Path
 
 import jsonschema
 import pytest
 
 from gimbalcal.pipeline import load, three_stage
-
-ROOT = Path(__file__).resolve().parents[2]
-DEVICE = ROOT / "data" / "space_stable_18"
-STATIC = ROOT / "data" / "space_stable_static"
+from tests.paths import DEVICE, ROOT, STATIC
 
 
 @pytest.fixture(scope="module")

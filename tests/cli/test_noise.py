@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -13,8 +12,8 @@ from gimbalcal.at_rest import StatedNoise, header, in_words, noise_at_rest
 from gimbalcal.earth import G0
 from gimbalcal.recording import write
 from tests.golden import golden_text, refused
+from tests.paths import ROOT, STATIC
 
-ROOT = Path(__file__).parents[2]
 UG, DEG = 1e-6 * G0, np.pi / 180
 
 
@@ -79,10 +78,10 @@ def test_command_writes_what_its_schema_says_and_a_page(command, tmp_path, capsy
 def test_a_platform_that_stands_still_does_not_wander_with_the_earth():
     from gimbalcal.recording import read
 
-    for c in noise_at_rest(read(ROOT / "data" / "space_stable_static")):
+    for c in noise_at_rest(read(STATIC)):
         assert not c.coefficient(1).significant
         assert not c.coefficient(2).significant
-    stated = header(noise_at_rest(read(ROOT / "data" / "space_stable_static")))
+    stated = header(noise_at_rest(read(STATIC)))
     assert stated["accelerometer"].value == pytest.approx(4 * UG, rel=0.03)  # its scenario says 4 ug
 
 

@@ -1,7 +1,6 @@
 """A diagnosis on the command line ends in a calibration that the other commands take."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,7 @@ from gimbalcal.cli import gimbalcal
 from gimbalcal.recording import write
 from tests.diagnose.plant import UG, known, record
 from tests.golden import golden_text, refused
-
-CONCEALED = Path(__file__).parents[2] / "data" / "space_stable_concealed"
+from tests.paths import CONCEALED
 
 
 def run(*arguments):

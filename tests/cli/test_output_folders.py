@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -11,9 +10,8 @@ from gimbalcal.cli.output_folders import staged_folder
 from gimbalcal.diagnose.laws.law_file import HEAD
 from tests.fuzzing.seeds import LAW
 from tests.golden import golden_text, refused
+from tests.paths import DEVICE
 
-ROOT = Path(__file__).resolve().parents[2]
-DEVICE = ROOT / "data" / "space_stable_18"
 LOG = "t,ax,ay,az\n" + "".join(f"{i / 10},0.{i % 3},0.0{i % 7},9.8{i % 5}\n" for i in range(40))
 HEADER = """format = 1
 kind = "multi-position"

@@ -3,11 +3,10 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.paths import ROOT
 
 
 @pytest.mark.parametrize(("encoding", "bias"), [("ascii", "+- 1.54   ug"), ("latin-1", "± 1.54   µg")])

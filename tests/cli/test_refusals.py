@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.paths import ROOT
+
 # a line each, as typed in the folder of the project; `file` exists, `nowhere` does not
 REFUSED = """
 calibrate

@@ -3,7 +3,6 @@
 import runpy
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,6 +40,7 @@ from derivations.wu2018.symbols import (
     nabla_z,
     sigma_x,
 )
+from tests.paths import ROOT
 
 KEY = {
     "Eq. (4)": AGREES,
@@ -420,14 +420,14 @@ def test_harmonics_by_eight_angles_are_the_integral(power):
 
 
 def test_the_page_of_errata_says_what_is_derived(wu2018_list):
-    docs = Path(__file__).parents[2] / "docs"
+    docs = ROOT / "docs"
     section = runpy.run_path(str(docs / "build_errata.py"))["section"]
     stated = section("001", [errata.entry(v) for v in wu2018_list])
     assert stated in (docs / "errata.md").read_text(), "run `make docs`"
 
 
 def test_the_page_of_the_paper_has_every_item_with_its_formulas(wu2018_list):
-    builder = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "build_errata.py"))
+    builder = runpy.run_path(str(ROOT / "docs" / "build_errata.py"))
     page = builder["paper_page"]("001", wu2018_list)
     escaped = builder["text"]
     for v in wu2018_list:
@@ -438,7 +438,7 @@ def test_the_page_of_the_paper_has_every_item_with_its_formulas(wu2018_list):
 
 
 def test_a_formula_too_long_for_the_page_is_named_and_the_other_is_labelled():
-    builder = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "build_errata.py"))
+    builder = runpy.run_path(str(ROOT / "docs" / "build_errata.py"))
     long = sum(sp.Symbol(f"x_{i}") ** i for i in range(400))
     v = Verdict("001", "Eq. (99)", WRONG, "x", "long", "1", "Because.", formulas=(sp.Symbol("x"), long))
     shown = builder["of_formula"](v)

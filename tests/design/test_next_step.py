@@ -15,9 +15,7 @@ from gimbalcal.schedule import EIGHTEEN_POSITIONS
 from gimbalcal.words.answers import next_answer
 from tests.benchmarks.bench_next import calibrated, dwells, sequence
 from tests.golden import golden_text, refused
-
-DATA = Path(__file__).resolve().parents[2] / "data"
-DEVICE = DATA / "space_stable_18"
+from tests.paths import CONCEALED, DEVICE, STATIC, XSENS
 
 
 def test_decreases_are_those_of_the_covariance():
@@ -88,7 +86,7 @@ def test_a_sequence_reaches_the_sigmas_of_the_published_schedule():
 
 
 def test_a_unit_in_the_hand_is_told_which_side_is_up():
-    plan = next_step([read(DATA / "xsens_positions")])
+    plan = next_step([read(XSENS)])
     step = plan.steps[0]
     assert step.words.startswith(("+", "−"))
     assert " up for " in step.words
@@ -99,7 +97,7 @@ def test_a_unit_in_the_hand_is_told_which_side_is_up():
 
 
 def test_a_static_run_and_its_continuation_count():
-    device, run = read(DEVICE), read(DATA / "space_stable_static", average_s=60.0)
+    device, run = read(DEVICE), read(STATIC, average_s=60.0)
     alone, both = next_step([device]), next_step([device, run], most=100)
     fused = gimbalcal.calibrate([device, run])
     stated = dict(zip([p.label for p in fused.parameters], fused.sigmas, strict=True))
@@ -112,7 +110,7 @@ def test_a_static_run_and_its_continuation_count():
 
 
 def test_a_static_run_without_readouts_goes_on_by_the_turn_of_the_earth():
-    device, run = read(DEVICE), read(DATA / "space_stable_static", average_s=60.0)
+    device, run = read(DEVICE), read(STATIC, average_s=60.0)
     silent = replace(run, channels={key: x for key, x in run.channels.items() if key[0] != "gimbal_angle"})
     plan, read_out = next_step([device, silent], most=1000), next_step([device, run])
     fused = gimbalcal.calibrate([device, silent])
@@ -128,8 +126,8 @@ def test_a_static_run_without_readouts_goes_on_by_the_turn_of_the_earth():
 
 def test_a_static_run_of_another_unit_is_refused():
     run, hand, device = (
-        read(DATA / "space_stable_static", average_s=600.0),
-        read(DATA / "xsens_positions"),
+        read(STATIC, average_s=600.0),
+        read(XSENS),
         read(DEVICE),
     )
     blind = replace(device, channels={key: x for key, x in device.channels.items() if key[0] != "gimbal_angle"})
@@ -152,7 +150,7 @@ def test_what_is_short_of_the_goal_is_a_sentence():
 
 
 def test_a_temperature_is_proposed_where_the_model_depends_on_it():
-    device = read(DATA / "space_stable_concealed")
+    device = read(CONCEALED)
     plan = next_step([device], more=["bias_temperature"], separate=["bias_temperature"], most=100)
     assert {s.parameter.split()[0] for s in plan.steps} == {"b_T"}
     others = {k: v for k, v in device.channels.items() if k[0] != "temperature"}
@@ -202,7 +200,7 @@ def test_the_command_writes_its_files_and_sentences(command, capsys, tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        (str(DATA / "space_stable_static"),),
+        (str(STATIC),),
         (str(DEVICE), "--with", "gyro_bias"),
         (str(DEVICE), "--with", "phlogiston"),
         (str(DEVICE), "--step", "50"),
@@ -211,7 +209,7 @@ def test_the_command_writes_its_files_and_sentences(command, capsys, tmp_path):
         (str(DEVICE), "--separate", "cubic_nonlinearity:z,odd_quadratic:z", "--reach", "wu2018-18"),
         (str(DEVICE), "--reach", "wang2019-15"),
         (str(DEVICE), "--reach", "wei2022-30"),
-        (str(DEVICE), str(DATA / "xsens_positions")),
+        (str(DEVICE), str(XSENS)),
     ],
     ids=lambda words: " ".join(Path(w).name for w in words),
 )

@@ -1,7 +1,6 @@
 """Which turn to record next: the sigma it promises against that of a calibration with it, and goals."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,8 @@ from gimbalcal.history import StoredResult, keep
 from gimbalcal.schedule.file import read_rotation
 from gimbalcal.units import from_si
 from tests.golden import refused
+from tests.paths import DEVICE
 
-DATA = Path(__file__).resolve().parents[2] / "data"
 NOISE = {
     "accelerometer": {"value": 16.0, "unit": "ug"},
     "gyroscope": {"value": 0.4, "unit": "deg/h"},
@@ -93,12 +92,12 @@ def test_what_does_not_go_with_turns_is_refused(few):
     with refused():
         gimbalcal.next_step(few, states="30", separate="bias:q")
     with refused():
-        gimbalcal.next_step(DATA / "space_stable_18", states="30")
+        gimbalcal.next_step(DEVICE, states="30")
 
 
 def test_a_fleet_is_the_prior_of_what_is_planned(tmp_path):
     """Six units of which all scale factors agree to some ppm: the dwells so far say less of them than the fleet."""
-    store, unit = tmp_path / "units.db", gimbalcal.read(DATA / "space_stable_18")
+    store, unit = tmp_path / "units.db", gimbalcal.read(DEVICE)
     made = gimbalcal.calibrate(unit)
     for k in range(6):
         content = replace(made, provenance=replace(made.provenance, recordings=())).to_dict()

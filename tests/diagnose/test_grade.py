@@ -1,7 +1,5 @@
 """Sizes follow the grade of the unit: MEMS on a table and in the hand, judged and calibrated by what MEMS do."""
 
-from pathlib import Path
-
 import pytest
 
 from gimbalcal.diagnose import diagnose
@@ -10,6 +8,7 @@ from gimbalcal.pipeline import three_stage
 from tests.diagnose.grade_plant import DRIFTS, PATTERNS, of_force, on_gimbals, record
 from tests.diagnose.small import telescope
 from tests.golden import refused
+from tests.paths import XSENS
 
 UG = 9.80665e-6
 COURSES = {"bias_drift", "warm_up", "slow_bias_drift"}
@@ -78,6 +77,5 @@ def test_what_has_no_grade_refuses_one():
         diagnose([telescope(1)], grade="tactical")
     with refused():
         diagnose([on_gimbals(1, "navigation")], grade="best")
-    folder = Path(__file__).parents[2] / "data" / "xsens_positions"
     with refused():
-        calibrate([folder], "multiposition", grade="tactical")
+        calibrate([XSENS], "multiposition", grade="tactical")

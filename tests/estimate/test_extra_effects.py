@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,7 @@ from gimbalcal.simulate import simulate
 from tests.benchmarks import unknown_hand
 from tests.diagnose.plant import ARCSEC, UG, known, record
 from tests.golden import golden_text, refused
-
-DATA = Path(__file__).parents[2] / "data"
+from tests.paths import STATIC, XSENS
 
 
 def positions(kind="bias T", size=30 * UG, **options):
@@ -65,7 +63,7 @@ def test_a_position_that_was_not_set_is_found_among_all():
 
 
 def test_a_static_run_and_both_together_take_it_too():
-    (run,) = load([DATA / "space_stable_static"])
+    (run,) = load([STATIC])
     table, run = positions(size=0.0, dwell=6), block_means(run, 20)
     alone = three_stage([run], more=extra_effects(["gyro_drift:equatorial"], [run]))
     assert {p.axis for p in alone.parameters if p.effect == "gyro_drift"} == {"equatorial_x", "equatorial_y"}
@@ -114,7 +112,7 @@ def test_what_cannot_be_added_is_one_sentence(words):
 
 
 def test_what_needs_an_angle_is_refused_where_none_is_known():
-    (r,) = load([DATA / "xsens_positions"])
+    (r,) = load([XSENS])
     with refused():
         extra_effects(["gimbal_flexure"], [r])
     with refused():

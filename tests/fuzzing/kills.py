@@ -31,8 +31,8 @@ import numpy as np
 import gimbalcal.diagnose  # noqa: F401 - so that forks need not import it
 from gimbalcal.cli import main as gimbalcal_main
 from tests.benchmarks.collecting import say
+from tests.paths import DATA
 
-DATA = Path(__file__).parents[2] / "data"
 STAMP = re.compile(  # of the clock, or of the campaign that a page belongs to
     rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?([.,]\d+)?(Z|[+-]\d\d:?\d\d)?|(?<=content=.campaign )[0-9a-f]{16}"
 )

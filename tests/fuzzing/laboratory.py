@@ -17,11 +17,12 @@ import polars as pl
 import scipy.io
 from scipy.spatial.transform import Rotation
 
+from tests.paths import DATA
+
 Rng = np.random.Generator
 Header, Rows = dict[str, Any], dict[str, np.ndarray]
 G, OMEGA, LATITUDE = 9.80146, np.radians(15.041067 / 3600), np.radians(40.0)
 GIMBALS = ("platform", "inner", "middle")
-DATA = Path(__file__).resolve().parents[2] / "data"
 SI = {"m/s^2": 1.0, "g": 9.80665, "mg": 9.80665e-3, "Gal": 1e-2, "rad": 1.0, "deg": np.pi / 180, "s": 1.0, "": 1.0,
       "arcmin": np.pi / 10800, "mrad": 1e-3, "rev": 2 * np.pi, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0,
       "rad/s": 1.0, "deg/s": np.pi / 180, "degC": 1.0, "arcsec": np.pi / 648000}  # fmt: skip

@@ -19,8 +19,8 @@ from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Recording, read, write
 from gimbalcal.schedule.file import rotation_toml, schedule_toml
 from gimbalcal.schedule.published import ROTATIONS, SCHEDULES
+from tests.paths import DATA, XSENS
 
-DATA = Path(__file__).resolve().parent.parent.parent / "data"
 DEVICE, STATIC, HAND = "device", "static", "hand"  # folders of recordings
 COLUMNS = """
 [columns]
@@ -42,7 +42,7 @@ def make(folder: Path) -> None:
     write(few, folder / DEVICE)
     static = read(DATA / "space_stable_static")
     write(static.select(slice(None, 240)), folder / STATIC)
-    shutil.copytree(DATA / "xsens_positions", folder / HAND)
+    shutil.copytree(XSENS, folder / HAND)
     for name, r, samples in (("device_parquet", few, "samples.parquet"), ("turning", _turning(), "samples.csv"),
                              ("stars", _stars(), "samples.csv")):  # fmt: skip
         write(r, folder / name, samples)
@@ -205,7 +205,7 @@ def _turning() -> Recording:
     w = np.stack([rate, level * np.cos(angle) + up * np.sin(angle), up * np.cos(angle) - level * np.sin(angle)])
     channels = {("specific_force", a): x + 1e-3 * rng.standard_normal(n) for a, x in zip("xyz", f, strict=True)}
     channels |= {("angular_rate", a): x + 1e-6 * rng.standard_normal(n) for a, x in zip("xyz", w, strict=True)}
-    hand = read(DATA / "xsens_positions")
+    hand = read(XSENS)
     site = replace(hand.site, latitude=0.7)
     return replace(hand, kind="rotation", title="turning", site=site, noise={}, time=t, position=None,
                    channels=channels, weight=np.ones(n), units={}, scatter={}, remarks=(), source=())  # fmt: skip
@@ -220,7 +220,7 @@ def _stars() -> Recording:
     channels = {("gimbal_angle", "elevation"): el, ("gimbal_angle", "azimuth"): az}
     channels |= {("true_angle", "elevation"): el + 3e-4 * np.cos(el) + noise[0],
                  ("true_angle", "azimuth"): az + 1e-4 + noise[1]}  # fmt: skip
-    hand = read(DATA / "xsens_positions")
+    hand = read(XSENS)
     return replace(hand, kind="pointing", title="stars", site=replace(hand.site, latitude=0.6), noise={},
                    time=60.0 * np.arange(n), position=None, channels=channels, weight=np.ones(n), units={},
                    scatter={}, remarks=(), source=(), platform=KNOWN["alt-az"])  # fmt: skip

@@ -9,7 +9,6 @@ import time
 from contextlib import closing, suppress
 from datetime import UTC, datetime
 from functools import partial
-from pathlib import Path
 from threading import Timer
 
 import numpy as np
@@ -21,6 +20,7 @@ from gimbalcal.history.unit_store import when
 from gimbalcal.words.history_sentences import day_in_words
 from tests.golden import refused
 from tests.history.calibrations import SIGMA, START, calibration, history
+from tests.paths import ROOT
 
 WRITER = """
 import sys
@@ -43,9 +43,8 @@ def entry(k, unit="u", kind="calibration"):
 
 def writer(first, count, path):
     command = [sys.executable, "-c", WRITER, str(first), str(count), str(path)]
-    root = str(Path(__file__).parents[2])
     return subprocess.Popen(
-        command, stdout=subprocess.PIPE, text=True, cwd=root, env={**os.environ, "PYTHONPATH": root}
+        command, stdout=subprocess.PIPE, text=True, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}
     )
 
 

@@ -15,9 +15,8 @@ from gimbalcal.recording import dwell_means, dwells, read
 from gimbalcal.rotation import exponential
 from gimbalcal.units import to_si
 from tests.golden import golden_text, refused
+from tests.paths import XSENS
 from tests.xsens import accelerometers, as_text
-
-SHIPPED = Path(__file__).parents[2] / "data" / "xsens_positions"
 
 COLUMNS = """\
 format = 1
@@ -118,7 +117,7 @@ def test_imu_tk_text(tmp_path):
 
 def test_the_shipped_positions_are_the_means_of_the_raw_data(tmp_path):
     made = import_files("imu-tk", [as_text(tmp_path / "acc.mat")], {"means": "yes"})
-    shipped = read(SHIPPED)
+    shipped = read(XSENS)
     np.testing.assert_allclose(made.triad("specific_force"), shipped.triad("specific_force"), rtol=1e-14)
     np.testing.assert_array_equal(made.weight, shipped.weight)
     assert shipped.noise["accelerometer"] == pytest.approx(made.noise["accelerometer"], rel=1e-12)
@@ -128,7 +127,7 @@ def test_the_real_positions_have_one_norm_to_a_tenth_of_a_milli_g():
     # Bias, scale and misalignment (9 numbers) leave 0.1 mg; bias and scale alone (6) leave some 3.4 mg.
     from scipy.optimize import least_squares
 
-    counts = read(SHIPPED).triad("specific_force")
+    counts = read(XSENS).triad("specific_force")
 
     def norm_error(p):
         T = np.array([[p[3], p[6], p[7]], [0.0, p[4], p[8]], [0.0, 0.0, p[5]]]) / 4100

@@ -1,7 +1,5 @@
 """Telescope pointing runs and the tilt table: geometry and signs, on made files and on the real ones where they are."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,8 +10,7 @@ from gimbalcal.importers.pointing_files import SIDEREAL_SECOND_S, sexagesimal
 from gimbalcal.importers.tpoint import _joined, equatorial
 from gimbalcal.platform import KNOWN
 from tests.golden import golden_text, refused
-
-REAL = Path(__file__).parents[3] / "shared" / "data"
+from tests.paths import REAL
 
 
 def line_of_sight(declination, hour_angle, latitude):

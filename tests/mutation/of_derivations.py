@@ -20,6 +20,8 @@ from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from typing import Any
 
+from tests.paths import ROOT
+
 PACKAGE = "gimbalcal"
 MOST_UNDETECTED = 3
 TIMES = 5  # the processor time of all comparisons; an error with which they do not come to an end is detected
@@ -152,7 +154,7 @@ class _Loader(SourceFileLoader):
 
 def text_of(module: str) -> str:
     """Return the text of a module of the package."""
-    root = Path(__file__).parents[2] / PACKAGE
+    root = ROOT / PACKAGE
     return root.joinpath(*module.split(".")).with_suffix(".py").read_text("utf-8")
 
 

@@ -1,7 +1,6 @@
 """The real recordings, imported from their raw files where these are; nothing of them is copied into the project."""
 
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,8 +8,8 @@ import pytest
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.importers import import_files
 from gimbalcal.recording import Recording
+from tests.paths import REAL
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
 FILES = {
     "xsens": ("imu-tk", "imu_tk_xsens/xsens_acc.mat", "imu_tk_xsens/xsens_gyro.mat"),
     "tilt table": ("tilt-table", "tilt_table/tilt_table_200hz.npz"),
@@ -25,7 +24,7 @@ FILES = {
 def recording(name: str) -> Recording:
     """A real recording; the test is skipped with a sentence where its files are not."""
     kind, *files = FILES[name]
-    paths = [DATA / f for f in files]
+    paths = [REAL / f for f in files]
     for path in paths:
         if not path.is_file():
             pytest.skip(f"{path} is not on this machine: the real recording {name!r} stays untested here")

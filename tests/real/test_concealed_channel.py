@@ -1,15 +1,13 @@
 """A channel concealed: without the thermometer its effect is a shape in time, and nothing is named by force."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.recording import read
-
-SHIPPED = Path(__file__).parents[2] / "data" / "space_stable_concealed"
+from tests.paths import CONCEALED
 
 
 def without(recording, quantity):
@@ -17,7 +15,7 @@ def without(recording, quantity):
 
 
 def test_the_thermometer_hidden_and_given_back():
-    recording = read(SHIPPED)
+    recording = read(CONCEALED)
     blind, seen = diagnose([without(recording, "temperature")]), diagnose([recording])
     assert blind.verdict == "unexplained"
     assert blind.findings == ()

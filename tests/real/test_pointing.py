@@ -7,7 +7,8 @@ import sys
 
 import pytest
 
-from tests.real.recordings import DATA, FILES, diagnosed, finding, names, recording, size
+from tests.paths import REAL
+from tests.real.recordings import FILES, diagnosed, finding, names, recording, size
 
 
 def test_mmt_tilt_flexure_and_a_cotangent():
@@ -27,7 +28,7 @@ def test_mmt_through_the_command_line(tmp_path):
     recording("mmt")
     run = [sys.executable, "-m", "gimbalcal"]
     kind, file = FILES["mmt"]
-    subprocess.run([*run, "import", kind, str(DATA / file), "--out", str(tmp_path / "mmt"), "--quiet"], check=True)
+    subprocess.run([*run, "import", kind, str(REAL / file), "--out", str(tmp_path / "mmt"), "--quiet"], check=True)
     used = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     options = ["--baseline", "gimbal_zero", "--out", str(tmp_path / "out"), "--quiet"]
     done = subprocess.run([*run, "diagnose", str(tmp_path / "mmt"), *options], check=False)

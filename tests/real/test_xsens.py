@@ -1,7 +1,6 @@
 """A real Xsens MTi turned by hand (Tedaldi et al., 2014): misalignment, then the drift of the biases; g-sensitivity."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +13,8 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.grade import graded
 from gimbalcal.recording import read
 from gimbalcal.views.norm import norm
+from tests.paths import XSENS
 from tests.real.recordings import diagnosed, finding, names, recording, rms_after, size
-
-MEANS = Path(__file__).parents[2] / "data" / "xsens_positions"
 
 
 def test_accelerometers_lack_misalignment_and_then_a_drift_of_the_biases():
@@ -65,7 +63,7 @@ def shuffled(means, seed):
 
 
 def test_without_the_order_of_visits_the_drift_is_not_there():
-    means = read(MEANS)
+    means = read(XSENS)
     ids = ("bias", "scale_factor", "misalignment")
     there = diagnose([means], baseline=ids)
     hidden = diagnose([shuffled(means, 0)], baseline=ids)
@@ -80,6 +78,6 @@ def test_the_drift_is_no_accident_of_the_order():
         view = norm(means)
         return likeliest_missing(start(view)).ln_total
 
-    (means,) = graded([read(MEANS)]).of([read(MEANS)])
+    (means,) = graded([read(XSENS)]).of([read(XSENS)])
     assert odds(means) > CLAIM
     assert max(odds(shuffled(means, seed)) for seed in range(20)) < CLAIM - 1.0

@@ -1,7 +1,5 @@
 """Recordings from arrays and data frames pass the checks of files and give what files give."""
 
-from pathlib import Path
-
 import numpy as np
 import polars as pl
 import pytest
@@ -9,8 +7,8 @@ import pytest
 from gimbalcal.earth import G0
 from gimbalcal.recording import from_arrays, from_frame, read
 from tests.golden import refused
+from tests.paths import XSENS
 
-XSENS = Path(__file__).resolve().parents[2] / "data" / "xsens_positions"
 COLUMNS = {
     "time_s": "time [s]", "position": "position", "weight": "weight",
     **{f"accel_{a}": f"specific_force {a} [count]" for a in "xyz"},

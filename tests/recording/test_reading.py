@@ -13,6 +13,7 @@ from gimbalcal.recording import Recording, Site, dwells, read, write
 from gimbalcal.recording.samples import batches, column
 from gimbalcal.recording.scatter import pooled
 from tests.golden import golden_text, refused
+from tests.paths import ROOT
 from tests.recording.folders import DWELL, HEADER, folder, refusal, rows, text
 
 
@@ -174,7 +175,7 @@ def test_scatter_sees_noise_and_not_the_sidereal_wave():
 
 
 def test_the_example_of_the_documentation_is_a_recording(tmp_path):
-    page = (Path(__file__).parents[2] / "docs" / "recording-format.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "recording-format.md").read_text(encoding="utf-8")
     example, own, numbered = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     table = rows()[:, [0, 1, 2, 3, 4, 5, 5, 5]]
     recording = read(folder(tmp_path, example, text(table, ["t", "pos", "ax", "ay", "az", "psi", "theta", "phi"])))

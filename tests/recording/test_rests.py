@@ -1,7 +1,5 @@
 """Long rests come as means while they are read, what is on the way stays as it is, and an estimate is the same."""
 
-from pathlib import Path
-
 import numpy as np
 import polars as pl
 import pytest
@@ -16,9 +14,9 @@ from gimbalcal.views.slews import view_of_slews
 from tests.diagnose.rows.test_slews import IDEAL, QUICK, unit
 from tests.diagnose.turned_plant import gimballed, turned
 from tests.golden import golden_text, refused
+from tests.paths import DEVICE
 from tests.recording.folders import HEADER, folder, text
 
-CASE = Path(__file__).parents[2] / "data" / "space_stable_18"
 REST = [1, 29, 30, 30, 4, 1]  # its first and last row, by which turns begin and end, are as they were
 
 
@@ -92,9 +90,9 @@ def test_rows_of_a_file_are_counted_or_told_by_its_size(tmp_path):
 
 @pytest.mark.parametrize("method", ["three-stage", "multiposition"])
 def test_a_calibration_of_means_is_that_of_every_row(monkeypatch, method):
-    whole, _ = calibrate([CASE], method)
+    whole, _ = calibrate([DEVICE], method)
     monkeypatch.setattr("gimbalcal.pipeline.MOST_ROWS", 1000)
-    made, _ = calibrate([CASE], method)
+    made, _ = calibrate([DEVICE], method)
     np.testing.assert_allclose((made.values - whole.values) / whole.sigmas, 0, atol=1e-6)
     np.testing.assert_allclose(made.sigmas, whole.sigmas, rtol=1e-6)
 

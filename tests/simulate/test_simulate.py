@@ -21,6 +21,7 @@ from gimbalcal.simulate import check_content, simulate, simulate_to
 from gimbalcal.simulate.scenario import QuantityHistory
 from gimbalcal.simulate.simulation import sample_path
 from tests.golden import refused
+from tests.paths import DEVICE, ROOT, STATIC
 
 TEN_S = {"value": 10.0, "unit": "s"}
 ONE_HZ = {"value": 1.0, "unit": "Hz"}
@@ -264,7 +265,7 @@ def test_a_covariate_acts_and_is_logged():
 
 
 def test_the_scenario_in_the_documentation_runs():
-    page = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text()
+    page = (ROOT / "docs" / "scenarios.md").read_text()
     content = tomllib.loads(page.split("```toml\n")[1].split("```")[0])
     recording, truth = simulate(content | {"schedule": content["schedule"] | {"dwell": TEN_S}})
     assert {e.id for e in truth} >= {"cubic_nonlinearity", "warm_up", "cross_coupling", "bias"}
@@ -274,9 +275,7 @@ def test_the_scenario_in_the_documentation_runs():
 
 def test_the_truths_of_one_unit_agree_in_both_kinds_of_recording():
     """The platform gimbal's zero of the unit that ships was +24 arcsec at 18 positions and -24 arcsec at rest."""
-    data = Path(__file__).parents[2] / "data"
-    folders = [data / "space_stable_18", data / "space_stable_static"]
-    told = [json.loads((f / "truth.json").read_text())["parameters"] for f in folders]
+    told = [json.loads((f / "truth.json").read_text())["parameters"] for f in (DEVICE, STATIC)]
     by_label = [{(p["name"], p["axis"]): p["value"] for p in parameters} for parameters in told]
     common = set(by_label[0]) & set(by_label[1])
     assert ("gimbal_zero", "platform") in common
@@ -285,8 +284,7 @@ def test_the_truths_of_one_unit_agree_in_both_kinds_of_recording():
 
 def test_a_static_run_that_ships_is_what_its_scenario_says_now():
     """A sense of the zeros that is not the one of its samples would move the readout by 48 arcsec."""
-    folder = Path(__file__).parents[2] / "data" / "space_stable_static"
-    made, there = simulate(folder / "scenario.toml")[0], read(folder)
+    made, there = simulate(STATIC / "scenario.toml")[0], read(STATIC)
     for key, values_there in there.channels.items():
         close = (made.channels[key] - values_there + np.pi) % (2 * np.pi) - np.pi if key[0] == "gimbal_angle" else None
         left = made.channels[key] - values_there if close is None else close

@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
-from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -41,8 +40,9 @@ from tests.benchmarks import unknown_hand, unknown_mount
 from tests.benchmarks.law_plants import corrected, misfit, parallactic
 from tests.diagnose import plant, static_plant
 from tests.golden import golden_text
+from tests.paths import ROOT
 
-SCHEMA = Path(__file__).parents[3] / "docs" / "schemas" / "diagnosis.schema.json"
+SCHEMA = ROOT / "docs" / "schemas" / "diagnosis.schema.json"
 
 pytestmark = pytest.mark.usefixtures("own_catalogue")
 

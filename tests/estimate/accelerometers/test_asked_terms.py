@@ -1,15 +1,12 @@
 """Terms that a person asks for: what a refusal offers can be fitted, what the recording lacks is named."""
 
-from pathlib import Path
-
 import pytest
 
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.recording import read
 from tests.golden import refused
-
-XSENS = Path(__file__).resolve().parents[3] / "data" / "xsens_positions"
+from tests.paths import XSENS
 
 
 def test_each_term_that_a_refusal_offers_is_one_that_the_recording_can_show():

@@ -1,7 +1,6 @@
 """Rests that do not belong among the others are named and left out; physics that is missing blames none."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, read
 from gimbalcal.recording.dwell import without_dwells
+from tests.paths import XSENS
 
 G = 9.8
 SIGMA = 2e-3  # m/s^2 of the mean of a rest
@@ -93,9 +93,6 @@ def test_rows_on_the_way_stay_on_the_way():
     assert [s.position for s in found] == [11]
     assert len(kept.time) == 60
     assert kept.position[20] == 0
-
-
-XSENS = Path(__file__).parents[3] / "data" / "xsens_positions"
 
 
 def changed(row, axis, factor):

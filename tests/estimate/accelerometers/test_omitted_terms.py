@@ -1,7 +1,6 @@
 """A quadratic term of usual size that the positions do not show moves the others by less than their sigmas say."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,14 +9,14 @@ from gimbalcal.earth import G0
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import read
+from tests.paths import DEVICE
 
-DATA = Path(__file__).resolve().parents[3] / "data"
 UG = 1e-6 * G0
 
 
 def unit(rng, positions, noise, square):
     """A unit of random constants at random attitudes, noise of a mean [ug], square [ug/g^2]; and its scales, biases."""
-    r = read(DATA / "space_stable_18")
+    r = read(DEVICE)
     down = rng.standard_normal((positions, 3))
     f = r.site.gravity * down / np.linalg.norm(down, axis=1, keepdims=True)
     s, b, K = 1e-4 * rng.standard_normal(3), 200 * UG * rng.standard_normal(3), square * rng.standard_normal(3)

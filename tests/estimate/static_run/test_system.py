@@ -1,7 +1,6 @@
 """The joint fit of a static run: unbiased, as uncertain as claimed, whatever channels and rows there are."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,10 +17,11 @@ from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import read
 from tests.estimate.static_runs import TABLE_2_3, draw, run, static_information
 from tests.golden import golden_text, refused
+from tests.paths import ROOT
 from tests.stimuli import LATITUDE, G
 
 ALL = ("scale_factor", "bias", "misalignment", "gimbal_zero", "base_tilt", "polar_axis_misalignment")
-CLEAN = Path(__file__).parents[4] / "shared" / "challenge" / "open" / "static-029"
+CLEAN = ROOT.parent / "shared" / "challenge" / "open" / "static-029"
 
 
 def test_parameters_without_noise_come_back_in_every_seen_direction():
