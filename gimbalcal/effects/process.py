@@ -36,8 +36,8 @@ class Process:
         raise NotImplementedError
 
     def output(self) -> Array:
-        """Return H (m,)."""
-        raise NotImplementedError
+        """Return H (m,); the states add up where a process does not say otherwise."""
+        return np.ones(len(self.initial()))
 
     def initial(self) -> Array:
         """Return P_0 (m,), the variance of the first state."""
@@ -63,9 +63,6 @@ class WhiteNoise(Process):
 
     def diffusion(self, h: Array, moved: Array) -> Array:
         return np.full((len(h), 1), self.sigma**2) + 0.0 * moved[:, None]
-
-    def output(self) -> Array:
-        return np.ones(1)
 
     def initial(self) -> Array:
         return np.array([self.sigma**2])
@@ -95,9 +92,6 @@ class Quantisation(Process):
     def diffusion(self, h: Array, moved: Array) -> Array:
         return WhiteNoise(self.q / np.sqrt(12)).diffusion(h, moved)
 
-    def output(self) -> Array:
-        return np.ones(1)
-
     def initial(self) -> Array:
         return np.array([self.q**2 / 12])
 
@@ -123,9 +117,6 @@ class RandomWalk(Process):
     def diffusion(self, h: Array, moved: Array) -> Array:
         return (self.N**2 * h + 0.0 * moved)[:, None]
 
-    def output(self) -> Array:
-        return np.ones(1)
-
     def initial(self) -> Array:
         return np.zeros(1)
 
@@ -150,9 +141,6 @@ class GaussMarkov(Process):
 
     def diffusion(self, h: Array, moved: Array) -> Array:
         return (-(self.sigma**2) * np.expm1(-2 * h / self.tau) + 0.0 * moved)[:, None]
-
-    def output(self) -> Array:
-        return np.ones(1)
 
     def initial(self) -> Array:
         return np.array([self.sigma**2])
@@ -191,9 +179,6 @@ class Flicker(Process):
     def diffusion(self, h: Array, moved: Array) -> Array:
         return -self.initial() * np.expm1(-2 * h[:, None] / self.taus) + 0.0 * moved[:, None]
 
-    def output(self) -> Array:
-        return np.ones(len(self.taus))
-
     def initial(self) -> Array:
         return np.full(len(self.taus), self.B**2 * self.octaves * OCTAVE / np.pi)
 
@@ -218,9 +203,6 @@ class SettingError(Process):
 
     def diffusion(self, h: Array, moved: Array) -> Array:
         return np.where(moved, self.sigma**2, 0.0)[:, None] + 0.0 * h[:, None]
-
-    def output(self) -> Array:
-        return np.ones(1)
 
     def initial(self) -> Array:
         return np.array([self.sigma**2])
