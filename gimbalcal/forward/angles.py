@@ -18,7 +18,7 @@ MAX_STEPS, MAX_STEP_RAD = 8, 1e-15  # each step squares what is left of millirad
 
 
 def ideal_angles(platform: Platform, phase: Array, latitude: float) -> Array:
-    """Return angles (n, k) of a perfect platform on a level base: S_t, 0, L, 0."""
+    """Return angles (n, k) of a perfect platform on a level base, S_t, 0, L, 0: Wu et al. (2018), Eq. (4)."""
     ideal = {"platform": phase, "middle": latitude * np.ones_like(phase)}
     return platform.angles({k: v for k, v in ideal.items() if k in platform.axis_names}, phase.shape)
 

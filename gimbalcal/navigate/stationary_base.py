@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, rate_at
+from gimbalcal.forward.angles import ideal_angles
 from gimbalcal.kinematics import ideal_force, required_latitude
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, SPACE_STABLE_INERTIAL
@@ -38,8 +39,8 @@ def still_unit(hours: float, site: Site, C_bn: Array) -> Recording:
 def ideal_static_run(hours: float, latitude: float, sample_s: float, rows: int = STATIC_ROWS) -> Recording:
     """Return ideal gimbal readouts of a static run, thinned to `rows` that carry the weight of all samples."""
     platform, time = SPACE_STABLE_INERTIAL, np.linspace(0.0, hours * 3600, rows)
-    readings = {"platform": EARTH_RATE * time, "middle": np.full_like(time, latitude)}
-    channels = {("gimbal_angle", a): readings.get(a, np.zeros_like(time)) for a in platform.axis_names}
+    angles = ideal_angles(platform, EARTH_RATE * time, latitude)
+    channels = {("gimbal_angle", a): angles[:, i] for i, a in enumerate(platform.axis_names)}
     weight = np.full(len(time), max(hours * 3600 / sample_s / len(time), 1.0))
     site = Site(latitude=latitude, gravity=float(normal_gravity(latitude)))
     return Recording(STATIC_RUN, "plan", platform, site, {}, time, None, channels, weight=weight)

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from gimbalcal.earth import G0, normal_gravity, radii
+from gimbalcal.earth import EARTH_RATE, G0, normal_gravity, radii
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.process import Quantisation
 from gimbalcal.errors import InputError
 from gimbalcal.forward import predict, turning
+from gimbalcal.forward.angles import ideal_angles
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
@@ -24,7 +25,7 @@ from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.trajectory import Motion
 from gimbalcal.simulate.scenario import QuantityHistory, Scenario, check_content, load
 from gimbalcal.simulate.sensor_noise import coloured, noises, of_rates, stated
-from gimbalcal.simulate.timetable import Timetable, planned, platform_of, row_times, sidereal, timetable, turned_times
+from gimbalcal.simulate.timetable import Timetable, planned, platform_of, row_times, timetable, turned_times
 from gimbalcal.simulate.truth import check_shown, true_effects
 from gimbalcal.simulate.turned import flown, nodes, shaken, stimulus
 
@@ -183,7 +184,8 @@ def _nominal(run: Run, time: Array) -> Recording:
     elif run.table is None:
         motion = run.scenario.schedule
         assert run.site.latitude is not None  # checked by the scenario
-        angle, position = sidereal(motion, run.site.latitude, run.platform, time), None
+        phase = motion.start_angle + EARTH_RATE * time
+        angle, position = ideal_angles(run.platform, phase, run.site.latitude), None
     else:
         angle = run.table.angles(time, run.table.true)
         position = np.where(run.table.moving(time), 0, run.table.position[run.table.visit(time)])

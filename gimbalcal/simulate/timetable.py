@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.earth import EARTH_RATE, YEAR
+from gimbalcal.earth import YEAR
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform, known
@@ -106,12 +106,6 @@ def timetable(schedule: Schedule, motion: ScheduleSection, faults: FaultsSection
     position = np.tile(np.arange(1, len(schedule.holds) + 1), motion.sweeps)
     true = _with_faults(commanded, position, schedule.platform, faults)
     return Timetable(position, commanded, true, start, start + dwell, ramp, motion.settle)
-
-
-def sidereal(motion: ScheduleSection, latitude: float, platform: Platform, time: Array) -> Array:
-    """Return gimbal angles (n, k) [rad] of a perfect space-stable platform: Wu et al. (2018), Eq. (4)."""
-    ideal = {"platform": motion.start_angle + EARTH_RATE * time, "middle": np.full_like(time, latitude)}
-    return platform.angles({k: v for k, v in ideal.items() if k in platform.axis_names}, time.shape)
 
 
 def _hold(platform: Platform, hold: dict[str, float], i: int) -> Hold:

@@ -107,8 +107,7 @@ ERRORS = tuple(Error(*e) for e in (
     ("estimate.gyroscopes.revolutions", "rate_matrix(s, beta) @ triad_rotation(x[n:])",
      "rate_matrix(s, beta) @ triad_rotation(x[n:]).T"),
     ("estimate.gyroscopes.revolutions", "S[0] -= ((projected", "S[0] += ((projected"),
-    ("estimate.pulses.whole_turns", "unit = np.concatenate([K0, K0**2 / speed, speed * one, one]",
-     "unit = np.concatenate([K0, K0**2 * speed, speed * one, one]"),
+    ("estimate.pulses.whole_turns", "K0**2 / speed, one", "K0**2 * speed, one"),
     ("estimate.pulses.gravity_norm", "K0**3 / gravity**2", "K0**3 / gravity"),
     # navigation
     ("navigate.strapdown", "v1[2] += loop[2] * off * h", "v1[2] -= loop[2] * off * h"),

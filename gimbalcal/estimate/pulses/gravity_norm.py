@@ -23,6 +23,7 @@ plane of the first two. Every array may carry leading dimensions (runs): paramet
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -156,7 +157,8 @@ def accelerometer_pulses(N: Array, gravity: float, sigma: float, order: int = 3)
         start = _full(plain, free)
         start[usable, :3], start[usable, 9:] = second[usable, :3], second[usable, 3:]
         minimum = minimum.better(minimise(model, start[:, free]))
-    return _in_si(minimum, free, K0, gravity)
+    one = np.ones_like(K0)
+    return in_si(minimum, free, [K0, K0**2 / gravity, K0**3 / gravity**2, gravity * one, one])
 
 
 def _free(order: int) -> Array:
@@ -181,11 +183,13 @@ def _residuals(p: Array, u: Array, sigma: float, free: Array) -> tuple[Array, Ar
     return ((f**2).sum(-1) - 1) / (2 * sigma), J[..., free]
 
 
-def _in_si(minimum: LeastSquaresMinimum, free: Array, K0: Array, gravity: float) -> PulseFit:
-    """Convert the dimensionless problem (force in g, counts in g of the rough scale) to SI per pulse."""
-    one = np.ones_like(K0)
-    unit = np.concatenate([K0, K0**2 / gravity, K0**3 / gravity**2, gravity * one, one], axis=-1)
-    full = np.zeros((len(K0), 15, 15))
+def in_si(minimum: LeastSquaresMinimum, free: Array, units: Sequence[Array]) -> PulseFit:
+    """Return a dimensionless fit of the parameters `free` of fifteen in SI per pulse.
+
+    units: of K1, K2, K3, bias and E, (r, 3) each.
+    """
+    unit = np.concatenate(units, axis=-1)
+    full = np.zeros((len(unit), 15, 15))
     full[:, free[:, None], free] = covariance_at_minimum(minimum.jacobian)
     return PulseFit(
         Pulses.from_vector(_full(minimum.x, free) * unit),

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE
-from gimbalcal.estimate.pulses.gravity_norm import PulseFit, Pulses, initial_scale, lower
+from gimbalcal.estimate.pulses.gravity_norm import PulseFit, in_si, initial_scale, lower
 from gimbalcal.inference.ellipsoid import ellipsoid
-from gimbalcal.inference.levenberg import LeastSquaresMinimum, covariance_at_minimum, minimise
+from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array
 
 FREE = np.r_[0:6, 9:15]  # K1, K2, bias, E of the fifteen: Eq. (6) has no cubic term
@@ -73,7 +73,8 @@ def gyroscope_pulses(counted: Revolutions, *, both_senses: bool = True, guess: A
         start = plain.copy()
         start[usable, :3], start[usable, 9:] = second[usable, :3], second[usable, 6:]
         minimum = minimum.better(minimise(model, start))
-    return _in_si(minimum, K0, speed)
+    one = np.ones_like(K0)
+    return in_si(minimum, FREE, [K0, K0**2 / speed, one, speed * one, one])
 
 
 def _shape(counted: Revolutions) -> tuple[int, int]:
@@ -132,12 +133,3 @@ def _across(S: Array, JS: Array, D: Array, JD: Array, length: Array, sigma: floa
     cross = S - D * share[..., None]
     J = JS - JD * share[..., None, None] - D[..., None] * d_share[..., None, :]
     return [(cross[..., i] / sigma, J[..., i, :] / sigma) for i in range(3)]
-
-
-def _in_si(minimum: LeastSquaresMinimum, K0: Array, speed: float) -> PulseFit:
-    one = np.ones_like(K0)
-    unit = np.concatenate([K0, K0**2 / speed, speed * one, one], axis=-1)
-    x, full = np.zeros((len(K0), 15)), np.zeros((len(K0), 15, 15))
-    x[:, FREE] = minimum.x * unit
-    full[:, FREE[:, None], FREE] = covariance_at_minimum(minimum.jacobian) * unit[:, :, None] * unit[:, None, :]
-    return PulseFit(Pulses.from_vector(x), full, 2 * minimum.cost, minimum.converged, minimum.steps)
