@@ -309,19 +309,20 @@ class _Bench:
         seconds = weight * step / float(np.median(last.weight)) if step else float(lasting)
         return cls(wanted, known, max(seconds, 1.0), weight, every)
 
-    def rows(self, s: Stimulus, weight: Array, like: Recording) -> Array:
-        """Return the rows (n, 3, p) of dwells, whitened by the noise of a recording."""
+    def rows(self, dwelling: Recording, like: Recording) -> Array:
+        """Return the rows (n, 3, p) of dwells, one row each, whitened by the noise of a recording."""
         sample = like.sigma("accelerometer")
         if not sample:
             raise InputError(f"{like.title!r} states no noise of its accelerometers, and none shows; add it to [noise]")
         setting = like.sigma("gimbal_angle")
         setting = (SETTING_SIGMA_RAD if setting is None else setting) if self.known else np.inf
-        return rows_at_rest(s, self.like.platform, self.wanted, sample, setting, weight)
+        s = self.stimulus(dwelling)
+        return rows_at_rest(s, self.like.platform, self.wanted, sample, setting, dwelling.weight)
 
     @property
     def recorded_rows(self) -> Array:
         """Return the rows of the dwells that exist."""
-        return np.concatenate([self.rows(self.stimulus(m), m.weight, m) for m in self.means])
+        return np.concatenate([self.rows(m, m) for m in self.means])
 
     def stimulus(self, means: Recording) -> Stimulus:
         """Return what dwells feel: by their angles, or as they read, as long as gravity."""
@@ -333,7 +334,7 @@ class _Bench:
 
     def sigmas_of(self, schedule: Schedule) -> Array:
         """Return the sigmas (p,) of a published schedule in this noise, for dwells as long as these; SI."""
-        plan = planned(schedule, site=self.like.site)
+        plan = planned(schedule, self.weight, self.like.site)
         if self.known and schedule.platform.axis_names != self.like.platform.axis_names:
             raise InputError(
                 f"{schedule.name} is of the platform {schedule.platform.name} and these dwells are on "
@@ -341,9 +342,9 @@ class _Bench:
             )
         if temperatures := self._temperature():
             plan = plan.with_channels({k: np.full(len(plan.time), v) for k, v in temperatures.items()})
-        s = stimulus_from_angles(plan) if self.known else self.stimulus(plan)
-        rows = self.rows(s, np.full(len(plan.time), self.weight), self.like).reshape(-1, len(self.wanted))
-        return bound(rows) * np.array([p.sigma for p in self.wanted])
+        return bound(self.rows(plan, self.like).reshape(-1, len(self.wanted))) * np.array(
+            [p.sigma for p in self.wanted]
+        )
 
     def rows_of_run(self, *parts: Recording) -> Array:
         """Return the rows (q, p) of a static run, in one part or several, about these parameters.
@@ -391,8 +392,8 @@ class _Bench:
         changes = (0.0, WARMER_K) if needed and self._temperature() else (0.0,)
         for warmer, duration in product(changes, DURATIONS):
             felt = {key: np.full(len(plan.time), value + warmer) for key, value in self._temperature().items()}
-            warm = replace(plan.with_channels(felt), time=plan.time + end)
-            rows = self.rows(self.stimulus(warm), np.full(len(plan.time), self.weight * duration), self.like)
+            weight = np.full(len(plan.time), self.weight * duration)
+            rows = self.rows(replace(plan.with_channels(felt), time=plan.time + end, weight=weight), self.like)
             waiting = WARMING_S if warmer else 0.0
             extra = f" for {lasting(self.seconds * duration)}" + (f", {warmer:+g} K warmer" if warmer else "")
             each = Candidates(
