@@ -29,8 +29,15 @@ from gimbalcal.number import Array, cos, exp, sin
 SCHULER_PERIOD = 84.4 * 60  # 2 pi sqrt(R / g)
 
 
+class PlatformTurn(Effect):
+    """A turn of an inertially fixed platform against its drawing, seen in a static run."""
+
+    stage = Stage.PLATFORM
+    kinds = ("static-run",)
+
+
 @effect
-class PolarAxisMisalignment(Effect):
+class PolarAxisMisalignment(PlatformTurn):
     r"""The inertially fixed platform starts turned against its drawing: polar axis off the pole, azimuth off.
 
     .. math:: \varphi = \varphi_0, \qquad f^p = R(\varphi) f^p_{ideal}
@@ -44,9 +51,7 @@ class PolarAxisMisalignment(Effect):
 
     id = "polar_axis_misalignment"
     says = "the platform starts turned against its drawing by {size}"
-    stage = Stage.PLATFORM
     sources = ("britting1971",)
-    kinds = ("static-run",)
     phi_0: Array = parameter(PLATFORM_AXES, unit="arcsec", sigma=120, name="phi_0")
 
     def contribution(self, s: Stimulus) -> Array:
@@ -55,7 +60,7 @@ class PolarAxisMisalignment(Effect):
 
 
 @effect
-class GyroDrift(Effect):
+class GyroDrift(PlatformTurn):
     r"""The gyroscopes drift at a constant rate and take the platform along.
 
     .. math:: \varphi = \epsilon t
@@ -67,8 +72,6 @@ class GyroDrift(Effect):
 
     id = "gyro_drift"
     says = "the platform's gyroscopes drift by {size}"
-    stage = Stage.PLATFORM
-    kinds = ("static-run",)
     sources = ("nash1971", "britting1971")
     epsilon: Array = parameter(PLATFORM_AXES, unit="deg/h", sigma=0.005, name="gyro_drift")
 
@@ -82,7 +85,7 @@ class GyroDrift(Effect):
 
 
 @effect
-class GyroGSensitivity(Effect):
+class GyroGSensitivity(PlatformTurn):
     r"""The rotor's mass is off its centre: specific force makes it drift.
 
     .. math:: \varphi = D \int f \, dt
@@ -93,8 +96,6 @@ class GyroGSensitivity(Effect):
 
     id = "gyro_g_sensitivity"
     says = "the platform's gyroscopes drift with the force on them, by {size}"
-    stage = Stage.PLATFORM
-    kinds = ("static-run",)
     sources = ("ieee528", "lawrence1998")
     D: Array = parameter(MATRIX_AXES, unit="deg/h/g", sigma=0.02, name="g_sensitivity")
 
@@ -104,7 +105,7 @@ class GyroGSensitivity(Effect):
 
 
 @effect
-class GyroG2Sensitivity(Effect):
+class GyroG2Sensitivity(PlatformTurn):
     r"""The rotor's suspension yields unequally along two axes: the product of two forces makes it drift.
 
     .. math:: \varphi_i = E_i \int f_j f_k \, dt
@@ -115,8 +116,6 @@ class GyroG2Sensitivity(Effect):
 
     id = "gyro_g2_sensitivity"
     says = "the platform's gyroscopes drift with the product of two forces, by {size}"
-    stage = Stage.PLATFORM
-    kinds = ("static-run",)
     sources = ("ieee528", "lawrence1998")
     E: Array = parameter(PLATFORM_AXES, unit="deg/h/g^2", sigma=0.01, name="g2_sensitivity")
 
@@ -126,7 +125,7 @@ class GyroG2Sensitivity(Effect):
 
 
 @effect
-class GyroTemperatureDrift(Effect):
+class GyroTemperatureDrift(PlatformTurn):
     r"""The drift rate follows the temperature.
 
     .. math:: \varphi = \epsilon_T \int (T - T_0) \, dt
@@ -138,9 +137,7 @@ class GyroTemperatureDrift(Effect):
 
     id = "gyro_temperature_drift"
     says = "the platform's gyroscopes drift with temperature, by {size}"
-    stage = Stage.PLATFORM
     requires = ("temperature",)
-    kinds = ("static-run",)
     sources = ("ieee952",)
     epsilon_T: Array = parameter(PLATFORM_AXES, unit="deg/h/degC", sigma=0.001, name="thermal_drift")
 
@@ -150,7 +147,7 @@ class GyroTemperatureDrift(Effect):
 
 
 @effect
-class GyroDiurnalDrift(Effect):
+class GyroDiurnalDrift(PlatformTurn):
     r"""The drift rate follows the solar day.
 
     .. math:: \varphi = \int (A \sin\omega_d t + B \cos\omega_d t) \, dt
@@ -162,8 +159,6 @@ class GyroDiurnalDrift(Effect):
 
     id = "gyro_diurnal_drift"
     says = "the platform's gyroscopes drift to and fro with the day, by {size}"
-    stage = Stage.PLATFORM
-    kinds = ("static-run",)
     sources = ("ieee952",)
     A: Array = parameter(PLATFORM_AXES, unit="deg/h", sigma=0.001, name="diurnal_drift_sin")
     B: Array = parameter(PLATFORM_AXES, unit="deg/h", sigma=0.001, name="diurnal_drift_cos")
@@ -179,7 +174,7 @@ class GyroDiurnalDrift(Effect):
 
 
 @effect
-class CaseRotationResidue(Effect):
+class CaseRotationResidue(PlatformTurn):
     r"""Gyroscope cases are turned to average their drifts out; what is left turns the platform at that period.
 
     .. math:: \varphi = A \sin(2\pi t / P) + B \cos(2\pi t / P)
@@ -190,8 +185,6 @@ class CaseRotationResidue(Effect):
 
     id = "case_rotation_residue"
     says = "the platform turns to and fro with the rotation of the gyroscopes' cases, by {size}"
-    stage = Stage.PLATFORM
-    kinds = ("static-run",)
     sources = ("britting1971",)
     A: Array = parameter(PLATFORM_AXES, unit="urad", sigma=3, name="case_rotation_sin")
     B: Array = parameter(PLATFORM_AXES, unit="urad", sigma=3, name="case_rotation_cos")
@@ -203,7 +196,7 @@ class CaseRotationResidue(Effect):
 
 
 @effect
-class ServoLimitCycle(Effect):
+class ServoLimitCycle(PlatformTurn):
     r"""Friction and gain of the platform loop sustain an oscillation.
 
     .. math:: \varphi = A \sin(2\pi t / P) + B \cos(2\pi t / P)
@@ -214,8 +207,6 @@ class ServoLimitCycle(Effect):
 
     id = "servo_limit_cycle"
     says = "the platform's servo loop oscillates, by {size}"
-    stage = Stage.PLATFORM
-    kinds = ("static-run",)
     sources = ("lawrence1998",)
     A: Array = parameter(PLATFORM_AXES, unit="urad", sigma=5, name="limit_cycle_sin")
     B: Array = parameter(PLATFORM_AXES, unit="urad", sigma=5, name="limit_cycle_cos")
@@ -256,7 +247,7 @@ class SchulerOscillation(Effect):
 
 
 @effect
-class ClockRate(Effect):
+class ClockRate(PlatformTurn):
     r"""The clock of the recording runs slow against the Earth's turn, or fast.
 
     .. math:: \varphi = (0, 0, -\omega_{ie} \kappa t), \qquad \delta f = \kappa t \, \dot f
@@ -268,8 +259,6 @@ class ClockRate(Effect):
 
     id = "clock_rate"
     says = "the clock of the recording runs wrong by {size}"
-    stage = Stage.PLATFORM
-    kinds = ("static-run",)
     sources = ("groves2013",)
     kappa: float = parameter(SCALAR, unit="ppm", sigma=10, name="clock_rate")
 

@@ -7,13 +7,13 @@ Units: rad/s and degC inside.
 from __future__ import annotations
 
 from gimbalcal.effects import false_rate
-from gimbalcal.effects.effect import TRIAD, Effect, Stage, Stimulus, effect, parameter
-from gimbalcal.effects.gyroscope import KINDS
+from gimbalcal.effects.effect import TRIAD, Stimulus, effect, parameter
+from gimbalcal.effects.gyroscope import GyroscopeEffect
 from gimbalcal.number import Array
 
 
 @effect
-class GyroBiasTemperature(Effect):
+class GyroBiasTemperature(GyroscopeEffect):
     r"""The output at zero rate follows the temperature.
 
     .. math:: \delta\omega_i = \varepsilon_{T,i} (T - T_0)
@@ -25,9 +25,6 @@ class GyroBiasTemperature(Effect):
 
     id = "gyro_bias_temperature"
     says = "{who} drifts with temperature, by {size}"
-    stage = Stage.GYROSCOPE
-    channel = "angular_rate"
-    kinds = KINDS
     requires = ("temperature",)
     sources = ("ieee952",)
     epsilon_T: Array = parameter(TRIAD, unit="deg/h/degC", sigma=1, name="gyro_epsilon_T")
@@ -38,7 +35,7 @@ class GyroBiasTemperature(Effect):
 
 
 @effect
-class GyroBiasTemperatureSquared(Effect):
+class GyroBiasTemperatureSquared(GyroscopeEffect):
     r"""The output at zero rate bends with temperature.
 
     .. math:: \delta\omega_i = \varepsilon_{T2,i} (T - T_0)^2
@@ -49,9 +46,6 @@ class GyroBiasTemperatureSquared(Effect):
 
     id = "gyro_bias_temperature_squared"
     says = "{who} drifts with the square of temperature, by {size}"
-    stage = Stage.GYROSCOPE
-    channel = "angular_rate"
-    kinds = KINDS
     requires = ("temperature",)
     sources = ("ieee952",)
     epsilon_T2: Array = parameter(TRIAD, unit="deg/h/degC^2", sigma=0.05, name="gyro_epsilon_T2")
@@ -62,7 +56,7 @@ class GyroBiasTemperatureSquared(Effect):
 
 
 @effect
-class GyroBiasTemperatureCubed(Effect):
+class GyroBiasTemperatureCubed(GyroscopeEffect):
     r"""The output at zero rate follows the cube of the temperature: compensated to second order, or never.
 
     .. math:: \delta\omega_i = \varepsilon_{T3,i} (T - T_0)^3
@@ -74,9 +68,6 @@ class GyroBiasTemperatureCubed(Effect):
 
     id = "gyro_bias_temperature_cubed"
     says = "{who} drifts with the cube of temperature, by {size}"
-    stage = Stage.GYROSCOPE
-    channel = "angular_rate"
-    kinds = KINDS
     requires = ("temperature",)
     sources = ("ieee952",)
     epsilon_T3: Array = parameter(TRIAD, unit="deg/h/degC^3", sigma=0.002, name="gyro_epsilon_T3")

@@ -28,7 +28,13 @@ from gimbalcal.effects.effect import (
 )
 from gimbalcal.number import Array, absolute
 
-KINDS = ("rotation", "multi-position")
+
+class GyroscopeEffect(Effect):
+    """What a gyroscope adds to the rate along its axis, seen where the unit turns or is set to positions."""
+
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = ("rotation", "multi-position")
 
 
 def rate_matrix(s: Array, beta: Array) -> Array:
@@ -43,7 +49,7 @@ def of_rate_matrix(M: Array) -> tuple[Array, Array]:
 
 
 @effect
-class GyroBias(Effect):
+class GyroBias(GyroscopeEffect):
     r"""A constant output at zero rate.
 
     .. math:: \delta\omega = \varepsilon
@@ -54,9 +60,6 @@ class GyroBias(Effect):
 
     id = "gyro_bias"
     says = "{who} reads {size} where nothing turns"
-    stage = Stage.GYROSCOPE
-    channel = "angular_rate"
-    kinds = KINDS
     sources = ("wang2019", "ieee952")
     epsilon: Array = parameter(TRIAD, unit="deg/h", sigma=1, name="gyro_bias")
 
@@ -66,7 +69,7 @@ class GyroBias(Effect):
 
 
 @effect
-class GyroBiasDrift(Effect):
+class GyroBiasDrift(GyroscopeEffect):
     r"""The output at zero rate changes steadily.
 
     .. math:: \delta\omega = \dot\varepsilon \, t
@@ -78,10 +81,7 @@ class GyroBiasDrift(Effect):
 
     id = "gyro_bias_drift"
     says = "{who} changes its zero steadily, by {size}"
-    stage = Stage.GYROSCOPE
     role = Role(time_drift=True)
-    channel = "angular_rate"
-    kinds = KINDS
     sources = ("ieee952",)
     rate: Array = parameter(TRIAD, unit="deg/h/h", sigma=10, name="gyro_bias_drift")
 
@@ -91,7 +91,7 @@ class GyroBiasDrift(Effect):
 
 
 @effect
-class GyroScaleFactor(Effect):
+class GyroScaleFactor(GyroscopeEffect):
     r"""Each gyroscope's scale factor differs from the nominal one.
 
     .. math:: \delta\omega_i = \frac{\omega_i}{1 + s_i} - \omega_i, \qquad s = SF - 1
@@ -104,8 +104,6 @@ class GyroScaleFactor(Effect):
     id = "gyro_scale_factor"
     says = "{who} has a scale factor that is off by {size}"
     stage = Stage.RATE_SCALE
-    channel = "angular_rate"
-    kinds = KINDS
     linear = False
     sources = ("wang2019", "ieee952")
     s: Array = parameter(TRIAD, unit="ppm", sigma=1000, name="gyro_scale_factor")
@@ -116,7 +114,7 @@ class GyroScaleFactor(Effect):
 
 
 @effect
-class GyroMisalignment(Effect):
+class GyroMisalignment(GyroscopeEffect):
     r"""The input axes of the gyroscopes do not lie along the axes of the sensor block; each leans by two small angles.
 
     .. math:: C_p^g = \begin{bmatrix} 1 & \beta_{xz} & -\beta_{xy} \\ -\beta_{yz} & 1 & \beta_{yx} \\
@@ -131,8 +129,6 @@ class GyroMisalignment(Effect):
     id = "gyro_misalignment"
     says = "the input axis of {who} leans by {size}"
     stage = Stage.RATE_AXIS
-    channel = "angular_rate"
-    kinds = KINDS
     sources = ("wu2018", "wang2019")
     beta: Array = parameter(MISALIGNMENT_AXES, unit="arcsec", sigma=300, name="gyro_misalignment")
 
@@ -142,7 +138,7 @@ class GyroMisalignment(Effect):
 
 
 @effect
-class GyroScaleNonlinearity(Effect):
+class GyroScaleNonlinearity(GyroscopeEffect):
     r"""The output bends quadratically with the rate.
 
     .. math:: \delta\omega_i = K_i \omega_i^2
@@ -154,9 +150,6 @@ class GyroScaleNonlinearity(Effect):
 
     id = "gyro_scale_nonlinearity"
     says = "{who} bends with the rate, by {size}"
-    stage = Stage.GYROSCOPE
-    channel = "angular_rate"
-    kinds = KINDS
     sources = ("wang2019", "ieee952")
     K: Array = parameter(TRIAD, unit="ppm/(rad/s)", sigma=300, name="gyro_scale_nonlinearity")
 
@@ -166,7 +159,7 @@ class GyroScaleNonlinearity(Effect):
 
 
 @effect
-class GyroScaleAsymmetry(Effect):
+class GyroScaleAsymmetry(GyroscopeEffect):
     r"""Turning one way reads more than turning the other way.
 
     .. math:: \delta\omega_i = A_i |\omega_i|
@@ -177,9 +170,6 @@ class GyroScaleAsymmetry(Effect):
 
     id = "gyro_scale_asymmetry"
     says = "{who} reads more one way round than the other, by {size}"
-    stage = Stage.GYROSCOPE
-    channel = "angular_rate"
-    kinds = KINDS
     sources = ("ieee952",)
     A: Array = parameter(TRIAD, unit="ppm", sigma=100, name="gyro_scale_asymmetry")
 
@@ -189,7 +179,7 @@ class GyroScaleAsymmetry(Effect):
 
 
 @effect
-class GyroScaleTemperature(Effect):
+class GyroScaleTemperature(GyroscopeEffect):
     r"""The scale factor follows the temperature.
 
     .. math:: \delta\omega_i = s_{T,i} \, \omega_i \, (T - T_0)
@@ -200,9 +190,6 @@ class GyroScaleTemperature(Effect):
 
     id = "gyro_scale_temperature"
     says = "{who} changes its scale factor with temperature, by {size}"
-    stage = Stage.GYROSCOPE
-    channel = "angular_rate"
-    kinds = KINDS
     requires = ("temperature",)
     sources = ("ieee952",)
     s_T: Array = parameter(TRIAD, unit="ppm/degC", sigma=50, name="gyro_scale_temperature")
@@ -213,7 +200,7 @@ class GyroScaleTemperature(Effect):
 
 
 @effect
-class GyroGSensitivityRate(Effect):
+class GyroGSensitivityRate(GyroscopeEffect):
     r"""Specific force makes the gyroscope read a rate: mass unbalance, or stress in a vibrating structure.
 
     .. math:: \delta\omega_i = \sum_j G_{ij} f_j
@@ -225,10 +212,7 @@ class GyroGSensitivityRate(Effect):
 
     id = "gyro_g_sensitivity_rate"
     says = "{who} reads a turn where only a force acts, by {size}"
-    stage = Stage.GYROSCOPE
     role = Role(textbook_kinds=("multi-position",))
-    channel = "angular_rate"
-    kinds = KINDS
     sources = ("ieee1431",)
     G: Array = parameter(MATRIX_AXES, unit="deg/h/g", sigma=1, name="gyro_g_sensitivity_rate")
 
