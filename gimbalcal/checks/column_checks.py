@@ -30,6 +30,7 @@ PIECE = 10_000_000  # rows that are looked at again at a time: a longer recordin
 MAX_STRETCHES = 30  # that a sentence lists
 CALM_STEPS = 2.0  # scatter of the other sensors of a triad, below which a channel with such steps may stand still
 MIN_ROWS = 20  # equal rows that can be called frozen or clipped at all
+NEAR_ROWS = 500  # on either side of such a run, that show how long runs of the channel usually are
 MIN_SHARE_CLIPPED = 0.01  # of the rows
 MIN_AT_END = 5  # rows of a turn, of which no other value near the end has two
 CLIPPED_RATIO = 5  # times as many rows as at any of the next values
@@ -154,13 +155,18 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
     least = usual * max(MIN_ROWS, needed)
     if stop - start < least:
         return ""
-    runs = [run for run in runs_of(pieces, least) if not _calm(s, c, *run, quantum)]
+    x = s.whole(c.name)
+    runs = [
+        run
+        for run in runs_of(pieces, least)
+        if run[1] - run[0] >= max(MIN_ROWS, needed) * _usual_near(x, *run, least) and not _calm(s, c, *run, quantum)
+    ]
     if not runs:
         return ""
     start, stop = max(runs, key=lambda run: run[1] - run[0])
-    value = f"{s.whole(c.name)[start]:.10g} {c.unit}"
+    value = f"{x[start]:.10g} {c.unit}"
     why = f"all {stop - start} rows read {value} although the noise is {sigma:.2g} {c.unit}, so the channel is "
-    if zeros := _within_dead_band(s.whole(c.name), start, stop, quantum):
+    if zeros := _within_dead_band(x, start, stop, quantum):
         cure = "log what the sensor reads, or leave its column out"
         return f"{s.place_of(c, start, stop)}{why}set to zero about it, by a dead band, in {zeros} rows; {cure}"
     cure = "dead; leave its column" if stop - start == n else "frozen; leave those rows"
@@ -168,6 +174,17 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
     more = [*others[:MAX_STRETCHES], *([f"{len(others) - MAX_STRETCHES} more"] if len(others) > MAX_STRETCHES else [])]
     also = f", and {', '.join(more)} likewise" if others else ""
     return f"{s.place_of(c, start, stop)}{why}{cure} out{also}, or correct [noise]"
+
+
+def _usual_near(x: Array, start: int, stop: int, least: float) -> float:
+    """Return the mean length of the runs of one value about a run of a channel (n,), those of `least` left out.
+
+    Readings behind a filter change slowly at rest, and hardly two in a row are alike where the unit moves.
+    """
+    near = [x[max(0, start - NEAR_ROWS) : start], x[stop : stop + NEAR_ROWS]]
+    lengths = np.concatenate([np.diff(np.flatnonzero(np.diff(part, prepend=np.nan, append=np.nan))) for part in near])
+    usual = lengths[lengths < least]
+    return float(usual.mean()) if len(usual) else 1.0
 
 
 def _within_dead_band(x: Array, start: int, stop: int, quantum: float) -> int:

@@ -182,6 +182,27 @@ def test_a_dead_band_about_zero_is_no_frozen_channel(tmp_path):
         read(at)
 
 
+def test_a_channel_behind_a_filter_is_not_frozen_where_it_hardly_changes(tmp_path):
+    """Readings of 1 kHz behind a filter of 30 Hz in steps of 0.06 deg/s, one axis quiet; vibration comes before."""
+    rng = np.random.default_rng(8)
+    n, smooth = 6000, np.hanning(60) / np.hanning(60).sum()
+    w = np.stack([np.convolve(rng.standard_normal(n + 59), smooth, "valid") for _ in "xyz"], axis=-1)
+    w *= [6.0, 6.0, 1.0]
+    w[:5000] += 2 * rng.standard_normal((5000, 3))
+    w = 0.061 * np.round(w / 0.061)
+    at = tmp_path / "filtered"
+    at.mkdir()
+    (at / "recording.toml").write_text(
+        'format = 1\nkind = "multi-position"\ntitle = "f"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
+        'p = { quantity = "position" }\n'
+        + "".join(f'w{a} = {{ quantity = "angular_rate", axis = "{a}", unit = "deg/s" }}\n' for a in "xyz")
+    )
+    (at / "samples.csv").write_text(
+        "t,p,wx,wy,wz\n" + "".join(f"{k / 1000:.3f},{1},{a:.3f},{b:.3f},{c:.3f}\n" for k, (a, b, c) in enumerate(w))
+    )
+    assert len(read(at).time) == n
+
+
 @pytest.mark.parametrize("frozen", [False, True])
 def test_a_channel_of_coarse_steps_stands_still_where_its_unit_does(tmp_path, frozen):
     """Steps of 0.02 g, noise of 8 mg, motion of 0.1 g before the rest; frozen: the others go on moving beside it."""
