@@ -102,6 +102,12 @@ def test_a_signal_beside_an_angle_by_name_is_read_along_its_line(tmp_path, head)
     golden_text(next(g.why for g in made.guesses.values() if g.quantity == "gimbal_angle"))
 
 
+def test_two_columns_without_names_of_other_scales_are_not_both_angles(tmp_path):
+    command = np.linspace(-700.0, 700.0, 200)
+    with refused():
+        propose([write(tmp_path / "t.csv", "-710.0,845.0", command, np.round(2100 + 1.77 * command))])
+
+
 def test_a_current_beside_a_torque_is_no_angle(tmp_path):
     x = np.linspace(0.0, 1.0, 30)
     with refused():
