@@ -36,6 +36,7 @@ MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbers
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 _MATRIX = re.compile(r"(^|_)[a-z]?_?[0-3]_?[0-3](_|$)")  # elements of a matrix, M11, r_0_1
+_PLACE = re.compile(r"position|translation|displacement")  # in metres, whatever moves
 GRAVITY = {"m/s^2": G0, "g": 1.0, "ft/s^2": G0 / 0.3048, "mg": 1e3, "Gal": 100 * G0, "ug": 1e6, "mGal": 1e5 * G0}
 
 
@@ -109,6 +110,7 @@ def _differ_in_axis(triple: Sequence[str]) -> bool:
         and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "abc"}
         and not NOT_A_TRIAD.intersection(plain(triple[0]).split("_"))
         and not _MATRIX.search(plain(triple[0]))
+        and not _PLACE.search(plain(triple[0]))
     )
 
 

@@ -438,10 +438,11 @@ def _in_units(log: Log, context: _Context) -> Proposal:
         notes["rests"] = f"{quiet} in which the gyroscopes turn are no rests"
     if not rests:
         turn = "; where the accelerometers are quiet the gyroscopes show turns" if removed else ""
+        hold = "hold the unit still for some seconds in each of six or more attitudes"
+        hold = hold if log.has(FORCE) else "leave the gyroscopes alone for some minutes for `gimbalcal noise`"
         raise (_MovingUnitError if removed else InputError)(
             f"{context.title}: no rest is found that lasts a second and takes some {100 * LEAST_AT_REST:g} % of the "
-            f"time{turn}; hold the unit still for some seconds in each of six or more attitudes, or write a header "
-            'with kind = "rotation" and use `gimbalcal import csv`'
+            f'time{turn}; {hold}, or write a header with kind = "rotation" and use `gimbalcal import csv`'
         )
     if platform is None and log.has(FORCE):
         notes["signs"] = (

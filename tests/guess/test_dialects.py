@@ -239,6 +239,20 @@ def test_gyroscopes_alone_are_a_recording_for_their_noise(tmp_path):
     assert {g.quantity for g in by_order(table, "angular_rate").values()} == {"angular_rate"}
 
 
+def test_gyroscopes_alone_that_never_rest_are_asked_for_what_noise_takes(tmp_path):
+    w = np.random.default_rng(6).normal(0, 0.01, (3000, 3)) + np.sin(0.02 * np.arange(3000))[:, None] ** 3
+    with refused():
+        propose([rows(tmp_path / "a.csv", "gyro_x,gyro_y,gyro_z", *w.T)], rate=100)
+
+
+def test_a_place_that_a_robot_logs_is_no_force(tmp_path):
+    """A place in mm on a circle, of constant length, that turns as a force does when a unit is turned over."""
+    t = 0.1 * np.arange(600)
+    place = 800 * np.stack([np.cos(t // 6), np.sin(t // 6), 0 * t], axis=-1)
+    with pytest.raises(InputError, match="no three columns are a triad"):
+        propose([rows(tmp_path / "a.csv", "time,Robotposition_x,Robotposition_y,Robotposition_z", t, *place.T)])
+
+
 def test_faces_in_logs_that_begin_with_a_line_cut_off_are_parts_of_one_run(tmp_path):
     rng, paths = np.random.default_rng(11), []
     for k, face in enumerate(np.eye(3)):
