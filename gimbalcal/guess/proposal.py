@@ -451,11 +451,13 @@ def _in_units(log: Log, context: _Context) -> Proposal:
         )
     if not log.has(FORCE):
         rates = [np.median(recording.triad(RATE)[d.rows], axis=0) for d in dwells(recording)]  # of a steady turn each
-        turning = float(np.degrees(np.median(np.linalg.norm(rates, axis=1))))
+        turns = np.degrees(np.linalg.norm(rates, axis=1))
+        turns = turns[turns > (np.inf if recording.counted(RATE) else MAX_BIAS_DEG_S)]
+        where = "throughout" if len(turns) == rests else f"in {len(turns)} of {rests} rests"
         notes["kind"] = "gyroscopes without accelerometers are enough for `gimbalcal noise`" + (
-            f"; they read {turning:.4g} deg/s throughout, a turn: a column with the angle or the rate of the table "
-            "that turned them would calibrate them"
-            if turning > MAX_BIAS_DEG_S and not recording.counted(RATE)
+            f"; they read {np.median(turns):.4g} deg/s {where}, a turn: a column with the angle or the rate of the "
+            "table that turned them would calibrate them"
+            if len(turns)
             else "; they are taken as at rest"
         )
     positions = visited_positions(recording)

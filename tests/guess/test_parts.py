@@ -155,3 +155,6 @@ def test_turns_of_a_table_in_one_file_of_arrays_are_said_to_be_turns(tmp_path):
     found = propose([tmp_path / "turns.mat"], rate=RATE)
     assert len(found.recording.time) == sum(map(len, arrays.values()))
     golden_text(found.notes["kind"])
+    still = {**arrays, "still_gyro": 0.001 * rng.standard_normal((2000, 3))}
+    scipy.io.savemat(tmp_path / "turns_and_rest.mat", still)
+    golden_text(propose([tmp_path / "turns_and_rest.mat"], rate=RATE).notes["kind"])
