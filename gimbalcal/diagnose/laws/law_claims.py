@@ -22,7 +22,7 @@ from gimbalcal.diagnose.laws.law_curve import with_curves
 from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
 from gimbalcal.diagnose.laws.law_search import ABSORBED, SAME, Ground, Law, aliases, centred, free, response_of, trimmed
 from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared
-from gimbalcal.diagnose.library.candidates import Candidate, Library, SelectedCause
+from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, is_usual, search, selected_causes
@@ -51,6 +51,7 @@ COMPARED = 12  # formulas that together are compared with causes
 MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
 SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it holds
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
+MIN_DIFFERENCE = 4.0  # of chi^2, by which a formula says something else than a cause
 MAX_GAIN_CHANGE = 0.3  # of a sensor by a law: beyond, it is another sensor
 MAX_SCATTER_RATIO = 1.5  # of a formula to causes with more parameters, from which on it replaces none
 
@@ -181,7 +182,7 @@ def law_of_searches(
     best_else = _best_else(ranked)
     best, others = chosen(g, every, best_else + (TOGETHER + NAMED) * bool(instead) - b.ln_known)
     if best is None and instead:
-        rivals = [law.evidence for law in every[:COMPARED] if not _held_by(ranked, instead, nodes, g, law)]
+        rivals = [law.evidence for law in _rivals_of_members(ranked, instead, every[:COMPARED])]
         return Lawful(formula_is_likelier=bool(rivals) and float(logsumexp(np.array(rivals))) > best_else)
     if best is not None and not instead and (as_likely := _known(ranked, b.total)):
         return Lawful(
@@ -239,17 +240,16 @@ def leave_more_than_noise(ranked: Ranking, members: Sequence[int]) -> bool:
     return False
 
 
-def _held_by(ranked: Ranking, members: Sequence[int], nodes: Sequence[Node], g: Ground, law: Law) -> bool:
-    """Return whether causes hold what a formula explains of one recording: it is their own formula and no rival.
+def _rivals_of_members(ranked: Ranking, members: Sequence[int], laws: Sequence[Law]) -> list[Law]:
+    """Return the laws that say something else than causes in one recording.
 
-    Of several recordings, which have calibration constants of their own, formulas are taken for those of the causes.
+    Of several recordings, which have calibration constants of their own, laws are taken for those of the causes.
     """
     if len(ranked.searches) > 1:
-        return True
-    s, node = ranked.searches[0], nodes[0]
+        return []
+    (s,) = ranked.searches
     X = s.library.X[:, list(fit_causes(s, ranked.within(members, 0)).index)]
-    A, X = g.remainder(g.whiten(law.columns)), g.remainder(node.whiten(X))
-    return _share_beyond(A, X, g.y) < SAME_RESPONSE
+    return [law for law in laws if _differs(s, law, X)]
 
 
 def _best_else(ranked: Ranking) -> float:
@@ -347,7 +347,7 @@ def causes_replaced_by_a_formula(
             continue
         known = max(h.ln_weight for h in s.hypotheses)
         if b.laws[0].evidence < known + CLAIM:
-            rivals = [law.evidence for law in b.laws[:COMPARED] if _rivals(without, law.columns, s.library, names)]
+            rivals = [law.evidence for law in _rivals(s, b.laws[:COMPARED], names)]
             if rivals and float(logsumexp(np.array(rivals))) > known:
                 doubtful |= {cause.effect for cause in own}
             continue
@@ -355,65 +355,60 @@ def causes_replaced_by_a_formula(
         limit = MAX_SCATTER_RATIO if fewer else 1.0
         if with_columns(without, b.laws[0].columns).scatter > limit * c.end.scatter:
             continue
-        if _beyond_known(without, b.laws[0].columns, s.library, names) > SAME_RESPONSE:
+        if _says_more(s, b.laws[0], names):
             return own, frozenset(cause.effect for cause in causes)
     return (), frozenset(doubtful)
 
 
 def _visible_columns(m: Fit, columns: Array) -> int:
     """Return how many of the columns (n, C, q) of a formula the model does not hold already."""
-    A = m.reduced(columns)
+    Q, A = basis(m.reduced(m.jacobian)), m.reduced(columns)
     norm = np.linalg.norm(A, axis=0)
-    remainder = _beyond_model(m, A) / np.where(norm > 0, norm, 1.0)
+    remainder = (A - Q @ (Q.T @ A)) / np.where(norm > 0, norm, 1.0)
     return int(np.linalg.matrix_rank(remainder, tol=ABSORBED))
 
 
-def _rivals(m: Fit, columns: Array, known: Library, names: Container[Key]) -> bool:
-    """Return whether a formula with columns (n, C, q) says something else than causes of these names do.
+def _rivals(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[Law]:
+    """Return the laws that say something else than causes of these names do.
 
-    Causes that hold what the formula explains are the same formula; where it spans one of them, it is that cause and
-    something beside it.
+    Where a law spans one of these causes, it is that cause and something beside it.
     """
-    law, X = orthonormal(_beyond_model(m, m.reduced(columns))), _beyond_model(m, known.X)
-    named = [v for c in known.candidates if c.key in names for v in c.variants]
-    spanned = any(_spans(law, X[:, list(v.index)]) for v in named)
-    return not spanned and _beyond_known(m, columns, known, names) > SAME_RESPONSE
+    apart = [law for law in laws if not any(key in names for key, _ in _terms_of(s, law))]
+    return [law for law in apart if _says_more(s, law, names)]
 
 
-def _beyond_known(m: Fit, columns: Array, known: Library, names: Container[Key]) -> float:
-    """Return the share of the squared response of fitted columns (n, C, q) that causes of these names do not hold.
+def _says_more(s: Search, law: Law, names: Container[Key]) -> bool:
+    """Return whether causes of these names, with those that are terms of a law, do not hold what the law explains."""
+    own = [(c.key, v.index) for c in s.library.candidates if c.key in names for v in c.variants]
+    held = sorted({i for _, index in [*own, *_terms_of(s, law)] for i in index})
+    return _differs(s, law, s.library.X[:, held])
 
-    A cause whose columns the formula spans is a term of it, as the square of the temperature is of a polynomial: such
-    causes are added to those of these names.
+
+def _terms_of(s: Search, law: Law) -> list[tuple[Key, tuple[int, ...]]]:
+    """Return causes with those columns of the library that a law spans, as a cubic spans the square."""
+    Q, A = s.rows.Q, s.fit.reduced(law.columns)
+    spanned, X = basis(A - Q @ (Q.T @ A)), s.library.X - Q @ (Q.T @ s.library.X)
+    inside = np.linalg.norm(X - spanned @ (spanned.T @ X), axis=0) < SAME_COLUMN * np.linalg.norm(X, axis=0)
+    known = (c for c in s.library.candidates if not c.rival)
+    return [(c.key, v.index) for c in known for v in c.variants if inside[list(v.index)].all()]
+
+
+def _differs(s: Search, law: Law, X: Array) -> bool:
+    """Return whether reduced columns X (R, p) of causes do not hold what a law explains in its likeliest noise.
+
+    They hold it where the rest is a small share, or no more than noise: then the law differs from them in how many
+    numbers it takes to write, and not in what it says of the rows.
     """
-    A, X, y = (_beyond_model(m, B) for B in (m.reduced(columns), known.X, m.reduced(m.residual[:, :, None])))
-    law = orthonormal(A)
-    every = [(c.key in names, list(v.index)) for c in known.candidates if not c.rival for v in c.variants]
-    X = X[:, [i for named, index in every if named or _spans(law, X[:, index]) for i in index]]
-    return _share_beyond(A, X, y[:, 0])
-
-
-def _share_beyond(law: Array, X: Array, y: Array) -> float:
-    """Return the share of the squared response of columns `law` (R, q), fitted to y (R,), that X (R, p) does not hold.
-
-    Of all rows what the model has taken up is removed.
-    """
-    Q, held = basis(law), basis(X)
-    added = Q @ (Q.T @ y)
-    rest = added - held @ (held.T @ added)
-    return float(rest @ rest / max(float(added @ added), 1e-300))
-
-
-def _beyond_model(m: Fit, rows: Array) -> Array:
-    """Return what the columns of the model do not hold of reduced rows (R, p)."""
-    Q = basis(m.reduced(m.jacobian))
-    return rows - Q @ (Q.T @ rows)
-
-
-def _spans(law: Array, X: Array) -> bool:
-    """Return whether an orthonormal basis (R, q) of a formula holds columns (R, m)."""
-    beyond = np.linalg.norm(X - law @ (law.T @ X), axis=0)
-    return bool((beyond < SAME_COLUMN * np.linalg.norm(X, axis=0)).all())
+    node = fit_causes(with_law(s, law.columns)[0], (0,)).projection.node
+    Q = orthonormal(node.whiten(s.rows.Q))
+    each = (node.whiten(B) for B in (s.fit.reduced(law.columns), X, s.rows.y[:, :1]))
+    A, X, y = (B - Q @ (Q.T @ B) for B in each)
+    law_of_rows = basis(A)
+    added = law_of_rows @ (law_of_rows.T @ y)
+    held = basis(X)
+    rest = float(((added - held @ (held.T @ added)) ** 2).sum())
+    noise = float(((y - added) ** 2).sum()) / max(len(y) - Q.shape[1] - law_of_rows.shape[1], 1)
+    return rest > max(SAME_RESPONSE * float((added**2).sum()), MIN_DIFFERENCE * noise)
 
 
 def _compared_in(m: Fit, s: Search) -> Beside | None:

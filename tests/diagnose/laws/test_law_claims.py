@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
+from types import SimpleNamespace
 
 import jsonschema
 import numpy as np
@@ -26,7 +27,7 @@ from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.diagnose.laws.law_search import Ground, Law, Place
 from gimbalcal.diagnose.library.assemble import library
 from gimbalcal.diagnose.library.variables import variables
-from gimbalcal.diagnose.search.ranking import is_usual
+from gimbalcal.diagnose.search.ranking import is_usual, search
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import result_of
 from gimbalcal.effects import CATALOGUE, Stage
@@ -458,14 +459,19 @@ def bare_mount():
 
 def test_a_formula_that_spans_a_cause_is_no_rival_of_it():
     """The cause and something beside it, not something in its place, as what holds none of it would be."""
-    o = bare_mount()
-    known = library(o)
-    cause = next(c for c in known.candidates if c.effect == "tube_flexure")
-    own = o.expanded(known.X[:, list(cause.variants[0].index)])
-    other = np.random.default_rng(2).standard_normal((*o.residual.shape, 1))
-    assert not _rivals(o, own, known, {cause.key})
-    assert not _rivals(o, np.concatenate([own, other], axis=2), known, {cause.key})
-    assert _rivals(o, other, known, {cause.key})
+    made = search(bare_mount())
+    (name,) = (c.key for c in made.library.candidates if c.effect == "tube_flexure")
+    (index,) = (v.index for c in made.library.candidates if c.key == name for v in c.variants)
+    own = made.fit.expanded(made.library.X[:, list(index)])
+    other = made.fit.residual[:, :, None]  # all that there is to explain
+
+    def rivals(columns):
+        return _rivals(made, [SimpleNamespace(columns=columns)], {name})
+
+    assert not rivals(own)
+    assert not rivals(np.concatenate([own, other], axis=2))
+    assert rivals(other)
+    assert not rivals(own + 1e-3 * np.std(own) * np.random.default_rng(2).standard_normal(own.shape))
 
 
 def test_causes_that_every_rig_has_are_not_compared_with_formulas(monkeypatch):
