@@ -52,6 +52,7 @@ MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formu
 SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it holds
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
 MIN_DIFFERENCE = 4.0  # of chi^2, by which a formula says something else than a cause
+MIN_GROUPS = 10  # of rows that are held out together, of which no two may show a law alone
 MAX_GAIN_CHANGE = 0.3  # of a sensor by a law: beyond, it is another sensor
 MAX_SCATTER_RATIO = 1.5  # of a formula to causes with more parameters, from which on it replaces none
 
@@ -342,7 +343,7 @@ def causes_replaced_by_a_formula(
         names = {cause.key for cause in own}
         without = with_causes(c.start, [this for this in c.causes if this[0].key not in names])
         s = search(without)
-        b = _compared_in(without, s)
+        b = _compared_in(without, s, row_sigma(without))
         if b is None or not b.laws:
             continue
         known = max(h.ln_weight for h in s.hypotheses)
@@ -399,22 +400,51 @@ def _differs(s: Search, law: Law, X: Array) -> bool:
     They hold it where the rest is a small share, or no more than noise: then the law differs from them in how many
     numbers it takes to write, and not in what it says of the rows.
     """
+    node, Q, _, added = _whitened(s, law)
+    held = node.whiten(X)
+    Q = basis(held - Q @ (Q.T @ held))
+    rest = float(((added - Q @ (Q.T @ added)) ** 2).sum())
+    return rest > max(SAME_RESPONSE * float((added**2).sum()), MIN_DIFFERENCE)
+
+
+def _elsewhere(s: Search, law: Law) -> float:
+    r"""Return the ln evidence of a law without the two groups of rows, of n that are held out, that show it most.
+
+    .. math:: \ln E - \frac{n}{2} \ln\frac{|y|^2}{|y - a|^2}
+        \sum_{g = 1, 2} \frac{|y_g|^2 - |y_g - a_g|^2}{|y|^2 - |y - a|^2}
+
+    with white rows y and what the law adds, a. A gust, a knock, or a jump in noise with a memory is one event; among
+    many formulas one follows two of them.
+    """
+    *_, y, added = _whitened(s, law)
+    group = np.repeat(s.fit.view.groups, s.fit.residual.shape[1])
+    if len(group) != len(y) or len(np.unique(group)) < MIN_GROUPS:
+        return law.evidence
+    gain = y**2 - (y - added) ** 2
+    two = np.sort(np.bincount(group, gain))[-2:].sum() / gain.sum()
+    return law.evidence - float(two * len(y) / 2 * np.log((y @ y) / ((y - added) @ (y - added))))
+
+
+def _whitened(s: Search, law: Law) -> tuple[Node, Array, Array, Array]:
+    """Return the likeliest noise beside a law, and calibration, data and the addition in rows of its unit variance.
+
+    Calibration Q (R, q) is orthonormal; data (R,), and what the law adds to them (R,), are without it.
+    """
     node = fit_causes(with_law(s, law.columns)[0], (0,)).projection.node
     Q = orthonormal(node.whiten(s.rows.Q))
-    each = (node.whiten(B) for B in (s.fit.reduced(law.columns), X, s.rows.y[:, :1]))
-    A, X, y = (B - Q @ (Q.T @ B) for B in each)
-    law_of_rows = basis(A)
-    added = law_of_rows @ (law_of_rows.T @ y)
-    held = basis(X)
-    rest = float(((added - held @ (held.T @ added)) ** 2).sum())
-    noise = float(((y - added) ** 2).sum()) / max(len(y) - Q.shape[1] - law_of_rows.shape[1], 1)
-    return rest > max(SAME_RESPONSE * float((added**2).sum()), MIN_DIFFERENCE * noise)
+    A, data = (B - Q @ (Q.T @ B) for B in (node.whiten(s.fit.reduced(law.columns)), node.whiten(s.rows.y[:, :1])))
+    B, y = basis(A), data[:, 0]
+    added = B @ (B.T @ y)
+    sigma = np.sqrt(((y - added) ** 2).sum() / max(len(y) - Q.shape[1] - B.shape[1], 1))
+    return node, Q, y / sigma, added / sigma
 
 
-def _compared_in(m: Fit, s: Search) -> Beside | None:
-    """Return the laws of a view in the likeliest noise, none beside a known cause."""
-    one = float(np.sqrt(np.mean(m.view.noise.weighted(row_sigma(m)) ** 2)))
-    return compared([s], noises(m, memory=False), s, alone=True, sigma=one)
+def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> Beside | None:
+    """Return the laws of a view, in noise of `sigma` (n, C), that no two events show; alone: without a known cause."""
+    one = float(np.sqrt(np.mean(m.view.noise.weighted(sigma) ** 2)))
+    b = compared([s], noises(m, memory=False), s, alone=alone, sigma=one)
+    strong = [law for law in b.laws if law.evidence >= CLAIM] if b else []
+    return b and replace(b, laws=[law for law in strong if _elsewhere(b.searches[0], law) > 0.0])
 
 
 def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawful, Fit]:
@@ -425,10 +455,9 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
     held-out misfit, as it has the numbers of the view. known: causes in the model, as --with takes them.
     """
     v, laws, with_them, remaining, total = m.view, list[LawResult](), m, search(m), 0.0
-    one = float(np.sqrt(np.mean(v.noise.weighted(sigma) ** 2)))
     hidden = remaining.ln_total < CLAIM
     while not laws or (remaining.ln_total >= 2 * CLAIM and len({o.effect for o in laws}) < MOST):
-        b = compared([remaining], noises(m, memory=False), remaining, alone=bool(laws) or hidden, sigma=one)
+        b = _compared_in(m, remaining, sigma, alone=bool(laws) or hidden)
         if b is None:
             return Lawful((), "" if hidden else law_sentences.REPEAT_TURNS), m
         g, every = b.ground, b.laws

@@ -17,6 +17,7 @@ from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws import law_claims
 from gimbalcal.diagnose.laws.expressions import Expression, terms
 from gimbalcal.diagnose.laws.law_claims import (
+    _elsewhere,
     _rivals,
     _visible_columns,
     causes_replaced_by_a_formula,
@@ -472,6 +473,21 @@ def test_a_formula_that_spans_a_cause_is_no_rival_of_it():
     assert not rivals(np.concatenate([own, other], axis=2))
     assert rivals(other)
     assert not rivals(own + 1e-3 * np.std(own) * np.random.default_rng(2).standard_normal(own.shape))
+
+
+def test_a_law_that_two_stars_show_is_none():
+    """Without the two stars that show it most nothing is left of it; what every star shows stays."""
+    quiet = search(bare_mount())
+    (index,) = (v.index for c in quiet.library.candidates if c.effect == "tube_flexure" for v in c.variants)
+    sag = quiet.fit.expanded(quiet.library.X[:, list(index)])
+    own = quiet.fit.residual + 2 * np.std(quiet.fit.residual) / np.std(sag) * sag[..., 0]
+    own[[7, 20], 0] += 10 * np.std(quiet.fit.residual)
+    made = search(replace(quiet.fit, residual=own))
+    stars = np.zeros_like(sag)
+    stars[[7, 20], 0] = 1.0
+    followed, everywhere = (_elsewhere(made, SimpleNamespace(columns=x, evidence=20.0)) for x in (stars, sag))
+    assert followed < 0
+    assert everywhere > 10
 
 
 def test_causes_that_every_rig_has_are_not_compared_with_formulas(monkeypatch):
