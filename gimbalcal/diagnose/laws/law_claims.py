@@ -52,7 +52,7 @@ MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formu
 SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it holds
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
 MIN_DIFFERENCE = 4.0  # of chi^2, by which a formula says something else than a cause
-MIN_GROUPS = 10  # of rows that are held out together, of which no two may show a law alone
+MIN_GROUPS = 20  # of rows that are held out together; of fewer, two are often the extremes of the design
 MAX_GAIN_CHANGE = 0.3  # of a sensor by a law: beyond, it is another sensor
 MAX_SCATTER_RATIO = 1.5  # of a formula to causes with more parameters, from which on it replaces none
 
@@ -356,7 +356,7 @@ def causes_replaced_by_a_formula(
         limit = MAX_SCATTER_RATIO if fewer else 1.0
         if with_columns(without, b.laws[0].columns).scatter > limit * c.end.scatter:
             continue
-        if _says_more(s, b.laws[0], names):
+        if _exceeds(s, b.laws[0], names):
             return own, frozenset(cause.effect for cause in causes)
     return (), frozenset(doubtful)
 
@@ -375,10 +375,10 @@ def _rivals(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[Law]:
     Where a law spans one of these causes, it is that cause and something beside it.
     """
     apart = [law for law in laws if not any(key in names for key, _ in _terms_of(s, law))]
-    return [law for law in apart if _says_more(s, law, names)]
+    return [law for law in apart if _exceeds(s, law, names)]
 
 
-def _says_more(s: Search, law: Law, names: Container[Key]) -> bool:
+def _exceeds(s: Search, law: Law, names: Container[Key]) -> bool:
     """Return whether causes of these names, with those that are terms of a law, do not hold what the law explains."""
     own = [(c.key, v.index) for c in s.library.candidates if c.key in names for v in c.variants]
     held = sorted({i for _, index in [*own, *_terms_of(s, law)] for i in index})
@@ -408,13 +408,12 @@ def _differs(s: Search, law: Law, X: Array) -> bool:
 
 
 def _elsewhere(s: Search, law: Law) -> float:
-    r"""Return the ln evidence of a law without the two groups of rows, of n that are held out, that show it most.
+    r"""Return the ln evidence of a law without the two groups of rows, of those held out, that show it most.
 
-    .. math:: \ln E - \frac{n}{2} \ln\frac{|y|^2}{|y - a|^2}
-        \sum_{g = 1, 2} \frac{|y_g|^2 - |y_g - a_g|^2}{|y|^2 - |y - a|^2}
+    .. math:: (1 - p) (\ln E + c) - c , \qquad p = \sum_{g = 1, 2} \frac{|y_g|^2 - |y_g - a_g|^2}{|y|^2 - |y - a|^2}
 
-    with white rows y and what the law adds, a. A gust, a knock, or a jump in noise with a memory is one event; among
-    many formulas one follows two of them.
+    with white rows y, what the law adds, a, and what its choice among others costs, c. A gust, a knock, or a jump in
+    noise with a memory is one event; among many formulas one follows two of them.
     """
     *_, y, added = _whitened(s, law)
     group = np.repeat(s.fit.view.groups, s.fit.residual.shape[1])
@@ -422,7 +421,7 @@ def _elsewhere(s: Search, law: Law) -> float:
         return law.evidence
     gain = y**2 - (y - added) ** 2
     two = np.sort(np.bincount(group, gain))[-2:].sum() / gain.sum()
-    return law.evidence - float(two * len(y) / 2 * np.log((y @ y) / ((y - added) @ (y - added))))
+    return float((1 - two) * (law.evidence + law.cost) - law.cost)
 
 
 def _whitened(s: Search, law: Law) -> tuple[Node, Array, Array, Array]:

@@ -485,7 +485,9 @@ def test_a_law_that_two_stars_show_is_none():
     made = search(replace(quiet.fit, residual=own))
     stars = np.zeros_like(sag)
     stars[[7, 20], 0] = 1.0
-    followed, everywhere = (_elsewhere(made, SimpleNamespace(columns=x, evidence=20.0)) for x in (stars, sag))
+    followed, everywhere = (
+        _elsewhere(made, SimpleNamespace(columns=x, evidence=20.0, cost=10.0)) for x in (stars, sag)
+    )
     assert followed < 0
     assert everywhere > 10
 
