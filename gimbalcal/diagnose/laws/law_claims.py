@@ -82,7 +82,7 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
     closed = [law for law in equivalent if not any(t.form.key == "table" for t in law.expression.terms)]
     first = [law for law in closed if not law.wants_another_form] or closed or equivalent
     first = [law for law in first if law.posterior > first[0].posterior - NEARLY_BEST_NATS]
-    shortest = min(first, key=lambda law: (free(law), -law.posterior))
+    shortest = min(first, key=lambda law: (free(law), len(law.expression.terms), -law.posterior))
     best, rivals, others = centred(g, shortest), [law for law in equivalent if law is not shortest], list[Law]()
     responses = {law: response_of(g, law) for law in (best, *rivals)}
     for law in rivals:
@@ -460,7 +460,8 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
         if b is None:
             return Lawful((), "" if hidden else law_sentences.REPEAT_TURNS), m
         g, every = b.ground, b.laws
-        best, others = chosen(g, every, _best_else(remaining) - b.ln_known)
+        chosen_among = every[0].cost if every else 0.0  # a shape that holds the same rows was not chosen among formulas
+        best, others = chosen(g, every, _best_else(remaining) - b.ln_known - chosen_among)
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
             return Lawful(), m
         if not laws and best is not None and (as_likely := _known(remaining, b.total)):
