@@ -159,7 +159,7 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
     runs = [
         run
         for run in runs_of(pieces, least)
-        if run[1] - run[0] >= max(MIN_ROWS, needed) * _usual_near(x, *run, least) and not _calm(s, c, *run, quantum)
+        if run[1] - run[0] >= max(MIN_ROWS, needed) * _usual_length(x, *run, least) and not _calm(s, c, *run, quantum)
     ]
     if not runs:
         return ""
@@ -176,13 +176,15 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
     return f"{s.place_of(c, start, stop)}{why}{cure} out{also}, or correct [noise]"
 
 
-def _usual_near(x: Array, start: int, stop: int, least: float) -> float:
+def _usual_length(x: Array, start: int, stop: int, least: float) -> float:
     """Return the mean length of the runs of one value about a run of a channel (n,), those of `least` left out.
 
     Readings behind a filter change slowly at rest, and hardly two in a row are alike where the unit moves.
     """
-    near = [x[max(0, start - NEAR_ROWS) : start], x[stop : stop + NEAR_ROWS]]
-    lengths = np.concatenate([np.diff(np.flatnonzero(np.diff(part, prepend=np.nan, append=np.nan))) for part in near])
+    neighbours = [x[max(0, start - NEAR_ROWS) : start], x[stop : stop + NEAR_ROWS]]
+    lengths = np.concatenate(
+        [np.diff(np.flatnonzero(np.diff(part, prepend=np.nan, append=np.nan))) for part in neighbours]
+    )
     usual = lengths[lengths < least]
     return float(usual.mean()) if len(usual) else 1.0
 
@@ -190,9 +192,9 @@ def _usual_near(x: Array, start: int, stop: int, least: float) -> float:
 def _within_dead_band(x: Array, start: int, stop: int, quantum: float) -> int:
     """Return how many rows of a channel (n,) are zero, if the run of one value is and many others are; else 0."""
     zeros = int(np.count_nonzero(x == 0))
-    near = np.count_nonzero(np.abs(x) < (NEXT_VALUES + 0.5) * quantum) - zeros
+    next_values = np.count_nonzero(np.abs(x) < (NEXT_VALUES + 0.5) * quantum) - zeros
     others = zeros - (stop - start)
-    return zeros if x[start] == 0 and others > max(MIN_ROWS, CLIPPED_RATIO * near / (2 * NEXT_VALUES)) else 0
+    return zeros if x[start] == 0 and others > max(MIN_ROWS, CLIPPED_RATIO * next_values / (2 * NEXT_VALUES)) else 0
 
 
 def _calm(s: StreamChecks, c: Column, start: int, stop: int, quantum: float) -> bool:

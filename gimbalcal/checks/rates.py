@@ -99,10 +99,10 @@ def turns_between_rests(e: Examined) -> str:
 def _any_factor(recording: Recording, turns: MeasuredTurns, stated: int) -> str:
     """Name any other factor of all rates: a unit that is in no list."""
     as_stated = FACTORS[np.abs(np.log(FACTORS)) <= np.log(MAX_SCALE_ERROR)]
-    found = turns.fitting_factor(FACTORS)
-    if found is None or turns.fitting_factor(as_stated) is not None:
+    fitting = turns.fitting_factor(FACTORS)
+    if fitting is None or turns.fitting_factor(as_stated) is not None:
         return ""
-    factor, agreeing = found
+    factor, agreeing = fitting
     return (
         f"only {stated} of {len(turns.reading)} turns between rests are by {turns.reference} what the gyroscopes say, "
         f"and {agreeing} if every rate were some {factor:.2g} times what it is; correct the unit of their "

@@ -201,11 +201,13 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
     for rounds in range(ROUNDS, -1, -1):
         v = single_view(request)
         if not v.kind.sighting or v.noise.own_memories or len(v) > MAX_FILTERED_STARS:
-            return [replace(diagnose_views(request, v), used=request.recording if notes else None)], notes
+            d = diagnose_views(request, v)
+            break
         c = select_causes(v, request.progress)  # formulas, which may follow a few outliers, are sought without these
         residual, number = c.with_shapes.residual, v.stimulus.position
         off = outliers(residual / row_sigma(c.with_shapes)) if rounds else []
         if not 0 < len(off) <= MAX_OUTLIER_SHARE * len(v):
+            d = diagnose_selected(c, request.progress)
             break
         size = [float(from_si(float(np.linalg.norm(residual[k])), v.unit)) for k in off]
         at, axis = v.stimulus.true_angle, v.stimulus.axis_names[0]
@@ -213,7 +215,6 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
         notes.append(diagnosis_sentences.omitted_stars([int(number[k]) for k in off], size, v.unit, why))
         request.progress(notes[-1])
         request = request.of(replace(request.recording, position=number).select(np.delete(np.arange(len(v)), off)))
-    d = diagnose_selected(c, request.progress)
     return [replace(d, used=request.recording if notes else None)], notes
 
 

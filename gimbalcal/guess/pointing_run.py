@@ -141,7 +141,7 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     ]
     even = {n for n, x in angles.items() if len(angles) > 2 and _is_count(x)}
     pairs = [p for p in pairs if not even.intersection(p)]
-    signal = "" if pairs else _signal_beside(next(iter(angles), ""), table, clock)
+    signal = "" if pairs else _signal_along(next(iter(angles), ""), table, clock)
     if signal:
         pairs, angles = [(signal, next(iter(angles)))], {**angles, signal: table.columns[signal]}
     if len(pairs) != 1:
@@ -185,7 +185,7 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     return PointingRun(replace(run, title=title, remarks=remarks), why, {k: v for k, v in notes.items() if v}, left_out)
 
 
-def _signal_beside(angle: str, table: Table, clock: str) -> str:
+def _signal_along(angle: str, table: Table, clock: str) -> str:
     """Return the column of a signal that goes with an angle by name, where a table holds no others; else empty."""
     words, others = plain(angle), [n for n in table.columns if n not in (angle, clock)]
     called = unit_written(words) in ANGLES or bool(_ANGLE_WORDS.intersection(words.split("_")))

@@ -392,9 +392,9 @@ def _physical_cost(proposal: Proposal, clock_is_open: bool) -> float:
 
 def common_factor(turns: MeasuredTurns | None) -> str:
     """Return a sentence on the factor of all rates at which the turns fit gravity; empty where there is none."""
-    if turns is None or (found := turns.fitting_factor(FACTORS)) is None:
+    if turns is None or (fitting := turns.fitting_factor(FACTORS)) is None:
         return ""
-    factor, agreeing = found
+    factor, agreeing = fitting
     return (
         f"{agreeing} of {len(turns.reading)} turns between rests fit gravity at {factor:.3g} times their rate, so "
         f"the gyroscopes read {1 / factor:.2f} of what turned, all alike, as where the range is another than the "

@@ -190,8 +190,9 @@ def _parts(path: Path, variables: Mapping[str, Any]) -> dict[Path, Mapping[str, 
     quantities = {quantity_of_log(name) for name in triads}
     if len(triads) < len(tall) or len(quantities) > 1 or "" in quantities or len({*map(len, triads.values())}) < 2:
         return {path: variables}
+    (quantity,) = quantities
     common = {name: x for name, x in variables.items() if name not in triads}
-    return {path / name: {**common, quantities.copy().pop(): x} for name, x in triads.items()}
+    return {path / name: {**common, quantity: x} for name, x in triads.items()}
 
 
 def _tall(x: Any) -> Array:

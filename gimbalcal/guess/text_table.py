@@ -263,7 +263,7 @@ def _in_first_unit(cell: str | None) -> float:
     if cell is None or not SEXAGESIMAL.fullmatch(cell):
         return np.nan
     first, *others = re.findall(r"\d+\.?\d*", cell.replace(",", "."))[:3]
-    return sexagesimal(["-" * cell.lstrip().startswith("-") + first, *others])
+    return sexagesimal([f"-{first}" if cell.lstrip().startswith("-") else first, *others])
 
 
 def _layout(head: Sequence[str]) -> TableLayout | None:

@@ -36,8 +36,8 @@ MIN_P_VALUE = 0.01  # of the residuals; below it they are reported to have a pat
 ARROWS = " On the sky: an arrow from each star to its observed direction, seen from below (east on the left)."
 FORMULAS = (
     " The formula (blue line, one σ by its coefficients) is drawn with the formula plus residual of that sensor (dots, "
-    "means of neighbouring rows), and formulas that fit as well in grey. Each fifth of "
-    "its range is predicted by the formula fitted to the other four (squares)."
+    "means of neighbouring rows), and formulas that fit as well in grey. Squares are what "
+    "it predicts in each part of its range if it is fitted to the other parts."
 )
 MAX_POINTS = 240  # of a panel; more overlap on a page
 

@@ -144,7 +144,7 @@ def formula_over_variable(c: LawCurve, title: str, unit: str) -> Chart:
         return np.array([c.x[g].mean() for g in groups]), np.array([v[g].mean() for g in groups])
 
     drawn = (
-        Points(*means(c.predicted), ORANGE, "square", 3.0, label="predicted, fitted to the other fifths"),
+        Points(*means(c.predicted), ORANGE, "square", 3.0, label="predicted from the other parts"),
         Points(*means(c.observed), "ink", size=2.4, label="observed"),
     )
     points = [p for p in drawn if len(p.x)]

@@ -56,6 +56,9 @@ MIN_GROUPS = 20  # of rows that are held out together; of fewer, two are often t
 MAX_GAIN_CHANGE = 0.3  # of a sensor by a law: beyond, it is another sensor
 MAX_SCATTER_RATIO = 1.5  # of a formula to causes with more parameters, from which on it replaces none
 
+Terms = list[tuple[Key, tuple[int, ...]]]
+"""Causes that a law spans, each with its columns in the library."""
+
 
 @dataclass(frozen=True)
 class Lawful:
@@ -76,9 +79,9 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
     """
     if not laws or laws[0].evidence < max(CLAIM, shape - TOGETHER):
         return None, []
-    near = [trimmed(g, law) for law in laws if law.evidence > laws[0].evidence - 2 * TOGETHER]
-    near = sorted((law for law in near if not law.expression.simpler), key=lambda law: -law.posterior) or near
-    equivalent = [law for law in near if law.posterior > near[0].posterior - TOGETHER]
+    likely = [trimmed(g, law) for law in laws if law.evidence > laws[0].evidence - 2 * TOGETHER]
+    likely = sorted((law for law in likely if not law.expression.simpler), key=lambda law: -law.posterior) or likely
+    equivalent = [law for law in likely if law.posterior > likely[0].posterior - TOGETHER]
     closed = [law for law in equivalent if not any(t.form.key == "table" for t in law.expression.terms)]
     first = [law for law in closed if not law.wants_another_form] or closed or equivalent
     first = [law for law in first if law.posterior > first[0].posterior - NEARLY_BEST_NATS]
@@ -87,12 +90,12 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
     responses = {law: response_of(g, law) for law in (best, *rivals)}
     for law in rivals:
         alike = (o for o in (best, *others) if responses[o] @ responses[law] > SAME)
-        if not any(_says_more(law, known) or _forms(law) == _forms(known) for known in alike):
+        if not any(_is_only_longer(law, known) or _forms(law) == _forms(known) for known in alike):
             others.append(law)
     return best, [*others, *aliases(g, best)]
 
 
-def _says_more(law: Law, known: Law) -> bool:
+def _is_only_longer(law: Law, known: Law) -> bool:
     """Return whether a law has more numbers than a known one that follows nothing else."""
     of, own = ({v.name for v in one.expression.variables} for one in (known, law))
     return of <= own and free(law) > free(known)
@@ -220,15 +223,15 @@ def law_of_searches(
 
 
 def _sought(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> tuple[Beside, Sequence[Node]]:
-    """Return the laws with which most is said, sought in the likeliest noise without one and in that which is stated.
+    """Return the laws that explain most, and the noise of each recording in which they were sought.
 
-    A noise that explains what a law adds hides the law: what is switched looks like the walk of a sensor. The evidence
-    is that over all noises in either case.
+    That is the likeliest noise without a law, or the stated one: a noise that explains what a law adds hides the law,
+    as what is switched looks like the walk of a sensor. The evidence is that over all noises in either case.
     """
     stated = [nominal(s.fit) for s in ranked.searches]
     among = [nodes] if [n.name for n in nodes] == [n.name for n in stated] else [nodes, stated]
     each = [(b, own) for own in among if (b := compared(ranked.searches, own, ranked, alone)) is not None]
-    return max(each, key=lambda found: found[0].total)  # every recording of known attitude has outputs
+    return max(each, key=lambda sought: sought[0].total)  # every recording of known attitude has outputs
 
 
 def leave_more_than_noise(ranked: Ranking, members: Sequence[int]) -> bool:
@@ -356,7 +359,7 @@ def causes_replaced_by_a_formula(
         limit = MAX_SCATTER_RATIO if fewer else 1.0
         if with_columns(without, b.laws[0].columns).scatter > limit * c.end.scatter:
             continue
-        if _exceeds(s, b.laws[0], names):
+        if _explains_more(s, b.laws[0], names, _terms_of(s, b.laws[0])):
             return own, frozenset(cause.effect for cause in causes)
     return (), frozenset(doubtful)
 
@@ -374,18 +377,19 @@ def _rivals(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[Law]:
 
     Where a law spans one of these causes, it is that cause and something beside it.
     """
-    apart = [law for law in laws if not any(key in names for key, _ in _terms_of(s, law))]
-    return [law for law in apart if _exceeds(s, law, names)]
+    each = ((law, _terms_of(s, law)) for law in laws)
+    others = ((law, terms) for law, terms in each if not any(key in names for key, _ in terms))
+    return [law for law, terms in others if _explains_more(s, law, names, terms)]
 
 
-def _exceeds(s: Search, law: Law, names: Container[Key]) -> bool:
+def _explains_more(s: Search, law: Law, names: Container[Key], terms: Terms) -> bool:
     """Return whether causes of these names, with those that are terms of a law, do not hold what the law explains."""
     own = [(c.key, v.index) for c in s.library.candidates if c.key in names for v in c.variants]
-    held = sorted({i for _, index in [*own, *_terms_of(s, law)] for i in index})
-    return _differs(s, law, s.library.X[:, held])
+    columns = sorted({i for _, index in [*own, *terms] for i in index})
+    return _differs(s, law, s.library.X[:, columns])
 
 
-def _terms_of(s: Search, law: Law) -> list[tuple[Key, tuple[int, ...]]]:
+def _terms_of(s: Search, law: Law) -> Terms:
     """Return causes with those columns of the library that a law spans, as a cubic spans the square."""
     Q, A = s.rows.Q, s.fit.reduced(law.columns)
     spanned, X = basis(A - Q @ (Q.T @ A)), s.library.X - Q @ (Q.T @ s.library.X)
@@ -401,13 +405,13 @@ def _differs(s: Search, law: Law, X: Array) -> bool:
     numbers it takes to write, and not in what it says of the rows.
     """
     node, Q, _, added = _whitened(s, law)
-    held = node.whiten(X)
-    Q = basis(held - Q @ (Q.T @ held))
-    rest = float(((added - Q @ (Q.T @ added)) ** 2).sum())
+    X = node.whiten(X)
+    causes = basis(X - Q @ (Q.T @ X))
+    rest = float(((added - causes @ (causes.T @ added)) ** 2).sum())
     return rest > max(SAME_RESPONSE * float((added**2).sum()), MIN_DIFFERENCE)
 
 
-def _elsewhere(s: Search, law: Law) -> float:
+def _evidence_without_two_groups(s: Search, law: Law) -> float:
     r"""Return the ln evidence of a law without the two groups of rows, of those held out, that show it most.
 
     .. math:: (1 - p) (\ln E + c) - c , \qquad p = \sum_{g = 1, 2} \frac{|y_g|^2 - |y_g - a_g|^2}{|y|^2 - |y - a|^2}
@@ -443,7 +447,7 @@ def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> Beside 
     one = float(np.sqrt(np.mean(m.view.noise.weighted(sigma) ** 2)))
     b = compared([s], noises(m, memory=False), s, alone=alone, sigma=one)
     strong = [law for law in b.laws if law.evidence >= CLAIM] if b else []
-    return b and replace(b, laws=[law for law in strong if _elsewhere(b.searches[0], law) > 0.0])
+    return b and replace(b, laws=[law for law in strong if _evidence_without_two_groups(b.searches[0], law) > 0])
 
 
 def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawful, Fit]:
@@ -460,8 +464,8 @@ def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawfu
         if b is None:
             return Lawful((), "" if hidden else law_sentences.REPEAT_TURNS), m
         g, every = b.ground, b.laws
-        chosen_among = every[0].cost if every else 0.0  # a shape that holds the same rows was not chosen among formulas
-        best, others = chosen(g, every, _best_else(remaining) - b.ln_known - chosen_among)
+        cost_of_choice = every[0].cost if every else 0.0  # a shape of the same rows was not chosen among formulas
+        best, others = chosen(g, every, _best_else(remaining) - b.ln_known - cost_of_choice)
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
             return Lawful(), m
         if not laws and best is not None and (as_likely := _known(remaining, b.total)):

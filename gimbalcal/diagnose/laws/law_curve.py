@@ -88,12 +88,12 @@ def _held_out(law: Law, x: Array, alone: bool, g: Ground) -> Array:
         own = np.flatnonzero(part == k)
         even = (block[:, None] == own).astype(float)
         N = basis(np.concatenate([g.remainder(g.whiten(place.columns(even))) for place in law.places], axis=1))
-        others, held = A - N @ (N.T @ A), np.isin(block, own)
-        if held.all() or (np.linalg.norm(others, axis=0) < ABSORBED * np.linalg.norm(A, axis=0)).any():
+        others, left_out = A - N @ (N.T @ A), np.isin(block, own)
+        if left_out.all() or (np.linalg.norm(others, axis=0) < ABSORBED * np.linalg.norm(A, axis=0)).any():
             continue
         size = np.linalg.lstsq(others, g.y - N @ (N.T @ g.y), rcond=1e-9)[0].reshape(x.shape)
         for q, place in enumerate(law.places):
-            out[q, held] = _moved(B @ size[q], value[:, q], law, place, g, ~held)[held]
+            out[q, left_out] = _shifted(B @ size[q], value[:, q], law, place, g, ~left_out)[left_out]
     return out
 
 
@@ -101,11 +101,11 @@ def _aligned(other: Law, law: Law, k: int, value: Array, g: Ground) -> Array:
     """Return what another law adds at place k (n,) [SI], moved to the `value` of a law by what is calibrated there."""
     size = np.linalg.lstsq(g.remainder(g.whiten(other.columns)), g.y, rcond=1e-9)[0]
     added = other.expression.columns @ size.reshape(len(law.places), -1)[k]
-    return _moved(added, value, law, law.places[k], g, np.ones(len(value), bool))
+    return _shifted(added, value, law, law.places[k], g, np.ones(len(value), bool))
 
 
-def _moved(added: Array, value: Array, law: Law, place: Place, g: Ground, rows: Array) -> Array:
-    """Return `added` (n,) moved to the `value` of a law in some rows, by the constant and slope that are calibrated."""
+def _shifted(added: Array, value: Array, law: Law, place: Place, g: Ground, rows: Array) -> Array:
+    """Return `added` (n,) shifted to the `value` of a law in some rows, by the constant and slope that are fitted."""
     x = law.expression.variables[0].x
     line = np.stack([np.ones_like(x), (x - x.mean()) / max(float(np.ptp(x)), 1e-300)], axis=1)
     A = g.whiten(place.columns(line))
