@@ -164,7 +164,8 @@ def _behind_a_filter(c: AllanCurve, model: Array, spread: Array, first: int) -> 
         \sigma^2(\tau) = \frac{N^2}{\tau} \left[ 1 - \frac{T}{2 \tau} (3 - 4 e^{-\tau / T} + e^{-2 \tau / T}) \right]
 
     of one pole, with the time constant T of the longest tau at which less than half is left. A steeper filter leaves
-    less still; a curve that goes on rising towards short tau is another noise.
+    less still; a curve that goes on rising towards short tau is another noise: white noise far below the law, say, up
+    to where something shakes the unit now and then. The sigma of what is left is as small as that itself.
     """
     tau, ratio, sure = c.tau[:first], c.variance[:first] / model[:first], VIBRATION_SIGMAS * spread[:first]
     allowed = np.ones(first)
@@ -173,7 +174,7 @@ def _behind_a_filter(c: AllanCurve, model: Array, spread: Array, first: int) -> 
         passed = 1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x)
         T = int(np.argmin(np.abs(passed[less[-1]] - ratio[less[-1]])))
         allowed = np.minimum(MAX_FILTER_RATIO * passed[:, T], 1.0)
-    return bool(np.all(ratio <= allowed + sure / model[:first]))
+    return bool(np.all(ratio <= allowed * (1 + sure / model[:first])))
 
 
 def _fit(c: AllanCurve, first: int, discrepancy: float = 0.0) -> AllanFit:

@@ -79,5 +79,19 @@ def test_noise_that_is_correlated_over_decades_is_no_filter():
     assert 1 / 9 < ratio.min() < ratio.max() < 9
 
 
+def test_white_noise_below_a_disturbance_is_not_behind_a_filter():
+    """What sags for some seconds now and then adds at long tau; the white noise is what the short ones show."""
+    rng, n, step = np.random.default_rng(8), 36_000, 0.01
+    x = rng.standard_normal(n) / np.sqrt(step)
+    sag = np.exp(-0.5 * ((np.arange(1200) - 600) * step / 1.5) ** 2)
+    for start in range(1000, n - 1200, 6000):
+        x[start : start + 1200] -= 25 * sag
+    c = curve(x, [slice(0, n)], step)
+    f = fit(c)
+    assert f.first == 0
+    assert f.p_value < 1e-3
+    assert np.sqrt(f.square[0]) == pytest.approx(1.0, abs=0.2)
+
+
 def test_the_law_has_the_floor_of_a_flicker():
     assert np.sqrt(law(np.array([7.0]))[0, 1]) == pytest.approx(0.664, abs=5e-4)
