@@ -41,6 +41,7 @@ FORCE_UNITS = {unit: to_si(1.0, unit) for unit in UNITS[FORCE]}
 MAX_NORM_ERROR = 0.3  # of gravity, rms: above that of any low-cost unit
 NORM_ERROR_EXPLAINED = 0.25  # of it: what another unit may leave
 NO_GRAVITY = 0.1  # of gravity: accelerometers that read less, all of them, had gravity subtracted
+MAX_RANGES, MAX_RANGE_ERROR = 16.0, 0.05  # of ranges, each twice the one before: their ratio, and that to gravity
 ALIKE = 0.8, 1.25  # ratios that are one within the errors of a unit
 MAX_MOTION = 0.2  # of gravity, half of the rows: a table that shakes so much is not at rest
 FEWEST_RESTS = 3
@@ -104,6 +105,13 @@ def unit_of_every_row(e: Examined) -> str:
     return _magnitude(e.recording, e.some_force, e.step)
 
 
+def other_range(ratio: float) -> float:
+    """Return the power of two by which forces read in another range differ from gravity at this ratio to it; else 0."""
+    power = 2.0 ** round(float(np.log2(ratio))) if ratio > 0 else 1.0
+    within = 1 / MAX_RANGES < power < MAX_RANGES and abs(ratio / power - 1) < MAX_RANGE_ERROR
+    return power if within and power != 1 else 0.0
+
+
 def _magnitude(recording: Recording, force: Array, step: float) -> str:
     """Compare the norm of forces (n, 3) with gravity; step [s] is that of rows that may be increments over it."""
     ratio = float(np.median(np.linalg.norm(force, axis=1))) / recording.site.gravity
@@ -118,6 +126,11 @@ def _magnitude(recording: Recording, force: Array, step: float) -> str:
         remedy = (
             f"the numbers look like what each step of {step:.3g} s adds to the velocity: write quantity = "
             '"velocity_increment", unit = "m/s"'
+        )
+    elif not likely and (range_ratio := other_range(ratio)):
+        remedy = (
+            f"that is {range_ratio:g} times gravity, as where the range is another than the one that was read: divide "
+            'the readings by it, or write unit = "count", whose scale the calibration finds'
         )
     elif not likely and ratio < NO_GRAVITY:
         remedy = (

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
@@ -24,8 +25,8 @@ SMOOTHED_S = 0.3  # s, over which the direction of the force is averaged
 MIN_TURN_RAD = 3.0  # rad in all, of a log that shows by its motion how far its gyroscopes turned
 _COMPONENT = re.compile(r"(?P<stem>.*?)_?(?P<which>[wxyz0-3])")
 _REFERENCE = re.compile(
-    r"(^|_)(vicon|opt|optical|optitrack|qualisys|mocap|motion_capture|ref|reference|truth|true|ground_truth|gt|camera|laser"
-    r"|tracker)(_|$)"
+    r"(^|_)(vicon|opt|optical|optitrack|qualisys|mocap|motion_capture|ref|reference|truth|true|ground_?truth|gt|camera"
+    r"|laser|tracker)\d*(_|$)"
 )
 
 
@@ -58,6 +59,21 @@ def with_reference(log: Log) -> tuple[Log | None, str]:
         rows = np.isfinite(np.stack([whole.columns[n] for n in whole.guesses])).all(axis=0)
         return whole.rows(rows), "" if rows.all() else f"{int((~rows).sum())} rows lack a value and are left out"
     return None, note
+
+
+def of_another_log(path: Path, log: Log) -> dict[str, Array]:
+    """Return the quaternions (n,) of a log by their names, without jumps from q to -q, which is the same attitude.
+
+    Names begin with that of the log where this, or its folder, is called after a reference: mocap0/data.csv.
+    """
+    out: dict[str, Array] = {}
+    called = plain(f"{path.parent.name} {path.stem}")
+    for stem, names in quaternions(log):
+        q = np.stack([log.columns[n] for n in names])
+        turned = np.cumprod(np.where(np.nansum(q[:, 1:] * q[:, :-1], axis=0) < 0, -1.0, 1.0))
+        own = [f"{called}_{stem}_{which}" for which in "wxyz"] if _REFERENCE.search(called) else names
+        out |= zip(own, q * np.concatenate([[1.0], turned]), strict=True)
+    return out
 
 
 def motion_cost(log: Log) -> float:

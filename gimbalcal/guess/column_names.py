@@ -48,7 +48,9 @@ _OWN_ESTIMATE = re.compile(
 )
 _BARE = re.compile(r"^(?:(?:axis|achse|values?|measurement|data)_)?([xyz]|(?<=_)[012])(?:_(?:axis|achse))?(_|$)")
 _BODY = {"p": "x", "q": "y", "r": "z"}  # roll, pitch and yaw rate of a vehicle
-_TEMPERATURE = re.compile(r"(^|_)(temperature|temperatur|temp|tmp)(_|$)|^(t_(deg_)?[cfk]|t_(degc|celsius|degf))$")
+_TEMPERATURE = re.compile(  # gtemp, imu_temp1: what has it may be written before, and its number behind
+    r"(^|_)([a-z]*temp(erature|eratur)?|tmp)\d*(_|$)|^(t_(deg_)?[cfk]|t_(degc|celsius|degf))$"
+)
 _COUNTER = re.compile(
     r"(^|_)(packet|sample|frame|index|idx|counter|seq|sequence|row|line|loop|iteration|loop_iteration|record|zaehler)"
     r"(_(number|no|nr|num|counter|count|index|id))?$"
@@ -203,7 +205,8 @@ def by_name(name: str, hint: str = "") -> Guess | None:
             return Guess("sigma", inner.axis, inner.unit, why) if inner.quantity == FORCE else None
         if whole := _ALL_OF_IT.match(of):
             return Guess("sigma", "", unit_written(_rest(of, whole)), why)
-    if (timed := _time(words)) is not None:
+    member = plain(name.rpartition(".")[2])  # meas.t: of a structure
+    if (timed := _time(words)) is not None or (timed := _time(member)) is not None:
         return Guess("time", "", timed, why)
     if _TEMPERATURE.search(words) and not NOT_A_TRIAD.intersection(words.split("_")):
         return Guess("temperature", "", unit_written(words) or "degC", why)

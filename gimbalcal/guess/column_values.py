@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from gimbalcal.checks.forces import MAX_RANGE_ERROR, other_range
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, is_counter, plain, unit_written
@@ -180,13 +181,21 @@ def _unlike_gravity(triple: Sequence[Array]) -> tuple[bool, float]:
 def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
     """Return the unit of accelerometers x, y, z (n,) by the length of gravity, and why."""
     every = max(1, len(triad[0]) // MAX_SAMPLED_ROWS)
-    length = float(np.median(_length([x[::every] for x in triad])))
+    lengths = _length([x[::every] for x in triad])
+    length = float(np.median(lengths))
     for unit, size in GRAVITY.items():
         if abs(length / size - 1) < MAX_GRAVITY_ERROR:
             return unit, f"at rest the three together are {length:.4g}, and gravity is {size:.4g} {unit}"
     if length > MIN_COUNT:
         kind = "whole numbers" if _are_counts(triad) else "numbers"
         return "count", f"{kind}, {length:.4g} together: counts, whose scale the calibration finds"
+    alike = length > 0 and float(np.quantile(np.abs(lengths / length - 1), 0.9)) < MAX_RANGE_ERROR
+    for unit in ("g", "m/s^2"):
+        if alike and (range_ratio := other_range(length / GRAVITY[unit])):
+            return "count", (
+                f"at rest the three together are {length:.4g}, {range_ratio:g} times gravity in {unit}, as where the "
+                "range is another than the one that was read: counts, whose scale the calibration finds"
+            )
     return "m/s^2", f"nothing shows it: together they are {length:.4g}, which gravity is in no common unit"
 
 

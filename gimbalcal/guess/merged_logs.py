@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.guess.attitude import of_another_log
 from gimbalcal.guess.clocks import best_clock, jitter
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.number import Array
@@ -57,8 +58,8 @@ def on_one_clock(path: Path, first: Log, other: Log) -> Log:
     t = t[inside]
     known = {(g.quantity, g.axis) for g in first.guesses.values()}
     merged = first.rows(inside)
-    angles = {n: np.interp(t, t2, x) for n, x in other.unknown.items() if n not in merged.columns}
-    merged = merged.including({}, angles)
+    angles = {**other.unknown, **of_another_log(path, other)}
+    merged = merged.including({}, {n: np.interp(t, t2, x) for n, x in angles.items() if n not in merged.columns})
     for name, g in other.guesses.items():
         if g.quantity != "time" and (g.quantity, g.axis) not in known:
             own = name if name not in merged.columns else f"{path.stem}_{name}"

@@ -59,7 +59,7 @@ _ANGLE_WORDS = frozenset(["angle", "winkel", "theta", "phi"])
 _READOUT = _ANGLE_WORDS | {"pos", "position", "counter", "resolver", "servo", "axis", "achse", "encoder"}
 MIN_JUMP_DEG, MIN_AROUND_DEG, MIN_UP_DEG = 1.0, 90.0, 30.0  # of azimuths and elevations of stars without names
 MIN_CORRELATION, MAX_COLUMNS = 0.98, 6  # of a readout and a measurement of one axis; columns of such a table
-MAX_RATIO = 1.25  # of two columns without units, one of which goes round, that are both taken for angles
+MAX_RATIO = 1.25  # of two columns, one of which goes round, that are both taken for angles of one axis
 MAX_OFFSET_DEG = 1.0  # deg; offsets beyond are arcseconds
 ASSUMED_SENSE = "measured minus commanded, as most write it: nothing in the file says so"
 
@@ -151,16 +151,20 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     if "true" in roles[0] and "true" not in roles[1] and not signal:
         first, second = second, first
     units = [unit if (unit := unit_written(plain(n))) in ANGLES else "" for n in (first, second)]
-    ratio = float(np.polyfit(angles[first], angles[second], 1)[0])
-    turns = max(np.ptp(angles[first]), np.ptp(angles[second])) > 360
-    if turns and not any(units) and not signal and not 1 / MAX_RATIO < abs(ratio) < MAX_RATIO:
-        raise InputError(
-            f"{path}: columns {first} and {second} go together, but {second} changes by {abs(ratio):.4g} where {first} "
-            "changes by 1, so at most one of them is an angle in deg; name it, as angle_deg, and the other is read "
-            "along its line against it"
-        )
     usual = "deg" if np.ptp(angles[second if signal else first]) > 2 * np.pi else "rad"
     read, true = (np.asarray(to_si(angles[n], u or usual)) for n, u in zip((first, second), units, strict=True))
+    ratio = float(np.polyfit(read, true, 1)[0])
+    turns = max(np.ptp(read), np.ptp(true)) > np.radians(360)
+    if turns and not signal and not 1 / MAX_RATIO < abs(ratio) < MAX_RATIO:
+        remedy = (
+            "the angle of the axis; leave out the one before a gear, or divide it by its ratio"
+            if all(units)
+            else "an angle in deg; name it, as angle_deg, and the other is read along its line against it"
+        )
+        raise InputError(
+            f"{path}: columns {first} and {second} go together, but {second} changes by {abs(ratio):.4g} where {first} "
+            f"changes by 1, so at most one of them is {remedy}"
+        )
     if signal:
         read = np.asarray(np.polyval(np.polyfit(read, true, 1), read))
     time, remarks = (_seconds(clock, table), ()) if clock else in_order(path, len(read))

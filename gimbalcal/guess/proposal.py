@@ -440,9 +440,10 @@ def _in_units(log: Log, context: _Context) -> Proposal:
         turn = "; where the accelerometers are quiet the gyroscopes show turns" if removed else ""
         hold = "hold the unit still for some seconds in each of six or more attitudes"
         hold = hold if log.has(FORCE) else "leave the gyroscopes alone for some minutes for `gimbalcal noise`"
+        own = f"; {attitude}" if (attitude := notes.get("attitude")) else ""
         raise (_MovingUnitError if removed else InputError)(
             f"{context.title}: no rest is found that lasts a second and takes some {100 * LEAST_AT_REST:g} % of the "
-            f'time{turn}; {hold}, or write a header with kind = "rotation" and use `gimbalcal import csv`'
+            f'time{turn}; {hold}, or write a header with kind = "rotation" and use `gimbalcal import csv`{own}'
         )
     if platform is None and log.has(FORCE):
         notes["signs"] = (

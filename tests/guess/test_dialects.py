@@ -113,8 +113,19 @@ def test_names_in_two_lines_and_a_reference_of_the_attitude(tmp_path):
             assert set(found.recording.axes("attitude")) == {"qw", "qx", "qy", "qz"}
             np.testing.assert_allclose(found.recording.triad("angular_rate"), read, atol=1e-5)
         else:  # the unit's own estimate is no reference, and the unit never rests
-            with pytest.raises(InputError, match="no rest is found"):
+            with refused():
                 propose([path])
+    sensors = rows(tmp_path / "run.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *read.T)
+    (tmp_path / "mocap0").mkdir()
+    tracked = rows(  # each as q or as -q
+        tmp_path / "mocap0" / "run.csv", "t,q_w,q_x,q_y,q_z", t, *(q * np.where(np.arange(n) % 7 < 3, 1, -1)[:, None]).T
+    )
+    both = propose([sensors, tracked]).recording
+    attitude = np.stack([both.channels["attitude", axis] for axis in ("qw", "qx", "qy", "qz")], axis=-1)
+    np.testing.assert_allclose(np.abs(np.sum(attitude * q, axis=1)), 1.0, atol=1e-6)
+    assert np.all(np.sum(attitude[1:] * attitude[:-1], axis=1) > 0)
+    with refused():  # which of them measured it is not said
+        propose([sensors, tracked.rename(tmp_path / "attitude.csv")])
 
 
 def test_a_named_quantity_of_another_kind_is_never_a_sensor(tmp_path):

@@ -10,6 +10,7 @@ import pytest
 
 from gimbalcal.guess import proposal
 from gimbalcal.guess.column_names import by_name, plain
+from gimbalcal.guess.column_values import unit_of_force
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.proposal import propose
 from gimbalcal.recording import dwells, read
@@ -110,6 +111,29 @@ def test_the_turns_tell_a_unit_that_numbers_do_not(tmp_path):
     golden_text(found.guesses["gyro_x"].why)
 
 
+@pytest.mark.parametrize(("unit", "range_ratio"), [("g", 0.25), ("m/s^2", 2.0)])
+def test_forces_read_in_another_range_are_counts_with_a_scale(tmp_path, unit, range_ratio):
+    """Those of a telephone without gravity are not: they have no constant length."""
+    t, f, w = turned()
+    read = f / (G if unit == "g" else 1.0) * range_ratio
+    columns = {
+        "t": t,
+        **{f"a{a}": read[:, i] for i, a in enumerate("xyz")},
+        "gx": w[:, 0],
+        "gy": w[:, 1],
+        "gz": w[:, 2],
+    }
+    found = propose([table(tmp_path / "r.csv", columns)])
+    assert {g.unit for g in found.guesses.values() if g.quantity == "specific_force"} == {"count"}
+    golden_text(found.guesses["ax"].why)
+    stated = {name.replace("a", "acc_") + f" [{unit}]" * name.startswith("a"): x for name, x in columns.items()}
+    with refused():
+        propose([table(tmp_path / "s.csv", stated)])
+    shaken = np.random.default_rng(1).standard_normal((3, 500))
+    shaken *= range_ratio * (1.0 if unit == "g" else G) / np.median(np.linalg.norm(shaken, axis=0))
+    assert unit_of_force(list(shaken))[0] != "count"
+
+
 def test_a_long_log_is_tried_by_means_and_proposed_whole(tmp_path, monkeypatch):
     t, f, w = turned()
     path = table(tmp_path / "log.csv", {"t": 1000 * t, "ax": f[:, 0], "ay": f[:, 1], "az": f[:, 2], "gx": w[:, 0],
@@ -171,7 +195,8 @@ def test_names_of_many_loggers():
     said = {
         "accelerometer_x": ("specific_force", "x", ""), "GyroZ(dps)": ("angular_rate", "z", "deg/s"),
         "AccY (mg)": ("specific_force", "y", "mg"), "wx [rad/s]": ("angular_rate", "x", "rad/s"),
-        "Temperature_C": ("temperature", "", "degC"),
+        "Temperature_C": ("temperature", "", "degC"), "gtemp": ("temperature", "", "degC"),
+        "IMUTemp2 (K)": ("temperature", "", "K"), "meas.t": ("time", "", ""),
         "timestamp_ns": ("time", "", "ns"),
         "inner_deg": ("gimbal_angle", "inner", "deg"),
         "gyro_y_raw": ("angular_rate", "y", "count"), "acc_z_m/s^2": ("specific_force", "z", "m/s^2"),
@@ -181,7 +206,7 @@ def test_names_of_many_loggers():
         g = by_name(name)
         assert g is not None, name
         assert (g.quantity, g.axis, g.unit) == wanted, name
-    assert all(by_name(name) is None for name in ("mag_x", "note", "quality", "battery"))
+    assert all(by_name(name) is None for name in ("mag_x", "note", "quality", "battery", "attempt", "s_x"))
     assert plain("Acc_X [m/s^2]") == "acc_x_m_s2"
 
 
